@@ -1,0 +1,1 @@
+"""Speed of the things whose speed matters; run as `python -m benchmarks`."""

@@ -1,0 +1,1 @@
+"""Pure: kinematics and trajectories of the two arms."""

@@ -1,0 +1,1 @@
+"""Pure: from motion-capture frames to the state the controller uses."""

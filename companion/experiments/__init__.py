@@ -1,0 +1,1 @@
+"""Flights in virtual time and their pictures."""

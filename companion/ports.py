@@ -1,0 +1,72 @@
+"""What the service asks of a device, and the few exceptions a device may raise.
+
+Adapters implement these; the flight loop and the tests know nothing else of them.
+"""
+
+from typing import Protocol
+
+from companion.types import Array, AttitudeThrust, AutopilotStatus, MocapFrame
+
+
+class CompanionError(Exception):
+    """A sentence for the operator: what is wrong, where, and what would be right."""
+
+
+class ConfigError(CompanionError):
+    """A configuration or trajectory file cannot be used."""
+
+
+class MocapError(CompanionError):
+    """The motion-capture source cannot be reached, or does not know the body."""
+
+
+class AutopilotError(CompanionError):
+    """The autopilot cannot be reached, or refuses."""
+
+
+class Clock(Protocol):
+    """Monotonic time of this machine."""
+
+    def now_s(self) -> float:
+        """Seconds since some fixed instant; never goes back."""
+
+
+class MocapSource(Protocol):
+    """A stream of frames of one body; latest wins, nothing is queued."""
+
+    def latest(self) -> MocapFrame | None:
+        """The newest frame, or None before the first one."""
+
+    async def wait_frame(self, timeout_s: float) -> bool:
+        """Wait until a frame newer than the last `wait_frame` returned for is there; False on time-out.
+
+        Raises MocapError when the connection is lost.
+        """
+
+
+class Autopilot(Protocol):
+    """The flight controller in offboard mode."""
+
+    def send_setpoint(self, setpoint: AttitudeThrust) -> None:
+        """Send one attitude setpoint now (single vehicle: shapes (4,) and ())."""
+
+    def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
+        """Forward one motion-capture pose as external vision."""
+
+    def status(self) -> AutopilotStatus:
+        """The last known state; never waits."""
+
+    async def start_offboard(self) -> None:
+        """Ask for OFFBOARD and wait until the autopilot itself shows it; AutopilotError with its reason otherwise."""
+
+    async def arm(self) -> None:
+        """Arm and wait until shown; AutopilotError with the autopilot's own reason otherwise."""
+
+    async def disarm(self) -> None:
+        """Disarm and wait until shown; AutopilotError with the autopilot's own reason otherwise."""
+
+    async def land(self) -> None:
+        """Hand over to the autopilot's own landing; AutopilotError when refused."""
+
+    async def kill(self) -> None:
+        """Stop the motors at once, also in the air."""

@@ -1,0 +1,1 @@
+"""Pure: flight phases and what follows from what is known."""

@@ -1,0 +1,98 @@
+"""Frozen values that pass between the stages of one tick.
+
+World frame W: right-handed, z up, metres. Body: FLU (forward, left, up). Quaternions: w x y z, unit,
+turning body coordinates into W. Control code broadcasts, so vectors are (..., 3) and quaternions (..., 4).
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MocapFrame:
+    """One body in one frame of the motion-capture system, as received."""
+
+    frame: int
+    """Frame number, counted by the motion-capture system."""
+    stamp_s: float
+    """Capture time on the motion-capture system's own clock."""
+    received_s: float
+    """Arrival on our monotonic clock."""
+    position_w_m: Array
+    """Shape (3,); NaN while the body is not tracked."""
+    rotation_w_b: Array
+    """Shape (3, 3), body FLU into W; NaN while the body is not tracked."""
+    residual_m: float
+    """Mean marker residual; NaN when not reported."""
+
+    @property
+    def tracked(self) -> bool:
+        """Whether the system saw the body in this frame."""
+        return bool(np.isfinite(self.position_w_m).all() and np.isfinite(self.rotation_w_b).all())
+
+
+@dataclass(frozen=True)
+class VehicleState:
+    """Where the vehicle is, as far as we know, at `time_s` on our monotonic clock."""
+
+    time_s: float
+    position_w_m: Array
+    velocity_w_mps: Array
+    q_w_flu_wxyz: Array
+    rate_flu_radps: Array
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What the trajectory asks for at one instant; vectors (..., 3) in W."""
+
+    position_w_m: Array
+    velocity_w_mps: Array
+    acceleration_w_mps2: Array
+    yaw_rad: float
+
+
+@dataclass(frozen=True)
+class AttitudeThrust:
+    """What the vehicle is asked to do: attitude (..., 4) and normalised thrust (...,) in 0..1."""
+
+    q_w_flu_wxyz: Array
+    thrust: Array
+
+
+class FlightMode(StrEnum):
+    """The autopilot's modes that this service tells apart."""
+
+    OFFBOARD = "offboard"
+    HOLD = "hold"
+    TAKEOFF = "takeoff"
+    LAND = "land"
+    RETURN = "return"
+    MISSION = "mission"
+    POSITION = "position"
+    ALTITUDE = "altitude"
+    MANUAL = "manual"
+    OTHER = "other"
+
+
+@dataclass(frozen=True)
+class AutopilotStatus:
+    """What the autopilot last said of itself; ages are for the caller to compute from `heartbeat_s`."""
+
+    connected: bool
+    heartbeat_s: float
+    """Arrival of the last HEARTBEAT on our monotonic clock."""
+    armed: bool
+    mode: FlightMode
+    in_air: bool
+    battery_fraction: float
+    battery_v: float
+    q_w_flu_wxyz: Array
+    """The autopilot's own attitude estimate, already in our frames."""
+    last_text: str
+    """The newest STATUSTEXT."""

@@ -1,0 +1,1 @@
+"""What PX4 does with commands, modes and failures."""
