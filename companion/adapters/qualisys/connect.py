@@ -1,0 +1,140 @@
+"""From an address to a running stream, with a sentence for everything that can be wrong on the way."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from qtm_rt import QRTConnection
+from qtm_rt.protocol import QRTCommandException
+
+from companion.adapters.qualisys.link import Datagrams, Link
+from companion.adapters.qualisys.packets import MalformedError, body_names
+from companion.adapters.qualisys.source import QualisysSource
+from companion.config_mocap import MocapConfig
+from companion.ports import Clock, MocapError
+
+PROTOCOL_VERSION = "1.25"
+
+
+@asynccontextmanager
+async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[QualisysSource]:
+    """Connect, find the body, start the stream, wait for its first frame; on leaving, stop and close.
+
+    Raises MocapError when any of that fails.
+    """
+    link = await _connect(config)
+    datagrams: asyncio.DatagramTransport | None = None
+    try:
+        index = await _body_index(link, config)
+        source = QualisysSource(index, _where(config), clock)
+        link.on_failure = source.fail
+        if config.transport == "udp":
+            datagrams = await _open_datagrams(link, source, config)
+        _start_stream(link, source, datagrams)
+        if not await source.wait_unseen(config.first_frame_timeout_s):
+            raise MocapError(_no_frames(config))
+        yield source
+    finally:
+        if datagrams is not None:
+            datagrams.close()
+        await link.close()
+
+
+async def _connect(config: MocapConfig) -> Link:
+    """Open the TCP connection.
+
+    The SDK's own `connect` returns None for every failure and never gives up on a silent server.
+    """
+    loop = asyncio.get_running_loop()
+    try:
+        async with asyncio.timeout(config.connect_timeout_s):
+            _, link = await loop.create_connection(Link, config.host, config.port)
+    except TimeoutError as error:
+        raise MocapError(
+            f"QTM at {_where(config)} does not answer within {config.connect_timeout_s:g} s: "
+            "check the address, the network and the firewall"
+        ) from error
+    except OSError as error:
+        raise MocapError(
+            f"no QTM at {_where(config)} ({error.strerror or error}): start QTM or correct mocap.host and mocap.port"
+        ) from error
+    return link
+
+
+async def _body_index(link: Link, config: MocapConfig) -> int:
+    """Agree on the version and look the body up; its place in the settings is its place in the data."""
+    connection = QRTConnection(link, timeout=config.connect_timeout_s)
+    try:
+        async with asyncio.timeout(config.connect_timeout_s):
+            await link.set_version(PROTOCOL_VERSION)
+            names = body_names(await connection.get_parameters(["6d"]))
+    except TimeoutError as error:
+        raise MocapError(
+            f"QTM at {_where(config)} accepts connections but does not answer: is it QTM's little-endian port (22223)?"
+        ) from error
+    except QRTCommandException as error:
+        raise MocapError(
+            f"QTM at {_where(config)} refuses protocol version {PROTOCOL_VERSION} or its settings ({_text(error)})"
+        ) from error
+    except MalformedError as error:
+        raise MocapError(f"QTM at {_where(config)} sent {error}") from error
+    if config.body in names:
+        return names.index(config.body)
+    if not names:
+        raise MocapError(f"QTM at {_where(config)} has no rigid bodies: define '{config.body}' in its 6DOF settings")
+    raise MocapError(f"QTM at {_where(config)} does not know the body '{config.body}'; it has: {', '.join(names)}")
+
+
+async def _open_datagrams(link: Link, source: QualisysSource, config: MocapConfig) -> asyncio.DatagramTransport:
+    """Listen for frames on the interface through which QTM was reached."""
+    if link.transport is None:
+        raise MocapError(f"QTM at {_where(config)} closed the connection")
+    here, there = link.transport.get_extra_info("sockname")[0], link.transport.get_extra_info("peername")[0]
+    loop = asyncio.get_running_loop()
+    try:
+        transport, _ = await loop.create_datagram_endpoint(
+            lambda: Datagrams(source, there), local_addr=(here, config.udp_port)
+        )
+    except OSError as error:
+        raise MocapError(
+            f"cannot receive frames on UDP {here}:{config.udp_port} ({error.strerror or error}): choose another "
+            "mocap.udp_port, or 0 for any"
+        ) from error
+    return transport
+
+
+def _start_stream(link: Link, source: QualisysSource, datagrams: asyncio.DatagramTransport | None) -> None:
+    """Ask for every frame.
+
+    Not with the SDK's `stream_frames`: that waits for a first frame on TCP, where none comes in UDP mode.
+    """
+    udp = f" udp:{datagrams.get_extra_info('sockname')[1]}" if datagrams is not None else ""
+    link.set_on_packet(source.on_packet)
+
+    def on_answer(answer: asyncio.Future[object]) -> None:
+        error = None if answer.cancelled() else answer.exception()
+        if error is not None:
+            source.fail(f"refuses to stream ({_text(error)})")
+
+    try:
+        link.send_command(f"streamframes allframes{udp} 6dres").add_done_callback(on_answer)
+    except QRTCommandException:
+        source.fail("closed the connection")
+
+
+def _no_frames(config: MocapConfig) -> str:
+    hint = ", and let UDP through the firewall" if config.transport == "udp" else ""
+    return (
+        f"QTM at {_where(config)} is connected but sends no frames: "
+        f"start the capture (Capture > New, real-time on){hint}"
+    )
+
+
+def _where(config: MocapConfig) -> str:
+    return f"{config.host}:{config.port}"
+
+
+def _text(error: BaseException) -> str:
+    """The SDK puts QTM's answer, as bytes, into its exception."""
+    value = getattr(error, "value", error)
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)

@@ -1,0 +1,94 @@
+"""The two ends on which QTM's packets arrive: the SDK's TCP protocol, guarded, and our own datagram endpoint."""
+
+import asyncio
+import logging
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from qtm_rt.packet import QRTEvent, QRTPacket
+from qtm_rt.protocol import QRTCommandException, QTMProtocol
+
+from companion.adapters.qualisys.packets import DATA, HEADER, MalformedError, check_packet, split_packets
+from companion.adapters.qualisys.source import QualisysSource
+
+LOG = logging.getLogger(__name__)
+
+_ENDINGS = (QRTEvent.EventConnectionClosed, QRTEvent.EventCaptureStopped, QRTEvent.EventQTMShuttingDown)
+
+
+class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
+    """The SDK's protocol, fed with whole, checked packets only, and honest about its end.
+
+    `on_failure` is told, as the end of a sentence that starts with 'QTM at ...', why nothing comes any more.
+    """
+
+    def __init__(self) -> None:
+        loop = asyncio.get_running_loop()
+        super().__init__(loop=loop, on_event=_log_event)
+        self.on_failure: Callable[[str], None] = LOG.debug
+        self.closed = loop.create_future()
+        self._unparsed = bytearray()
+
+    def data_received(self, data: bytes) -> None:
+        """Pass whole packets on to the SDK; anything that is none ends the connection."""
+        self._unparsed += data
+        try:
+            for packet in split_packets(self._unparsed):
+                super().data_received(packet)
+        except (ValueError, struct.error) as error:
+            self._break_off(str(error))
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Fail the questions that are still open: the SDK would leave them waiting."""
+        super().connection_lost(exc)
+        self.on_failure("closed the connection" + (f" ({exc})" if exc else ""))
+        for question in self.request_queue:
+            if not question.done():
+                question.set_exception(QRTCommandException(b"connection closed"))
+        if not self.closed.done():
+            self.closed.set_result(None)
+
+    async def close(self) -> None:
+        """Stop the stream and close; cut off when QTM does not take the last bytes."""
+        if self.transport is None:
+            return
+        transport = self.transport
+        self.send_command("streamframes stop", callback=False)
+        transport.close()
+        await asyncio.wait([self.closed], timeout=0.2)
+        if not self.closed.done():
+            transport.abort()
+            await self.closed
+
+    def _break_off(self, what: str) -> None:
+        self._unparsed.clear()
+        self.on_failure(f"sent {what}: is it really QTM's little-endian port?")
+        if self.transport is not None:
+            self.transport.abort()
+
+
+class Datagrams(asyncio.DatagramProtocol):
+    """Frames that come by UDP, from QTM's address only; what is no frame is counted and dropped."""
+
+    def __init__(self, source: QualisysSource, host: str) -> None:
+        self._source = source
+        self._host = host
+
+    def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
+        """Parse one datagram: a packet with its header, as on TCP."""
+        if addr[0] != self._host:
+            return
+        try:
+            if len(data) < HEADER.size:
+                raise MalformedError(f"{len(data)} bytes")
+            check_packet(data)
+            if HEADER.unpack_from(data)[1] == DATA:
+                self._source.on_packet(QRTPacket(data[HEADER.size :]))
+        except (ValueError, struct.error) as error:
+            self._source.on_malformed(MalformedError(str(error)))
+
+
+def _log_event(event: QRTEvent) -> None:
+    level = logging.WARNING if event in _ENDINGS else logging.INFO
+    LOG.log(level, "QTM says: %s", event.name.removeprefix("Event"))

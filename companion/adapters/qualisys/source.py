@@ -1,0 +1,108 @@
+"""The slot that holds the newest frame, and the counts of those that never made it there."""
+
+import asyncio
+import logging
+from dataclasses import dataclass, replace
+from typing import Any
+
+from companion.adapters.qualisys.packets import MalformedError, body_pose
+from companion.ports import Clock, MocapError
+from companion.types import MocapFrame
+
+LOG = logging.getLogger(__name__)
+
+RESTART_US = 1_000_000
+"""A stamp that goes back further than this is a new measurement, not a frame that was overtaken."""
+
+
+@dataclass(frozen=True)
+class MocapCounts:
+    """What became of the frames so far."""
+
+    received: int = 0
+    """Frames that were newer than all before them."""
+    lost: int = 0
+    """Frame numbers that were skipped."""
+    late: int = 0
+    """Frames dropped because a newer one, or the same, was already here."""
+    malformed: int = 0
+    """Datagrams dropped because they were no frame."""
+
+
+class QualisysSource:
+    """`ports.MocapSource`: one body's newest frame. Made by `open_qualisys`."""
+
+    def __init__(self, index: int, where: str, clock: Clock) -> None:
+        self.counts = MocapCounts()
+        self._index = index
+        self._where = where
+        self._clock = clock
+        self._latest: MocapFrame | None = None
+        self._stamp_us = 0
+        self._unseen = False
+        self._failure: str | None = None
+        self._wake = asyncio.Event()
+
+    def latest(self) -> MocapFrame | None:
+        """The newest frame, or None before the first one."""
+        return self._latest
+
+    async def wait_frame(self, timeout_s: float) -> bool:
+        """Wait for a frame newer than the last one this returned for; False on time-out.
+
+        Raises MocapError once the connection is lost.
+        """
+        fresh = await self.wait_unseen(timeout_s)
+        self._unseen = False
+        return fresh
+
+    async def wait_unseen(self, timeout_s: float) -> bool:
+        """Like `wait_frame`, but leaves the frame for the next `wait_frame` to return for."""
+        if not self._unseen and self._failure is None:
+            self._wake.clear()
+            try:
+                async with asyncio.timeout(timeout_s):
+                    await self._wake.wait()
+            except TimeoutError:
+                pass  # the frame may still have come in the same turn of the event loop
+        if self._failure is not None:
+            raise MocapError(self._failure)
+        return self._unseen
+
+    def on_packet(self, packet: Any) -> None:
+        """Take a QRTPacket that has just arrived; MalformedError when our body is not in it."""
+        received_s = self._clock.now_s()
+        number, stamp_us = packet.framenumber, packet.timestamp
+        if not self._is_newer(number, stamp_us):
+            self.counts = replace(self.counts, late=self.counts.late + 1)
+            return
+        pose = body_pose(packet, self._index)
+        self._count(number)
+        self._stamp_us = stamp_us
+        self._latest = MocapFrame(
+            number, stamp_us * 1e-6, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m
+        )
+        self._unseen = True
+        self._wake.set()
+
+    def on_malformed(self, error: MalformedError) -> None:
+        """Count a datagram that was no frame."""
+        LOG.debug("dropped a datagram: %s", error)
+        self.counts = replace(self.counts, malformed=self.counts.malformed + 1)
+
+    def fail(self, sentence: str) -> None:
+        """Let every `wait_frame` from now on raise MocapError; the first reason stays."""
+        if self._failure is None:
+            self._failure = f"QTM at {self._where} {sentence}"
+        self._wake.set()
+
+    def _is_newer(self, number: int, stamp_us: int) -> bool:
+        """Order by capture time: some QTM versions number every live frame 1."""
+        last = self._latest
+        if last is None or stamp_us < self._stamp_us - RESTART_US:
+            return True
+        return (stamp_us, number) > (self._stamp_us, last.frame)
+
+    def _count(self, number: int) -> None:
+        skipped = max(0, number - self._latest.frame - 1) if self._latest is not None else 0
+        self.counts = replace(self.counts, received=self.counts.received + 1, lost=self.counts.lost + skipped)
