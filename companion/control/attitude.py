@@ -1,0 +1,100 @@
+"""From the commanded force and heading to attitude and normalised thrust, and back.
+
+U_c = m_t (u + g e_3) in W; a multirotor can only push along its own z axis, so the attitude turns that axis along the
+force, the heading fixes the rest, and the thrust is the force's size.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.control.frames import quat_from_matrix, up_axis
+from companion.types import Array, AttitudeThrust
+
+MIN_FORCE_N = 1e-3
+"""Below this a force has no direction worth following."""
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class ThrustModel:
+    """How much force a normalised thrust gives. `curve` is PX4's THR_MDL_FAC when the autopilot does not correct it."""
+
+    mass_kg: float = 4.85
+    gravity_mps2: float = 9.8
+    hover_thrust: float = 0.5
+    """Normalised thrust that carries the weight (MPC_THR_HOVER)."""
+    curve: float = 0.0
+    """f in force/force_max = f t^2 + (1 - f) t, 0..1."""
+
+    @property
+    def max_force_n(self) -> float:
+        """Force at full thrust."""
+        h, f = self.hover_thrust, self.curve
+        return self.mass_kg * self.gravity_mps2 / (f * h * h + (1.0 - f) * h)
+
+
+def force_of_accel(accel_w_mps2: Array, model: ThrustModel) -> Array:
+    """U_c = m_t (u + g e_3) (N), shape (..., 3)."""
+    return np.asarray(model.mass_kg * (accel_w_mps2 + model.gravity_mps2 * _UP))
+
+
+def thrust_axis(force_w_n: Array) -> Array:
+    """Unit axis in W along which the rotors must push, shape (..., 3).
+
+    No force has no direction: level. A force that points down would turn the vehicle over: its horizontal part is
+    followed (the limits cut the tilt), and with none the vehicle stays level.
+    """
+    upper = np.concatenate((force_w_n[..., :2], np.maximum(force_w_n[..., 2:], 0.0)), axis=-1)
+    size = np.sqrt((upper * upper).sum(axis=-1, keepdims=True))
+    return np.where(size > MIN_FORCE_N, upper / np.maximum(size, MIN_FORCE_N), _UP)
+
+
+def attitude_of(axis_w: Array, yaw_rad: Array | float) -> Array:
+    """Quaternion W<-FLU with body z along `axis_w` and the nose towards `yaw_rad`, shape (..., 4).
+
+    With the axis horizontal along the heading's left the nose has no direction left: it points up.
+    """
+    sine, cosine = np.sin(yaw_rad), np.cos(yaw_rad)
+    left = np.stack(np.broadcast_arrays(-sine, cosine, 0.0 * cosine), axis=-1)
+    left = np.broadcast_to(left, axis_w.shape)
+    nose = _cross(left, axis_w)
+    size = np.sqrt((nose * nose).sum(axis=-1, keepdims=True))
+    nose = np.where(size > 1e-6, nose / np.maximum(size, 1e-6), _UP)
+    return quat_from_matrix(np.stack((nose, _cross(axis_w, nose), axis_w), axis=-1))
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Written out: np.cross costs 30 us on 3-vectors."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+
+
+def normalised_thrust(collective_n: Array, model: ThrustModel) -> Array:
+    """Thrust 0..1 (unclipped above) whose force is `collective_n`; negative forces give 0, shape as given."""
+    ratio = np.maximum(collective_n, 0.0) / model.max_force_n
+    f = model.curve
+    if f < 1e-9:
+        return np.asarray(ratio)
+    return np.asarray((np.sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * f))
+
+
+def collective_force_n(thrust: Array, model: ThrustModel) -> Array:
+    """Inverse of `normalised_thrust` (N), shape as given."""
+    f = model.curve
+    return np.asarray(model.max_force_n * (f * thrust * thrust + (1.0 - f) * thrust))
+
+
+def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: ThrustModel) -> AttitudeThrust:
+    """Attitude and thrust that give u, or the nearest that can be flown."""
+    force = force_of_accel(accel_w_mps2, model)
+    axis = thrust_axis(force)
+    thrust = normalised_thrust((force * axis).sum(axis=-1), model)
+    return AttitudeThrust(attitude_of(axis, yaw_rad), thrust)
+
+
+def accel_of_setpoint(setpoint: AttitudeThrust, model: ThrustModel) -> Array:
+    """u that a setpoint asks for (m/s^2), shape (..., 3): what was really sent, in the law's terms."""
+    force = collective_force_n(setpoint.thrust, model)[..., None] * up_axis(setpoint.q_w_flu_wxyz)
+    return np.asarray(force / model.mass_kg - model.gravity_mps2 * _UP)

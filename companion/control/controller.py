@@ -1,0 +1,63 @@
+"""What the flight loop asks of a control law, and what it gives it."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from companion.types import Array, Reference
+
+
+@dataclass(frozen=True)
+class VehicleModel:
+    """What a law may know of its vehicle; measured in a hover, kept in the vehicle's configuration."""
+
+    mass_kg: float = 4.85
+    gravity_mps2: float = 9.8
+    attitude_bandwidth_radps: float = 7.7
+    """Natural frequency of the closed attitude loop, second order."""
+    attitude_damping: float = 0.8
+    thrust_lag_s: float = 0.05
+    setpoint_delay_s: float = 0.04
+    """From sending a setpoint to the first movement of the attitude."""
+    mocap_age_s: float = 0.015
+    """Usual age of the newest frame when the law runs."""
+
+
+@dataclass(frozen=True)
+class ControlInput:
+    """All a law sees in one cycle; vectors (..., 3) in W."""
+
+    position_w_m: Array
+    velocity_w_mps: Array
+    q_w_flu_wxyz: Array
+    rate_flu_radps: Array
+    age_s: float
+    """How long ago that state was true."""
+    reference: Reference
+    """What is asked for `Controller.preview_s` from now."""
+    sent_accel_w_mps2: Array
+    """u of what was really sent last, after the limits."""
+    dt_s: float
+
+
+@dataclass(frozen=True)
+class ControlOutput:
+    """What a law wants; `event` (..., 1) is 1 where it is worth sending, `signals` its inner values for the record."""
+
+    accel_w_mps2: Array
+    """u = U_c/m_t - g e_3."""
+    event: Array
+    signals: dict[str, Array]
+
+
+class Controller(Protocol):
+    """A control law: a pure step from memory to memory. Write one, name it in a TOML file, and fly it."""
+
+    @property
+    def preview_s(self) -> float:
+        """How far ahead the law wants its reference."""
+
+    def initial(self, first: ControlInput) -> Any:
+        """Memory at lift-off, from the first input."""
+
+    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+        """One control cycle."""

@@ -1,0 +1,86 @@
+"""The paper's law assembled: one control cycle of ET-NN, in the order in which the paper defines its signals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.control import command_filter as cf
+from companion.control import event_trigger as et
+from companion.control import network as nn
+from companion.control.controller import ControlInput, ControlOutput
+from companion.control.gains import EtnnGains
+from companion.control.prediction import Predictor, PredictorMemory
+from companion.types import Array
+
+
+@dataclass(frozen=True)
+class EtnnMemory:
+    """All that the law remembers from one cycle to the next."""
+
+    filter: cf.FilterState
+    network: nn.NetworkState
+    trigger: et.TriggerState
+    predictor: PredictorMemory | None
+
+
+@dataclass(frozen=True)
+class Etnn:
+    """The event-triggered neural-network law of the paper, with an optional prediction in front of it."""
+
+    gains: EtnnGains
+    predictor: Predictor | None = None
+
+    @property
+    def preview_s(self) -> float:
+        """The reference is wanted at the instant the state is predicted for; 0 as printed."""
+        return self.predictor.preview_s if self.predictor else 0.0
+
+    def initial(self, first: ControlInput) -> EtnnMemory:
+        """Memory at lift-off: filter on its input, network untaught, nothing sent."""
+        lead = first.position_w_m.shape[:-1]
+        predictor = self.predictor.initial(first) if self.predictor else None
+        x1 = first.position_w_m - first.reference.position_w_m
+        alpha1 = cf.virtual_control_1(first.reference.velocity_w_mps, x1, np.zeros_like(x1), self.gains)
+        network = nn.initial_network(self.gains, lead)
+        return EtnnMemory(cf.at_lift_off(alpha1), network, et.initial_trigger(self.gains, lead), predictor)
+
+    def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
+        """One cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
+        g, f = self.gains, memory.filter
+        position, velocity, predictor = self._state(memory, now)
+        reference = now.reference
+        x1 = position - reference.position_w_m
+        y1 = x1 - f.iota1
+        alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
+        y2 = velocity - f.chi - f.iota2
+        x_d, phi = nn.hidden_layer(memory.network, reference.velocity_w_mps)
+        f_hat = nn.output(memory.network, phi)
+        alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
+        u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g)
+        trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
+        after = EtnnMemory(
+            cf.filter_step(f, alpha1, f_hat, g, now.dt_s),
+            nn.network_step(memory.network, x_d, phi, y2, g, now.dt_s),
+            trigger,
+            predictor,
+        )
+        signals = {
+            "x1": x1,
+            "y1": y1,
+            "y2": y2,
+            "alpha1": alpha1,
+            "alpha2": alpha2,
+            "u_bar": u_bar,
+            "chi": f.chi,
+            "xi": f.xi,
+            "iota1": f.iota1,
+            "iota2": f.iota2,
+            "kappa": memory.trigger.kappa,
+            "f_hat": f_hat,
+        }
+        return after, ControlOutput(u, event, signals)
+
+    def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory | None]:
+        if self.predictor is None or memory.predictor is None:
+            return now.position_w_m, now.velocity_w_mps, None
+        return self.predictor.step(memory.predictor, now)

@@ -1,0 +1,136 @@
+"""Frames and rotations: the paper's W (z up) with body FLU inside, the autopilot's NED with FRD at the edge.
+
+W has its x axis where the autopilot has north, so NED is (x, -y, -z) of W, and FRD is (x, -y, -z) of FLU.
+Quaternions are unit, w x y z, and turn body coordinates into world coordinates. All broadcast over leading axes.
+"""
+
+import numpy as np
+
+from companion.types import Array
+
+_FLIP = np.array([1.0, -1.0, -1.0])
+_FLIP_Q = np.array([1.0, 1.0, -1.0, -1.0])
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def flip_yz(vector: Array) -> Array:
+    """W to NED, NED to W, FLU to FRD, FRD to FLU: all the same half turn about x, shape (..., 3)."""
+    return np.asarray(vector * _FLIP)
+
+
+def flip_quat(q: Array) -> Array:
+    """Attitude W<-FLU to NED<-FRD and back, shape (..., 4)."""
+    return np.asarray(q * _FLIP_Q)
+
+
+def quat_multiply(a: Array, b: Array) -> Array:
+    """Hamilton product, shape (..., 4)."""
+    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
+    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
+    return np.stack(
+        (
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ),
+        axis=-1,
+    )
+
+
+def quat_conjugate(q: Array) -> Array:
+    """Inverse rotation, shape (..., 4)."""
+    return np.asarray(q * _CONJUGATE)
+
+
+def quat_from_rotation_vector(r: Array) -> Array:
+    """Rotation vector (rad), shape (..., 3), to quaternion."""
+    half = 0.5 * np.sqrt((r * r).sum(axis=-1, keepdims=True))
+    return np.concatenate((np.cos(half), 0.5 * r * np.sinc(half / np.pi)), axis=-1)
+
+
+def rotation_vector_from_quat(q: Array) -> Array:
+    """Quaternion to the shorter rotation vector (rad), shape (..., 3)."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.sqrt((q[..., 1:] ** 2).sum(axis=-1, keepdims=True))
+    half = np.arctan2(sine, q[..., :1])
+    return np.asarray(2.0 * q[..., 1:] / np.maximum(np.sinc(half / np.pi), 1e-12))
+
+
+def quat_from_yaw(yaw_rad: Array | float) -> Array:
+    """Level attitude with this heading, shape (..., 4)."""
+    half = 0.5 * np.asarray(yaw_rad, dtype=float)
+    zero = np.zeros_like(half)
+    return np.stack((np.cos(half), zero, zero, np.sin(half)), axis=-1)
+
+
+def matrix_from_quat(q: Array) -> Array:
+    """Rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
+    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    rows = (
+        np.stack((1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)), axis=-1),
+        np.stack((2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)), axis=-1),
+        np.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), axis=-1),
+    )
+    return np.stack(rows, axis=-2)
+
+
+def quat_from_matrix(rotation: Array) -> Array:
+    """Quaternion of a rotation matrix, shape (..., 4), w >= 0.
+
+    Takes the largest of the four squared components as the divisor (Shepperd's method), so no direction
+    is singular.
+    """
+    m = rotation
+    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    candidates = np.stack(
+        (
+            _stack4(1 + m00 + m11 + m22, m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], _skew_z(m)),
+            _stack4(m[..., 2, 1] - m[..., 1, 2], 1 + m00 - m11 - m22, m[..., 0, 1] + m[..., 1, 0], _sum_xz(m)),
+            _stack4(m[..., 0, 2] - m[..., 2, 0], m[..., 0, 1] + m[..., 1, 0], 1 - m00 + m11 - m22, _sum_yz(m)),
+            _stack4(_skew_z(m), _sum_xz(m), _sum_yz(m), 1 - m00 - m11 + m22),
+        ),
+        axis=-2,
+    )
+    squares = np.stack((m00 + m11 + m22, m00 - m11 - m22, m11 - m00 - m22, m22 - m00 - m11), axis=-1)
+    best = np.argmax(squares, axis=-1)[..., None, None]
+    q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
+    q = q / np.sqrt((q * q).sum(axis=-1, keepdims=True))
+    return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
+
+
+def _stack4(a: Array, b: Array, c: Array, d: Array) -> Array:
+    return np.stack((a, b, c, d), axis=-1)
+
+
+def _skew_z(m: Array) -> Array:
+    return np.asarray(m[..., 1, 0] - m[..., 0, 1])
+
+
+def _sum_xz(m: Array) -> Array:
+    return np.asarray(m[..., 0, 2] + m[..., 2, 0])
+
+
+def _sum_yz(m: Array) -> Array:
+    return np.asarray(m[..., 1, 2] + m[..., 2, 1])
+
+
+def up_axis(q_w_flu_wxyz: Array) -> Array:
+    """Body z axis (the direction the rotors push) in W, shape (..., 3)."""
+    w, x, y, z = (q_w_flu_wxyz[..., i] for i in range(4))
+    return np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), axis=-1)
+
+
+def yaw_of(q_w_flu_wxyz: Array) -> Array:
+    """Heading (rad) of the body x axis in W, counter-clockwise from x, shape (...,)."""
+    w, x, y, z = (q_w_flu_wxyz[..., i] for i in range(4))
+    return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+
+def euler_ned_frd_deg(q_w_flu_wxyz: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw (degrees, aerospace sequence, NED<-FRD) of one attitude: what MAVSDK's set_attitude takes."""
+    w, x, y, z = (float(c) for c in flip_quat(q_w_flu_wxyz))
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return float(np.degrees(roll)), float(np.degrees(pitch)), float(np.degrees(yaw))

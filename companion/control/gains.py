@@ -1,0 +1,124 @@
+"""Gains of the laws, with the paper's values as defaults, and the check that refuses an unstable filter loop."""
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, model_validator
+
+from companion.control.switching import steepest_secant
+from companion.types import Array
+
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+
+
+def _diagonal(value: object) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"must be a list of numbers, not {value!r}") from error
+    array.setflags(write=False)
+    return array
+
+
+def _plain(value: Array) -> list[float]:
+    return [float(number) for number in value]
+
+
+Diagonal = Annotated[Array, PlainValidator(_diagonal), PlainSerializer(_plain)]
+"""The diagonal of a gain matrix: a list of numbers in TOML, an array in the law."""
+
+
+def _diag(*values: float, note: str) -> Any:
+    return Field(default=_diagonal(values), description=note)
+
+
+class Gains(BaseModel):
+    """Strict and frozen: an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
+
+
+class EtnnGains(Gains):
+    """The ET-NN law. Defaults are the paper's experiment (section 5.1); what departs from the print is named so."""
+
+    c1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, cubic, iota_1 (eq. iota-dyn)")
+    k1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, Theta, iota_1 (eq. iota-dyn)")
+    beta1: Diagonal = _diag(1.0, 1.0, 1.2, note="cubic feedback of y_1 (eq. alpha1)")
+    gamma1: Diagonal = _diag(1.0, 1.0, 1.2, note="Theta feedback of y_1 (eq. alpha1)")
+    c2: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, cubic, iota_2 (eq. iota-dyn)")
+    k2: Diagonal = _diag(0.8, 0.8, 1.2, note="compensation, fractional, iota_2 (eq. iota-dyn)")
+    beta2: Diagonal = _diag(0.6, 0.6, 0.7, note="cubic feedback of y_2 (alpha_2)")
+    gamma2: Diagonal = _diag(1.0, 1.0, 1.2, note="fractional feedback of y_2 (alpha_2)")
+    k: Diagonal = _diag(3.0, 3.0, 4.0, note="compensation, linear, iota_1 (eq. iota-dyn), 1/s")
+    p: float = Field(0.75, gt=0.5, lt=1.0, description="exponent of the fractional powers")
+    epsilon: Positive = Field(1e-4, description="|s|^2 below which Theta fades out")
+    filter_eps: Positive = Field(0.3, description="varepsilon of the command filter, s")
+    zeta: Positive = Field(0.5, description="stiffness of the command filter")
+    rho: Positive = Field(0.1, description="damping of the command filter")
+    sigma: Positive = Field(0.05, description="trigger threshold, m/s^2")
+    delta: Positive = Field(0.1, description="trigger slope")
+    kappa_initial: NotNegative = Field(0.0, description="kappa(0), m/s^2; the paper asks for >= 0")
+    inputs: int = Field(3, ge=3, le=3, description="N_0: the reference velocity")
+    hidden: int = Field(4, ge=1, le=64, description="N_1: hidden neurons")
+    gamma_v0: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, note="Gamma_0, (N_0 + 1,)")
+    gamma_v1: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, 100.0, note="Gamma_1, (N_1 + 1,)")
+
+    v0_max: Positive = Field(10.0, description="radius of the ball of V_0 (Frobenius); the paper gives none")
+    v1_max: Positive = Field(10.0, description="radius of the ball of V_1 (Frobenius), m/s^2; the paper gives none")
+    projection_band: Positive = Field(0.1, description="share of the squared radius in which the projection sets in")
+    network_seed: int = Field(0, description="seed of V_0(0); the paper does not give its start")
+    network_spread: NotNegative = Field(1.0, description="half width of the uniform V_0(0)")
+
+    power_regularisation: NotNegative = Field(
+        0.0, description="departure: e in s/(s's + e)^(1-p), bounds the slope of the fractional powers; 0 = as printed"
+    )
+    boundary_layer_mps: NotNegative = Field(
+        0.0, description="departure: |y_2| below which sgn becomes linear, m/s; 0 = as printed"
+    )
+    switching: float = Field(1.0, ge=0.0, le=1.0, description="departure: share of the switching term; 1 = as printed")
+    every_cycle: bool = Field(False, description="departure: send every cycle, trigger off; false = as printed")
+    allow_unstable: bool = Field(False, description="load although the filter and compensation loop is unstable")
+
+    @model_validator(mode="after")
+    def _shapes_and_signs(self) -> Self:
+        for name in ("c1", "k1", "beta1", "gamma1", "c2", "k2", "beta2", "gamma2", "k"):
+            _require_diagonal(name, getattr(self, name), 3)
+        _require_diagonal("gamma_v0", self.gamma_v0, self.inputs + 1, zero_ok=True)
+        _require_diagonal("gamma_v1", self.gamma_v1, self.hidden + 1, zero_ok=True)
+        return self
+
+    @model_validator(mode="after")
+    def _filter_loop_is_stable(self) -> Self:
+        damping, needed = self.filter_loop()
+        if damping <= needed and not self.allow_unstable:
+            raise ValueError(
+                f"the loop of command filter and compensation is unstable: rho/filter_eps = {damping:.3g} must exceed "
+                f"k + s = {needed:.3g} (s: steepest slope of k_1 Theta); make filter_eps smaller or rho larger, "
+                "or say allow_unstable = true"
+            )
+        return self
+
+    def filter_loop(self) -> tuple[float, float]:
+        """rho/filter_eps and the largest k + s over the axes, both 1/s: stable iff the first is larger.
+
+        Linearised per axis the loop is l^3 + (rho/eps) l^2 + (zeta/eps^2) l + (k + s) zeta/eps^2 = 0 with s the slope
+        of k_1 Theta (docs/control.md). Theta bends, so s is its steepest secant: what a describing function can meet.
+        """
+        slope = self.k1 * steepest_secant(self.p, self.epsilon, self.power_regularisation)
+        return self.rho / self.filter_eps, float(np.max(self.k + slope))
+
+
+def _require_diagonal(name: str, value: Array, size: int, zero_ok: bool = False) -> None:
+    low_ok = np.all(value >= 0.0) if zero_ok else np.all(value > 0.0)
+    if value.shape != (size,) or not np.all(np.isfinite(value)) or not low_ok:
+        raise ValueError(f"{name} must be {size} positive numbers, not {value.tolist()}")
+
+
+class PidGains(Gains):
+    """The paper's baseline; printed without gravity, which it needs."""
+
+    kp: Diagonal = _diag(8.0, 8.0, 10.0, note="N/m")
+    ki: Diagonal = _diag(1.5, 1.5, 8.0, note="N/(m s)")
+    kd: Diagonal = _diag(10.0, 10.0, 13.0, note="N/(m/s)")
+    integral_max_n: Positive = Field(15.0, description="limit of the integral's force per axis, N")

@@ -1,0 +1,78 @@
+"""The three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.control.gains import EtnnGains
+from companion.types import Array
+
+
+@dataclass(frozen=True)
+class NetworkState:
+    """Weight estimates: v0 (..., N_0+1, N_1) into the hidden layer, v1 (..., N_1+1, N_2) out of it."""
+
+    v0: Array
+    v1: Array
+
+
+def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkState:
+    """V_1 = 0, so the first output is 0; V_0 seeded and spread.
+
+    The paper does not say how its weights start. With V_0 = 0 all hidden neurons would get the same update for
+    ever and act as one.
+    """
+    rng = np.random.default_rng(gains.network_seed)
+    v0 = gains.network_spread * rng.uniform(-1.0, 1.0, (gains.inputs + 1, gains.hidden))
+    v1 = np.zeros((gains.hidden + 1, 3))
+    return NetworkState(np.broadcast_to(v0, (*lead, *v0.shape)), np.broadcast_to(v1, (*lead, *v1.shape)))
+
+
+def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
+    """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
+    ones = np.ones((*velocity_ref.shape[:-1], 1))
+    x_d = np.concatenate((velocity_ref, ones), axis=-1)
+    sigmoid = 1.0 / (1.0 + np.exp(-np.matmul(x_d[..., None, :], state.v0)[..., 0, :]))
+    return x_d, np.concatenate((sigmoid, ones), axis=-1)
+
+
+def output(state: NetworkState, phi: Array) -> Array:
+    """f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
+    return np.asarray(np.matmul(phi[..., None, :], state.v1)[..., 0, :])
+
+
+def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: EtnnGains, dt_s: float) -> NetworkState:
+    """Advance eqs. update1 and update2 by `dt_s`; both weight matrices stay in their balls."""
+    rate1 = (gains.gamma_v1 * phi)[..., :, None] * y2[..., None, :]
+    slope = phi[..., :-1] * (1.0 - phi[..., :-1])
+    # phi' is (N_1+1, N_1) with a zero last row (the bias does not depend on its input): only the first N_1 rows count
+    back = slope * np.matmul(state.v1[..., :-1, :], y2[..., :, None])[..., 0]
+    rate0 = (gains.gamma_v0 * x_d)[..., :, None] * back[..., None, :]
+    v1 = bounded_step(state.v1, rate1, np.asarray(gains.gamma_v1), gains.v1_max, gains.projection_band, dt_s)
+    v0 = bounded_step(state.v0, rate0, np.asarray(gains.gamma_v0), gains.v0_max, gains.projection_band, dt_s)
+    return NetworkState(v0, v1)
+
+
+def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float) -> Array:
+    """The smooth projection operator proj(rate) on the ball |weights|_F <= bound, shape as `weights`.
+
+    With h = ((1 + band)|W|^2 - bound^2) / (band bound^2): inside h <= 0, or when the rate points inwards, the rate
+    is returned as it is; else its Gamma-weighted outward part is removed in the proportion h, wholly at the rim
+    (Lavretsky and Gibson, "Projection operator in adaptive systems", 2011). `gamma` is diag(Gamma).
+    """
+    size = (weights * weights).sum(axis=(-2, -1), keepdims=True)
+    excess = ((1.0 + band) * size - bound**2) / (band * bound**2)
+    outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
+    active = (excess > 0.0) & (outward > 0.0)
+    if not active.any():
+        return rate
+    weighted = gamma[..., :, None] * weights
+    scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
+    return np.where(active, rate - excess * outward / np.where(scale > 0.0, scale, 1.0) * weighted, rate)
+
+
+def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: float, dt_s: float) -> Array:
+    """One Euler step along the projected rate; a step that would leave the ball ends on it."""
+    moved = weights + dt_s * project(weights, rate, gamma, bound, band)
+    size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))
+    return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))

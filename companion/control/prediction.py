@@ -1,0 +1,152 @@
+"""Where the vehicle will be when a command sent now begins to act (a departure from the paper, off by default).
+
+The state is as old as the mocap frame, a command acts only after the setpoint's delay, and the attitude follows with
+its lag. The commands already sent are known, and so is the attitude now: so the near future is, too. Position and
+velocity are carried forward through a second-order model of the attitude loop (horizontal) and a first-order one of
+the rotors (vertical). The model is linear, so the whole replay is one weighted sum of the commands sent.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from companion.control.controller import ControlInput, VehicleModel
+from companion.control.frames import up_axis
+from companion.types import Array
+
+
+@dataclass(frozen=True)
+class PredictorMemory:
+    """Accelerations asked for lately (m/s^2), newest last, (..., n, 3); modelled specific thrust (m/s^2), (..., 1)."""
+
+    sent: Array
+    thrust_mps2: Array
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Carries a state forward by age + setpoint delay + `lead_s`."""
+
+    vehicle: VehicleModel
+    period_s: float
+    lead_s: float
+
+    @property
+    def preview_s(self) -> float:
+        """From now to the instant predicted for."""
+        return self.vehicle.setpoint_delay_s + self.lead_s
+
+    def initial(self, first: ControlInput) -> PredictorMemory:
+        """As if the last command had been held for long."""
+        sent = np.repeat(first.sent_accel_w_mps2[..., None, :], self._weights.commands.shape[0], axis=-2)
+        return PredictorMemory(sent, first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2)
+
+    def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory]:
+        """Predicted position (m) and velocity (m/s), (..., 3) in W, and the memory with the newest command."""
+        sent = np.concatenate((memory.sent[..., 1:, :], now.sent_accel_w_mps2[..., None, :]), axis=-2)
+        thrust = self._thrust(memory.thrust_mps2, sent)
+        position, velocity = self._propagate(now, sent, thrust)
+        return position, velocity, PredictorMemory(sent, thrust)
+
+    def _thrust(self, thrust_mps2: Array, sent: Array) -> Array:
+        """Specific thrust at capture time: the oldest kept command is the one that acted then."""
+        asked = sent[..., 0, :] + np.array([0.0, 0.0, self.vehicle.gravity_mps2])
+        size = np.sqrt((asked * asked).sum(axis=-1, keepdims=True))
+        return np.asarray(thrust_mps2 + (size - thrust_mps2) * -np.expm1(-self.period_s / self.vehicle.thrust_lag_s))
+
+    def _propagate(self, now: ControlInput, sent: Array, thrust: Array) -> tuple[Array, Array]:
+        w = self._weights
+        up, up_rate = up_axis(now.q_w_flu_wxyz), _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
+        accel = thrust * up - np.array([0.0, 0.0, self.vehicle.gravity_mps2])
+        jerk = thrust * up_rate
+        late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
+        position = now.position_w_m + late * now.velocity_w_mps
+        forced = np.einsum("...ni,nki->...ki", sent, w.commands)
+        free_p = position + w.horizon_s * now.velocity_w_mps + w.accel[0] * accel + w.jerk[0] * jerk
+        free_v = now.velocity_w_mps + w.accel[1] * accel + w.jerk[1] * jerk
+        return free_p + forced[..., 0, :], free_v + forced[..., 1, :]
+
+    @cached_property
+    def _weights(self) -> "_Weights":
+        return _weights(self.vehicle, self.period_s, self.lead_s)
+
+
+@dataclass(frozen=True)
+class _Weights:
+    """Response of (position, velocity) at the horizon, per axis: accel, jerk (2, 3); commands (n, 2, 3)."""
+
+    horizon_s: float
+    accel: Array
+    jerk: Array
+    commands: Array
+
+
+def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:
+    """Rate of change of the body z axis in W (1/s): R (omega x e3), shape (..., 3)."""
+    w, x, y, z = (q[..., i : i + 1] for i in range(4))
+    body_x, body_y = rate_flu_radps[..., 1:2], -rate_flu_radps[..., 0:1]
+    first = np.concatenate((1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)), axis=-1)
+    second = np.concatenate((2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)), axis=-1)
+    return np.asarray(body_x * first + body_y * second)
+
+
+def _weights(vehicle: VehicleModel, period_s: float, lead_s: float) -> _Weights:
+    horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
+    lag = _second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
+    systems = (lag, lag, _first_order(vehicle.thrust_lag_s))
+    end = [_exponential(system * horizon) for system in systems]
+    accel = np.array([[m[row, 2] for m in end] for row in (0, 1)])
+    jerk = np.array([[m[row, 3] for m in end] for row in (0, 1)])
+    spans = _command_spans(vehicle, period_s, horizon)
+    commands = np.array(
+        [[[_span(system, horizon, row, a, b) for system in systems] for row in (0, 1)] for a, b in spans]
+    )
+    return _Weights(horizon, accel, jerk, commands)
+
+
+def _command_spans(vehicle: VehicleModel, period_s: float, horizon_s: float) -> list[tuple[float, float]]:
+    """When, counted from the capture, each command kept acts; oldest first; the last sent is held to the end.
+
+    A command sent k cycles ago begins to act at age + delay - k periods.
+    """
+    known = vehicle.mocap_age_s + vehicle.setpoint_delay_s
+    count = int(np.ceil(known / period_s - 1e-9)) + 1
+    starts = [known - k * period_s for k in range(count, 0, -1)]
+    return [(max(0.0, a), max(0.0, b)) for a, b in zip(starts, [*starts[1:], horizon_s], strict=True)]
+
+
+def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:
+    """Response at the horizon to a unit command from `start_s` to `end_s`."""
+    begun = _exponential(system * (horizon_s - start_s))[row, 4]
+    ended = _exponential(system * (horizon_s - end_s))[row, 4]
+    return float(begun - ended)
+
+
+def _second_order(bandwidth_radps: float, damping: float) -> Array:
+    """d/dt (p, v, a, j, u) with a following u by a second-order lag; u constant."""
+    m = np.zeros((5, 5))
+    m[0, 1] = m[1, 2] = m[2, 3] = 1.0
+    m[3, 2:5] = -(bandwidth_radps**2), -2.0 * damping * bandwidth_radps, bandwidth_radps**2
+    return m
+
+
+def _first_order(lag_s: float) -> Array:
+    """d/dt (p, v, a, -, u) with a following u by a first-order lag; u constant."""
+    m = np.zeros((5, 5))
+    m[0, 1] = m[1, 2] = 1.0
+    m[2, 2], m[2, 4] = -1.0 / lag_s, 1.0 / lag_s
+    return m
+
+
+def _exponential(m: Array) -> Array:
+    """Matrix exponential by scaling and squaring with 12 Taylor terms; exact to rounding for the sizes here."""
+    halvings = max(0, int(np.ceil(np.log2(max(np.abs(m).sum(axis=1).max(), 1e-9)))) + 3)
+    x = m / 2.0**halvings
+    result, term = np.eye(len(m)), np.eye(len(m))
+    for n in range(1, 13):
+        term = term @ x / n
+        result = result + term
+    for _ in range(halvings):
+        result = result @ result
+    return np.asarray(result)
