@@ -1,0 +1,43 @@
+"""Translates the motion-capture system's stamps to our clock.
+
+A frame arrives after the fixed part of the way plus some waiting, never before: so the smallest
+(arrival - stamp) of the last seconds, less the known fixed part, is the offset between the clocks.
+"""
+
+from dataclasses import dataclass
+from math import inf
+
+
+@dataclass(frozen=True)
+class ClockSync:
+    """Smallest arrival - stamp (s) of the running and of the previous half window."""
+
+    started_s: float = -inf
+    """Arrival that began the running half window."""
+    running_s: float = inf
+    previous_s: float = inf
+    last_stamp_s: float = -inf
+
+    @property
+    def offset_s(self) -> float:
+        """Our clock minus theirs, with the fixed delay still in it."""
+        return min(self.running_s, self.previous_s)
+
+
+def observe(sync: ClockSync, stamp_s: float, received_s: float, window_s: float = 10.0) -> ClockSync:
+    """Learn from one frame; memory reaches half to one `window_s` back, so drifting clocks are followed.
+
+    A stamp that goes back is a new measurement with a new zero: everything learnt is void at once. Stamps that
+    merely become older are not believed before the window has passed: that is a real delay, not a new clock.
+    """
+    seen_s = received_s - stamp_s
+    if stamp_s < sync.last_stamp_s:
+        return ClockSync(received_s, seen_s, inf, stamp_s)
+    if received_s - sync.started_s >= 0.5 * window_s:
+        return ClockSync(received_s, seen_s, sync.running_s, stamp_s)
+    return ClockSync(sync.started_s, min(sync.running_s, seen_s), sync.previous_s, stamp_s)
+
+
+def to_local_s(sync: ClockSync, stamp_s: float, delay_s: float) -> float:
+    """Capture time on our clock; `delay_s` is the least time from capture to arrival."""
+    return stamp_s + sync.offset_s - delay_s

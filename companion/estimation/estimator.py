@@ -1,0 +1,147 @@
+"""From frames to the vehicle's state at capture time, with a verdict on every frame."""
+
+from dataclasses import replace
+from math import hypot, inf, isfinite, sqrt
+
+import numpy as np
+
+from companion.control.frames import quat_from_rotation_vector, quat_multiply
+from companion.estimation import attitude as att
+from companion.estimation import kalman
+from companion.estimation.attitude import Attitude
+from companion.estimation.clock_sync import ClockSync, observe, to_local_s
+from companion.estimation.kalman import Covariance, Motion
+from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
+from companion.types import Array, MocapFrame, VehicleState
+
+__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "predict_to", "step"]
+
+Pose = tuple[float, ...]
+"""Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
+
+
+def step(
+    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, accel_input_w_mps2: Array | None = None
+) -> EstimatorState:
+    """Take one frame.
+
+    `accel_input_w_mps2`, shape (3,): acceleration the rotors are known to have given since the last accepted frame
+    (thrust per mass along the measured body z axis, less gravity); without it the filter has to find out by itself.
+    """
+    clock = observe(state.clock, frame.stamp_s, frame.received_s, params.clock_window_s)
+    pose = (*frame.position_w_m.tolist(), *frame.rotation_w_b.ravel().tolist())
+    objection = _objection(pose, state, params)
+    if objection is not None:
+        return _refused(state, objection, clock, pose if objection is Verdict.REPEATED else state.pose)
+    dt_s = frame.stamp_s - state.stamp_s
+    if state.motion is None or state.attitude is None or abs(dt_s) > params.max_gap_s:
+        return _started(state, frame, params, clock, pose)
+    if dt_s <= 0.0:
+        return _refused(state, Verdict.STALE, clock, state.pose)
+    motion = kalman.predict(state.motion, dt_s, params.jerk_density, accel_input_w_mps2)
+    attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
+    surprise = att.surprise_rad(attitude, frame.rotation_w_b)
+    if not _possible(frame.position_w_m - motion.position, surprise, motion, attitude, dt_s, params):
+        return _outlier(state, frame, params, clock, pose)
+    motion = kalman.update(motion, frame.position_w_m, params.noise_m**2)
+    attitude = att.update(attitude, surprise, params.noise_rad**2)
+    return _known(state, Verdict.ACCEPTED, frame.stamp_s, params, clock, pose, motion, attitude)
+
+
+def age_s(state: EstimatorState, now_s: float) -> float:
+    """Time since the capture of the last accepted frame; infinite before the first one."""
+    return now_s - state.vehicle.time_s if state.vehicle is not None else inf
+
+
+def predict_to(vehicle: VehicleState, time_s: float, max_ahead_s: float = 0.1) -> VehicleState:
+    """Carry a state on at constant velocity and body rate, for a delay of a few frames.
+
+    Goes no further than `max_ahead_s`, and says so in its `time_s`; the past is returned as it is.
+    """
+    ahead_s = min(max(time_s - vehicle.time_s, 0.0), max_ahead_s)
+    turn = quat_from_rotation_vector(vehicle.rate_flu_radps * ahead_s)
+    return replace(
+        vehicle,
+        time_s=vehicle.time_s + ahead_s,
+        position_w_m=vehicle.position_w_m + vehicle.velocity_w_mps * ahead_s,
+        q_w_flu_wxyz=quat_multiply(vehicle.q_w_flu_wxyz, turn),
+    )
+
+
+def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:
+    """What speaks against a pose before anything is compared with a prediction."""
+    if not isfinite(sum(pose)):
+        return Verdict.UNTRACKED
+    if not att.is_rotation(pose[3:]) or hypot(*pose[:3]) > params.room_m:
+        return Verdict.INVALID
+    if params.drop_repeats and pose == state.pose:
+        return Verdict.REPEATED
+    return None
+
+
+def _possible(
+    offset_m: Array, turn_rad: att.Vec3, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
+) -> bool:
+    """Whether the surprise is within noise, uncertainty (3 sigma) and what the airframe can do in `dt_s`."""
+    half = 0.5 * dt_s * dt_s
+    gate_m = params.gate_m + params.max_accel_mps2 * half + 3.0 * sqrt(motion.covariance.pp)
+    gate_rad = params.gate_rad + params.max_turn_radps2 * half + 3.0 * sqrt(attitude.covariance.pp)
+    return hypot(*offset_m.tolist()) <= gate_m and hypot(*turn_rad) <= gate_rad
+
+
+def _started(
+    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
+) -> EstimatorState:
+    """Begin from one frame, at rest as far as we know: to 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2."""
+    zero = np.zeros(3)
+    motion = Motion(frame.position_w_m, zero, zero, Covariance(params.noise_m**2, 0.0, 0.0, 1.0, 0.0, 25.0))
+    attitude = att.at_rest(frame.rotation_w_b, Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0))
+    return _known(state, Verdict.STARTED, frame.stamp_s, params, clock, pose, motion, attitude)
+
+
+def _outlier(
+    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
+) -> EstimatorState:
+    apart_m = hypot(*(new - old for new, old in zip(pose[:3], state.pose[:3], strict=True)))
+    agreeing = state.agreeing + 1 if apart_m <= params.agree_m else 1
+    if agreeing >= params.outliers_to_restart:
+        return _started(state, frame, params, clock, pose)
+    return replace(_refused(state, Verdict.OUTLIER, clock, pose), agreeing=agreeing)
+
+
+def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Pose) -> EstimatorState:
+    """Keep the estimate as it was: it grows old, and its user sees that."""
+    return replace(
+        state,
+        verdict=verdict,
+        run=state.run + 1 if verdict == state.verdict else 1,
+        counts=_counted(state.counts, verdict),
+        clock=clock,
+        pose=pose,
+    )
+
+
+def _known(
+    state: EstimatorState,
+    verdict: Verdict,
+    stamp_s: float,
+    params: EstimatorParams,
+    clock: ClockSync,
+    pose: Pose,
+    motion: Motion,
+    attitude: Attitude,
+) -> EstimatorState:
+    vehicle = VehicleState(
+        to_local_s(clock, stamp_s, params.delay_s),
+        motion.position,
+        motion.velocity,
+        np.array(attitude.q),
+        np.array(attitude.rate),
+    )
+    run = state.run + 1 if verdict == state.verdict else 1
+    counts = _counted(state.counts, verdict)
+    return EstimatorState(vehicle, verdict, run, counts, clock, motion, attitude, stamp_s, pose)
+
+
+def _counted(counts: Counts, verdict: Verdict) -> Counts:
+    return replace(counts, **{verdict.value: getattr(counts, verdict.value) + 1})
