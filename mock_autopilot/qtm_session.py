@@ -3,6 +3,7 @@
 import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import floor
 
 from mock_autopilot import qtm_packets as qtm
 from mock_autopilot.qtm_packets import Component, PacketType
@@ -37,7 +38,7 @@ class StreamRequest:
         if self.frequency_hz is None:
             return number % self.divisor == 0
         share = min(1.0, self.frequency_hz / rate_hz)
-        return int(number * share + 1e-9) > int((number - 1) * share + 1e-9)
+        return floor(number * share + 1e-9) > floor((number - 1) * share + 1e-9)
 
 
 @dataclass

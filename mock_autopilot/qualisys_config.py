@@ -21,16 +21,24 @@ class QualisysConfig(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    host: str = Field("127.0.0.1", description="Address the server listens on.")
-    port: int = Field(22223, ge=0, le=65535, description="TCP port, little endian; 0 takes any free one.")
-    body: str = Field("dauam", min_length=1, description="Name of the rigid body that follows the truth.")
-    extra_bodies: tuple[str, ...] = Field((), description="Names of more rigid bodies, standing still on the floor.")
-    rate_hz: float = Field(100.0, gt=0.0, le=500.0, description="Frames per second of the truth's time.")
-    noise_m: float = Field(0.0003, ge=0.0, le=0.1, description="Standard deviation of the position, per axis.")
-    noise_rad: float = Field(0.002, ge=0.0, le=0.5, description="Standard deviation of the attitude, per body axis.")
-    residual_m: float = Field(0.0006, ge=0.0, le=0.1, description="Mean marker residual that is reported.")
-    delay_s: float = Field(0.008, ge=0.0, le=1.0, description="From the capture until the frame leaves the server.")
-    jitter_s: float = Field(0.0, ge=0.0, le=1.0, description="Largest addition to the delay, uniform per frame.")
-    drop_probability: float = Field(0.0, ge=0.0, le=1.0, description="Chance that a single frame never leaves.")
-    outages: tuple[Interval, ...] = Field((), description="When the body is lost: frames come, with NaN.")
-    silences: tuple[Interval, ...] = Field((), description="When no frames come at all.")
+    host: str = Field(default="127.0.0.1", description="Address the server listens on.")
+    port: int = Field(default=22223, ge=0, le=65535, description="TCP port, little endian; 0 takes any free one.")
+    body: str = Field(default="dauam", min_length=1, description="Name of the rigid body that follows the truth.")
+    extra_bodies: tuple[str, ...] = Field(
+        default=(), description="Names of more rigid bodies, standing still on the floor."
+    )
+    rate_hz: float = Field(default=100.0, gt=0.0, le=500.0, description="Frames per second of the truth's time.")
+    noise_m: float = Field(default=0.0003, ge=0.0, le=0.1, description="Standard deviation of the position, per axis.")
+    noise_rad: float = Field(
+        default=0.002, ge=0.0, le=0.5, description="Standard deviation of the attitude, per body axis."
+    )
+    residual_m: float = Field(default=0.0006, ge=0.0, le=0.1, description="Mean marker residual that is reported.")
+    delay_s: float = Field(
+        default=0.008, ge=0.0, le=1.0, description="From the capture until the frame leaves the server."
+    )
+    jitter_s: float = Field(
+        default=0.0, ge=0.0, le=1.0, description="Largest addition to the delay, uniform per frame."
+    )
+    drop_probability: float = Field(default=0.0, ge=0.0, le=1.0, description="Chance that a single frame never leaves.")
+    outages: tuple[Interval, ...] = Field(default=(), description="When the body is lost: frames come, with NaN.")
+    silences: tuple[Interval, ...] = Field(default=(), description="When no frames come at all.")
