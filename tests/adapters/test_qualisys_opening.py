@@ -1,0 +1,191 @@
+"""Everything that can be wrong between an address and a stream, and the sentence that says so."""
+
+import asyncio
+import logging
+import socket
+from typing import Any
+
+import pytest
+
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.qualisys import open_qualisys
+from companion.config_mocap import MocapConfig
+from companion.ports import MocapError
+from tests.adapters.qtm_scripts import (
+    COMMAND,
+    ERROR,
+    EVENT,
+    GOOD,
+    NO_BODIES,
+    NO_MORE_DATA,
+    XML,
+    Silent,
+    frame,
+    listening,
+    packet,
+    scripted,
+)
+from tests.adapters.qualisys_rig import capturing, serving, settings_for
+
+pytestmark = pytest.mark.realtime
+
+SOON_S = 0.1
+CLOCK = MonotonicClock()
+
+
+async def refusal(port: int, **settings: Any) -> str:
+    """The sentence with which opening fails."""
+    config = MocapConfig(**({"port": port, "connect_timeout_s": 5.0, "first_frame_timeout_s": 5.0} | settings))
+    with pytest.raises(MocapError) as caught:
+        async with open_qualisys(config, CLOCK):
+            pass
+    return str(caught.value)
+
+
+async def test_nothing_listens() -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    text = await refusal(port)
+    assert f"no QTM at 127.0.0.1:{port}" in text
+    assert "start QTM" in text
+
+
+async def test_a_name_that_is_no_address() -> None:
+    assert "QTM at no-such-host.invalid:1" in await refusal(1, host="no-such-host.invalid")
+
+
+async def test_a_server_that_accepts_and_says_nothing() -> None:
+    async with listening(Silent) as port:
+        assert "accepts connections but does not answer" in await refusal(port, connect_timeout_s=SOON_S)
+
+
+async def test_a_server_that_answers_the_version_only() -> None:
+    async with scripted({"version": GOOD["version"], "getparameters": b""}) as port:
+        assert "does not answer" in await refusal(port, connect_timeout_s=SOON_S)
+
+
+async def test_a_server_that_hangs_up() -> None:
+    async with scripted({}) as port:
+        assert "connection closed" in await refusal(port)
+
+
+async def test_an_old_qtm_that_refuses_the_version() -> None:
+    async with scripted({"version": packet(ERROR, b"Version NOT supported\0")}) as port:
+        text = await refusal(port)
+    assert "refuses protocol version 1.25" in text
+    assert "Version NOT supported" in text
+
+
+async def test_a_body_that_qtm_does_not_know_is_answered_with_those_it_has() -> None:
+    async with serving(body="drone", extra_bodies=("leader", "wand")) as server:
+        text = await refusal(server.port, body="dauam")
+    assert "does not know the body 'dauam'; it has: drone, leader, wand" in text
+
+
+async def test_no_bodies_at_all() -> None:
+    async with scripted({**GOOD, "getparameters": NO_BODIES}) as port:
+        assert "has no rigid bodies: define 'dauam'" in await refusal(port)
+
+
+async def test_settings_that_are_no_xml() -> None:
+    async with scripted({**GOOD, "getparameters": packet(XML, b"<QTM_Parameters\0")}) as port:
+        assert "sent settings that are no XML" in await refusal(port)
+
+
+@pytest.mark.parametrize("transport", ["tcp", "udp"])
+async def test_connected_but_not_measuring(transport: str) -> None:
+    async with serving() as server:
+        server.stop_capture()
+        text = await refusal(server.port, transport=transport, first_frame_timeout_s=SOON_S)
+    assert "is connected but sends no frames: start the capture (Capture > New, real-time on)" in text
+    assert ("firewall" in text) == (transport == "udp")
+
+
+@pytest.mark.parametrize("transport", ["tcp", "udp"])
+async def test_a_stream_that_is_refused_is_told_at_once(transport: str) -> None:
+    async with scripted({**GOOD, "streamframes": packet(ERROR, b"No 6D license\0")}) as port:
+        assert "refuses to stream (No 6D license)" in await refusal(port, transport=transport)
+
+
+async def test_a_udp_port_that_is_taken() -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        async with serving() as server:
+            text = await refusal(server.port, transport="udp", udp_port=port)
+    assert f"cannot receive frames on UDP 127.0.0.1:{port}" in text
+
+
+async def test_a_frame_without_our_body_ends_the_stream() -> None:
+    async with scripted({**GOOD, "streamframes": frame(1, 0, [])}) as port:
+        assert "sent a frame of 0 bodies where ours is number 1" in await refusal(port)
+
+
+async def test_the_frame_that_proves_the_stream_is_still_to_be_waited_for() -> None:
+    async with scripted(GOOD) as port, open_qualisys(MocapConfig(port=port), CLOCK) as source:
+        latest = source.latest()
+        assert latest is not None
+        assert await source.wait_frame(0.0)
+
+
+async def test_our_body_is_found_by_its_place_among_the_others() -> None:
+    async with (
+        serving(body="leader", extra_bodies=("wand", "dauam")) as server,
+        capturing(server),
+        open_qualisys(settings_for(server), CLOCK) as source,
+    ):
+        latest = source.latest()
+        assert latest is not None
+        assert latest.position_w_m.tolist() == [1.5, 2.0, 0.0], "where the mock stands its second extra body"
+
+
+async def test_leaving_closes_the_connection() -> None:
+    async with serving() as server, capturing(server):
+        async with open_qualisys(settings_for(server), CLOCK) as source:
+            assert server.client_count == 1
+        async with asyncio.timeout(5.0):
+            while server.client_count:  # noqa: ASYNC110 - the far side of a socket
+                await asyncio.sleep(0.002)
+        with pytest.raises(MocapError):
+            await source.wait_frame(0.0)
+
+
+async def test_what_qtm_says_of_its_capture_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+    says = packet(EVENT, b"\4") + packet(NO_MORE_DATA, b"") + packet(EVENT, b"\3")
+    with caplog.at_level(logging.INFO, "companion"):
+        async with (
+            scripted({**GOOD, "streamframes": says + GOOD["streamframes"]}) as port,
+            open_qualisys(MocapConfig(port=port), CLOCK),
+        ):
+            pass
+    assert [(r.levelname, r.getMessage()) for r in caplog.records if r.name.startswith("companion")] == [
+        ("WARNING", "QTM says: CaptureStopped"),
+        ("INFO", "QTM says: CaptureStarted"),
+    ]
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        b"\0" * 64,
+        b"HTTP/1.1 400 Bad Request\r\n\r\n",
+        packet(COMMAND, b"Version set to 1.25\0") + packet(17, b"?"),
+        packet(EVENT, b""),
+        packet(EVENT, b"\xff"),
+    ],
+    ids=["zeros", "another protocol", "unknown packet", "empty event", "unknown event"],
+)
+async def test_a_server_of_another_kind_is_recognised(garbage: bytes) -> None:
+    async with scripted(GOOD, welcome=garbage) as port:
+        text = await refusal(port, connect_timeout_s=1.0)
+    assert text.startswith(f"QTM at 127.0.0.1:{port}")
+
+
+async def test_garbage_in_the_middle_of_the_stream_is_told_to_the_waiting() -> None:
+    stream = GOOD["streamframes"] + b"\0" * 8
+    async with scripted({**GOOD, "streamframes": stream}) as port:
+        config = MocapConfig(port=port)
+        with pytest.raises(MocapError, match="sent a packet of 0 bytes: is it really QTM's little-endian port"):
+            async with open_qualisys(config, CLOCK) as source:
+                await source.wait_frame(5.0)
