@@ -4,6 +4,8 @@ All functions broadcast over leading axes. The mock has its own so that a sign e
 companion's conversions cannot cancel against the same error here.
 """
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -88,3 +90,9 @@ def to_euler(q: Array) -> tuple[float, float, float]:
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return float(roll), float(pitch), float(yaw)
+
+
+def yaw_of(q: Array) -> float:
+    """Heading (rad) of one quaternion of shape (4,)."""
+    w, x, y, z = q.tolist()
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

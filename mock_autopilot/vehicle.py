@@ -1,1 +1,276 @@
-"""What PX4 does with commands, modes and failures."""
+"""PX4 as one vehicle: commander, estimator, pilot, land detector and battery, in simulated time.
+
+Pure: time is an argument, nothing is sent from here. The link asks for what it reports and hands in what it hears.
+Recorded behaviour: docs/px4-conformance.md.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mock_autopilot import quaternion as quat
+from mock_autopilot.battery import Battery
+from mock_autopilot.commander import Commander, Situation
+from mock_autopilot.estimator import Estimator, Motion
+from mock_autopilot.land_detector import LandDetector
+from mock_autopilot.params import ParamTable
+from mock_autopilot.pilot import Estimate, Pilot
+from mock_autopilot.px4 import LandedState, Mode, Position, Result, Severity, SystemStatus, Text
+from mock_autopilot.quaternion import Array
+from mock_autopilot.setpoint import AttitudeTarget, Followed, follow
+from mock_autopilot.vision import VisionSample
+
+COMMANDER_PERIOD_S = 0.02
+PILOT_PERIOD_S = 0.004
+HOME_KNOWN_S = 2.0
+"""After boot (GPS); without GPS one second after the global origin was set."""
+PILOTED = frozenset({Mode.HOLD, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What the autopilot asks of the airframe, in true world coordinates."""
+
+    q_sp_wxyz: Array
+    rate_sp_frd_radps: Array | None
+    signal: float
+    """Motor signal 0..1, NaN for none."""
+    motors_on: bool
+
+
+@dataclass(frozen=True)
+class Felt:
+    """The truth the sensors see, relative to the start position; world NED, body FRD."""
+
+    motion: Motion
+    q_ned_frd_wxyz: Array
+    rate_frd_radps: Array
+
+
+class Vehicle:
+    """One PX4 from its boot on."""
+
+    def __init__(self, params: ParamTable, rng: np.random.Generator, start_yaw_rad: float = 0.0) -> None:
+        self.params = params
+        self.commander = Commander(params)
+        self.estimator = Estimator(params, rng, start_yaw_rad)
+        self.pilot = Pilot(params)
+        self.land_detector = LandDetector(params)
+        self.battery = Battery(params)
+        self.followed = Followed()
+        self.home: Position | None = None
+        self.now_s = 0.0
+        self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
+        self._setpoint_at_s = -math.inf
+        self._commander_due_s = 0.0
+        self._pilot_due_s = 0.0
+        self._piloted: tuple[Mode, bool] | None = None
+        self._floor_z_m = 0.0
+
+    # -- what comes in ---------------------------------------------------------------------------
+
+    def attitude_target(self, target: AttitudeTarget) -> None:
+        """SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
+        self.followed = follow(target, self.followed)
+        self._setpoint_at_s = self.now_s
+
+    def see(self, sample: VisionSample) -> None:
+        """An external pose."""
+        self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
+
+    def set_origin(self) -> None:
+        """SET_GPS_GLOBAL_ORIGIN."""
+        if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
+            self.estimator.set_origin(self.now_s)
+            self._say(Severity.CRITICAL, "Preflight Fail: horizontal position unstable")
+
+    def arm_disarm(self, arm: float, force: float) -> Result | None:
+        """COMPONENT_ARM_DISARM; None: PX4 gives no ACK."""
+        result = self.commander.arm_disarm(arm, force, self.situation)
+        self._floor_z_m = self.estimator.position_m[2] if self.land_detector.landed else self._floor_z_m
+        return result
+
+    def set_mode(self, base_mode: int, main: int, sub: int) -> Result:
+        """DO_SET_MODE or SET_MODE, the commander's answer."""
+        return self.commander.set_mode(base_mode, main, sub, self.situation)
+
+    def take_off(self) -> Result:
+        """NAV_TAKEOFF to the default height; does not arm."""
+        result = self.commander.choose(Mode.TAKEOFF, self.situation)
+        if result is Result.ACCEPTED and self.commander.armed:
+            height_m = self.params["MIS_TAKEOFF_ALT"]
+            self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+        return result
+
+    def land(self) -> Result:
+        """NAV_LAND, here."""
+        result = self.commander.choose(Mode.LAND, self.situation)
+        if result is Result.ACCEPTED:
+            self._say(Severity.INFO, "Landing at current position")
+        return result
+
+    def return_home(self) -> Result:
+        """NAV_RETURN_TO_LAUNCH."""
+        return self.commander.choose(Mode.RTL, self.situation)
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.commander.texts.append(Text(severity, text + "\t"))
+
+    def pop_texts(self) -> list[Text]:
+        """What it had to say since the last call."""
+        texts, self.commander.texts = self.commander.texts, []
+        return texts
+
+    # -- what it reports -------------------------------------------------------------------------
+
+    @property
+    def situation(self) -> Situation:
+        """What the commander knows now."""
+        loss_s = self.params["COM_OF_LOSS_T"]
+        return Situation(
+            now_s=self.now_s,
+            landed=self.land_detector.landed,
+            local_ok=self.estimator.local_ok,
+            global_ok=self.estimator.global_ok,
+            offboard_ok=self.now_s - self._setpoint_at_s <= loss_s,
+            offboard_attitude=self.followed.attitude_control,
+        )
+
+    @property
+    def mode(self) -> Mode:
+        """The mode it really flies."""
+        return self.commander.mode
+
+    @property
+    def armed(self) -> bool:
+        """Motors allowed."""
+        return self.commander.armed
+
+    @property
+    def system_status(self) -> SystemStatus:
+        """HEARTBEAT.system_status."""
+        return self.commander.system_status(self.situation)
+
+    @property
+    def base_mode(self) -> int:
+        """HEARTBEAT.base_mode."""
+        return self.commander.base_mode(self.situation)
+
+    @property
+    def landed_state(self) -> LandedState:
+        """EXTENDED_SYS_STATE.landed_state."""
+        if self.land_detector.landed:
+            return LandedState.ON_GROUND
+        if self.mode is Mode.TAKEOFF:
+            return LandedState.TAKING_OFF
+        if self.mode is Mode.LAND or (self.mode is Mode.RTL and self.pilot.descending):
+            return LandedState.LANDING
+        return LandedState.IN_AIR
+
+    @property
+    def attitude_estimate_wxyz(self) -> Array:
+        """Attitude as reported: the truth, turned by the heading error."""
+        return quat.multiply(_about_z(self.estimator.yaw_error_rad), self.felt.q_ned_frd_wxyz)
+
+    @property
+    def estimate(self) -> Estimate:
+        """Position, velocity and heading as reported."""
+        x, y, z = self.estimator.position_m
+        vx, vy, vz = self.estimator.velocity_mps
+        yaw = self.felt.motion.yaw_rad + self.estimator.yaw_error_rad
+        return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok)
+
+    @property
+    def target(self) -> Followed:
+        """What ATTITUDE_TARGET repeats: the offboard setpoint as sent, or the autopilot's own."""
+        if self.mode is Mode.OFFBOARD:
+            return self.followed
+        return Followed(self.pilot.q_wxyz, self.pilot.q_wxyz, None, self.pilot.signal, self.pilot.signal, True)
+
+    @property
+    def signal(self) -> float:
+        """Motor signal 0..1 that produces the wanted thrust through the curve PX4 assumes (THR_MDL_FAC)."""
+        if not self.armed:
+            return 0.0
+        thrust = self.followed.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
+        return _through_curve(thrust, self.params["THR_MDL_FAC"])
+
+    # -- every step ------------------------------------------------------------------------------
+
+    def step(self, now_s: float, felt: Felt, dt_s: float) -> Demand:
+        """Live for `dt_s` up to `now_s`."""
+        self.now_s, self.felt = now_s, felt
+        self.estimator.in_air = self.armed and not self.land_detector.landed
+        self.estimator.step(now_s, felt.motion, dt_s)
+        self.battery.step(self.armed, dt_s)
+        if now_s >= self._commander_due_s - 1e-9:
+            self._commander_due_s = now_s + COMMANDER_PERIOD_S
+            self._command()
+        if now_s >= self._pilot_due_s - 1e-9:
+            self._pilot_due_s = now_s + PILOT_PERIOD_S
+            self._fly()
+        return self._demand()
+
+    def _command(self) -> None:
+        climb_controlled = self.mode is not Mode.OFFBOARD
+        throttle = self.pilot.signal if climb_controlled else self.followed.signal
+        down_mps = self.felt.motion.velocity_ned_mps[2]
+        self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps)
+        self.commander.step(self.situation)
+        if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:
+            self.commander.choose(Mode.HOLD, self.situation)
+        self._find_home()
+
+    def _find_home(self) -> None:
+        """Home is where it stands when it first knows its place on earth, and where it was armed last."""
+        origin_s = self.estimator.origin_set_s
+        known_s = HOME_KNOWN_S if self.estimator.uses_gps else (origin_s + 1.0 if origin_s is not None else math.inf)
+        if self.now_s >= known_s and (self.home is None or (self.land_detector.landed and self.armed)):
+            x, y, z = self.estimator.position_m
+            self.home = Position(x, y, z)
+
+    def _fly(self) -> None:
+        now = self.estimate
+        flying = (self.mode, self.armed)
+        if flying != self._piloted:
+            self._piloted = flying
+            self._enter(now)
+        if self.armed and self.mode in PILOTED:
+            self.pilot.step(now, self.now_s, self.land_detector.landed, PILOT_PERIOD_S)
+        elif self.mode is not Mode.OFFBOARD or not self.armed:
+            self.pilot.signal = 0.0
+
+    def _enter(self, now: Estimate) -> None:
+        start_s = max(self.now_s, self.commander.armed_at_s)
+        if self.mode not in PILOTED:
+            return
+        self.pilot.enter(self.mode, now, start_s, self._floor_z_m, not self.land_detector.landed)
+        if self.mode is Mode.RTL and self.home is not None:
+            self.pilot.home_in(self.home)
+
+    def _demand(self) -> Demand:
+        offboard = self.mode is Mode.OFFBOARD
+        rates = self.followed.rate_frd_radps if offboard else None
+        q_estimated = np.array(self.followed.q_wxyz if offboard else self.pilot.q_wxyz)
+        q_true = quat.multiply(_about_z(-self.estimator.yaw_error_rad), q_estimated)
+        return Demand(q_true, None if rates is None else np.array(rates), self.signal, self.armed)
+
+
+_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+_STILL = np.zeros(3)
+
+
+def _about_z(angle_rad: float) -> Array:
+    return np.array([math.cos(angle_rad / 2.0), 0.0, 0.0, math.sin(angle_rad / 2.0)])
+
+
+def _through_curve(thrust: float, factor: float) -> float:
+    """Solve factor s^2 + (1 - factor) s = thrust for the signal s; outside 0..1 it is clipped, NaN stays."""
+    if math.isnan(thrust):
+        return thrust
+    thrust = min(max(thrust, 0.0), 1.0)
+    if factor <= 0.0:
+        return thrust
+    linear = 1.0 - factor
+    return (-linear + math.sqrt(linear * linear + 4.0 * factor * thrust)) / (2.0 * factor)

@@ -1,0 +1,133 @@
+"""The mock's settings: strict models over TOML, every value with its unit."""
+
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
+
+from mock_autopilot.disturbance import Forces, Sinusoid
+from mock_autopilot.params import ParamTable, UnknownParamError
+from mock_autopilot.plant import PlantParams
+from mock_autopilot.qualisys_config import QualisysConfig
+
+
+class MockConfigError(ValueError):
+    """The configuration cannot be used; the message is one sentence for a person."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+Triple = tuple[float, float, float]
+
+
+def _no_unknown_keys(of: type) -> BeforeValidator:
+    """Dataclasses take what they know; everything else is a misspelling."""
+
+    def check(value: Any) -> Any:
+        if isinstance(value, dict):
+            unknown = sorted(set(value) - {item.name for item in fields(of)})
+            if unknown:
+                raise ValueError(f"unknown key {unknown[0]}")
+        return value
+
+    return BeforeValidator(check)
+
+
+class VehicleConfig(_Strict):
+    """Where the vehicle stands at boot, and how late its loops see a setpoint."""
+
+    start_position_ned_m: Triple = Field((0.0, 0.0, 0.0), description="World NED, m.")
+    start_yaw_rad: float = Field(0.0, ge=-3.2, le=3.2, description="Heading at boot, 0 is north.")
+    attitude_delay_s: float = Field(0.038, ge=0.0, le=0.5, description="Setpoint frame to attitude loop.")
+    thrust_delay_s: float = Field(0.006, ge=0.0, le=0.5, description="Setpoint frame to motors.")
+
+
+class LinkConfig(_Strict):
+    """The MAVLink link: PX4's onboard port pair."""
+
+    local_port: int = Field(14580, ge=0, le=65535, description="Listens and sends here; 0 takes any free port.")
+    remote_host: str = Field("127.0.0.1", description="Where everything is sent, heard from or not.")
+    remote_port: int = Field(14540, ge=1, le=65535, description="Port of the client.")
+
+
+class GcsLinkConfig(LinkConfig):
+    """The second link, for a ground station; off unless asked for."""
+
+    enabled: bool = False
+    local_port: int = Field(18570, ge=0, le=65535)
+    remote_port: int = Field(14550, ge=1, le=65535)
+
+
+class DisturbanceConfig(_Strict):
+    """Forces in world axes (NED, N)."""
+
+    constant_ned_n: Triple = (0.0, 0.0, 0.0)
+    sinusoids: tuple[Annotated[Sinusoid, _no_unknown_keys(Sinusoid)], ...] = ()
+    noise_n: Triple = (0.0, 0.0, 0.0)
+    noise_time_s: float = Field(1.0, gt=0.0)
+
+    @field_validator("sinusoids")
+    @classmethod
+    def _periods_are_positive(cls, value: tuple[Sinusoid, ...]) -> tuple[Sinusoid, ...]:
+        if any(wave.period_s <= 0.0 for wave in value):
+            raise ValueError("a period_s must be greater than 0")
+        return value
+
+    def forces(self) -> Forces:
+        """As the world uses them."""
+        return Forces(self.constant_ned_n, self.sinusoids, self.noise_n, self.noise_time_s)
+
+
+class Px4Config(_Strict):
+    """Parameters that differ from the recorded defaults."""
+
+    params: dict[str, float] = Field(default_factory=dict)
+
+    @field_validator("params")
+    @classmethod
+    def _px4_has_them(cls, value: dict[str, float]) -> dict[str, float]:
+        try:
+            ParamTable(value)
+        except UnknownParamError as error:
+            raise ValueError(str(error)) from error
+        return value
+
+
+class MockConfig(_Strict):
+    """Everything `python -m mock_autopilot` can be told by file."""
+
+    vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
+    plant: Annotated[PlantParams, _no_unknown_keys(PlantParams)] = Field(default_factory=PlantParams)
+    disturbance: DisturbanceConfig = Field(default_factory=DisturbanceConfig)
+    px4: Px4Config = Field(default_factory=Px4Config)
+    mavlink: LinkConfig = Field(default_factory=LinkConfig)
+    gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)
+    qualisys: QualisysConfig = Field(default_factory=lambda: QualisysConfig.model_validate({}))
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """Validate; MockConfigError names the first wrong key and what is wrong with it."""
+        try:
+            return cls.model_validate(values)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"])
+            raise MockConfigError(f"{where}: {first['msg']}") from None
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a TOML file; MockConfigError in one sentence for whatever is wrong with it."""
+        try:
+            values = tomllib.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise MockConfigError(f"cannot read {path}: {error.strerror}") from None
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise MockConfigError(f"{path} is not valid TOML: {error}") from None
+        try:
+            return cls.from_dict(values)
+        except MockConfigError as error:
+            raise MockConfigError(f"{path}: {error}") from None

@@ -1,0 +1,235 @@
+"""A stand-in for EKF2: where the autopilot believes to be, which is not where it is.
+
+Everything the autopilot does and reports uses this estimate. Its frame is the local NED frame whose
+origin lies at the start position; without a yaw source it is turned against the world by `yaw_error_rad`.
+Recorded behaviour: docs/px4-conformance.md, section h.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from mock_autopilot.params import ParamTable
+from mock_autopilot.quaternion import Array
+from mock_autopilot.vision import VisionSample, wrap_rad
+
+GPS_READY_S = 2.9
+"""After boot; the flags of a GPS vehicle are complete at 3.0 s."""
+VISION_SETTLE_S = 2.0
+"""From the first vision sample to a position PX4 trusts."""
+VISION_LATE_S = 0.9
+"""Silence after which the predicted-position flag goes."""
+VISION_LOST_S = 5.0
+"""Silence after which the position is no longer trusted."""
+GLOBAL_LOST_S = 4.6
+GLOBAL_SETTLE_S = 4.0
+"""From SET_GPS_GLOBAL_ORIGIN to a usable global position."""
+RESET_AFTER_S = 1.2
+"""A rejected vision position is taken over as a jump after this long."""
+REGAIN_AFTER_S = 0.3
+"""After a loss the first position that is taken over."""
+GATE_M = 0.6
+"""Distance between estimate and vision beyond which a sample is rejected."""
+DRIFT_MPS2 = (0.31, 0.14, 0.0)
+"""What the accelerometers get wrong when nothing corrects them: 11 m after 8 s, as recorded."""
+HISTORY_STEP_S = 0.01
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What the inertial sensors feel: truth in the world frame, relative to the start position."""
+
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    acceleration_ned_mps2: tuple[float, float, float]
+    yaw_rad: float
+
+
+class Estimator:
+    """Position, velocity and heading as the autopilot knows them."""
+
+    def __init__(self, params: ParamTable, rng: np.random.Generator, start_yaw_rad: float) -> None:
+        self._params = params
+        self._rng = rng
+        self.position_m = [0.0, 0.0, 0.0]
+        self.velocity_mps = [0.0, 0.0, 0.0]
+        self.yaw_error_rad = 0.0 if self._has_magnetometer else -start_yaw_rad
+        self.reset_counter = 0
+        self.origin_set_s: float | None = None
+        self.in_air = False
+        self._now_s = 0.0
+        self._gps_error_m = [0.0, 0.0, 0.0]
+        self._fused_s = -math.inf
+        self._since_s = math.inf
+        self._rejected_since_s: float | None = None
+        self._heard_s = -math.inf
+        self._heard_since_s = math.inf
+        self._vision_resets: int | None = None
+        self._yaw_known = False
+        self._history: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=40)
+
+    @property
+    def uses_gps(self) -> bool:
+        """EKF2_GPS_CTRL lets the receiver be fused."""
+        return int(self._params["EKF2_GPS_CTRL"]) != 0
+
+    @property
+    def _has_magnetometer(self) -> bool:
+        return int(self._params["EKF2_MAG_TYPE"]) != 5
+
+    @property
+    def _vision_bits(self) -> int:
+        return int(self._params["EKF2_EV_CTRL"])
+
+    # -- what is trusted -------------------------------------------------------------------------
+
+    @property
+    def silence_s(self) -> float:
+        """Time since a vision sample was fused."""
+        return self._now_s - self._fused_s
+
+    @property
+    def local_ok(self) -> bool:
+        """A horizontal position PX4 flies on."""
+        if self.uses_gps:
+            return self._now_s >= GPS_READY_S
+        return self.silence_s < VISION_LOST_S and self._now_s - self._since_s >= VISION_SETTLE_S
+
+    @property
+    def global_ok(self) -> bool:
+        """The same with a known place on earth."""
+        if self.uses_gps:
+            return self.local_ok
+        settled = self.origin_set_s is not None and self._now_s - self.origin_set_s >= GLOBAL_SETTLE_S
+        return settled and self.local_ok and self.silence_s < GLOBAL_LOST_S
+
+    @property
+    def flags(self) -> int:
+        """ESTIMATOR_STATUS.flags as recorded: attitude, velocities, positions, predictions."""
+        if self._now_s < 2.0:
+            return 164 if self.uses_gps else 128
+        flags = 1 | 4 | 32 | 64 | (0 if self.in_air else 128)
+        if self.uses_gps:
+            return flags | (2 | 8 | 16 | 256 | 512 if self._now_s >= GPS_READY_S else 0)
+        if self.silence_s < VISION_LOST_S:
+            flags |= 2 | 8 | (16 if self.origin_set_s is not None else 0)
+        if self.silence_s < VISION_LATE_S and self._now_s - self._since_s >= 1.0:
+            flags |= 256
+        return flags
+
+    # -- every step ------------------------------------------------------------------------------
+
+    def step(self, now_s: float, motion: Motion, dt_s: float) -> None:
+        """Advance to `now_s`: follow the receiver, or integrate what the accelerometers say."""
+        self._now_s = now_s
+        if self.uses_gps:
+            self._follow_gps(motion, dt_s)
+        elif self.in_air or self.silence_s < VISION_LOST_S:
+            self._integrate(motion, dt_s)
+        else:
+            self.velocity_mps = [0.0, 0.0, 0.0]  # standing without any fix: PX4 assumes it stands still
+        if not self._history or now_s - self._history[-1][0] >= HISTORY_STEP_S:
+            x, y, z = self.position_m
+            self._history.append((now_s, (x, y, z)))
+
+    def _follow_gps(self, motion: Motion, dt_s: float) -> None:
+        """Truth plus a wandering error of about 0.1 m (Ornstein-Uhlenbeck, 10 s)."""
+        noise = self._rng.standard_normal(3)
+        for axis in range(3):
+            error = self._gps_error_m[axis]
+            error += -error * dt_s / 10.0 + 0.1 * math.sqrt(0.2 * dt_s) * float(noise[axis])
+            self._gps_error_m[axis] = error
+            self.position_m[axis] = motion.position_ned_m[axis] + error
+            self.velocity_mps[axis] = motion.velocity_ned_mps[axis]
+
+    def _integrate(self, motion: Motion, dt_s: float) -> None:
+        ax, ay = turned(motion.acceleration_ned_mps2, self.yaw_error_rad)
+        felt = [ax, ay, motion.acceleration_ned_mps2[2]]
+        drifting = self.in_air and self.silence_s > REGAIN_AFTER_S
+        for axis in range(3):
+            wrong = DRIFT_MPS2[axis] if drifting else 0.0
+            self.velocity_mps[axis] += (felt[axis] + wrong) * dt_s
+            self.position_m[axis] += self.velocity_mps[axis] * dt_s
+
+    # -- vision ----------------------------------------------------------------------------------
+
+    def see(self, sample: VisionSample, now_s: float, truth_yaw_rad: float) -> None:
+        """Fuse one external pose, reject it, or jump to it."""
+        bits = self._vision_bits
+        if self.uses_gps or not bits & 1 or not all(map(math.isfinite, sample.position_ned_m)):
+            return
+        self._note_heard(now_s)
+        if bits & 8 and sample.yaw_rad is not None and math.isfinite(sample.yaw_rad):
+            self._see_yaw(sample.yaw_rad, truth_yaw_rad)
+        jump = self._jump_wanted(sample, now_s)
+        if jump:
+            self._reset_to(sample)
+        elif jump is None:
+            return
+        else:
+            self._correct(sample, now_s)
+        self._fused_s = now_s
+        self._rejected_since_s = None
+
+    def _note_heard(self, now_s: float) -> None:
+        if now_s - self._heard_s > VISION_LATE_S:
+            self._heard_since_s = now_s
+            self._since_s = now_s - (VISION_SETTLE_S if self.silence_s < VISION_LOST_S else 0.0)
+        self._heard_s = now_s
+
+    def _jump_wanted(self, sample: VisionSample, now_s: float) -> bool | None:
+        """True: jump; False: fuse; None: reject for now."""
+        known, self._vision_resets = self._vision_resets, sample.reset_counter
+        if known is None or known != sample.reset_counter:
+            return True
+        if self.silence_s > VISION_LATE_S and self._rejected_since_s is None:
+            return True if now_s - self._heard_since_s >= REGAIN_AFTER_S else None
+        if math.dist(sample.position_ned_m, self._position_at(now_s)) < GATE_M:
+            return False
+        if self._rejected_since_s is None:
+            self._rejected_since_s = now_s
+        return True if now_s - self._rejected_since_s >= RESET_AFTER_S else None
+
+    def _reset_to(self, sample: VisionSample) -> None:
+        self.position_m = list(sample.position_ned_m)
+        self.velocity_mps = list(sample.velocity_ned_mps or (0.0, 0.0, 0.0))
+        self.reset_counter += 1
+        self._history.clear()
+
+    def _correct(self, sample: VisionSample, now_s: float) -> None:
+        """Second-order tracking with about 0.1 s memory, whatever the rate of the samples."""
+        dt_s = min(max(now_s - self._fused_s, 0.001), 0.1)
+        before = self._position_at(now_s)
+        for axis in range(3):
+            innovation = sample.position_ned_m[axis] - before[axis]
+            self.position_m[axis] += min(10.0 * dt_s, 0.5) * innovation
+            self.velocity_mps[axis] += min(25.0 * dt_s, 1.0) * innovation
+            if self._vision_bits & 4 and sample.velocity_ned_mps is not None:
+                slip = sample.velocity_ned_mps[axis] - self.velocity_mps[axis]
+                self.velocity_mps[axis] += min(10.0 * dt_s, 0.5) * slip
+
+    def _position_at(self, now_s: float) -> tuple[float, float, float]:
+        """The estimate when the sample was taken, EKF2_EV_DELAY ms ago."""
+        taken_s = now_s - self._params["EKF2_EV_DELAY"] / 1000.0
+        for at_s, position in reversed(self._history):
+            if at_s <= taken_s + 1e-9 and taken_s < now_s:
+                return position
+        x, y, z = self.position_m
+        return (x, y, z)
+
+    def _see_yaw(self, yaw_rad: float, truth_yaw_rad: float) -> None:
+        wrong = wrap_rad(yaw_rad - truth_yaw_rad - self.yaw_error_rad)
+        self.yaw_error_rad = wrap_rad(self.yaw_error_rad + (0.05 * wrong if self._yaw_known else wrong))
+        self._yaw_known = True
+
+    def set_origin(self, now_s: float) -> None:
+        """SET_GPS_GLOBAL_ORIGIN: from now on the local frame has a place on earth."""
+        self.origin_set_s = now_s
+
+
+def turned(vector: tuple[float, float, float] | Array, yaw_rad: float) -> tuple[float, float]:
+    """Horizontal part of a vector after a turn about the vertical."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return (c * float(vector[0]) - s * float(vector[1]), s * float(vector[0]) + c * float(vector[1]))

@@ -1,0 +1,171 @@
+"""The MAVLink end: one UDP link as PX4 has it.
+
+It sends to one address from boot on, heard from or not, and listens on its own port; answers go to that same
+address whoever asked. One frame per datagram, system 1, component 1. Recorded behaviour: docs/px4-conformance.md.
+"""
+
+import contextlib
+import socket
+import struct
+import time
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from mock_autopilot.config import LinkConfig
+from mock_autopilot.messages import Message
+from mock_autopilot.px4 import Text
+from mock_autopilot.receiver import Receiver
+from mock_autopilot.streams import Streams
+from mock_autopilot.world import World
+
+GCS_TYPE = 6
+GCS_SILENT_AFTER_S = 2.5
+"""A ground station not heard for this long gets no texts."""
+TEXTS_FROM_S = 2.3
+"""Texts of the first moments after boot are held back until then."""
+CHUNK = 50
+"""Characters one STATUSTEXT holds."""
+SO_TIMESTAMPNS = 35
+"""Linux: the kernel stamps each datagram on arrival (missing in Python's socket module)."""
+MAX_DATAGRAM = 2048
+
+
+class LinkError(RuntimeError):
+    """The port cannot be used; the message is one sentence for a person."""
+
+
+@dataclass(frozen=True)
+class Datagram:
+    """What arrived, and when by time.monotonic()."""
+
+    arrived_s: float
+    payload: bytes
+
+
+class MavlinkLink:
+    """One link; `open` binds the port, `handle` eats what came, `send_due` sends what is due."""
+
+    def __init__(self, config: LinkConfig, world: World) -> None:
+        self._config = config
+        self._world = world
+        self._remote = (config.remote_host, config.remote_port)
+        self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._codec.robust_parsing = True
+        self._socket: socket.socket | None = None
+        self._gcs_heard_s = -GCS_SILENT_AFTER_S
+        self._texts: list[Text] = []
+        self._text_id = 0
+        self.streams = Streams()
+        self._receiver = Receiver(world, self.streams, self.send)
+
+    # -- socket ----------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Bind; LinkError when the port is taken."""
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        sock.setblocking(False)
+        with contextlib.suppress(OSError):  # not Linux: datagrams count as arrived when they are read
+            sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        with contextlib.suppress(OSError):
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        try:
+            sock.bind(("127.0.0.1", self._config.local_port))
+        except OSError as error:
+            sock.close()
+            raise LinkError(
+                f"MAVLink cannot use UDP port {self._config.local_port} ({error.strerror}): "
+                "stop the other program on that port or choose another with --listen"
+            ) from error
+        self._socket = sock
+
+    def close(self) -> None:
+        """Release the port."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def fileno(self) -> int:
+        """For the event loop."""
+        return -1 if self._socket is None else self._socket.fileno()
+
+    @property
+    def local_port(self) -> int:
+        """The port it listens on, also when the configuration left the choice open."""
+        return self._config.local_port if self._socket is None else int(self._socket.getsockname()[1])
+
+    @property
+    def remote(self) -> tuple[str, int]:
+        """Where everything goes."""
+        return self._remote
+
+    def receive(self) -> list[Datagram]:
+        """All datagrams that wait, with their arrival times."""
+        waiting: list[Datagram] = []
+        while self._socket is not None:
+            try:
+                payload, ancillary, _flags, _sender = self._socket.recvmsg(MAX_DATAGRAM, 64)
+            except BlockingIOError:
+                break
+            except OSError:
+                continue  # "connection refused" of a client that went away; its successor is welcome
+            waiting.append(Datagram(_arrival_s(ancillary), payload))
+        return waiting
+
+    def send(self, message: Message) -> None:
+        """Send one message; a client that is not there does not matter."""
+        if self._socket is None:
+            return
+        frame = bytes(message.pack(self._codec))
+        self._codec.seq = (self._codec.seq + 1) % 256
+        with contextlib.suppress(OSError):
+            self._socket.sendto(frame, self._remote)
+
+    # -- protocol --------------------------------------------------------------------------------
+
+    def handle(self, payload: bytes) -> None:
+        """Understand one datagram; what is not MAVLink is ignored."""
+        try:
+            messages = self._codec.parse_buffer(payload) or []
+        except mavlink.MAVError:
+            return
+        for message in messages:
+            if message.get_type() == "HEARTBEAT" and message.type == GCS_TYPE:
+                self._gcs_heard_s = self._world.time_s
+            self._receiver.handle(message)
+
+    def tell(self, texts: list[Text]) -> None:
+        """Queue texts for the ground station; without one they are lost, as PX4's are."""
+        if self._world.time_s - self._gcs_heard_s < GCS_SILENT_AFTER_S or self._world.time_s < TEXTS_FROM_S:
+            self._texts += texts
+
+    def send_due(self) -> None:
+        """Send whatever the schedule and the queues hold for now."""
+        for message in self.streams.due(self._world):
+            self.send(message)
+        for message in self._receiver.pop_due():
+            self.send(message)
+        if self._texts and self._world.time_s >= TEXTS_FROM_S:
+            texts, self._texts = self._texts, []
+            for text in texts:
+                self._send_text(text)
+
+    def _send_text(self, text: Text) -> None:
+        if self._world.time_s - self._gcs_heard_s >= GCS_SILENT_AFTER_S:
+            return
+        raw = text.text.encode()
+        self._text_id = self._text_id % 65535 + 1
+        for sequence, start in enumerate(range(0, len(raw), CHUNK)):
+            part = raw[start : start + CHUNK]
+            self.send(mavlink.MAVLink_statustext_message(int(text.severity), part, self._text_id, sequence))
+
+
+def _arrival_s(ancillary: list[tuple[int, int, bytes]]) -> float:
+    """Kernel's arrival stamp on the monotonic clock; now where there is none."""
+    now_s = time.monotonic()
+    for level, kind, data in ancillary:
+        if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(data) >= 16:
+            seconds, nanoseconds = struct.unpack_from("qq", data)
+            age_s = time.time() - (seconds + nanoseconds * 1e-9)
+            return now_s - float(min(max(age_s, 0.0), 10.0))
+    return now_s

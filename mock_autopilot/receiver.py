@@ -1,0 +1,182 @@
+"""What PX4 does with each message it hears."""
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from mock_autopilot.commands import Params, answer
+from mock_autopilot.messages import Message
+from mock_autopilot.params import Param
+from mock_autopilot.px4 import Result
+from mock_autopilot.setpoint import AttitudeTarget, Triple
+from mock_autopilot.streams import Streams
+from mock_autopilot.vision import VisionSample
+from mock_autopilot.world import World
+
+SYSTEM, COMPONENT = 1, 1
+BROADCAST = 0
+SET_MODE_COMMAND = 176
+PARAMS_PER_TICK = 5
+"""PARAM_REQUEST_LIST: 879 values in about 0.8 s."""
+BODY_FRD_FRAME = 12
+
+
+class Receiver:
+    """Handles what comes in on one link; answers leave through `send`."""
+
+    def __init__(self, world: World, streams: Streams, send: Callable[[Message], None]) -> None:
+        self._world = world
+        self._streams = streams
+        self._send = send
+        self._listing: Iterator[Param] | None = None
+        self._announce: list[tuple[float, str]] = []
+        self._handlers: dict[str, Callable[[Any], None]] = {
+            "COMMAND_LONG": self._command_long,
+            "COMMAND_INT": self._command_int,
+            "SET_MODE": self._set_mode,
+            "SET_ATTITUDE_TARGET": self._attitude_target,
+            "PARAM_REQUEST_READ": self._param_read,
+            "PARAM_REQUEST_LIST": self._param_list,
+            "PARAM_SET": self._param_set,
+            "PING": self._ping,
+            "TIMESYNC": self._timesync,
+            "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
+            "VISION_POSITION_ESTIMATE": self._vision,
+            "ODOMETRY": self._odometry,
+            "ATT_POS_MOCAP": self._mocap,
+        }
+
+    def handle(self, message: Any) -> None:
+        """Act on one decoded message; unknown ones are ignored."""
+        handler = self._handlers.get(message.get_type())
+        if handler is not None:
+            handler(message)
+
+    def pop_due(self) -> list[Message]:
+        """Parameter values that go out over time: the list, and the unasked repetition after a change."""
+        due = [name for at_s, name in self._announce if self._world.time_s >= at_s]
+        self._announce = [(at_s, name) for at_s, name in self._announce if self._world.time_s < at_s]
+        out = [self._value(param) for name in due if (param := self._params.find(name)) is not None]
+        while self._listing is not None and len(out) < PARAMS_PER_TICK:
+            param = next(self._listing, None)
+            if param is None:
+                self._listing = None
+            else:
+                out.append(self._value(param))
+        return out
+
+    # -- commands --------------------------------------------------------------------------------
+
+    def _command_long(self, m: Any) -> None:
+        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+            self._command(m, (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7))
+
+    def _command_int(self, m: Any) -> None:
+        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+            self._command(m, (m.param1, m.param2, m.param3, m.param4, float(m.x), float(m.y), m.z))
+
+    def _command(self, m: Any, params: Params) -> None:
+        reply = answer(m.command, params, self._world, self._streams)
+        for message in reply.messages:
+            self._send(message)
+        for result in reply.results:
+            self._ack(m.command, result, m)
+
+    def _ack(self, command: int, result: Result, to: Any) -> None:
+        system, component = to.get_srcSystem(), to.get_srcComponent()
+        self._send(mavlink.MAVLink_command_ack_message(command, int(result), 0, 0, system, component))
+
+    def _set_mode(self, m: Any) -> None:
+        """The legacy message: one ACK, for DO_SET_MODE."""
+        if m.target_system != SYSTEM:
+            return
+        main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
+        self._ack(SET_MODE_COMMAND, self._world.vehicle.set_mode(m.base_mode, main, sub), m)
+
+    # -- setpoints and poses ---------------------------------------------------------------------
+
+    def _attitude_target(self, m: Any) -> None:
+        if m.target_system not in {BROADCAST, SYSTEM} or m.target_component not in {BROADCAST, COMPONENT}:
+            return
+        w, x, y, z = m.q
+        rates = (m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate)
+        self._world.vehicle.attitude_target(AttitudeTarget(m.type_mask, (w, x, y, z), rates, m.thrust))
+
+    def _set_origin(self, m: Any) -> None:
+        if m.target_system in {BROADCAST, SYSTEM}:
+            self._world.vehicle.set_origin()
+            origin = self._streams.build(49, self._world)
+            if origin is not None:
+                self._send(origin)
+
+    def _vision(self, m: Any) -> None:
+        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), m.yaw, None, m.reset_counter))
+
+    def _mocap(self, m: Any) -> None:
+        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), _yaw(m.q)))
+
+    def _odometry(self, m: Any) -> None:
+        """Position in a local NED-like frame; the velocity is in the child frame and real if it is finite."""
+        velocity: Triple | None = (m.vx, m.vy, m.vz)
+        if not all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+            velocity = None
+        elif m.child_frame_id == BODY_FRD_FRAME:
+            velocity = _body_to_world(m.q, (m.vx, m.vy, m.vz))
+        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), _yaw(m.q), velocity, m.reset_counter))
+
+    # -- parameters ------------------------------------------------------------------------------
+
+    @property
+    def _params(self) -> Any:
+        return self._world.vehicle.params
+
+    def _param_read(self, m: Any) -> None:
+        if m.target_system != SYSTEM or m.target_component not in {BROADCAST, COMPONENT}:
+            return
+        param = self._params.find(m.param_id) if m.param_index < 0 else self._params.at(m.param_index)
+        if param is not None:  # to an unknown name PX4 says nothing
+            self._send(self._value(param))
+
+    def _param_list(self, m: Any) -> None:
+        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+            self._listing = iter(self._params)
+
+    def _param_set(self, m: Any) -> None:
+        if m.target_system != SYSTEM or m.target_component not in {BROADCAST, COMPONENT}:
+            return
+        param = self._params.change_from_wire(m.param_id, struct.pack("<f", m.param_value), m.param_type)
+        if param is not None:
+            self._send(self._value(param))
+            self._announce.append((self._world.time_s + 0.01, param.name))
+
+    def _value(self, param: Param) -> Message:
+        (as_float,) = struct.unpack("<f", param.wire_bytes)
+        name = param.name.encode()
+        return mavlink.MAVLink_param_value_message(name, as_float, param.type, len(self._params), param.index)
+
+    # -- time ------------------------------------------------------------------------------------
+
+    def _ping(self, m: Any) -> None:
+        if m.target_system == 0 and m.target_component == 0:
+            system, component = m.get_srcSystem(), m.get_srcComponent()
+            self._send(mavlink.MAVLink_ping_message(m.time_usec, m.seq, system, component))
+
+    def _timesync(self, m: Any) -> None:
+        if m.tc1 == 0:
+            self._send(mavlink.MAVLink_timesync_message(round(self._world.time_s * 1e9), m.ts1))
+
+
+def _yaw(q: Any) -> float:
+    w, x, y, z = q
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def _body_to_world(q: Any, v: Triple) -> Triple:
+    """Rotate a body vector by the unit quaternion w x y z."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+    return (vx + w * tx + y * tz - z * ty, vy + w * ty + z * tx - x * tz, vz + w * tz + x * ty - y * tx)

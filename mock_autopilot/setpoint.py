@@ -1,0 +1,66 @@
+"""What PX4 makes of SET_ATTITUDE_TARGET, sane or not (docs/px4-conformance.md, section d)."""
+
+import math
+from dataclasses import dataclass, replace
+
+IGNORE_RATES = 1 | 2 | 4
+IGNORE_THROTTLE = 64
+IGNORE_ATTITUDE = 128
+
+Quad = tuple[float, float, float, float]
+Triple = tuple[float, float, float]
+LEVEL: Quad = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class AttitudeTarget:
+    """SET_ATTITUDE_TARGET as it came over the wire; quaternion w x y z NED/FRD, rates rad/s, thrust 0..1."""
+
+    type_mask: int
+    q_wxyz: Quad
+    rate_frd_radps: Triple
+    thrust: float
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What the attitude loop follows, and what ATTITUDE_TARGET repeats."""
+
+    q_wxyz: Quad = LEVEL
+    """The last attitude that can be flown."""
+    echo_q_wxyz: Quad = LEVEL
+    """As sent, flyable or not."""
+    rate_frd_radps: Triple | None = None
+    """Set in rate control."""
+    signal: float = 0.0
+    """Collective motor signal, 0..1 (NaN: none)."""
+    echo_thrust: float = 0.0
+    attitude_control: bool = False
+    """Whether HEARTBEAT shows the stabilize bit."""
+
+
+def follow(target: AttitudeTarget, before: Followed) -> Followed:
+    """Nothing is refused: unusable attitudes leave the last usable one, thrust keeps PX4's oddities."""
+    if target.type_mask & IGNORE_ATTITUDE and target.type_mask & IGNORE_RATES == IGNORE_RATES:
+        return before  # everything ignored: fly on with the last values
+    thrust = 0.0 if target.type_mask & IGNORE_THROTTLE else target.thrust
+    after = replace(before, signal=thrust, echo_thrust=abs(thrust))
+    if target.type_mask & IGNORE_ATTITUDE:
+        return replace(after, rate_frd_radps=target.rate_frd_radps, attitude_control=False)
+    usable = normalised(target.q_wxyz)
+    return replace(
+        after,
+        q_wxyz=usable or before.q_wxyz,
+        echo_q_wxyz=target.q_wxyz,
+        rate_frd_radps=None,
+        attitude_control=True,
+    )
+
+
+def normalised(q_wxyz: Quad) -> Quad | None:
+    """Unit quaternion, or None where there is no direction in it (zero, NaN, infinite)."""
+    length = math.sqrt(sum(part * part for part in q_wxyz))
+    if not math.isfinite(length) or length < 1e-6:
+        return None
+    w, x, y, z = q_wxyz
+    return (w / length, x / length, y / length, z / length)

@@ -1,0 +1,101 @@
+"""Simulated time follows the wall clock: physics, links and cameras, in order and without drift."""
+
+import asyncio
+import contextlib
+import time
+
+from mock_autopilot.config import MockConfig
+from mock_autopilot.mavlink import MavlinkLink
+from mock_autopilot.qualisys import QualisysServer
+from mock_autopilot.streams import TICK_S
+from mock_autopilot.world import World
+
+LONGEST_CATCH_UP_S = 5.0
+"""After a longer pause (a suspended laptop) simulated time has simply stood still."""
+
+
+class Simulator:
+    """One world and its ends; use `async with`."""
+
+    def __init__(self, config: MockConfig, seed: int, with_qualisys: bool = True) -> None:
+        self.world = World(config, seed)
+        self.links = [MavlinkLink(config.mavlink, self.world)]
+        if config.gcs.enabled:
+            self.links.append(MavlinkLink(config.gcs, self.world))
+        self.qualisys = QualisysServer(config.qualisys, seed) if with_qualisys else None
+        if self.qualisys is not None:
+            self.world.observers.append(self.qualisys.publish)
+        self._boot_s = 0.0
+        self._ticks = 0
+        self._running: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> "Simulator":
+        try:
+            for link in self.links:
+                link.open()
+            if self.qualisys is not None:
+                await self.qualisys.start()
+        except BaseException:
+            self._close_links()
+            raise
+        self._boot_s = time.monotonic()
+        loop = asyncio.get_running_loop()
+        for link in self.links:
+            loop.add_reader(link.fileno(), self.catch_up)
+        self._running = asyncio.create_task(self._run(), name="mock_autopilot.simulator")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._running is not None:
+            self._running.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._running
+        loop = asyncio.get_running_loop()
+        for link in self.links:
+            loop.remove_reader(link.fileno())
+        self._close_links()
+        if self.qualisys is not None:
+            await self.qualisys.stop()
+
+    def _close_links(self) -> None:
+        for link in self.links:
+            link.close()
+
+    async def wait(self) -> None:
+        """Until cancelled; raises what broke the simulation."""
+        if self._running is not None:
+            await asyncio.shield(self._running)
+
+    async def _run(self) -> None:
+        while True:
+            self.catch_up()
+            next_s = self._boot_s + (self._ticks + 1) * TICK_S
+            await asyncio.sleep(max(next_s - time.monotonic(), 0.0))
+
+    def catch_up(self) -> None:
+        """Bring the world to the present; what came in meanwhile acts at the time it arrived."""
+        heard = [(datagram, link) for link in self.links for datagram in link.receive()]
+        heard.sort(key=lambda pair: pair[0].arrived_s)
+        now_s = time.monotonic()
+        behind_s = now_s - self._boot_s - self.world.time_s
+        if behind_s > LONGEST_CATCH_UP_S:
+            self._boot_s += behind_s - LONGEST_CATCH_UP_S
+        for datagram, link in heard:
+            self._advance(datagram.arrived_s - self._boot_s)
+            link.handle(datagram.payload)
+        self._advance(now_s - self._boot_s)
+
+    def _advance(self, to_s: float) -> None:
+        while (self._ticks + 1) * TICK_S <= to_s:
+            self._ticks += 1
+            self.world.advance(self._ticks * TICK_S)
+            self._tell()
+            for link in self.links:
+                link.send_due()
+        self.world.advance(to_s)
+
+    def _tell(self) -> None:
+        texts = self.world.vehicle.pop_texts()
+        if texts:
+            for link in self.links:
+                link.tell(texts)

@@ -1,0 +1,93 @@
+"""Which message goes out how often: PX4's default rates on the onboard link, and what a client changed."""
+
+from dataclasses import dataclass
+
+from mock_autopilot import messages as m
+from mock_autopilot.world import World
+
+TICK_S = 0.004
+"""PX4's streams run on a 250 Hz grid."""
+
+
+@dataclass(frozen=True)
+class Stream:
+    """A message that can be streamed; rate 0 is off until asked for."""
+
+    id: int
+    rate_hz: float
+    build: m.Builder
+    first_s: float = 0.0
+    """Nothing of it before this time after boot."""
+
+
+DEFAULTS = (
+    Stream(0, 1.0, m.heartbeat, 1.0),
+    Stream(1, 5.0, m.sys_status, 0.2),
+    Stream(4, 1.0, m.ping, 1.0),
+    Stream(24, 8.0, m.gps_raw_int),
+    Stream(30, 100.0, m.attitude),
+    Stream(31, 50.0, m.attitude_quaternion),
+    Stream(32, 30.0, m.local_position_ned),
+    Stream(33, 50.0, m.global_position_int),
+    Stream(36, 10.0, m.servo_output_raw),
+    Stream(42, 1.0, m.mission_current, 0.8),
+    Stream(74, 10.0, m.vfr_hud),
+    Stream(83, 10.0, m.attitude_target),
+    Stream(85, 10.0, m.position_target_local_ned),
+    Stream(105, 50.0, m.highres_imu),
+    Stream(111, 10.0, m.timesync),
+    Stream(141, 10.0, m.altitude_message),
+    Stream(147, 0.5, m.battery_status, 2.0),
+    Stream(230, 1.0, m.estimator_status, 1.0),
+    Stream(241, 0.5, m.vibration, 2.0),
+    Stream(242, 0.5, m.home_position, 2.0),
+    Stream(245, 5.0, m.extended_sys_state, 0.2),
+    Stream(331, 30.0, m.odometry),
+    Stream(436, 0.5, m.current_mode, 2.0),
+)
+ON_REQUEST = {49: m.gps_global_origin, 148: m.autopilot_version}
+"""Never streamed, sent when asked for."""
+
+
+class Streams:
+    """The schedule of one link."""
+
+    def __init__(self) -> None:
+        self._streams = {stream.id: stream for stream in DEFAULTS}
+        self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in DEFAULTS}
+        self._due_s = {stream.id: stream.first_s for stream in DEFAULTS}
+
+    def due(self, world: World) -> list[m.Message]:
+        """Messages whose time has come; a late call sends each once, not a burst."""
+        now_s = world.time_s
+        out = []
+        for id_, due_s in self._due_s.items():
+            if now_s < due_s - 1e-6:
+                continue
+            interval_s = self._interval_s[id_]
+            self._due_s[id_] = due_s + interval_s * max(1, int((now_s - due_s) / interval_s) + 1)
+            message = self._streams[id_].build(world)
+            if message is not None:
+                out.append(message)
+        return out
+
+    def build(self, id_: int, world: World) -> m.Message | None:
+        """One message on request, or None when there is no such message or nothing to say."""
+        builder = ON_REQUEST.get(id_) or (self._streams[id_].build if id_ in self._streams else None)
+        return builder(world) if builder else None
+
+    def set_interval(self, id_: int, interval_us: float, now_s: float) -> bool:
+        """SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops; False for what cannot be streamed."""
+        stream = self._streams.get(id_)
+        if stream is None:
+            return False
+        if interval_us < 0:
+            self._due_s.pop(id_, None)
+            return True
+        self._interval_s[id_] = interval_us / 1e6 if interval_us > 0 else 1.0 / stream.rate_hz
+        self._due_s[id_] = now_s
+        return True
+
+    def interval_us(self, id_: int) -> int:
+        """GET_MESSAGE_INTERVAL: -1 for what does not stream."""
+        return round(self._interval_s[id_] * 1e6) if id_ in self._due_s else -1

@@ -1,0 +1,100 @@
+"""One truth and one clock: the airframe, what pushes it, and the autopilot that flies it.
+
+Deterministic: the same configuration, seed and timed inputs give the same truth, bit by bit.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mock_autopilot import plant
+from mock_autopilot import quaternion as quat
+from mock_autopilot.config import MockConfig
+from mock_autopilot.disturbance import Disturbance
+from mock_autopilot.estimator import Motion
+from mock_autopilot.params import ParamTable
+from mock_autopilot.plant import Actuation, PlantState, Wrench
+from mock_autopilot.truth import Truth
+from mock_autopilot.vehicle import Demand, Felt, Vehicle
+
+STEP_S = 0.002
+"""Physics and autopilot both run at 500 Hz of simulated time."""
+
+
+class World:
+    """The simulated room; `advance` is the only way time passes in it."""
+
+    def __init__(self, config: MockConfig | None = None, seed: int = 1) -> None:
+        config = config or MockConfig()
+        vehicle_rng, force_rng = (np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(2))
+        start = config.vehicle
+        self._params = config.plant
+        self._start = np.array(start.start_position_ned_m)
+        self._state = plant.at_rest(self._start, start.start_yaw_rad)
+        self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
+        self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, start.start_yaw_rad)
+        self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
+        self._steps = 0
+        still = Demand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
+        self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
+        self.external_wrench: Wrench = plant.no_wrench()
+        """Force and push from outside, for a payload or an arm; stays until it is changed."""
+        self.observers: list[Callable[[Truth], None]] = []
+        """Called with the truth of every step, in order."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since boot."""
+        return self._steps * STEP_S
+
+    @property
+    def truth(self) -> Truth:
+        """Where the vehicle really is now."""
+        state = self._state
+        return Truth(
+            self.time_s,
+            state.position_ned_m,
+            state.velocity_ned_mps,
+            state.q_ned_frd_wxyz,
+            state.rate_frd_radps,
+            bool(state.on_ground),
+        )
+
+    @property
+    def state(self) -> PlantState:
+        """The airframe's full state, thrust and acceleration included."""
+        return self._state
+
+    def advance(self, to_s: float) -> None:
+        """Let time pass in steps of STEP_S, as far as whole steps reach; never backwards."""
+        while (self._steps + 1) * STEP_S <= to_s + 1e-9:
+            self._step()
+            for observer in self.observers:
+                observer(self.truth)
+
+    def _step(self) -> None:
+        self._steps += 1
+        demand = self.vehicle.step(self.time_s, self._felt(), STEP_S)
+        actuation = self._delayed(demand)
+        force = self._disturbance.step(self.time_s) + self.external_wrench.force_ned_n
+        wrench = Wrench(force, self.external_wrench.angular_frd_radps2)
+        self._state = plant.step(self._state, actuation, wrench, self._params, STEP_S)
+
+    def _delayed(self, demand: Demand) -> Actuation:
+        """Transport delay of the setpoints; switching the motors off takes none."""
+        self._attitude_line.append(demand)
+        self._thrust_line.append(demand)
+        attitude, thrust = self._attitude_line.popleft(), self._thrust_line.popleft()
+        motors_on = demand.motors_on and thrust.motors_on
+        return Actuation(attitude.q_sp_wxyz, np.asarray(thrust.signal), attitude.rate_sp_frd_radps, motors_on)
+
+    def _felt(self) -> Felt:
+        state = self._state
+        x, y, z = (state.position_ned_m - self._start).tolist()
+        vx, vy, vz = state.velocity_ned_mps.tolist()
+        ax, ay, az = state.acceleration_ned_mps2.tolist()
+        motion = Motion((x, y, z), (vx, vy, vz), (ax, ay, az), quat.yaw_of(state.q_ned_frd_wxyz))
+        return Felt(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
