@@ -42,8 +42,8 @@ class VehicleConfig(_Strict):
 
     start_position_ned_m: Triple = Field((0.0, 0.0, 0.0), description="World NED, m.")
     start_yaw_rad: float = Field(0.0, ge=-3.2, le=3.2, description="Heading at boot, 0 is north.")
-    attitude_delay_s: float = Field(0.038, ge=0.0, le=0.5, description="Setpoint frame to attitude loop.")
-    thrust_delay_s: float = Field(0.006, ge=0.0, le=0.5, description="Setpoint frame to motors.")
+    attitude_delay_s: float = Field(0.014, ge=0.0, le=0.5, description="Setpoint frame to attitude loop.")
+    thrust_delay_s: float = Field(0.004, ge=0.0, le=0.5, description="Setpoint frame to motors.")
 
 
 class LinkConfig(_Strict):

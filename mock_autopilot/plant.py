@@ -30,10 +30,12 @@ class PlantParams:
     """Share of the signal that acts quadratically: thrust = c s^2 + (1 - c) s."""
     thrust_lag_s: float = 0.05
     """First-order lag of the rotors (SIH_T_TAU)."""
-    attitude_bandwidth_radps: tuple[float, float, float] = (6.3, 6.3, 3.6)
+    attitude_bandwidth_radps: tuple[float, float, float] = (7.1, 7.3, 2.7)
     """Natural frequency of the closed attitude loop about body x, y, z."""
-    attitude_damping: tuple[float, float, float] = (0.8, 0.8, 0.4)
+    attitude_damping: tuple[float, float, float] = (0.92, 0.92, 0.54)
     """Damping ratio of the same."""
+    torque_lag_s: tuple[float, float, float] = (0.05, 0.05, 0.13)
+    """First-order lag of the torques: the rotors', and for yaw PX4's filter (MC_YAW_TQ_CUTOFF, 2 Hz) on top."""
     viscous_npm: tuple[float, float, float] = (0.6, 0.6, 0.9)
     """Friction proportional to velocity, N per m/s, world axes."""
     quadratic_npm2: tuple[float, float, float] = (0.3, 0.3, 0.4)
@@ -57,6 +59,8 @@ class PlantState:
     thrust_n: Array
     acceleration_ned_mps2: Array
     on_ground: NDArray[np.bool_]
+    turn_frd_radps2: Array
+    """Angular acceleration that the lagging rotors produce."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,8 @@ def at_rest(position_ned_m: Array, yaw_rad: float = 0.0) -> PlantState:
     lead = position.shape[:-1]
     zero = np.zeros_like(position)
     q = np.broadcast_to(quat.from_euler(0.0, 0.0, yaw_rad), (*lead, 4)).copy()
-    return PlantState(position, zero, q, zero.copy(), np.zeros(lead), zero.copy(), np.ones(lead, dtype=bool))
+    standing = np.ones(lead, dtype=bool)
+    return PlantState(position, zero, q, zero.copy(), np.zeros(lead), zero.copy(), standing, zero.copy())
 
 
 def no_wrench(shape: tuple[int, ...] = (3,)) -> Wrench:
@@ -94,7 +99,8 @@ def no_wrench(shape: tuple[int, ...] = (3,)) -> Wrench:
 
 def thrust_of_signal(signal: Array, params: PlantParams) -> Array:
     """Steady thrust (N) of a motor signal 0..1, clipped to it; NaN gives none, as on the recorded PX4."""
-    s = np.clip(np.nan_to_num(np.asarray(signal, dtype=float), nan=0.0), 0.0, 1.0)
+    s = np.fmax(np.fmin(np.asarray(signal, dtype=float), 1.0), 0.0)
+    s = np.where(np.isnan(signal), 0.0, s)
     c = params.motor_curve
     return np.asarray(params.max_thrust_n * (c * s * s + (1.0 - c) * s))
 
@@ -110,12 +116,13 @@ def friction_ned_n(velocity_ned_mps: Array, params: PlantParams) -> Array:
 def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantParams, dt_s: float) -> PlantState:
     """Advance the truth by `dt_s` (semi-implicit Euler; meant for 500 Hz or more)."""
     thrust = _thrust_step(state, actuation, params, dt_s)
-    q, rate = _attitude_step(state, actuation, wrench, params, dt_s)
+    q, rate, turn = _attitude_step(state, actuation, wrench, params, dt_s)
     push = wrench.force_ned_n + friction_ned_n(state.velocity_ned_mps, params) - thrust[..., None] * quat.down_axis(q)
     acceleration = push / params.mass_kg + np.array([0.0, 0.0, GRAVITY_MPS2])
     velocity = state.velocity_ned_mps + acceleration * dt_s
     position = state.position_ned_m + velocity * dt_s
-    moved = PlantState(position, velocity, q, rate, thrust, acceleration, np.zeros_like(state.on_ground))
+    airborne = np.zeros_like(state.on_ground)
+    moved = PlantState(position, velocity, q, rate, thrust, acceleration, airborne, turn)
     return _rest_on_ground(moved, state, params)
 
 
@@ -126,21 +133,29 @@ def _thrust_step(state: PlantState, actuation: Actuation, params: PlantParams, d
 
 def _attitude_step(
     state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantParams, dt_s: float
-) -> tuple[Array, Array]:
-    """Second-order response of the attitude about each body axis; without motors nothing turns it."""
-    wn = np.asarray(params.attitude_bandwidth_radps)
-    damping = 2.0 * np.asarray(params.attitude_damping) * wn
+) -> tuple[Array, Array, Array]:
+    """Second-order response of the attitude about each body axis, through the lag of the torques."""
+    rate = state.rate_frd_radps
+    lag_s = np.asarray(params.torque_lag_s)
+    turn = state.turn_frd_radps2 + (_wanted_turn(state, actuation, params) - state.turn_frd_radps2) * (
+        1.0 - np.exp(-dt_s / lag_s)
+    )
+    rate = rate + (turn + wrench.angular_frd_radps2) * dt_s
+    q = quat.normalise(quat.multiply(state.q_ned_frd_wxyz, quat.from_rotation_vector(rate * dt_s)))
+    return q, rate, turn
+
+
+def _wanted_turn(state: PlantState, actuation: Actuation, params: PlantParams) -> Array:
+    """Angular acceleration the loops ask for; without motors nothing turns the vehicle."""
     rate = state.rate_frd_radps
     if not actuation.motors_on:
-        turn = wrench.angular_frd_radps2
-    elif actuation.rate_sp_frd_radps is not None:
-        turn = damping * (actuation.rate_sp_frd_radps - rate) + wrench.angular_frd_radps2
-    else:
-        error = quat.to_rotation_vector(quat.multiply(quat.conjugate(state.q_ned_frd_wxyz), actuation.q_sp_wxyz))
-        turn = wn * wn * error - damping * rate + wrench.angular_frd_radps2
-    rate = rate + turn * dt_s
-    q = quat.normalise(quat.multiply(state.q_ned_frd_wxyz, quat.from_rotation_vector(rate * dt_s)))
-    return q, rate
+        return np.zeros_like(rate)
+    wn = np.asarray(params.attitude_bandwidth_radps)
+    damping = 2.0 * np.asarray(params.attitude_damping) * wn
+    if actuation.rate_sp_frd_radps is not None:
+        return np.asarray(damping * (actuation.rate_sp_frd_radps - rate))
+    error = quat.to_rotation_vector(quat.multiply(quat.conjugate(state.q_ned_frd_wxyz), actuation.q_sp_wxyz))
+    return np.asarray(wn * wn * error - damping * rate)
 
 
 def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams) -> PlantState:
@@ -160,6 +175,7 @@ def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams) 
         acceleration_ned_mps2=np.where(where, zero, moved.acceleration_ned_mps2),
         q_ned_frd_wxyz=np.where(where, _level(moved.q_ned_frd_wxyz), moved.q_ned_frd_wxyz),
         rate_frd_radps=np.where(where, zero, moved.rate_frd_radps),
+        turn_frd_radps2=np.where(where, zero, moved.turn_frd_radps2),
         on_ground=touching,
     )
 

@@ -18,7 +18,7 @@ from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
 from mock_autopilot.px4 import LandedState, Mode, Position, Result, Severity, SystemStatus, Text
 from mock_autopilot.quaternion import Array
-from mock_autopilot.setpoint import AttitudeTarget, Followed, follow
+from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow
 from mock_autopilot.vision import VisionSample
 
 COMMANDER_PERIOD_S = 0.02
@@ -67,6 +67,8 @@ class Vehicle:
         self._pilot_due_s = 0.0
         self._piloted: tuple[Mode, bool] | None = None
         self._floor_z_m = 0.0
+        self._asked: tuple[object, ...] = ()
+        self._answer = Demand(self.felt.q_ned_frd_wxyz, None, 0.0, motors_on=False)
 
     # -- what comes in ---------------------------------------------------------------------------
 
@@ -252,9 +254,19 @@ class Vehicle:
     def _demand(self) -> Demand:
         offboard = self.mode is Mode.OFFBOARD
         rates = self.followed.rate_frd_radps if offboard else None
-        q_estimated = np.array(self.followed.q_wxyz if offboard else self.pilot.q_wxyz)
-        q_true = quat.multiply(_about_z(-self.estimator.yaw_error_rad), q_estimated)
-        return Demand(q_true, None if rates is None else np.array(rates), self.signal, self.armed)
+        q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
+        return self._demand_of(q_estimated, rates, self.estimator.yaw_error_rad, self.signal, self.armed)
+
+    def _demand_of(
+        self, q_estimated: Quad, rates: Triple | None, yaw_error_rad: float, signal: float, armed: bool
+    ) -> Demand:
+        """Setpoints count from the heading the autopilot believes; between two of them nothing is computed anew."""
+        asked = (q_estimated, rates, yaw_error_rad, signal, armed)
+        if self._asked != asked:
+            self._asked = asked
+            q_true = quat.multiply(_about_z(-yaw_error_rad), np.array(q_estimated))
+            self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
+        return self._answer
 
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
