@@ -2,6 +2,7 @@
 
 import asyncio
 from dataclasses import dataclass, field
+from typing import cast
 
 from mock_autopilot import qtm_packets as qtm
 from mock_autopilot.qtm_camera import Camera
@@ -110,8 +111,7 @@ class _Client(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
+        self._transport = cast(asyncio.Transport, transport)  # uvloop's is one without inheriting from it
         self._server._clients.add(self)
         self.send(qtm.text_packet(qtm.PacketType.COMMAND, "QTM RT Interface connected"))
 

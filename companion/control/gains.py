@@ -78,7 +78,6 @@ class EtnnGains(Gains):
     )
     switching: float = Field(1.0, ge=0.0, le=1.0, description="departure: share of the switching term; 1 = as printed")
     every_cycle: bool = Field(False, description="departure: send every cycle, trigger off; false = as printed")
-    allow_unstable: bool = Field(False, description="load although the filter and compensation loop is unstable")
 
     @model_validator(mode="after")
     def _shapes_and_signs(self) -> Self:
@@ -86,17 +85,6 @@ class EtnnGains(Gains):
             _require_diagonal(name, getattr(self, name), 3)
         _require_diagonal("gamma_v0", self.gamma_v0, self.inputs + 1, zero_ok=True)
         _require_diagonal("gamma_v1", self.gamma_v1, self.hidden + 1, zero_ok=True)
-        return self
-
-    @model_validator(mode="after")
-    def _filter_loop_is_stable(self) -> Self:
-        damping, needed = self.filter_loop()
-        if damping <= needed and not self.allow_unstable:
-            raise ValueError(
-                f"the loop of command filter and compensation is unstable: rho/filter_eps = {damping:.3g} must exceed "
-                f"k + s = {needed:.3g} (s: steepest slope of k_1 Theta); make filter_eps smaller or rho larger, "
-                "or say allow_unstable = true"
-            )
         return self
 
     def filter_loop(self) -> tuple[float, float]:

@@ -30,10 +30,14 @@ def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkStat
 
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
     """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
-    ones = np.ones((*velocity_ref.shape[:-1], 1))
-    x_d = np.concatenate((velocity_ref, ones), axis=-1)
+    x_d = _with_one(velocity_ref)
     sigmoid = 1.0 / (1.0 + np.exp(-np.matmul(x_d[..., None, :], state.v0)[..., 0, :]))
-    return x_d, np.concatenate((sigmoid, ones), axis=-1)
+    return x_d, _with_one(sigmoid)
+
+
+def _with_one(vector: Array) -> Array:
+    """Append the constant 1 that carries the bias."""
+    return np.concatenate((vector, np.ones((*vector.shape[:-1], 1))), axis=-1)
 
 
 def output(state: NetworkState, phi: Array) -> Array:

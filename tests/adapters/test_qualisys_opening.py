@@ -67,7 +67,7 @@ async def test_a_server_that_answers_the_version_only() -> None:
 
 async def test_a_server_that_hangs_up() -> None:
     async with scripted({}) as port:
-        assert "connection closed" in await refusal(port)
+        assert (await refusal(port)).endswith("closed the connection")
 
 
 async def test_an_old_qtm_that_refuses_the_version() -> None:
@@ -179,7 +179,8 @@ async def test_what_qtm_says_of_its_capture_is_logged(caplog: pytest.LogCaptureF
 async def test_a_server_of_another_kind_is_recognised(garbage: bytes) -> None:
     async with scripted(GOOD, welcome=garbage) as port:
         text = await refusal(port, connect_timeout_s=1.0)
-    assert text.startswith(f"QTM at 127.0.0.1:{port}")
+    assert text.startswith(f"QTM at 127.0.0.1:{port} sent ")
+    assert text.endswith("is it really QTM's little-endian port?")
 
 
 async def test_garbage_in_the_middle_of_the_stream_is_told_to_the_waiting() -> None:

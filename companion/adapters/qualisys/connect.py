@@ -1,6 +1,7 @@
 """From an address to a running stream, with a sentence for everything that can be wrong on the way."""
 
 import asyncio
+import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
@@ -72,7 +73,11 @@ async def _body_index(link: Link, config: MocapConfig) -> int:
         raise MocapError(
             f"QTM at {_where(config)} accepts connections but does not answer: is it QTM's little-endian port (22223)?"
         ) from error
+    except ConnectionError as error:
+        raise MocapError(f"QTM at {_where(config)} {error}") from error
     except QRTCommandException as error:
+        if link.transport is None:
+            raise MocapError(f"QTM at {_where(config)} {link.failure}") from error
         raise MocapError(
             f"QTM at {_where(config)} refuses protocol version {PROTOCOL_VERSION} or its settings ({_text(error)})"
         ) from error
@@ -90,17 +95,25 @@ async def _open_datagrams(link: Link, source: QualisysSource, config: MocapConfi
     if link.transport is None:
         raise MocapError(f"QTM at {_where(config)} closed the connection")
     here, there = link.transport.get_extra_info("sockname")[0], link.transport.get_extra_info("peername")[0]
+    receiver = _bound_socket(here, config.udp_port)
     loop = asyncio.get_running_loop()
+    transport, _ = await loop.create_datagram_endpoint(lambda: Datagrams(source, there), sock=receiver)
+    return transport
+
+
+def _bound_socket(host: str, port: int) -> socket.socket:
+    """A UDP socket, bound here and not by the event loop: uvloop leaks one whose port is taken."""
+    receiver = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+    receiver.setblocking(False)
     try:
-        transport, _ = await loop.create_datagram_endpoint(
-            lambda: Datagrams(source, there), local_addr=(here, config.udp_port)
-        )
+        receiver.bind((host, port))
     except OSError as error:
+        receiver.close()
         raise MocapError(
-            f"cannot receive frames on UDP {here}:{config.udp_port} ({error.strerror or error}): choose another "
+            f"cannot receive frames on UDP {host}:{port} ({error.strerror or error}): choose another "
             "mocap.udp_port, or 0 for any"
         ) from error
-    return transport
+    return receiver
 
 
 def _start_stream(link: Link, source: QualisysSource, datagrams: asyncio.DatagramTransport | None) -> None:
@@ -113,13 +126,13 @@ def _start_stream(link: Link, source: QualisysSource, datagrams: asyncio.Datagra
 
     def on_answer(answer: asyncio.Future[object]) -> None:
         error = None if answer.cancelled() else answer.exception()
-        if error is not None:
+        if isinstance(error, QRTCommandException):
             source.fail(f"refuses to stream ({_text(error)})")
 
     try:
         link.send_command(f"streamframes allframes{udp} 6dres").add_done_callback(on_answer)
     except QRTCommandException:
-        source.fail("closed the connection")
+        source.fail(link.failure or "closed the connection")
 
 
 def _no_frames(config: MocapConfig) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from qtm_rt.packet import QRTEvent, QRTPacket
-from qtm_rt.protocol import QRTCommandException, QTMProtocol
+from qtm_rt.protocol import QTMProtocol
 
 from companion.adapters.qualisys.packets import DATA, HEADER, MalformedError, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
@@ -26,6 +26,7 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
     def __init__(self) -> None:
         loop = asyncio.get_running_loop()
         super().__init__(loop=loop, on_event=_log_event)
+        self.failure: str | None = None
         self.on_failure: Callable[[str], None] = LOG.debug
         self.closed = loop.create_future()
         self._unparsed = bytearray()
@@ -42,10 +43,10 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
     def connection_lost(self, exc: Exception | None) -> None:
         """Fail the questions that are still open: the SDK would leave them waiting."""
         super().connection_lost(exc)
-        self.on_failure("closed the connection" + (f" ({exc})" if exc else ""))
+        self._end("closed the connection" + (f" ({exc})" if exc else ""))
         for question in self.request_queue:
             if not question.done():
-                question.set_exception(QRTCommandException(b"connection closed"))
+                question.set_exception(ConnectionError(self.failure))
         if not self.closed.done():
             self.closed.set_result(None)
 
@@ -63,9 +64,15 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
 
     def _break_off(self, what: str) -> None:
         self._unparsed.clear()
-        self.on_failure(f"sent {what}: is it really QTM's little-endian port?")
+        self._end(f"sent {what}: is it really QTM's little-endian port?")
         if self.transport is not None:
             self.transport.abort()
+
+    def _end(self, reason: str) -> None:
+        """Keep and tell the first reason only."""
+        if self.failure is None:
+            self.failure = reason
+            self.on_failure(reason)
 
 
 class Datagrams(asyncio.DatagramProtocol):

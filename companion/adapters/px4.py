@@ -1,0 +1,207 @@
+"""PX4 through MAVSDK's native 4.x API: setpoints on the calling thread, commands on a thread of their own.
+
+NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
+- A mode command gets two COMMAND_ACKs and MAVSDK believes the first, which only means "well-formed". So a mode, and the
+  armed state, count as reached only when the HEARTBEAT shows them, up to a second later.
+- MAVSDK re-sends the last setpoint at 20 Hz by itself, and stops when HEARTBEATs show another mode for 3 s.
+- `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
+  seconds. The synchronous call takes 0.1 ms.
+"""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from mavsdk.component_type import ComponentType
+from mavsdk.connection_result import ConnectionResult
+from mavsdk.exceptions import MavsdkError
+from mavsdk.mavsdk import Configuration, Mavsdk
+from mavsdk.plugins.action import Action
+from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, VisionPositionEstimate
+from mavsdk.plugins.offboard import Attitude, Offboard
+from mavsdk.plugins.telemetry import FlightMode as Px4Mode
+from mavsdk.plugins.telemetry import LandedState, Telemetry
+
+from companion.config import Px4Config
+from companion.control.frames import euler_ned_frd_deg, flip_quat, flip_yz
+from companion.ports import AutopilotError, Clock
+from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+
+_MODES = {
+    Px4Mode.OFFBOARD: FlightMode.OFFBOARD,
+    Px4Mode.HOLD: FlightMode.HOLD,
+    Px4Mode.TAKEOFF: FlightMode.TAKEOFF,
+    Px4Mode.LAND: FlightMode.LAND,
+    Px4Mode.RETURN_TO_LAUNCH: FlightMode.RETURN,
+    Px4Mode.MISSION: FlightMode.MISSION,
+    Px4Mode.POSCTL: FlightMode.POSITION,
+    Px4Mode.ALTCTL: FlightMode.ALTITUDE,
+    Px4Mode.MANUAL: FlightMode.MANUAL,
+    Px4Mode.STABILIZED: FlightMode.MANUAL,
+}
+
+_POLL_S = 0.02
+_RETRY_S = 0.5
+
+
+@asynccontextmanager
+async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
+    """Connect and yield the autopilot; AutopilotError when the port is taken or no PX4 is heard in time."""
+    worker = ThreadPoolExecutor(max_workers=2, thread_name_prefix="px4-commands")
+    # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
+    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    mavsdk = Mavsdk(configuration)
+    loop = asyncio.get_running_loop()
+    try:
+        result = await loop.run_in_executor(worker, mavsdk.add_any_connection, config.url)
+        if result != ConnectionResult.SUCCESS:
+            raise AutopilotError(
+                f"cannot open {config.url} ({result.name.lower()}): is another program listening there?"
+            )
+        system = await loop.run_in_executor(worker, mavsdk.first_autopilot, config.connect_timeout_s)
+        if system is None:
+            raise AutopilotError(
+                f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
+                "running and sending MAVLink to this address?"
+            )
+        yield Px4(system, config, clock, worker)
+    finally:
+        await loop.run_in_executor(None, mavsdk.destroy)
+        configuration.destroy()
+        worker.shutdown(wait=False, cancel_futures=True)
+
+
+class Px4:
+    """ports.Autopilot over MAVSDK. Telemetry arrives on MAVSDK's thread and replaces one frozen status."""
+
+    def __init__(self, system: Any, config: Px4Config, clock: Clock, worker: ThreadPoolExecutor) -> None:
+        self._system, self._config, self._clock, self._worker = system, config, clock, worker
+        self._offboard, self._action = Offboard(system), Action(system)
+        self._telemetry, self._mocap = Telemetry(system), Mocap(system)
+        level = np.array([1.0, 0.0, 0.0, 0.0])
+        self._status = AutopilotStatus(
+            True, clock.now_s(), False, FlightMode.OTHER, False, math.nan, math.nan, level, ""
+        )
+        self._texts: list[tuple[float, str]] = []
+        self._subscribe()
+
+    def status(self) -> AutopilotStatus:
+        """The last known state; never waits."""
+        return self._status
+
+    def texts_since(self, time_s: float) -> list[str]:
+        """STATUSTEXTs since `time_s` on our clock, oldest first."""
+        return [text for at_s, text in self._texts if at_s >= time_s]
+
+    def send_setpoint(self, setpoint: AttitudeThrust) -> None:
+        """Send one attitude setpoint on the calling thread (0.1 ms)."""
+        roll, pitch, yaw = euler_ned_frd_deg(setpoint.q_w_flu_wxyz)
+        try:
+            self._offboard.set_attitude(Attitude(roll, pitch, yaw, float(setpoint.thrust)))
+        except MavsdkError as error:
+            raise AutopilotError(f"setpoint not sent: {error}") from error
+
+    def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
+        """Forward one pose as VISION_POSITION_ESTIMATE, stamped by MAVSDK; its covariance is PX4's parameter."""
+        x, y, z = (float(v) for v in flip_yz(position_w_m))
+        angles = AngleBody(*(math.radians(angle) for angle in euler_ned_frd_deg(q_w_flu_wxyz)))
+        estimate = VisionPositionEstimate(0, PositionBody(x, y, z), angles, Covariance([math.nan]), 0)
+        try:
+            self._mocap.set_vision_position_estimate(estimate)
+        except MavsdkError as error:
+            raise AutopilotError(f"vision pose not sent: {error}") from error
+
+    async def start_offboard(self) -> None:
+        """Ask for OFFBOARD and wait until the HEARTBEAT shows it; a setpoint must have been sent before."""
+        since_s = self._clock.now_s()
+        await self._call("start offboard mode", self._offboard.start, since_s)
+        await self._shown("OFFBOARD mode", since_s, lambda status: status.mode is FlightMode.OFFBOARD)
+
+    async def arm(self) -> None:
+        """Arm and wait until the HEARTBEAT shows it; asks again while PX4 says no, as it does while it warms up."""
+        since_s = self._clock.now_s()
+        await self._insist("arm", self._action.arm, since_s, self._config.arm_timeout_s)
+        await self._shown("armed", since_s, lambda status: status.armed)
+
+    async def disarm(self) -> None:
+        """Disarm and wait until shown; PX4 refuses in the air and for about a second after touchdown."""
+        since_s = self._clock.now_s()
+        await self._insist("disarm", self._action.disarm, since_s, self._config.answer_timeout_s)
+        await self._shown("disarmed", since_s, lambda status: not status.armed)
+
+    async def land(self) -> None:
+        """Hand over to PX4's own landing and wait until OFFBOARD is left."""
+        since_s = self._clock.now_s()
+        await self._call("land", self._action.land, since_s)
+        await self._shown("leaving OFFBOARD", since_s, lambda status: status.mode is not FlightMode.OFFBOARD)
+
+    async def kill(self) -> None:
+        """Stop the motors at once, also in the air."""
+        since_s = self._clock.now_s()
+        await self._call("kill", self._action.kill, since_s)
+        await self._shown("disarmed", since_s, lambda status: not status.armed)
+
+    async def _call(self, what: str, command: Callable[[], Any], since_s: float) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            await asyncio.wait_for(loop.run_in_executor(self._worker, command), self._config.answer_timeout_s)
+        except MavsdkError as error:
+            raise AutopilotError(f"the autopilot refused to {what}: {self._reason(error, since_s)}") from error
+        except TimeoutError as error:
+            raise AutopilotError(f"the autopilot did not answer the command to {what}") from error
+
+    async def _insist(self, what: str, command: Callable[[], Any], since_s: float, timeout_s: float) -> None:
+        while True:
+            try:
+                await self._call(what, command, since_s)
+            except AutopilotError:
+                if self._clock.now_s() - since_s + _RETRY_S > timeout_s:
+                    raise
+                await asyncio.sleep(_RETRY_S)
+            else:
+                return
+
+    async def _shown(self, what: str, since_s: float, reached: Callable[[AutopilotStatus], bool]) -> None:
+        while not (reached(self._status) and self._status.heartbeat_s > since_s):
+            if self._clock.now_s() - since_s > self._config.answer_timeout_s + self._config.arm_timeout_s:
+                said = self._reason(None, since_s)
+                raise AutopilotError(f"the autopilot accepted the command but does not show {what}: {said}")
+            await asyncio.sleep(_POLL_S)
+
+    def _reason(self, error: MavsdkError | None, since_s: float) -> str:
+        """The autopilot's own words when it gave some."""
+        words = list(dict.fromkeys(self.texts_since(since_s)))
+        if words:
+            return "; ".join(words)
+        return f"{getattr(getattr(error, 'result', None), 'name', 'no reason given').lower().replace('_', ' ')}"
+
+    def _subscribe(self) -> None:
+        t = self._telemetry
+        self._system.subscribe_is_connected(lambda up, _: self._update(connected=up))
+        t.subscribe_flight_mode(
+            lambda mode, _: self._update(mode=_MODES.get(mode, FlightMode.OTHER), heartbeat_s=self._clock.now_s())
+        )
+        t.subscribe_armed(lambda armed, _: self._update(armed=armed))
+        t.subscribe_landed_state(lambda state, _: self._update(in_air=state is not LandedState.ON_GROUND))
+        t.subscribe_attitude_quaternion(lambda q, _: self._update(q_w_flu_wxyz=_from_px4(q)))
+        t.subscribe_battery(
+            lambda b, _: self._update(battery_fraction=b.remaining_percent / 100.0, battery_v=b.voltage_v)
+        )
+        t.subscribe_status_text(lambda text, _: self._on_text(text.text))
+
+    def _update(self, **changes: Any) -> None:
+        self._status = replace(self._status, **changes)
+
+    def _on_text(self, text: str) -> None:
+        text = text.strip()
+        self._texts = [*self._texts[-49:], (self._clock.now_s(), text)]
+        self._update(last_text=text)
+
+
+def _from_px4(q: Any) -> Array:
+    return flip_quat(np.array([q.w, q.x, q.y, q.z]))

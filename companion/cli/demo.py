@@ -1,0 +1,200 @@
+"""`companion demo`: a whole flight against the mocks, over the real protocols, in real time."""
+
+import asyncio
+import json
+import logging
+import signal
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import uvloop
+from rich.console import Console
+
+from companion.adapters.recorder import Recorder
+from companion.cli.flight_report import print_report, summary_dict, within_limits
+from companion.cli.mock_process import MockPorts, free_ports, mock_process
+from companion.cli.progress import FlightDisplay
+from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config_controller import LoadedController, load_controller
+from companion.control.reference import Trajectory
+from companion.experiments.plots import plot_flight
+from companion.experiments.summary import Summary, summarise
+from companion.ports import CompanionError, ConfigError
+from companion.service import Service, open_service
+from companion.trajectory_files import Curve, trajectory_named
+
+FAILED = 1
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class DemoFlight:
+    """One flight to be flown."""
+
+    config: CompanionConfig
+    controller: LoadedController
+    trajectory_name: str
+    trajectory: Trajectory
+    mock_config: Path
+    ports: MockPorts
+    seed: int
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of it."""
+
+    recorder: Recorder
+    summary: Summary | None
+    interrupted: bool
+    failure: str
+
+
+def demo(
+    trajectory: Annotated[str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.")] = "ellipse",
+    controller: Annotated[
+        str, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
+    ] = "etnn",
+    laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of the curve.")] = 2,
+    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap.")] = 15.0,
+    size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of the mocks' noise and disturbances.")] = 1,
+    config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
+    mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
+    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the plot and the record.")] = Path("flights"),
+    free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
+) -> None:
+    """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and say how good it was.
+
+    Exit code 0 only if it landed, disarmed and stayed inside the controller's error limits; 1 if not, 2 for what could
+    not be started, 130 after Ctrl-C, which lands.
+    """
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    console = Console()
+    settings = load_config(config or default_config_path("demo.toml"))
+    law = load_controller(controller, settings.vehicle_model(), 1.0 / settings.control.rate_hz)
+    curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
+    ports = free_ports() if free else MockPorts()
+    flight = DemoFlight(
+        _on_ports(settings, ports),
+        law,
+        trajectory,
+        trajectory_named(trajectory, curve),
+        mock_config or default_config_path("mock.toml"),
+        ports,
+        seed,
+    )
+    _check_folder(out, summary)
+    flown = uvloop.run(fly_demo(flight, console))
+    raise typer.Exit(_conclude(flight, flown, console, out, summary))
+
+
+def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
+    """The configuration, with the ports that were chosen for it."""
+    if ports.client is None or ports.qualisys is None:
+        return config
+    px4 = config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"})
+    mocap = config.mocap.model_copy(update={"port": ports.qualisys})
+    return config.model_copy(update={"px4": px4, "mocap": mocap})
+
+
+def _check_folder(out: Path, summary: Path | None) -> None:
+    """Before a minute of flight, not after it."""
+    for folder in (out, *([summary.parent] if summary else [])):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"cannot write to {folder}: {error.strerror}") from error
+
+
+async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
+    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
+    recorder = Recorder()
+    display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
+    failure, interrupted = "", False
+    async with mock_process(flight.mock_config, flight.seed, flight.ports):
+        with display:
+            try:
+                async with _service(flight, recorder, display) as service:
+                    interrupted, failure = await _mission(flight, service, display)
+            except CompanionError as error:
+                if not recorder.flew:
+                    raise
+                failure = failure or str(error)
+    return Flown(recorder, summarise(recorder.arrays()) if recorder.flew else None, interrupted, failure)
+
+
+@asynccontextmanager
+async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDisplay) -> AsyncIterator[Service]:
+    def sink(tick: Any) -> None:
+        recorder(tick)
+        display.take(tick)
+
+    display.say("connecting to motion capture and autopilot")
+    async with open_service(flight.config, flight.controller.law, sink) as service:
+        yield service
+
+
+async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay) -> tuple[bool, str]:
+    """The flight itself; whatever goes wrong or is interrupted, it lands. Returns interrupted, failure."""
+    work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
+    interrupted = False
+
+    def on_interrupt() -> None:
+        nonlocal interrupted
+        display.say("Ctrl-C: landing" if not interrupted else "Ctrl-C: already landing")
+        interrupted = True
+        work.cancel()
+
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, on_interrupt)
+    failure = ""
+    try:
+        await work
+    except asyncio.CancelledError:
+        if not interrupted:
+            raise
+    except CompanionError as error:
+        failure = str(error)
+    return interrupted, await _land_anyway(service, failure)
+
+
+async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
+    await service.ready()
+    display.say("offboard mode, then arming")
+    await service.arm()
+    await service.take_off(flight.config.flight.takeoff_height_m)
+    await service.fly(flight.trajectory)
+
+
+async def _land_anyway(service: Service, failure: str) -> str:
+    landing = asyncio.create_task(service.land(), name="companion.demo_landing")
+    try:
+        await asyncio.shield(landing)
+    except CompanionError as error:
+        return failure or str(error)
+    return failure
+
+
+def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path, summary_path: Path | None) -> int:
+    """Report, picture, record, JSON; the exit code."""
+    name = f"{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
+    good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
+    print_report(console, flight.controller, flown.summary, flown.failure)
+    if flown.recorder.flew:
+        title = f"{flight.trajectory_name}, controller {flight.controller.name}, seed {flight.seed}"
+        plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
+        flown.recorder.write(out / f"{name}.npz")
+        console.print(f"plot [bold]{out / name}.png[/], record {out / name}.npz")
+    if summary_path is not None:
+        data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary)
+        summary_path.write_text(json.dumps(data | {"failure": flown.failure}, indent=2) + "\n", encoding="utf-8")
+    if flown.interrupted:
+        return INTERRUPTED
+    return 0 if good else FAILED

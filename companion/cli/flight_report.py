@@ -1,0 +1,86 @@
+"""The end of a flight in numbers: a table for people, JSON for programs."""
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from companion.config_controller import ErrorLimits, LoadedController
+from companion.experiments.summary import Summary
+
+
+def within_limits(summary: Summary | None, limits: ErrorLimits) -> bool:
+    """Landed, disarmed, and every axis inside the error limits."""
+    if summary is None or not (summary.landed and summary.disarmed):
+        return False
+    return max(summary.mean_error_m) <= limits.mean_m and max(summary.max_error_m) <= limits.max_m
+
+
+def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> dict[str, Any]:
+    """For --summary: always the names, the numbers when there are any."""
+    names: dict[str, Any] = {"trajectory": trajectory, "controller": controller}
+    if summary is None:
+        return names | {"landed": False, "disarmed": False}
+    return names | {
+        "mean_error_m": list(summary.mean_error_m),
+        "max_error_m": list(summary.max_error_m),
+        "rms_error_m": list(summary.rms_error_m),
+        "update_share": summary.update_share,
+        "control_cycles": summary.control_cycles,
+        "cycles_without_frame": summary.cycles_without_frame,
+        "tick_late_ms": summary.tick_late_ms.as_dict(),
+        "frame_to_setpoint_ms": summary.frame_to_setpoint_ms.as_dict(),
+        "capture_to_setpoint_ms": summary.capture_to_setpoint_ms.as_dict(),
+        "landed": summary.landed,
+        "disarmed": summary.disarmed,
+    }
+
+
+def print_report(console: Console, controller: LoadedController, summary: Summary | None, failure: str) -> None:
+    """Table of errors and timing, and the verdict in a sentence."""
+    if summary is not None:
+        console.print(_error_table(controller, summary))
+        console.print(_timing_table(summary))
+    console.print(_verdict(controller, summary, failure), highlight=False)
+
+
+def _error_table(controller: LoadedController, summary: Summary) -> Table:
+    limits = controller.error_limits
+    table = Table(title=f"tracking error, {controller.name} (m)", title_justify="left")
+    for name in ("", "x", "y", "z", "limit"):
+        table.add_column(name, justify="right" if name else "left")
+    for name, values, limit in (
+        ("mean", summary.mean_error_m, limits.mean_m),
+        ("RMS", summary.rms_error_m, None),
+        ("max", summary.max_error_m, limits.max_m),
+    ):
+        cells = [f"{value:.4f}" if limit is None or value <= limit else f"[red]{value:.4f}[/]" for value in values]
+        table.add_row(name, *cells, "" if limit is None else f"{limit:.2f}")
+    return table
+
+
+def _timing_table(summary: Summary) -> Table:
+    table = Table(
+        title=f"updates sent in {summary.update_share:.1%} of {summary.control_cycles} cycles", title_justify="left"
+    )
+    for name in ("timing (ms)", "median", "p99"):
+        table.add_column(name, justify="left" if "(" in name else "right")
+    for name, spread in (
+        ("tick late", summary.tick_late_ms),
+        ("frame arrival to setpoint", summary.frame_to_setpoint_ms),
+        ("frame capture to setpoint", summary.capture_to_setpoint_ms),
+    ):
+        table.add_row(name, f"{spread.median:.2f}", f"{spread.p99:.2f}")
+    return table
+
+
+def _verdict(controller: LoadedController, summary: Summary | None, failure: str) -> str:
+    if failure:
+        return f"[red]failed:[/] {failure}"
+    if summary is None:
+        return "[red]no trajectory was tracked[/]"
+    if not (summary.landed and summary.disarmed):
+        return "[red]the vehicle did not land and disarm[/]"
+    if not within_limits(summary, controller.error_limits):
+        return "[red]landed and disarmed, but outside the error limits[/]"
+    return "[green]landed, disarmed, inside the error limits[/]"

@@ -1,0 +1,89 @@
+"""The mocks as a process of their own, for as long as a demo needs them."""
+
+import asyncio
+import socket
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from companion.ports import CompanionError
+
+_START_S = 20.0
+_STOP_S = 5.0
+
+
+class MockError(CompanionError):
+    """The mocks did not start; says why in their own words."""
+
+
+@dataclass(frozen=True)
+class MockPorts:
+    """Where the mocks speak; None leaves it to their configuration."""
+
+    client: int | None = None
+    autopilot: int | None = None
+    qualisys: int | None = None
+
+    def arguments(self) -> list[str]:
+        """For the mocks' command line."""
+        named = (("--port", self.client), ("--listen", self.autopilot), ("--qualisys-port", self.qualisys))
+        return [text for name, port in named if port is not None for text in (name, str(port))]
+
+
+def free_ports() -> MockPorts:
+    """Ports that nobody uses at this moment, so that several demos can fly beside each other."""
+    udp = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        for end in (*udp, tcp):
+            end.bind(("127.0.0.1", 0))
+        return MockPorts(udp[0].getsockname()[1], udp[1].getsockname()[1], tcp.getsockname()[1])
+    finally:
+        for end in (*udp, tcp):
+            end.close()
+
+
+@asynccontextmanager
+async def mock_process(config: Path, seed: int, ports: MockPorts) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said."""
+    command = [sys.executable, "-m", "mock_autopilot", "--config", str(config), "--seed", str(seed)]
+    process = await asyncio.create_subprocess_exec(
+        *command,
+        "--exit-with-stdin",
+        *ports.arguments(),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,  # Ctrl-C is for the companion, which still has to land
+    )
+    try:
+        await _ready(process)
+        yield process
+    finally:
+        await _stop(process)
+
+
+async def _ready(process: asyncio.subprocess.Process) -> None:
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        async with asyncio.timeout(_START_S):
+            line = await process.stdout.readline()
+    except TimeoutError as error:
+        raise MockError(f"the mocks were not ready within {_START_S:g} s") from error
+    if not line:
+        said = (await process.stderr.read()).decode(errors="replace").strip()
+        raise MockError(said.removeprefix("mock autopilot: ") or "the mocks ended without a word")
+
+
+async def _stop(process: asyncio.subprocess.Process) -> None:
+    assert process.stdin is not None
+    process.stdin.close()
+    try:
+        async with asyncio.timeout(_STOP_S):
+            await process.communicate()
+    except TimeoutError:
+        process.kill()
+        await process.communicate()

@@ -1,0 +1,73 @@
+"""What an operator sees while the vehicle flies."""
+
+import math
+from collections import deque
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from companion.flight_loop import Tick
+from companion.supervisor.phases import Phase
+from companion.types import Array
+
+_REFRESH_HZ = 4.0
+_WINDOW = 500
+
+
+class FlightDisplay:
+    """A live line (phase, time, error, update share) on a terminal; one line a phase where there is none."""
+
+    def __init__(self, console: Console, trajectory: str, controller: str) -> None:
+        self._console = console
+        self._title = f"{trajectory}, {controller}"
+        self._tick: Tick | None = None
+        self._phase: Phase | None = None
+        self._note = ""
+        self._started_s = math.nan
+        self._sent: deque[bool] = deque(maxlen=_WINDOW)
+        self._live = Live(console=console, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=self._line)
+
+    def __enter__(self) -> "FlightDisplay":
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def say(self, note: str) -> None:
+        """One line above the live one."""
+        self._note = note
+        self._console.print(f"  [dim]{note}[/]")
+
+    def take(self, tick: Tick) -> None:
+        """A TickSink: remembers, and announces a new phase."""
+        self._tick = tick
+        self._sent.append(math.isfinite(tick.sent_s))
+        if math.isnan(self._started_s) and tick.flight.phase is Phase.TAKEOFF:
+            self._started_s = tick.time_s
+        if tick.flight.phase is not self._phase:
+            self._phase = tick.flight.phase
+            why = f": {tick.flight.reason}" if tick.flight.reason else ""
+            self._console.print(f"{self._clock(tick):>8}  [bold]{self._phase}[/]{why}", highlight=False)
+
+    def _clock(self, tick: Tick) -> str:
+        return "" if math.isnan(self._started_s) else f"{tick.time_s - self._started_s:.1f} s"
+
+    def _line(self) -> Text:
+        tick = self._tick
+        if tick is None:
+            return Text(self._note)
+        parts = [f"{self._title}  {self._clock(tick):>8}  {tick.flight.phase:<9}"]
+        error = _error_w_m(tick)
+        if error is not None:
+            parts.append("error " + " ".join(f"{100.0 * value:+5.1f}" for value in error) + " cm")
+            parts.append(f"updates {sum(self._sent) / len(self._sent):4.0%}")
+        return Text("  ".join(parts), no_wrap=True)
+
+
+def _error_w_m(tick: Tick) -> Array | None:
+    if tick.reference is None or tick.vehicle is None:
+        return None
+    return tick.vehicle.position_w_m - tick.reference.position_w_m

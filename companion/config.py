@@ -1,0 +1,110 @@
+"""The service's configuration: strict models over TOML, every value with its unit, range and a sentence."""
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_mocap import MocapConfig
+from companion.control.attitude import ThrustModel
+from companion.control.controller import VehicleModel
+from companion.control.limits import Limits
+
+
+class VehicleConfig(Section):
+    """What the vehicle is; the defaults are the paper's and the recorded PX4's."""
+
+    mass_kg: float = Field(4.85, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
+    gravity_mps2: float = Field(9.8, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
+    hover_thrust: float = Field(0.5, gt=0.1, lt=0.9, description="normalised thrust that carries the weight")
+    thrust_curve: float = Field(0.0, ge=0.0, le=1.0, description="f in force = f t^2 + (1 - f) t; 0 if PX4 corrects it")
+    attitude_bandwidth_radps: float = Field(7.7, gt=1.0, le=40.0, description="attitude loop, natural frequency, rad/s")
+    attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="attitude loop, damping ratio")
+    thrust_lag_s: float = Field(0.05, gt=0.0, le=0.5, description="first-order lag of the rotors, s")
+    setpoint_delay_s: float = Field(0.04, ge=0.0, le=0.2, description="setpoint sent to first movement, s")
+
+    def thrust_model(self) -> ThrustModel:
+        """For the conversion of force to thrust."""
+        return ThrustModel(self.mass_kg, self.gravity_mps2, self.hover_thrust, self.thrust_curve)
+
+
+class LimitsConfig(Section):
+    """The last gate before the autopilot."""
+
+    max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="tilt cone, rad")
+    min_thrust: float = Field(0.08, ge=0.0, lt=0.5, description="least normalised thrust in flight")
+    max_thrust: float = Field(0.8, gt=0.2, le=1.0, description="largest normalised thrust")
+    max_turn_radps: float = Field(6.0, gt=0.1, le=50.0, description="rate of change of the attitude setpoint, rad/s")
+    max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="rate of change of the thrust, 1/s")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "LimitsConfig":
+        if self.min_thrust >= self.max_thrust:
+            raise ValueError(f"min_thrust = {self.min_thrust} must be below max_thrust = {self.max_thrust}")
+        return self
+
+    def limits(self) -> Limits:
+        """For the gate."""
+        return Limits(**self.model_dump())
+
+
+class Px4Config(Section):
+    """The autopilot's link."""
+
+    url: str = Field("udpin://0.0.0.0:14540", description="MAVSDK connection URL")
+    connect_timeout_s: float = Field(10.0, gt=0.0, le=120.0, description="wait for the first HEARTBEAT, s")
+    answer_timeout_s: float = Field(5.0, gt=0.0, le=60.0, description="wait until a command shows in its state, s")
+    arm_timeout_s: float = Field(15.0, gt=0.0, le=120.0, description="go on asking to arm while it says no, s")
+    vision_rate_hz: float = Field(50.0, ge=0.0, le=100.0, description="forward the mocap pose this often; 0 = never")
+
+
+class ControlConfig(Section):
+    """The control loop."""
+
+    rate_hz: float = Field(100.0, ge=20.0, le=500.0, description="control cycles a second")
+    controller: str = Field("etnn", description="name in config/controllers/ or a TOML file")
+
+
+class FlightConfig(Section):
+    """How it takes off and lands, and what ends a flight."""
+
+    takeoff_height_m: float = Field(1.2, gt=0.3, le=5.0, description="above the ground where it stands, m")
+    climb_speed_mps: float = Field(0.5, gt=0.05, le=2.0, description="peak speed of moves between points, m/s")
+    spool_up_s: float = Field(1.5, gt=0.2, le=10.0, description="idle to hover thrust on the ground, s")
+    descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="landing, m/s")
+    settle_s: float = Field(2.0, ge=0.0, le=30.0, description="hold before and after a trajectory, s")
+    mocap_timeout_s: float = Field(0.3, ge=0.05, le=1.0, description="land when the newest frame is older, s")
+
+
+class CompanionConfig(Section):
+    """The whole file."""
+
+    vehicle: VehicleConfig = VehicleConfig()
+    limits: LimitsConfig = LimitsConfig()
+    px4: Px4Config = Px4Config()
+    mocap: MocapConfig = MocapConfig()
+    control: ControlConfig = ControlConfig()
+    flight: FlightConfig = FlightConfig()
+
+    def vehicle_model(self) -> VehicleModel:
+        """What a law may know of the vehicle; the frame waits half a cycle on average before it is used."""
+        v = self.vehicle
+        return VehicleModel(
+            v.mass_kg,
+            v.gravity_mps2,
+            v.attitude_bandwidth_radps,
+            v.attitude_damping,
+            v.thrust_lag_s,
+            v.setpoint_delay_s,
+            self.mocap.delay_s,
+        )
+
+
+def load_config(path: Path) -> CompanionConfig:
+    """The configuration file; ConfigError naming file, key and what would be right."""
+    return validate(CompanionConfig, read_toml(path), path)
+
+
+def default_config_path(name: str) -> Path:
+    """A file of the project's own config folder."""
+    return project_root() / "config" / name

@@ -1,0 +1,100 @@
+"""Controller files: which law, its gains, and the check that refuses an unstable set."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import Field
+
+from companion.config_files import Section, project_root, read_toml, validate
+from companion.control.controller import Controller, VehicleModel
+from companion.control.etnn import Etnn
+from companion.control.gains import EtnnGains, PidGains
+from companion.control.pid import Pid
+from companion.control.prediction import Predictor
+from companion.ports import ConfigError
+
+
+class PredictionConfig(Section):
+    """Departure from the paper: carry the state forward over the known delays before the law sees it."""
+
+    enabled: bool = Field(False, description="false = the law sees the state as it is, as printed")
+    lead_s: float = Field(0.05, ge=0.0, le=0.3, description="how far beyond the known delays, s")
+
+
+class ErrorLimits(Section):
+    """What a flight under this law must stay inside to count as good."""
+
+    mean_m: float = Field(0.05, gt=0.0, description="mean position error per axis, m")
+    max_m: float = Field(0.20, gt=0.0, description="largest position error per axis, m")
+
+
+class EtnnFile(Section):
+    """A file with law = "etnn"."""
+
+    law: str
+    description: str = ""
+    allow_unstable: bool = Field(False, description="load although the loop of filter and compensation is unstable")
+    gains: EtnnGains = Field(default_factory=EtnnGains)
+    prediction: PredictionConfig = PredictionConfig()
+    error_limits: ErrorLimits = ErrorLimits()
+
+
+class PidFile(Section):
+    """A file with law = "pid"."""
+
+    law: str
+    description: str = ""
+    gains: PidGains = Field(default_factory=PidGains)
+    error_limits: ErrorLimits = ErrorLimits()
+
+
+@dataclass(frozen=True)
+class LoadedController:
+    """A law ready to fly, and what its file says of it."""
+
+    name: str
+    law: Controller
+    error_limits: ErrorLimits
+
+
+def controller_path(name: str) -> Path:
+    """`etnn` is the ET-NN law that flies, practical.toml; else a name in config/controllers/ or a path of a file.
+
+    Raises ConfigError naming the controllers there are.
+    """
+    folder = project_root() / "config" / "controllers"
+    known = folder / f"{'practical' if name == 'etnn' else name}.toml"
+    for path in (known, Path(name)):
+        if path.is_file():
+            return path
+    names = sorted(path.stem for path in folder.glob("*.toml"))
+    raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
+
+
+def load_controller(name: str, vehicle: VehicleModel, period_s: float) -> LoadedController:
+    """The law of a controller file, for this vehicle and control period.
+
+    Raises ConfigError for an unknown name, a bad file, or an unstable filter loop.
+    """
+    path = controller_path(name)
+    data = read_toml(path)
+    law = data.get("law")
+    if law == "etnn":
+        etnn = validate(EtnnFile, data, path)
+        return LoadedController(name, _etnn(etnn, path, vehicle, period_s), etnn.error_limits)
+    if law == "pid":
+        pid = validate(PidFile, data, path)
+        return LoadedController(name, Pid(pid.gains, vehicle), pid.error_limits)
+    raise ConfigError(f"{path}: law = {law!r}: must be 'etnn' or 'pid'")
+
+
+def _etnn(file: EtnnFile, path: Path, vehicle: VehicleModel, period_s: float) -> Etnn:
+    damping, needed = file.gains.filter_loop()
+    if damping <= needed and not file.allow_unstable:
+        raise ConfigError(
+            f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
+            f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest slope of k_1 Theta); lower "
+            "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
+        )
+    predictor = Predictor(vehicle, period_s, file.prediction.lead_s) if file.prediction.enabled else None
+    return Etnn(file.gains, predictor)

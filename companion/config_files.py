@@ -1,0 +1,69 @@
+"""TOML files into strict models, and what is wrong with them into sentences."""
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from companion.ports import ConfigError
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """A table of a configuration file: frozen, and a key it does not know is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def project_root() -> Path:
+    """The folder that holds config/: where we stand, or the checkout this code runs from."""
+    return Path.cwd() if (Path.cwd() / "config").is_dir() else Path(__file__).resolve().parents[1]
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The file's tables; ConfigError with one sentence when it is missing or not TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: there is no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+
+
+def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = "") -> Model:
+    """`data` as `model`; ConfigError naming file, key, value and what would be right, for every mistake."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        lines = [_sentence(detail, model, under) for detail in error.errors()]
+        raise ConfigError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:
+    parts = [str(part) for part in detail["loc"]]
+    key = ".".join([under, *parts] if under else parts)
+    if detail["type"] == "extra_forbidden":
+        return f"{key}: unknown key{_suggestion(model, parts)}"
+    if detail["type"] == "missing":
+        return f"{key}: is missing"
+    said = detail["msg"].removeprefix("Value error, ")
+    said = said[0].lower() + said[1:]
+    return f"{key} = {detail['input']!r}: {said}" if key and not isinstance(detail["input"], dict) else said
+
+
+def _suggestion(model: type[BaseModel], parts: list[str]) -> str:
+    """The nearest key of the table in which the unknown one stands."""
+    table: Any = model
+    for part in parts[:-1]:
+        table = table.model_fields[part].annotation if part in getattr(table, "model_fields", {}) else None
+    known = sorted(getattr(table, "model_fields", {}))
+    near = difflib.get_close_matches(parts[-1], known, n=1)
+    if near:
+        return f", did you mean {near[0]!r}?"
+    return f"; known here are {', '.join(known)}" if known else ""

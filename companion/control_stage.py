@@ -1,0 +1,82 @@
+"""From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel
+from companion.control.controller import ControlInput, Controller, ControlOutput
+from companion.control.frames import quat_from_yaw
+from companion.control.limits import Gated, Limits, gate
+from companion.types import AttitudeThrust, Reference, VehicleState
+
+YAW_STEP_RAD = 0.02
+"""The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the law wanted in one cycle and what the gate made of it."""
+
+    reference: Reference
+    output: ControlOutput
+    gated: Gated
+
+
+class ControlStage:
+    """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate."""
+
+    def __init__(self, controller: Controller, model: ThrustModel, limits: Limits) -> None:
+        self._controller, self._model, self._limits = controller, model, limits
+        self._memory: Any = None
+        self._wanted: AttitudeThrust | None = None
+        self._yaw_rad = 0.0
+        self.sent = idle_setpoint(0.0)
+        """The last setpoint that went out; whoever sends sets it."""
+
+    @property
+    def preview_s(self) -> float:
+        """How far ahead of now the law wants its reference."""
+        return self._controller.preview_s
+
+    def forget(self) -> None:
+        """The next `fly` begins with nothing learnt: at lift-off."""
+        self._memory, self._wanted = None, None
+
+    def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> Gated:
+        """A level setpoint while the law sleeps; the rotors may idle."""
+        return gate(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
+
+    def fly(self, vehicle: VehicleState, age_s: float, ahead: Reference, dt_s: float) -> Asked:
+        """One cycle of the law; `ahead` is the reference `preview_s` from now.
+
+        Between events the wanted setpoint stays, and the gate goes on towards it as fast as it may.
+        """
+        now = ControlInput(
+            vehicle.position_w_m,
+            vehicle.velocity_w_mps,
+            vehicle.q_w_flu_wxyz,
+            vehicle.rate_flu_radps,
+            age_s,
+            ahead,
+            accel_of_setpoint(self.sent, self._model),
+            dt_s,
+        )
+        if self._memory is None:
+            self._memory = self._controller.initial(now)
+        self._memory, output = self._controller.step(self._memory, now)
+        if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:
+            self._yaw_rad = ahead.yaw_rad
+            self._wanted = setpoint_of_accel(output.accel_w_mps2, ahead.yaw_rad, self._model)
+        return Asked(ahead, output, gate(self._wanted, self.sent, self._limits, dt_s))
+
+
+def idle_setpoint(yaw_rad: float, thrust: float = 0.0) -> AttitudeThrust:
+    """Level, at this heading."""
+    return AttitudeThrust(quat_from_yaw(yaw_rad), np.asarray(thrust, dtype=float))
+
+
+def same_setpoint(a: AttitudeThrust, b: AttitudeThrust) -> bool:
+    """Equal to the last bit: what need not be sent again."""
+    return bool((a.q_w_flu_wxyz == b.q_w_flu_wxyz).all() and (a.thrust == b.thrust).all())

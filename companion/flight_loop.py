@@ -1,0 +1,253 @@
+"""One tick: read, estimate, supervise, control, limit, send, record. Short enough to read aloud."""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from companion.config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.frames import yaw_of
+from companion.control.limits import Gated
+from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.ports import Autopilot, Clock, CompanionError, MocapSource
+from companion.supervisor import phases
+from companion.supervisor.phases import Action, Facts, Flight, FlightRules, HandOver, Phase
+from companion.tick_timer import TickTimer
+from companion.types import AutopilotStatus, Reference, VehicleState
+
+LOG = logging.getLogger(__name__)
+
+_USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What one cycle saw, decided and sent; for the record and for whoever looks on."""
+
+    time_s: float
+    late_s: float
+    frame_received_s: float
+    """Arrival of the frame this cycle was the first to use; NaN when it had no new one."""
+    sent_s: float
+    """When its setpoint had left; NaN when none was sent."""
+    vehicle: VehicleState | None
+    age_s: float
+    status: AutopilotStatus
+    flight: Flight
+    reference: Reference | None
+    """Where the vehicle should be now."""
+    asked: Asked | None
+    gated: Gated | None
+
+
+class TickSink(Protocol):
+    """Whoever wants every tick: the recorder, a display. Must neither block nor raise."""
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
+
+
+@dataclass(frozen=True)
+class Devices:
+    """The real or simulated parts the loop speaks to."""
+
+    mocap: MocapSource
+    autopilot: Autopilot
+    clock: Clock
+
+
+class FlightLoop:
+    """Owns the flight's phase and calls, in order, what is pure and what is a device."""
+
+    def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
+        self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
+        self._sink = sink
+        self._period_s = 1.0 / config.control.rate_hz
+        self._rules = rules_of(config)
+        self._stage = ControlStage(controller, config.vehicle.thrust_model(), config.limits.limits())
+        self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
+        self._vision_period_s = 1.0 / config.px4.vision_rate_hz if config.px4.vision_rate_hz > 0.0 else math.inf
+        self._vision_due_s = 0.0
+        self._estimate = EstimatorState()
+        self._frame_number: int | None = None
+        self._flight = Flight()
+        self._streaming = False
+        self._last_tick_s = -math.inf
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.missed_cycles = 0
+        """Whole periods that passed without a cycle."""
+        self.action_failure = ""
+        """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
+
+    @property
+    def flight(self) -> Flight:
+        """The present phase and all that goes with it."""
+        return self._flight
+
+    @property
+    def estimate(self) -> EstimatorState:
+        """What is known of the vehicle's motion."""
+        return self._estimate
+
+    def ask(self, wanted: phases.Request) -> bool:
+        """Hand in an operator's request; False when it does not fit the phase."""
+        fits = phases.can(self._flight, wanted)
+        if fits:
+            facts = self._facts(self._clock.now_s())
+            self._enter(phases.request(self._flight, wanted, facts, self._rules))
+        return fits
+
+    async def run(self) -> None:
+        """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
+        timer = TickTimer(self._period_s, self._clock.now_s() + self._period_s)
+        try:
+            while True:
+                frame_arrived_s = await self._next_start(timer)
+                now_s = self._clock.now_s()
+                self.tick(now_s, timer.begin(now_s, frame_arrived_s))
+                self.missed_cycles = timer.missed
+        except Exception as error:
+            await self._fail_safe(error)
+            raise
+        finally:
+            for task in list(self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _next_start(self, timer: TickTimer) -> float | None:
+        """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
+        while True:
+            left_s = timer.deadline_s - self._clock.now_s()
+            if left_s <= 0.0:
+                await asyncio.sleep(0)  # a loop that is behind still lets frames and telemetry in
+                return None
+            if await self._mocap.wait_frame(left_s):
+                frame = self._mocap.latest()
+                if frame is not None and not timer.frame_is_early(frame.received_s):
+                    return frame.received_s
+
+    def tick(self, now_s: float, late_s: float) -> None:
+        """One control cycle at `now_s`, begun `late_s` late."""
+        frame_received_s = self._read()
+        facts = self._facts(now_s)
+        self._enter(phases.advance(self._flight, facts, self._rules))
+        asked, gated = self._control(facts)
+        sent_s = self._send(gated)
+        self._forward_vision(now_s, frame_received_s)
+        self._act(self._flight.action)
+        self._last_tick_s = now_s
+        self._sink(
+            Tick(
+                now_s,
+                late_s,
+                frame_received_s,
+                sent_s,
+                self._estimate.vehicle,
+                facts.mocap_age_s,
+                self._autopilot.status(),
+                self._flight,
+                phases.reference_at(self._flight, now_s) if asked else None,
+                asked,
+                gated,
+            )
+        )
+
+    def _read(self) -> float:
+        """Feed the newest frame to the estimator; its arrival (s), or NaN when there is no new one."""
+        frame = self._mocap.latest()
+        if frame is None or frame.frame == self._frame_number:
+            return math.nan
+        self._frame_number = frame.frame
+        self._estimate = estimator.step(self._estimate, frame, self._estimator_params)
+        return frame.received_s
+
+    def _facts(self, now_s: float) -> Facts:
+        status, vehicle = self._autopilot.status(), self._estimate.vehicle
+        if vehicle is None:
+            nowhere = np.full(3, np.nan)
+            return Facts(now_s, nowhere, nowhere, 0.0, math.inf, status.armed, status.mode)
+        yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
+        age_s = now_s - vehicle.time_s
+        return Facts(now_s, vehicle.position_w_m, vehicle.velocity_w_mps, yaw_rad, age_s, status.armed, status.mode)
+
+    def _control(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
+        """This cycle's setpoint, through the gate; None in phases that send nothing."""
+        flight, vehicle = self._flight, self._estimate.vehicle
+        if vehicle is None or flight.phase not in phases.STREAMING:
+            return None, None
+        dt_s = min(max(facts.time_s - self._last_tick_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        if not flight.airborne:
+            thrust = phases.ground_thrust(flight, facts.time_s, self._rules)
+            return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
+        ahead = phases.reference_at(flight, facts.time_s + self._stage.preview_s)
+        asked = self._stage.fly(vehicle, facts.mocap_age_s, ahead, dt_s)
+        return asked, asked.gated
+
+    def _send(self, gated: Gated | None) -> float:
+        """Send what the gate let through if the autopilot does not have it yet; the time it had left (s), or NaN."""
+        if gated is None or (self._streaming and same_setpoint(gated.setpoint, self._stage.sent)):
+            return math.nan
+        self._autopilot.send_setpoint(gated.setpoint)
+        self._stage.sent, self._streaming = gated.setpoint, True
+        return self._clock.now_s()
+
+    def _forward_vision(self, now_s: float, frame_received_s: float) -> None:
+        """Every so often a new pose goes to the autopilot's own estimator, after the setpoint."""
+        vehicle = self._estimate.vehicle
+        fresh = math.isfinite(frame_received_s) and self._estimate.verdict in _USED
+        if vehicle is None or not fresh or now_s < self._vision_due_s - 0.5 * self._period_s:
+            return
+        self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
+        self._autopilot.send_vision(vehicle.position_w_m, vehicle.q_w_flu_wxyz)
+
+    def _enter(self, flight: Flight) -> None:
+        """Take over the flight's next state, and do what its changes ask of the loop."""
+        before, self._flight = self._flight, flight
+        if flight.phase is not before.phase:
+            LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
+        if flight.phase is Phase.PREFLIGHT and before.phase is not Phase.PREFLIGHT:
+            self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad), False
+        if flight.airborne and not before.airborne:
+            self._stage.forget()  # what was integrated on the ground would be of the ground
+
+    def _act(self, action: Action | None) -> None:
+        if action is None:
+            return
+        call = self._autopilot.disarm() if action is Action.DISARM else self._autopilot.land()
+        task = asyncio.get_running_loop().create_task(self._attempt(call), name=f"companion.{action}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _attempt(self, call: Awaitable[None]) -> None:
+        try:
+            await call
+        except CompanionError as error:
+            self.action_failure = str(error)
+            LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
+
+    async def _fail_safe(self, error: Exception) -> None:
+        """Something flight-critical broke: the autopilot lands, and we send nothing more."""
+        if self._flight.phase not in phases.COMMANDED:
+            return
+        reason = f"{type(error).__name__}: {error}"
+        self._enter(phases.request(self._flight, HandOver(reason), self._facts(self._clock.now_s()), self._rules))
+        await self._attempt(self._autopilot.land())
+
+
+def rules_of(config: CompanionConfig) -> FlightRules:
+    """The phase machine's numbers from the configuration."""
+    f = config.flight
+    return FlightRules(
+        hover_thrust=config.vehicle.hover_thrust,
+        climb_speed_mps=f.climb_speed_mps,
+        spool_up_s=f.spool_up_s,
+        descent_speed_mps=f.descent_speed_mps,
+        mocap_timeout_s=f.mocap_timeout_s,
+    )

@@ -1,0 +1,149 @@
+"""Builds the devices from the configuration, starts the flight loop, and offers the operator's verbs."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.px4 import open_px4
+from companion.adapters.qualisys import open_qualisys
+from companion.config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.reference import Trajectory
+from companion.flight_loop import Devices, FlightLoop, TickSink
+from companion.ports import Autopilot, AutopilotError, CompanionError, MocapError
+from companion.supervisor.phases import Fly, Land, Phase, Prepare, Request, TakeOff
+
+LOG = logging.getLogger(__name__)
+
+_POLL_S = 0.02
+_STREAM_FIRST_S = 0.2
+"""Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
+_KNOWN_VELOCITY_MPS = 0.1
+_LANDING_MARGIN_S = 20.0
+_CLIMB_MARGIN_S = 15.0
+_APPROACH_S = 60.0
+
+
+class FlightError(CompanionError):
+    """A flight did not do what was asked; says why."""
+
+
+@asynccontextmanager
+async def open_service(config: CompanionConfig, law: Controller, sink: TickSink) -> AsyncIterator["Service"]:
+    """Devices connected and the loop ticking.
+
+    Raises MocapError or AutopilotError when a device cannot be reached or fails later, and whatever the law raises.
+    """
+    clock = MonotonicClock()
+    async with open_qualisys(config.mocap, clock) as mocap, open_px4(config.px4, clock) as autopilot:
+        loop = FlightLoop(Devices(mocap, autopilot, clock), law, config, sink)
+        ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
+        try:
+            yield Service(loop, autopilot, config, ticking)
+        finally:
+            ticking.cancel()
+            await asyncio.gather(ticking, return_exceptions=True)
+
+
+class Service:
+    """The verbs of an operator; each returns when it is done and raises CompanionError with the reason if not."""
+
+    def __init__(
+        self, loop: FlightLoop, autopilot: Autopilot, config: CompanionConfig, ticking: "asyncio.Task[None]"
+    ) -> None:
+        self.loop = loop
+        self._autopilot, self._config, self._ticking = autopilot, config, ticking
+
+    @property
+    def phase(self) -> Phase:
+        """Where in a flight we are."""
+        return self.loop.flight.phase
+
+    async def ready(self) -> None:
+        """Wait until the vehicle's motion is known; MocapError when the body is not seen."""
+
+        def known() -> bool:
+            return self.loop.estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS
+
+        if not await self._until(known, self._config.mocap.first_frame_timeout_s):
+            raise MocapError(
+                f"body {self._config.mocap.body!r} is not seen by motion capture (last frame: "
+                f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
+            )
+
+    async def arm(self) -> None:
+        """Stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS."""
+        self._ask(Prepare(), "arm")
+        try:
+            await asyncio.sleep(_STREAM_FIRST_S)
+            self._expect(Phase.PREFLIGHT)
+            await self._autopilot.start_offboard()
+            self._expect(Phase.PREFLIGHT)
+            await self._autopilot.arm()
+        except CompanionError:
+            self.loop.ask(Land())
+            raise
+        if not await self._until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s):
+            raise AutopilotError("armed, but the autopilot left OFFBOARD meanwhile")
+        self._expect(Phase.ARMED)
+
+    async def take_off(self, height_m: float) -> None:
+        """Climb to `height_m` above where the vehicle stands, and hold."""
+        self._ask(TakeOff(height_m), "take off")
+        climb_s = 2.0 * height_m / self._config.flight.climb_speed_mps
+        await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
+
+    async def fly(self, trajectory: Trajectory) -> None:
+        """Go to the trajectory's start, fly it, hold its end."""
+        settle_s = self._config.flight.settle_s
+        self._ask(Fly(trajectory, settle_s), "fly a trajectory")
+        await self._reach(Phase.TRACK, settle_s + _APPROACH_S, through=Phase.HOLD)
+        await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S)
+        await asyncio.sleep(settle_s)
+        self._expect(Phase.HOLD)
+
+    async def land(self) -> None:
+        """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground."""
+        if self.phase in {Phase.STANDBY, Phase.DISARMED}:
+            return
+        if self.phase is not Phase.HANDED_OVER:
+            self.loop.ask(Land())
+        vehicle = self.loop.estimate.vehicle
+        height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
+        down_s = height_m / self._config.flight.descent_speed_mps
+        if not await self._until(lambda: self.phase is Phase.DISARMED, down_s + _LANDING_MARGIN_S):
+            raise FlightError(f"not disarmed after landing: {self.loop.action_failure or 'still ' + self.phase}")
+
+    def _ask(self, wanted: Request, what: str) -> None:
+        if not self.loop.ask(wanted):
+            raise FlightError(f"cannot {what} now: the vehicle is in phase {self.phase!r}{self._why()}")
+
+    def _expect(self, phase: Phase) -> None:
+        if self.phase is not phase:
+            raise FlightError(f"expected phase {phase!r}, but the vehicle is in {self.phase!r}{self._why()}")
+
+    async def _reach(self, phase: Phase, timeout_s: float, through: Phase | None = None) -> None:
+        """Wait for a phase; leaving the phases on the way there means that the flight went another way."""
+        on_the_way = {self.phase, through}
+        reached = await self._until(lambda: self.phase is phase or self.phase not in on_the_way, timeout_s)
+        if not reached:
+            raise FlightError(f"no {phase!r} within {timeout_s:.0f} s, still {self.phase!r}")
+        self._expect(phase)
+
+    async def _until(self, true: Callable[[], bool], timeout_s: float) -> bool:
+        """Poll; False after the time-out. Raises what stopped the flight loop."""
+        clock = asyncio.get_running_loop()
+        end_s = clock.time() + timeout_s
+        while not true():
+            if self._ticking.done():
+                self._ticking.result()
+            if clock.time() > end_s:
+                return False
+            await asyncio.sleep(_POLL_S)
+        return True
+
+    def _why(self) -> str:
+        reason = self.loop.flight.reason
+        return f" ({reason})" if reason else ""

@@ -1,0 +1,362 @@
+"""Flight phases as a pure machine: facts and requests in, the next phase and its reference out.
+
+On the ground the law sleeps: it is started at lift-off, so nothing it integrates can wind up against the floor.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from companion.control.reference import Hold, MinimumJerk, Trajectory, minimum_jerk_duration_s
+from companion.types import Array, FlightMode, Reference
+
+
+class Phase(StrEnum):
+    """Where in a flight we are."""
+
+    STANDBY = "standby"
+    """Nothing is sent."""
+    PREFLIGHT = "preflight"
+    """Idle setpoints stream, so that PX4 accepts OFFBOARD and then arming."""
+    ARMED = "armed"
+    """Motors idle on the ground."""
+    TAKEOFF = "takeoff"
+    HOLD = "hold"
+    TRACK = "track"
+    LAND = "land"
+    DISARMED = "disarmed"
+    """The flight is over."""
+    HANDED_OVER = "handed over"
+    """The autopilot or its pilot has the vehicle; nothing is sent until the operator begins anew."""
+
+
+IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.LAND})
+COMMANDED = IN_THE_AIR | {Phase.ARMED}
+"""Phases in which the autopilot must be armed and in OFFBOARD."""
+STREAMING = COMMANDED | {Phase.PREFLIGHT}
+"""Phases in which setpoints are sent."""
+
+
+class Action(StrEnum):
+    """What the flight loop has to ask of the autopilot, apart from setpoints."""
+
+    DISARM = "disarm"
+    AUTOPILOT_LAND = "autopilot land"
+
+
+@dataclass(frozen=True)
+class FlightRules:
+    """Numbers of the machine; see config.FlightConfig."""
+
+    hover_thrust: float = 0.5
+    climb_speed_mps: float = 0.5
+    climb_accel_mps2: float = 0.6
+    spool_up_s: float = 1.5
+    descent_speed_mps: float = 0.25
+    mocap_timeout_s: float = 0.3
+    lift_off_m: float = 0.02
+    """Height above the ground that counts as flying."""
+    lift_off_wait_s: float = 4.0
+    """After the ramp: no lift-off within this ends the attempt."""
+    ramp_overshoot: float = 1.25
+    """The ramp goes on beyond hover thrust, which may be misjudged, up to this multiple."""
+    touchdown_m: float = 0.06
+    touchdown_speed_mps: float = 0.06
+    touchdown_s: float = 0.3
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is known at a tick."""
+
+    time_s: float
+    position_w_m: Array
+    velocity_w_mps: Array
+    yaw_rad: float
+    mocap_age_s: float
+    armed: bool
+    mode: FlightMode
+
+
+@dataclass(frozen=True)
+class Prepare:
+    """Stream idle setpoints, so that OFFBOARD and arming become possible."""
+
+
+@dataclass(frozen=True)
+class TakeOff:
+    """Climb to a height above the ground where the vehicle stands."""
+
+    height_m: float
+
+
+@dataclass(frozen=True)
+class Fly:
+    """Go to a trajectory's start, wait there, fly it, hold its end."""
+
+    trajectory: Trajectory
+    settle_s: float
+
+
+@dataclass(frozen=True)
+class Land:
+    """Come down where the vehicle is."""
+
+
+@dataclass(frozen=True)
+class HandOver:
+    """Let the autopilot land: something flight-critical failed."""
+
+    reason: str
+
+
+Request = Prepare | TakeOff | Fly | Land | HandOver
+
+
+@dataclass(frozen=True)
+class Leg:
+    """One stretch of reference and the phase it is flown in."""
+
+    phase: Phase
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The machine's state."""
+
+    phase: Phase = Phase.STANDBY
+    since_s: float = 0.0
+    """Begin of the phase."""
+    legs: tuple[Leg, ...] = ()
+    """What is being flown and what follows."""
+    leg_start_s: float = 0.0
+    ground_w_m: Array | None = None
+    """Where the vehicle stood."""
+    yaw_rad: float = 0.0
+    airborne: bool = False
+    """The law flies; False while the thrust ramps up or after touchdown."""
+    still_since_s: float | None = None
+    """Since when a landing looks finished."""
+    touched_down: bool = False
+    disarm_asked: bool = False
+    action: Action | None = None
+    """Set for exactly one tick."""
+    reason: str = ""
+    """Why the flight was ended or handed over."""
+    takeoff_height_m: float = 0.0
+
+
+def reference_at(flight: Flight, time_s: float) -> Reference:
+    """The reference at a time (s), which may lie beyond the leg being flown."""
+    start_s = flight.leg_start_s
+    for leg in flight.legs[:-1]:
+        if time_s < start_s + leg.trajectory.duration_s:
+            return leg.trajectory.at(time_s - start_s)
+        start_s += leg.trajectory.duration_s
+    return flight.legs[-1].trajectory.at(time_s - start_s)
+
+
+def ground_thrust(flight: Flight, time_s: float, rules: FlightRules) -> float:
+    """Thrust while the law sleeps: idle, ramping up, or ramping down after touchdown."""
+    since = time_s - flight.since_s
+    if flight.phase is Phase.TAKEOFF:
+        return rules.hover_thrust * min(rules.ramp_overshoot, since / rules.spool_up_s)
+    return 0.0
+
+
+def request(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -> Flight:
+    """Take an operator's request; what does not fit the phase is ignored (the service refuses it before)."""
+    if isinstance(wanted, HandOver):
+        return _hand_over(flight, facts, wanted.reason) if flight.phase in COMMANDED else flight
+    if isinstance(wanted, Prepare):
+        return replace(Flight(yaw_rad=facts.yaw_rad), phase=Phase.PREFLIGHT, since_s=facts.time_s)
+    if isinstance(wanted, TakeOff) and flight.phase is Phase.ARMED:
+        return _enter(flight, Phase.TAKEOFF, facts, ground_w_m=facts.position_w_m, takeoff_height_m=wanted.height_m)
+    if isinstance(wanted, Fly) and flight.phase in {Phase.HOLD, Phase.TRACK}:
+        return _fly(flight, wanted, facts, rules)
+    if isinstance(wanted, Land):
+        return _land(flight, facts, rules)
+    return flight
+
+
+def can(flight: Flight, wanted: Request) -> bool:
+    """Whether a request fits the phase."""
+    allowed: dict[type, frozenset[Phase]] = {
+        Prepare: frozenset({Phase.STANDBY, Phase.DISARMED, Phase.PREFLIGHT}),
+        TakeOff: frozenset({Phase.ARMED}),
+        Fly: frozenset({Phase.HOLD, Phase.TRACK}),
+        Land: STREAMING,
+        HandOver: COMMANDED,
+    }
+    return flight.phase in allowed[type(wanted)]
+
+
+def advance(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """One tick: what the facts make of the phase."""
+    flight = replace(flight, action=None)
+    if flight.phase in COMMANDED:
+        if not facts.armed:
+            return _over(flight, facts, "" if flight.touched_down or not flight.airborne else "disarmed in the air")
+        if facts.mode is not FlightMode.OFFBOARD:
+            reason = f"the autopilot left OFFBOARD for {facts.mode}"
+            return replace(_enter(flight, Phase.HANDED_OVER, facts, airborne=False), reason=reason)
+    if flight.phase in STREAMING and facts.mocap_age_s > rules.mocap_timeout_s:
+        return _blind(flight, facts, f"motion capture has been silent for {facts.mocap_age_s:.2f} s")
+    step = _STEPS.get(flight.phase)
+    return step(flight, facts, rules) if step else flight
+
+
+def _preflight(flight: Flight, facts: Facts, _: FlightRules) -> Flight:
+    flight = replace(flight, yaw_rad=facts.yaw_rad)
+    ready = facts.armed and facts.mode is FlightMode.OFFBOARD
+    return _enter(flight, Phase.ARMED, facts) if ready else flight
+
+
+def _takeoff(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    assert flight.ground_w_m is not None
+    if not flight.airborne:
+        height = float(facts.position_w_m[2] - flight.ground_w_m[2])
+        if height > rules.lift_off_m and facts.velocity_w_mps[2] > 0.0:
+            return _lift_off(flight, facts, rules)
+        if facts.time_s - flight.since_s > rules.ramp_overshoot * rules.spool_up_s + rules.lift_off_wait_s:
+            thrust = rules.hover_thrust * rules.ramp_overshoot
+            reason = f"no lift-off at thrust {thrust:.2f}: check vehicle.hover_thrust, propellers and battery"
+            return replace(_enter(flight, Phase.LAND, facts, touched_down=True), reason=reason)
+        return flight
+    return _next_leg(flight, facts)
+
+
+def _lift_off(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    assert flight.ground_w_m is not None
+    end = flight.ground_w_m + np.array([0.0, 0.0, flight.takeoff_height_m])
+    distance = float(np.linalg.norm(end - facts.position_w_m))
+    duration = minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2)
+    climb = MinimumJerk(facts.position_w_m, end, duration, flight.yaw_rad, flight.yaw_rad)
+    legs = (Leg(Phase.TAKEOFF, climb), Leg(Phase.HOLD, Hold(end, flight.yaw_rad)))
+    return replace(flight, airborne=True, legs=legs, leg_start_s=facts.time_s)
+
+
+def _next_leg(flight: Flight, facts: Facts, _: FlightRules | None = None) -> Flight:
+    """Go on to the next leg when the present one is flown; the last one is held."""
+    if len(flight.legs) < 2 or facts.time_s < flight.leg_start_s + flight.legs[0].trajectory.duration_s:
+        return flight
+    start_s = flight.leg_start_s + flight.legs[0].trajectory.duration_s
+    flight = replace(flight, legs=flight.legs[1:], leg_start_s=start_s)
+    return flight if flight.legs[0].phase is flight.phase else _enter(flight, flight.legs[0].phase, facts)
+
+
+def _fly(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> Flight:
+    now = reference_at(flight, facts.time_s)
+    start = wanted.trajectory.at(0.0)
+    end = wanted.trajectory.at(wanted.trajectory.duration_s)
+    distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
+    way = MinimumJerk(
+        now.position_w_m,
+        start.position_w_m,
+        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2),
+        now.yaw_rad,
+        start.yaw_rad,
+    )
+    legs = (
+        Leg(Phase.HOLD, way),
+        Leg(Phase.HOLD, Hold(start.position_w_m, start.yaw_rad, wanted.settle_s)),
+        Leg(Phase.TRACK, wanted.trajectory),
+        Leg(Phase.HOLD, Hold(end.position_w_m, end.yaw_rad)),
+    )
+    return _enter(replace(flight, legs=legs, leg_start_s=facts.time_s), Phase.HOLD, facts)
+
+
+def _land(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    if flight.phase is Phase.PREFLIGHT:
+        return _over(flight, facts, "")
+    if flight.phase is Phase.LAND or flight.phase not in COMMANDED:
+        return flight
+    if not flight.airborne:
+        return _enter(flight, Phase.LAND, facts, touched_down=True)
+    now = reference_at(flight, facts.time_s)
+    down = Descent(now.position_w_m, now.velocity_w_mps, rules.descent_speed_mps, now.yaw_rad)
+    legs = (Leg(Phase.LAND, down),)
+    return _enter(replace(flight, legs=legs, leg_start_s=facts.time_s), Phase.LAND, facts)
+
+
+def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    if flight.touched_down:
+        due = facts.time_s - flight.since_s > rules.touchdown_s and not flight.disarm_asked
+        return replace(flight, action=Action.DISARM, disarm_asked=True) if due else flight
+    ground_z = flight.ground_w_m[2] if flight.ground_w_m is not None else 0.0
+    low = facts.position_w_m[2] - ground_z < rules.touchdown_m
+    slow = abs(float(facts.velocity_w_mps[2])) < rules.touchdown_speed_mps
+    below = reference_at(flight, facts.time_s).position_w_m[2] < facts.position_w_m[2]
+    if not (low and slow and below):
+        return replace(flight, still_since_s=None)
+    since = flight.still_since_s if flight.still_since_s is not None else facts.time_s
+    if facts.time_s - since < rules.touchdown_s:
+        return replace(flight, still_since_s=since)
+    return replace(
+        flight, airborne=False, touched_down=True, since_s=facts.time_s, still_since_s=None, yaw_rad=facts.yaw_rad
+    )
+
+
+def _blind(flight: Flight, facts: Facts, reason: str) -> Flight:
+    """Without motion capture: on the ground stop, in the air let the autopilot land."""
+    if flight.phase is Phase.PREFLIGHT:
+        return _over(flight, facts, reason)
+    if flight.phase is Phase.ARMED:
+        return replace(_enter(flight, Phase.LAND, facts, touched_down=True), reason=reason)
+    if flight.touched_down:
+        return _landing(flight, facts, FlightRules())
+    return _hand_over(flight, facts, reason)
+
+
+def _hand_over(flight: Flight, facts: Facts, reason: str) -> Flight:
+    over = _enter(flight, Phase.HANDED_OVER, facts, airborne=False)
+    return replace(over, action=Action.AUTOPILOT_LAND, reason=reason)
+
+
+def _handed_over(flight: Flight, facts: Facts, _: FlightRules) -> Flight:
+    return flight if facts.armed else _over(flight, facts, flight.reason)
+
+
+def _over(flight: Flight, facts: Facts, reason: str) -> Flight:
+    return replace(_enter(flight, Phase.DISARMED, facts, airborne=False), reason=reason or flight.reason)
+
+
+def _enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Flight:
+    return replace(flight, phase=phase, since_s=facts.time_s, **changes)  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Down at a steady rate from rest or from a motion, for ever: the ground ends it."""
+
+    start_w_m: Array
+    velocity_w_mps: Array
+    speed_mps: float
+    yaw_rad: float
+    ease_s: float = 1.5
+    duration_s: float = float("inf")
+
+    def at(self, time_s: float) -> Reference:
+        """Blend from the velocity at the start to straight down, with a minimum-jerk share of the rate."""
+        t = max(time_s, 0.0)
+        x = min(t / self.ease_s, 1.0)
+        share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        bend = 30.0 * x * x * (1.0 - x) ** 2 / self.ease_s
+        eased = self.ease_s * x**4 * (2.5 - 3.0 * x + x * x) + max(0.0, t - self.ease_s)
+        down = np.array([0.0, 0.0, -self.speed_mps])
+        position = self.start_w_m + down * eased + self.velocity_w_mps * (t - eased)
+        velocity = down * share + self.velocity_w_mps * (1.0 - share)
+        return Reference(position, velocity, (down - self.velocity_w_mps) * bend, self.yaw_rad)
+
+
+_STEPS: dict[Phase, Callable[[Flight, Facts, FlightRules], Flight]] = {
+    Phase.PREFLIGHT: _preflight,
+    Phase.TAKEOFF: _takeoff,
+    Phase.HOLD: _next_leg,
+    Phase.TRACK: _next_leg,
+    Phase.LAND: _landing,
+    Phase.HANDED_OVER: _handed_over,
+}
