@@ -1,11 +1,13 @@
 """The contract over both transports, and what only a Qualisys can do."""
 
+import asyncio
 from collections.abc import AsyncIterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 import pytest_asyncio
+import uvloop
 
 from companion.ports import MocapError
 from tests.adapters.mocap_contract import ARRIVES_S, NOTHING_COMES_S, MocapContract
@@ -87,3 +89,20 @@ class TestQualisysOverUdp(QualisysContract):
     async def rig(self) -> AsyncIterator[QualisysRig]:
         async with qualisys_rig("udp", extra_bodies=("leader",)) as rig:
             yield rig
+
+
+@pytest.mark.parametrize("transport", ["tcp", "udp"])
+def test_it_flies_on_uvloop_too(transport: Literal["tcp", "udp"]) -> None:
+    """The service runs on uvloop, whose transports are not asyncio's."""
+
+    async def converse() -> bool:
+        async with qualisys_rig(transport) as rig:
+            rig.capture()
+            arrived = await rig.source.wait_frame(ARRIVES_S)
+            await rig.end()
+            with pytest.raises(MocapError, match="closed the connection"):
+                await rig.source.wait_frame(ARRIVES_S)
+            return arrived
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        assert runner.run(converse())
