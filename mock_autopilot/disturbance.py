@@ -38,21 +38,22 @@ class Disturbance:
     def __init__(self, forces: Forces, rng: np.random.Generator, dt_s: float) -> None:
         self._forces = forces
         self._rng = rng
-        self._constant = np.array(forces.constant_ned_n)
-        self._amplitudes = np.array([wave.amplitude_ned_n for wave in forces.sinusoids]).reshape(-1, 3)
-        self._rates = np.array([2.0 * math.pi / wave.period_s for wave in forces.sinusoids])
-        self._phases = np.array([wave.phase_rad for wave in forces.sinusoids])
         self._keep = math.exp(-dt_s / forces.noise_time_s)
-        self._fresh = np.array(forces.noise_n) * math.sqrt(1.0 - self._keep**2)
-        self._noise = np.zeros(3)
-        self._draws = np.empty((0, 3))
-        self._next = 0
+        self._fresh = [sigma * math.sqrt(1.0 - self._keep**2) for sigma in forces.noise_n]
+        self._noise = [0.0, 0.0, 0.0]
+        self._draws: list[list[float]] = []
 
     def step(self, now_s: float) -> Array:
         """Force (N, NED, shape (3,)) of the step that ends at `now_s`."""
-        if self._next >= len(self._draws):
-            self._draws, self._next = self._rng.standard_normal((BLOCK, 3)), 0
-        self._noise = self._keep * self._noise + self._fresh * self._draws[self._next]
-        self._next += 1
-        waves = np.sin(self._rates * now_s + self._phases) @ self._amplitudes
-        return np.asarray(self._constant + waves + self._noise)
+        if not self._draws:
+            self._draws = self._rng.standard_normal((BLOCK, 3)).tolist()
+        draw = self._draws.pop()
+        force = list(self._forces.constant_ned_n)
+        for axis in range(3):
+            self._noise[axis] = self._keep * self._noise[axis] + self._fresh[axis] * draw[axis]
+            force[axis] += self._noise[axis]
+        for wave in self._forces.sinusoids:
+            swing = math.sin(2.0 * math.pi * now_s / wave.period_s + wave.phase_rad)
+            for axis in range(3):
+                force[axis] += swing * wave.amplitude_ned_n[axis]
+        return np.array(force)

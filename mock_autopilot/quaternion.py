@@ -1,8 +1,7 @@
 """Unit quaternions, w x y z, turning body coordinates (FRD) into world coordinates (NED).
 
 All functions broadcast over leading axes. The mock has its own so that a sign error in the
-companion's conversions cannot cancel against the same error here. The four that the physics calls at
-500 Hz have a short cut for one vehicle: numpy's overhead on four numbers is five times the arithmetic.
+companion's conversions cannot cancel against the same error here.
 """
 
 import math
@@ -15,8 +14,6 @@ Array = NDArray[np.float64]
 
 def multiply(a: Array, b: Array) -> Array:
     """Hamilton product of two quaternions, shape (..., 4)."""
-    if a.ndim == 1 and b.ndim == 1:
-        return _multiply_one(a, b)
     aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
     bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
     return np.stack(
@@ -27,19 +24,6 @@ def multiply(a: Array, b: Array) -> Array:
             aw * bz + ax * by - ay * bx + az * bw,
         ),
         axis=-1,
-    )
-
-
-def _multiply_one(a: Array, b: Array) -> Array:
-    aw, ax, ay, az = a.tolist()
-    bw, bx, by, bz = b.tolist()
-    return np.array(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ]
     )
 
 
@@ -55,32 +39,16 @@ def normalise(q: Array) -> Array:
 
 def from_rotation_vector(r: Array) -> Array:
     """Exponential map: rotation vector (rad), shape (..., 3), to a unit quaternion."""
-    if r.ndim == 1:
-        x, y, z = r.tolist()
-        angle = math.sqrt(x * x + y * y + z * z)
-        scale = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
-        return np.array([math.cos(0.5 * angle), scale * x, scale * y, scale * z])
     half = 0.5 * np.sqrt((r * r).sum(axis=-1, keepdims=True))
     return np.concatenate((np.cos(half), 0.5 * r * np.sinc(half / np.pi)), axis=-1)
 
 
 def to_rotation_vector(q: Array) -> Array:
     """Logarithm: unit quaternion to the shorter rotation vector (rad), shape (..., 3)."""
-    if q.ndim == 1:
-        return _to_rotation_vector_one(q)
     q = np.where(q[..., :1] < 0.0, -q, q)
     sine = np.sqrt((q[..., 1:] ** 2).sum(axis=-1, keepdims=True))
     half = np.arctan2(sine, q[..., :1])
     return np.asarray(q[..., 1:] * 2.0 / np.maximum(np.sinc(half / np.pi), 1e-12))
-
-
-def _to_rotation_vector_one(q: Array) -> Array:
-    w, x, y, z = q.tolist()
-    if w < 0.0:
-        w, x, y, z = -w, -x, -y, -z
-    sine = math.sqrt(x * x + y * y + z * z)
-    scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-    return np.array([scale * x, scale * y, scale * z])
 
 
 def to_matrix(q: Array) -> Array:
@@ -96,9 +64,6 @@ def to_matrix(q: Array) -> Array:
 
 def down_axis(q: Array) -> Array:
     """Body z axis (down through the belly) in world coordinates, shape (..., 3)."""
-    if q.ndim == 1:
-        w, x, y, z = q.tolist()
-        return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
     w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
     return np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), axis=-1)
 
@@ -125,6 +90,13 @@ def to_euler(q: Array) -> tuple[float, float, float]:
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return float(roll), float(pitch), float(yaw)
+
+
+def turned_about_z(angle_rad: float, q: Array) -> Array:
+    """One attitude after a further turn of the world axes about the vertical, shape (4,)."""
+    c, s = math.cos(angle_rad / 2.0), math.sin(angle_rad / 2.0)
+    w, x, y, z = q.tolist()
+    return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def yaw_of(q: Array) -> float:

@@ -173,7 +173,7 @@ class Vehicle:
     @property
     def attitude_estimate_wxyz(self) -> Array:
         """Attitude as reported: the truth, turned by the heading error."""
-        return quat.multiply(_about_z(self.estimator.yaw_error_rad), self.felt.q_ned_frd_wxyz)
+        return quat.turned_about_z(self.estimator.yaw_error_rad, self.felt.q_ned_frd_wxyz)
 
     @property
     def estimate(self) -> Estimate:
@@ -264,17 +264,13 @@ class Vehicle:
         asked = (q_estimated, rates, yaw_error_rad, signal, armed)
         if self._asked != asked:
             self._asked = asked
-            q_true = quat.multiply(_about_z(-yaw_error_rad), np.array(q_estimated))
+            q_true = quat.turned_about_z(-yaw_error_rad, np.array(q_estimated))
             self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
         return self._answer
 
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 _STILL = np.zeros(3)
-
-
-def _about_z(angle_rad: float) -> Array:
-    return np.array([math.cos(angle_rad / 2.0), 0.0, 0.0, math.sin(angle_rad / 2.0)])
 
 
 def _through_curve(thrust: float, factor: float) -> float:

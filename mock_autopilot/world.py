@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mock_autopilot import plant
+from mock_autopilot import plant, plant_one
 from mock_autopilot import quaternion as quat
 from mock_autopilot.config import MockConfig
 from mock_autopilot.disturbance import Disturbance
@@ -81,7 +81,7 @@ class World:
         actuation = self._delayed(demand)
         force = self._disturbance.step(self.time_s) + self.external_wrench.force_ned_n
         wrench = Wrench(force, self.external_wrench.angular_frd_radps2)
-        self._state = plant.step(self._state, actuation, wrench, self._params, STEP_S)
+        self._state = plant_one.step(self._state, actuation, wrench, self._params, STEP_S)
 
     def _delayed(self, demand: Demand) -> Actuation:
         """Transport delay of the setpoints; switching the motors off takes none."""
