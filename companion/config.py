@@ -21,7 +21,10 @@ class VehicleConfig(Section):
     attitude_bandwidth_radps: float = Field(7.7, gt=1.0, le=40.0, description="attitude loop, natural frequency, rad/s")
     attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="attitude loop, damping ratio")
     thrust_lag_s: float = Field(0.05, gt=0.0, le=0.5, description="first-order lag of the rotors, s")
-    setpoint_delay_s: float = Field(0.04, ge=0.0, le=0.2, description="setpoint sent to first movement, s")
+    setpoint_delay_s: float = Field(
+        0.04, ge=0.0, le=0.2, description="setpoint sent to the attitude's first movement, s"
+    )
+    thrust_delay_s: float = Field(0.01, ge=0.0, le=0.2, description="setpoint sent to the thrust's first change, s")
 
     def thrust_model(self) -> ThrustModel:
         """For the conversion of force to thrust."""
@@ -87,7 +90,7 @@ class CompanionConfig(Section):
     flight: FlightConfig = FlightConfig()
 
     def vehicle_model(self) -> VehicleModel:
-        """What a law may know of the vehicle; the frame waits half a cycle on average before it is used."""
+        """What a law may know of the vehicle."""
         v = self.vehicle
         return VehicleModel(
             v.mass_kg,
@@ -96,6 +99,7 @@ class CompanionConfig(Section):
             v.attitude_damping,
             v.thrust_lag_s,
             v.setpoint_delay_s,
+            v.thrust_delay_s,
             self.mocap.delay_s,
         )
 

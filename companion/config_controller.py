@@ -18,7 +18,8 @@ class PredictionConfig(Section):
     """Departure from the paper: carry the state forward over the known delays before the law sees it."""
 
     enabled: bool = Field(False, description="false = the law sees the state as it is, as printed")
-    lead_s: float = Field(0.05, ge=0.0, le=0.3, description="how far beyond the known delays, s")
+    lead_s: float = Field(0.1, ge=0.0, le=0.3, description="how far beyond the known delays, s")
+    thrust_lead_s: float = Field(0.1, ge=0.0, le=0.3, description="so long the newest thrust is taken to go on, s")
 
 
 class ErrorLimits(Section):
@@ -96,5 +97,6 @@ def _etnn(file: EtnnFile, path: Path, vehicle: VehicleModel, period_s: float) ->
             f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest slope of k_1 Theta); lower "
             "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
         )
-    predictor = Predictor(vehicle, period_s, file.prediction.lead_s) if file.prediction.enabled else None
+    p = file.prediction
+    predictor = Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s) if p.enabled else None
     return Etnn(file.gains, predictor)

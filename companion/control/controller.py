@@ -18,7 +18,9 @@ class VehicleModel:
     thrust_lag_s: float = 0.05
     setpoint_delay_s: float = 0.04
     """From sending a setpoint to the first movement of the attitude."""
-    mocap_age_s: float = 0.015
+    thrust_delay_s: float = 0.01
+    """From sending a setpoint to the first change of the thrust: no attitude loop is in the way."""
+    mocap_age_s: float = 0.01
     """Usual age of the newest frame when the law runs."""
 
 

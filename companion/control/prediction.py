@@ -26,11 +26,16 @@ class PredictorMemory:
 
 @dataclass(frozen=True)
 class Predictor:
-    """Carries a state forward by age + setpoint delay + `lead_s`."""
+    """Carries a state forward by age + setpoint delay + `lead_s`.
+
+    The newest command is taken to go on, after it begins to act, for `lead_s` (horizontal) and `thrust_lead_s`
+    (vertical): longer for the slow attitude, shorter for the quick rotors, whose next command corrects it sooner.
+    """
 
     vehicle: VehicleModel
     period_s: float
     lead_s: float
+    thrust_lead_s: float
 
     @property
     def preview_s(self) -> float:
@@ -69,7 +74,7 @@ class Predictor:
 
     @cached_property
     def _weights(self) -> "_Weights":
-        return _weights(self.vehicle, self.period_s, self.lead_s)
+        return _weights(self.vehicle, self.period_s, self.lead_s, self.thrust_lead_s)
 
 
 @dataclass(frozen=True)
@@ -91,29 +96,36 @@ def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:
     return np.asarray(body_x * first + body_y * second)
 
 
-def _weights(vehicle: VehicleModel, period_s: float, lead_s: float) -> _Weights:
+def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:
     horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
     lag = _second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
     systems = (lag, lag, _first_order(vehicle.thrust_lag_s))
     end = [_exponential(system * horizon) for system in systems]
     accel = np.array([[m[row, 2] for m in end] for row in (0, 1)])
     jerk = np.array([[m[row, 3] for m in end] for row in (0, 1)])
-    spans = _command_spans(vehicle, period_s, horizon)
+    count = int(np.ceil((vehicle.mocap_age_s + vehicle.setpoint_delay_s) / period_s - 1e-9)) + 1
+    across = _command_spans(vehicle.mocap_age_s + vehicle.setpoint_delay_s, lead_s, period_s, count)
+    upward = _command_spans(vehicle.mocap_age_s + vehicle.thrust_delay_s, thrust_lead_s, period_s, count)
     commands = np.array(
-        [[[_span(system, horizon, row, a, b) for system in systems] for row in (0, 1)] for a, b in spans]
+        [
+            [
+                [_span(system, horizon, row, *span) for system, span in zip(systems, (ab, ab, up), strict=True)]
+                for row in (0, 1)
+            ]
+            for ab, up in zip(across, upward, strict=True)
+        ]
     )
     return _Weights(horizon, accel, jerk, commands)
 
 
-def _command_spans(vehicle: VehicleModel, period_s: float, horizon_s: float) -> list[tuple[float, float]]:
-    """When, counted from the capture, each command kept acts; oldest first; the last sent is held to the end.
+def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -> list[tuple[float, float]]:
+    """When, counted from the capture, each of `count` commands acts; oldest first.
 
-    A command sent k cycles ago begins to act at age + delay - k periods.
+    A command sent k cycles ago begins to act k periods before `known_s`, age and delay together; the newest one goes on
+    for `lead_s` after that.
     """
-    known = vehicle.mocap_age_s + vehicle.setpoint_delay_s
-    count = int(np.ceil(known / period_s - 1e-9)) + 1
-    starts = [known - k * period_s for k in range(count, 0, -1)]
-    return [(max(0.0, a), max(0.0, b)) for a, b in zip(starts, [*starts[1:], horizon_s], strict=True)]
+    starts = [known_s - k * period_s for k in range(count, 0, -1)]
+    return [(max(0.0, a), max(0.0, b)) for a, b in zip(starts, [*starts[1:], known_s + lead_s], strict=True)]
 
 
 def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:

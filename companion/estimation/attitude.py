@@ -6,9 +6,7 @@ Scalars instead of arrays: one vehicle's frame has to cost microseconds, and arr
 from dataclasses import dataclass
 from math import atan2, cos, hypot, sin, sqrt
 
-import numpy as np
-
-from companion.control.frames import matrix_from_quat, quat_from_matrix
+from companion.control.frames import quat_from_matrix
 from companion.estimation.kalman import Covariance, gains, grow, shrink
 from companion.types import Array
 
@@ -50,15 +48,23 @@ def predict(state: Attitude, dt_s: float, density: float) -> Attitude:
     return Attitude(_multiply(state.q, step), rate, state.turn, grow(state.covariance, dt_s, density))
 
 
-def surprise_rad(state: Attitude, rotation: Array) -> Vec3:
-    """Rotation vector (FLU) from the estimate to the measured matrix, shape (3, 3)."""
-    error = matrix_from_quat(np.array(state.q)).T @ rotation
-    a, b, c, d, e, f, g, h, i = error.ravel().tolist()
-    x, y, z = h - f, c - g, d - b
-    sine2 = hypot(x, y, z)
-    angle = atan2(sine2, a + e + i - 1.0)
-    scale = angle / sine2 if sine2 > 1e-12 else 0.5
-    return scale * x, scale * y, scale * z
+def surprise_rad(state: Attitude, rotation_rows: tuple[float, ...]) -> Vec3:
+    """Rotation vector (FLU) from the estimate to a measured matrix, nine numbers row by row.
+
+    The logarithm of R' M, with the columns of the estimate's R written out: a third of the time of the array calls.
+    """
+    w, x, y, z = state.q
+    a, b, c, d, e, f, g, h, i = rotation_rows
+    r00, r10, r20 = 1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)
+    r01, r11, r21 = 2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)
+    r02, r12, r22 = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
+    about_x = (r02 * b + r12 * e + r22 * h) - (r01 * c + r11 * f + r21 * i)
+    about_y = (r00 * c + r10 * f + r20 * i) - (r02 * a + r12 * d + r22 * g)
+    about_z = (r01 * a + r11 * d + r21 * g) - (r00 * b + r10 * e + r20 * h)
+    trace = (r00 * a + r10 * d + r20 * g) + (r01 * b + r11 * e + r21 * h) + (r02 * c + r12 * f + r22 * i)
+    twice_sine = hypot(about_x, about_y, about_z)
+    scale = atan2(twice_sine, trace - 1.0) / twice_sine if twice_sine > 1e-12 else 0.5
+    return scale * about_x, scale * about_y, scale * about_z
 
 
 def update(state: Attitude, surprise: Vec3, variance: float) -> Attitude:

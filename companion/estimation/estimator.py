@@ -40,7 +40,7 @@ def step(
         return _refused(state, Verdict.STALE, clock, state.pose)
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, accel_input_w_mps2)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
-    surprise = att.surprise_rad(attitude, frame.rotation_w_b)
+    surprise = att.surprise_rad(attitude, pose[3:])
     if not _possible(frame.position_w_m - motion.position, surprise, motion, attitude, dt_s, params):
         return _outlier(state, frame, params, clock, pose)
     motion = kalman.update(motion, frame.position_w_m, params.noise_m**2)

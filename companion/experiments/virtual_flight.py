@@ -13,6 +13,7 @@ from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_
 from companion.control.controller import ControlInput, Controller, ControlOutput
 from companion.control.limits import Limits, gate
 from companion.control.reference import Trajectory
+from companion.estimation import kalman
 from companion.types import Array, AttitudeThrust, Reference
 from mock_autopilot import plant as airframe
 
@@ -22,14 +23,15 @@ class VirtualRoom:
     """What the simulated room and vehicle do to the controller."""
 
     plant: airframe.PlantParams = field(default_factory=airframe.PlantParams)
-    mocap_age_s: float = 0.015
+    mocap_age_s: float = 0.01
     setpoint_delay_s: float = 0.04
+    thrust_delay_s: float = 0.008
     position_noise_m: float = 0.0003
-    velocity_noise_mps: float = 0.01
+    jerk_density: float = 4.0
     attitude_noise_rad: float = 0.002
     rate_noise_radps: float = 0.05
-    disturbance_constant_n: tuple[float, float, float] = (0.5, -0.4, 0.3)
-    disturbance_amplitude_n: tuple[float, float, float] = (1.2, 1.2, 0.8)
+    disturbance_constant_n: tuple[float, float, float] = (0.4, 0.3, 0.0)
+    disturbance_amplitude_n: tuple[float, float, float] = (1.4, 1.1, 0.8)
     disturbance_period_s: tuple[float, float, float] = (9.0, 13.0, 7.0)
     seed: int = 0
 
@@ -90,13 +92,19 @@ def fly(
     truth = airframe.at_rest(frames.flip_yz(start))
     hover = AttitudeThrust(np.broadcast_to([1.0, 0, 0, 0], (*lead, 4)), np.full(lead, model.hover_thrust))
     truth = _hovering(truth, room)
-    seen, sent = _Delayed(room.mocap_age_s), _Delayed(room.setpoint_delay_s)
+    seen = _Delayed(room.mocap_age_s)
+    attitude, thrust = _Delayed(room.setpoint_delay_s), _Delayed(room.thrust_delay_s)
     last, memory = hover, None
-    sent.put(-1.0, hover.q_w_flu_wxyz, hover.thrust)
+    attitude.put(-1.0 - settle_s, hover.q_w_flu_wxyz)
+    thrust.put(-1.0 - settle_s, hover.thrust)
+    motion = kalman.Motion(start, 0.0 * start, 0.0 * start, kalman.Covariance(1e-6, 0.0, 0.0, 1.0, 0.0, 1.0))
     inner = 5
     for cycle in range(round((settle_s + trajectory.duration_s) / period_s)):
         time = cycle * period_s - settle_s
-        seen.put(time, *_measure(truth, room, rng))
+        position, q, rate = _measure(truth, room, rng)
+        motion = kalman.predict(motion, period_s, room.jerk_density)
+        motion = kalman.update(motion, position, room.position_noise_m**2 + 1e-10)
+        seen.put(time, motion.position, motion.velocity, q, rate)
         position, velocity, q, rate = seen.at(time)
         reference = trajectory.at(time + controller.preview_s)
         now = ControlInput(
@@ -106,7 +114,8 @@ def fly(
         memory, output = controller.step(memory, now)
         wanted = setpoint_of_accel(output.accel_w_mps2, reference.yaw_rad, model)
         last = gate(wanted, last, limits, period_s).setpoint
-        sent.put(time, last.q_w_flu_wxyz, last.thrust)
+        attitude.put(time, last.q_w_flu_wxyz)
+        thrust.put(time, last.thrust)
         push = room.disturbance_w_n(time)
         yield Sample(
             time,
@@ -119,8 +128,8 @@ def fly(
         )
         wrench = airframe.Wrench(frames.flip_yz(np.broadcast_to(push, (*lead, 3))), np.zeros((*lead, 3)))
         for part in range(inner):
-            q_sp, thrust = sent.at(time + part * period_s / inner)
-            actuation = airframe.Actuation(frames.flip_quat(q_sp), thrust)
+            instant = time + part * period_s / inner
+            actuation = airframe.Actuation(frames.flip_quat(attitude.at(instant)[0]), thrust.at(instant)[0])
             truth = airframe.step(truth, actuation, wrench, room.plant, period_s / inner)
 
 
@@ -131,13 +140,11 @@ def _hovering(truth: airframe.PlantState, room: VirtualRoom) -> airframe.PlantSt
 
 def _measure(truth: airframe.PlantState, room: VirtualRoom, rng: np.random.Generator) -> tuple[Array, ...]:
     position = frames.flip_yz(truth.position_ned_m)
-    velocity = frames.flip_yz(truth.velocity_ned_mps)
     shape = position.shape
     tilt = frames.quat_from_rotation_vector(rng.normal(0.0, room.attitude_noise_rad, shape))
     q = frames.quat_multiply(frames.flip_quat(truth.q_ned_frd_wxyz), tilt)
     return (
         position + rng.normal(0.0, room.position_noise_m, shape),
-        velocity + rng.normal(0.0, room.velocity_noise_mps, shape),
         q,
         frames.flip_yz(truth.rate_frd_radps) + rng.normal(0.0, room.rate_noise_radps, shape),
     )
