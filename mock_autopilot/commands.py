@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.messages import Message
+from mock_autopilot.extras import protocol_version
+from mock_autopilot.messages import Message, autopilot_version
 from mock_autopilot.px4 import Result
 from mock_autopilot.streams import Streams
 from mock_autopilot.world import World
@@ -57,10 +58,8 @@ def _return(world: World, _streams: Streams, _params: Params) -> Reply:
 
 
 def _request_message(world: World, streams: Streams, params: Params) -> Reply:
-    message = streams.build(_whole(params[0]), world)
-    if message is None:
-        return Reply((Result.DENIED,))
-    return Reply((Result.ACCEPTED,), (message,))
+    messages = streams.request(_whole(params[0]), world)
+    return Reply((Result.ACCEPTED if messages else Result.DENIED,), tuple(messages))
 
 
 def _set_interval(world: World, streams: Streams, params: Params) -> Reply:
@@ -75,12 +74,12 @@ def _get_interval(_world: World, streams: Streams, params: Params) -> Reply:
     return Reply((Result.ACCEPTED,), (message,))
 
 
-def _version(world: World, streams: Streams, _params: Params) -> Reply:
-    return Reply((Result.ACCEPTED,), (streams.build(148, world),))
+def _version(world: World, _streams: Streams, _params: Params) -> Reply:
+    return Reply((Result.ACCEPTED,), (autopilot_version(world),))
 
 
-def _accepted(_world: World, _streams: Streams, _params: Params) -> Reply:
-    return Reply((Result.ACCEPTED,))
+def _protocol(world: World, _streams: Streams, _params: Params) -> Reply:
+    return Reply((Result.ACCEPTED,), (protocol_version(world),))
 
 
 def _denied(_world: World, _streams: Streams, _params: Params) -> Reply:
@@ -103,6 +102,6 @@ HANDLERS: dict[int, Handler] = {
     510: _get_interval,
     511: _set_interval,
     512: _request_message,
-    519: _accepted,  # REQUEST_PROTOCOL_VERSION
+    519: _protocol,  # REQUEST_PROTOCOL_VERSION
     520: _version,  # REQUEST_AUTOPILOT_CAPABILITIES
 }

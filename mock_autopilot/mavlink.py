@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.config import LinkConfig
+from mock_autopilot.extras import GimbalChatter
 from mock_autopilot.messages import Message
-from mock_autopilot.px4 import Text
+from mock_autopilot.px4 import LandedState, Text
 from mock_autopilot.receiver import Receiver
 from mock_autopilot.streams import Streams
 from mock_autopilot.world import World
@@ -56,6 +57,7 @@ class MavlinkLink:
         self._gcs_heard_s = -GCS_SILENT_AFTER_S
         self._texts: list[Text] = []
         self._text_id = 0
+        self._chatter = GimbalChatter()
         self.streams = Streams()
         self._receiver = Receiver(world, self.streams, self.send)
 
@@ -123,16 +125,26 @@ class MavlinkLink:
 
     # -- protocol --------------------------------------------------------------------------------
 
-    def handle(self, payload: bytes) -> None:
-        """Understand one datagram; what is not MAVLink is ignored."""
+    def handle(self, payload: bytes) -> list[bytes]:
+        """Understand one datagram, ignoring what is not MAVLink; returns the frames for the other links."""
         try:
             messages = self._codec.parse_buffer(payload) or []
         except mavlink.MAVError:
-            return
+            return []
+        heartbeats = []
         for message in messages:
-            if message.get_type() == "HEARTBEAT" and message.type == GCS_TYPE:
-                self._gcs_heard_s = self._world.time_s
+            if message.get_type() == "HEARTBEAT":
+                heartbeats.append(bytes(message.get_msgbuf()))
+                if message.type == GCS_TYPE:
+                    self._gcs_heard_s = self._world.time_s
             self._receiver.handle(message)
+        return heartbeats
+
+    def forward(self, frame: bytes) -> None:
+        """Pass on what came in on another link, as it came."""
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(frame, self._remote)
 
     def tell(self, texts: list[Text]) -> None:
         """Queue texts for the ground station; without one they are lost, as PX4's are."""
@@ -143,7 +155,8 @@ class MavlinkLink:
         """Send whatever the schedule and the queues hold for now."""
         for message in self.streams.due(self._world):
             self.send(message)
-        for message in self._receiver.pop_due():
+        landing = self._world.vehicle.landed_state is LandedState.LANDING
+        for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.time_s, landing)):
             self.send(message)
         if self._texts and self._world.time_s >= TEXTS_FROM_S:
             texts, self._texts = self._texts, []

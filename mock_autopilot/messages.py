@@ -15,7 +15,6 @@ from mock_autopilot.geodesy import to_global
 from mock_autopilot.health import sensors_health
 from mock_autopilot.plant import GRAVITY_MPS2
 from mock_autopilot.px4 import Mode
-from mock_autopilot.setpoint import IGNORE_RATES
 from mock_autopilot.world import World
 
 Message = Any
@@ -161,10 +160,7 @@ def attitude_target(world: World) -> Message:
     """The setpoint being followed, as PX4 repeats it."""
     target = world.vehicle.target
     rates = target.rate_frd_radps or (0.0, 0.0, 0.0)
-    mask = 0 if target.rate_frd_radps is not None else IGNORE_RATES & 0
-    return mavlink.MAVLink_attitude_target_message(
-        _ms(world), mask, list(target.echo_q_wxyz), *rates, target.echo_thrust
-    )
+    return mavlink.MAVLink_attitude_target_message(_ms(world), 0, list(target.echo_q_wxyz), *rates, target.echo_thrust)
 
 
 def position_target_local_ned(world: World) -> Message | None:

@@ -68,9 +68,10 @@ class Pilot:
         """Another height (NED z) for the take-off under way."""
         self._target[2] = height_z_m
 
-    def home_in(self, home: Position) -> None:
-        """Return: the target is above home."""
-        self._target[0], self._target[1], self._braking = home.x_m, home.y_m, False
+    def home_in(self, home: Position, cruise_z_m: float) -> None:
+        """Return: fly at `cruise_z_m` (NED) until above home, then land."""
+        self._target = [home.x_m, home.y_m, cruise_z_m]
+        self._braking = False
 
     def step(self, now: Estimate, now_s: float, landed: bool, dt_s: float) -> None:
         """One pass of the cascade."""
@@ -106,6 +107,9 @@ class Pilot:
                 self._braking = False
                 self._target[0], self._target[1] = now.position_m[0], now.position_m[1]
             return (0.0, 0.0)
+        climbing = now.position_m[2] - self._target[2] > 1.0
+        if self.mode is Mode.RTL and climbing and not self._above_home(now):
+            return (0.0, 0.0)  # height first
         gain = self.params["MPC_XY_P"]
         vx = gain * (self._target[0] - now.position_m[0])
         vy = gain * (self._target[1] - now.position_m[1])
@@ -113,7 +117,8 @@ class Pilot:
         return (vx * scale, vy * scale)
 
     def _vertical_velocity(self, now: Estimate, dt_s: float) -> float:
-        if self.mode in {Mode.LAND, Mode.DESCEND} or (self.mode is Mode.RTL and self._above_home(now)):
+        landing = self.mode is Mode.RTL and self._above_home(now)
+        if landing or self.mode in {Mode.LAND, Mode.DESCEND}:
             return self._slewed(self._landing_speed(now), dt_s)
         up = TAKEOFF_SPEED_MPS if self.mode is Mode.TAKEOFF else self.params["MPC_Z_V_AUTO_UP"]
         wanted = HEIGHT_P * (self._target[2] - now.position_m[2])

@@ -19,6 +19,7 @@ from mock_autopilot.world import World
 SYSTEM, COMPONENT = 1, 1
 BROADCAST = 0
 SET_MODE_COMMAND = 176
+GPS_GLOBAL_ORIGIN = 49
 PARAMS_PER_TICK = 5
 """PARAM_REQUEST_LIST: 879 values in about 0.8 s."""
 BODY_FRD_FRAME = 12
@@ -108,8 +109,7 @@ class Receiver:
     def _set_origin(self, m: Any) -> None:
         if m.target_system in {BROADCAST, SYSTEM}:
             self._world.vehicle.set_origin()
-            origin = self._streams.build(49, self._world)
-            if origin is not None:
+            for origin in self._streams.request(GPS_GLOBAL_ORIGIN, self._world):
                 self._send(origin)
 
     def _vision(self, m: Any) -> None:

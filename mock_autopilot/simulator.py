@@ -82,7 +82,10 @@ class Simulator:
             self._boot_s += behind_s - LONGEST_CATCH_UP_S
         for datagram, link in heard:
             self._advance(datagram.arrived_s - self._boot_s)
-            link.handle(datagram.payload)
+            for frame in link.handle(datagram.payload):
+                for other in self.links:
+                    if other is not link:
+                        other.forward(frame)
         self._advance(now_s - self._boot_s)
 
     def _advance(self, to_s: float) -> None:

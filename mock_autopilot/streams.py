@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from mock_autopilot import extras
 from mock_autopilot import messages as m
 from mock_autopilot.world import World
 
@@ -45,8 +46,17 @@ DEFAULTS = (
     Stream(331, 30.0, m.odometry),
     Stream(436, 0.5, m.current_mode, 2.0),
 )
-ON_REQUEST = {49: m.gps_global_origin, 148: m.autopilot_version}
+ON_REQUEST: dict[int, m.Builder] = {
+    49: m.gps_global_origin,
+    148: m.autopilot_version,
+    300: extras.protocol_version,
+    395: extras.component_information,
+    397: extras.component_metadata,
+}
 """Never streamed, sent when asked for."""
+AVAILABLE_MODES = 435
+FAST_HZ = 50.0
+"""From this rate on a request finds no new sample when the stream has just taken it: PX4 then answers DENIED."""
 
 
 class Streams:
@@ -56,6 +66,7 @@ class Streams:
         self._streams = {stream.id: stream for stream in DEFAULTS}
         self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in DEFAULTS}
         self._due_s = {stream.id: stream.first_s for stream in DEFAULTS}
+        self._sent_s: dict[int, float] = {}
 
     def due(self, world: World) -> list[m.Message]:
         """Messages whose time has come; a late call sends each once, not a burst."""
@@ -68,13 +79,20 @@ class Streams:
             self._due_s[id_] = due_s + interval_s * max(1, int((now_s - due_s) / interval_s) + 1)
             message = self._streams[id_].build(world)
             if message is not None:
+                self._sent_s[id_] = now_s
                 out.append(message)
         return out
 
-    def build(self, id_: int, world: World) -> m.Message | None:
-        """One message on request, or None when there is no such message or nothing to say."""
-        builder = ON_REQUEST.get(id_) or (self._streams[id_].build if id_ in self._streams else None)
-        return builder(world) if builder else None
+    def request(self, id_: int, world: World) -> list[m.Message]:
+        """REQUEST_MESSAGE: what to send, nothing when PX4 would have nothing to say."""
+        if id_ == AVAILABLE_MODES:
+            return extras.available_modes(world)
+        stream = self._streams.get(id_)
+        if stream is not None and stream.rate_hz >= FAST_HZ and world.time_s - self._sent_s.get(id_, -1.0) < TICK_S:
+            return []
+        builder = ON_REQUEST.get(id_) or (stream.build if stream else None)
+        message = builder(world) if builder else None
+        return [] if message is None else [message]
 
     def set_interval(self, id_: int, interval_us: float, now_s: float) -> bool:
         """SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops; False for what cannot be streamed."""

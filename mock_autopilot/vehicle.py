@@ -248,8 +248,20 @@ class Vehicle:
         if self.mode not in PILOTED:
             return
         self.pilot.enter(self.mode, now, start_s, self._floor_z_m, not self.land_detector.landed)
-        if self.mode is Mode.RTL and self.home is not None:
-            self.pilot.home_in(self.home)
+        if self.mode is Mode.RTL and self.home is not None and self.armed:
+            self._start_return(now, self.home)
+
+    def _start_return(self, now: Estimate, home: Position) -> None:
+        """Next to home it lands there at once; from further away it climbs first."""
+        away_m = math.hypot(home.x_m - now.position_m[0], home.y_m - now.position_m[1])
+        height_m = home.z_m - now.position_m[2]
+        if away_m > self.params["RTL_MIN_DIST"]:
+            height_m = max(height_m, self.params["RTL_RETURN_ALT"])
+        self.pilot.home_in(home, home.z_m - height_m)
+        above_sea_m = self.params["SIH_LOC_H0"] - home.z_m + height_m
+        self._say(Severity.INFO, f"RTL: start return at {above_sea_m:.0f} m ({height_m:.0f} m above destination)")
+        if away_m <= self.params["RTL_MIN_DIST"]:
+            self._say(Severity.INFO, "RTL: land at destination")
 
     def _demand(self) -> Demand:
         offboard = self.mode is Mode.OFFBOARD
