@@ -105,16 +105,25 @@ class Service:
         self._expect(Phase.HOLD)
 
     async def land(self) -> None:
-        """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground."""
+        """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground.
+
+        When the flight loop has failed it has told the autopilot to land: then the autopilot's landing is awaited.
+        """
         if self.phase in {Phase.STANDBY, Phase.DISARMED}:
             return
-        if self.phase is not Phase.HANDED_OVER:
-            self.loop.ask(Land())
+        self.loop.ask(Land())
         vehicle = self.loop.estimate.vehicle
         height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
         down_s = height_m / self._config.flight.descent_speed_mps
-        if not await self._until(lambda: self.phase is Phase.DISARMED, down_s + _LANDING_MARGIN_S):
-            raise FlightError(f"not disarmed after landing: {self.loop.action_failure or 'still ' + self.phase}")
+
+        def down() -> bool:
+            over = self._ticking.done() or self.phase is Phase.DISARMED
+            return over and not self._autopilot.status().armed
+
+        if not await self._until(down, down_s + _LANDING_MARGIN_S, although_failed=True):
+            raise FlightError(
+                f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
+            )
 
     def _ask(self, wanted: Request, what: str) -> None:
         if not self.loop.ask(wanted):
@@ -132,12 +141,12 @@ class Service:
             raise FlightError(f"no {phase!r} within {timeout_s:.0f} s, still {self.phase!r}")
         self._expect(phase)
 
-    async def _until(self, true: Callable[[], bool], timeout_s: float) -> bool:
-        """Poll; False after the time-out. Raises what stopped the flight loop."""
+    async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
+        """Poll; False after the time-out. Raises what stopped the flight loop, unless `although_failed`."""
         clock = asyncio.get_running_loop()
         end_s = clock.time() + timeout_s
         while not true():
-            if self._ticking.done():
+            if self._ticking.done() and not although_failed:
                 self._ticking.result()
             if clock.time() > end_s:
                 return False

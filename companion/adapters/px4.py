@@ -9,6 +9,7 @@ NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this
 """
 
 import asyncio
+import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +21,7 @@ import numpy as np
 from mavsdk.component_type import ComponentType
 from mavsdk.connection_result import ConnectionResult
 from mavsdk.exceptions import MavsdkError
+from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, VisionPositionEstimate
@@ -45,6 +47,10 @@ _MODES = {
     Px4Mode.STABILIZED: FlightMode.MANUAL,
 }
 
+LOG = logging.getLogger(__name__)
+_LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogLevel.WARN: logging.INFO}
+"""One step quieter than MAVSDK thinks: what matters to the operator comes as an exception."""
+
 _POLL_S = 0.02
 _RETRY_S = 0.5
 
@@ -52,6 +58,7 @@ _RETRY_S = 0.5
 @asynccontextmanager
 async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
     """Connect and yield the autopilot; AutopilotError when the port is taken or no PX4 is heard in time."""
+    log_subscribe(_to_our_log)
     worker = ThreadPoolExecutor(max_workers=2, thread_name_prefix="px4-commands")
     # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
@@ -201,6 +208,12 @@ class Px4:
         text = text.strip()
         self._texts = [*self._texts[-49:], (self._clock.now_s(), text)]
         self._update(last_text=text)
+
+
+def _to_our_log(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+    """MAVSDK prints every message to standard output unless somebody takes it."""
+    LOG.log(_LOG_LEVELS.get(level, logging.INFO), "%s", message)
+    return True
 
 
 def _from_px4(q: Any) -> Array:

@@ -42,6 +42,7 @@ class DemoFlight:
     mock_config: Path
     ports: MockPorts
     seed: int
+    start_mocks: bool
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,9 @@ def demo(
     mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
     summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the plot and the record.")] = Path("flights"),
+    mocks: Annotated[
+        bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")
+    ] = True,
     free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
 ) -> None:
     """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and say how good it was.
@@ -88,6 +92,7 @@ def demo(
         mock_config or default_config_path("mock.toml"),
         ports,
         seed,
+        mocks,
     )
     _check_folder(out, summary)
     flown = uvloop.run(fly_demo(flight, console))
@@ -117,7 +122,7 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
     recorder = Recorder()
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
     failure, interrupted = "", False
-    async with mock_process(flight.mock_config, flight.seed, flight.ports):
+    async with _mocks(flight):
         with display:
             try:
                 async with _service(flight, recorder, display) as service:
@@ -127,6 +132,15 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
                     raise
                 failure = failure or str(error)
     return Flown(recorder, summarise(recorder.arrays()) if recorder.flew else None, interrupted, failure)
+
+
+@asynccontextmanager
+async def _mocks(flight: DemoFlight) -> AsyncIterator[None]:
+    if not flight.start_mocks:
+        yield
+        return
+    async with mock_process(flight.mock_config, flight.seed, flight.ports):
+        yield
 
 
 @asynccontextmanager
