@@ -41,7 +41,7 @@ class Camera:
         while self._next / self.config.rate_hz <= truth.time_s + _TICK_S:
             self._capture(self._next, _moved_to(truth, self._next / self.config.rate_hz))
             self._next += 1
-        due = []
+        due = []  # in the order of capture: a late frame holds up those behind it
         while self._on_the_way and self._on_the_way[0][0] <= truth.time_s + _TICK_S:
             due.append(self._on_the_way.popleft()[1])
         return due
@@ -57,8 +57,6 @@ class Camera:
         if any(outage.contains(truth.time_s) for outage in cfg.outages):
             pose = LOST
         leaves_s = truth.time_s + cfg.delay_s + cfg.jitter_s * jitter
-        if self._on_the_way:
-            leaves_s = max(leaves_s, self._on_the_way[-1][0])  # a late frame holds up those behind it
         bodies = (pose, *(_standing(place, cfg.residual_m) for place in range(len(cfg.extra_bodies))))
         self._on_the_way.append((leaves_s, Frame(number, round(truth.time_s * 1e6), bodies)))
 

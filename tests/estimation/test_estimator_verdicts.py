@@ -132,6 +132,18 @@ def test_the_gate_widens_while_the_body_is_lost() -> None:
     assert verdicts([after(before, 50, x_m=0.5)], before) == [Verdict.OUTLIER]
 
 
+def test_a_start_in_full_flight_is_no_outlier() -> None:
+    """After the first frame the velocity is unknown to 1 m/s, so 4 cm in 10 ms is within three sigma."""
+    assert [s.verdict for s in followed(frame(k, (0.04 * k, 0.0, 1.0)) for k in range(4))][1:] == [Verdict.ACCEPTED] * 3
+
+
+@pytest.mark.parametrize(("gap_s", "expected"), [(0.1, Verdict.ACCEPTED), (0.01, Verdict.OUTLIER)])
+def test_the_attitudes_gate_widens_too(gap_s: float, expected: Verdict) -> None:
+    still = followed([frame(k, (0.0, 1e-5 * (k % 3), 1.0)) for k in range(50)])[-1]
+    turned = frame(90, q=quat_from_rotation_vector(np.array([0.5, 0.0, 0.0])), stamp_s=0.49 + gap_s)
+    assert verdicts([turned], still) == [expected]
+
+
 def test_a_long_gap_starts_anew() -> None:
     before = in_flight()
     assert verdicts([after(before, 200)], before) == [Verdict.STARTED]

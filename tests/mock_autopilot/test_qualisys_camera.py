@@ -1,5 +1,6 @@
 """When the simulated cameras look, what they see, and when it leaves; all in the truth's time."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from mock_autopilot.qtm_camera import Camera
 from mock_autopilot.qtm_packets import Component, Frame, data_packet
 from mock_autopilot.qualisys_config import Interval, QualisysConfig
+from mock_autopilot.quaternion import from_euler
 from tests.mock_autopilot.truths import flight, truth_at
 
+RIGHT = np.array([0.0, 0.0, 2.0])
 QUIET: dict[str, Any] = {"noise_m": 0.0, "noise_rad": 0.0, "delay_s": 0.0}
 
 
@@ -32,6 +35,17 @@ def test_frames_come_at_the_rate_in_the_truths_time(rate_hz: float) -> None:
 def test_a_capture_between_two_truths_is_at_its_own_place() -> None:
     for frame in seen(rate_hz=300.0, **QUIET):
         assert frame.bodies[0].position_room_m[0] == pytest.approx(frame.stamp_us * 1e-6, abs=1e-6)
+
+
+def test_a_capture_between_two_truths_has_its_own_attitude() -> None:
+    """Turning to the right at 2 rad/s: at the capture the heading is 2 rad/s times the capture's time."""
+    camera = Camera(QualisysConfig(rate_hz=300.0, **QUIET), 1)
+    for k in range(100):
+        time_s = 0.002 * k
+        truth = replace(truth_at(time_s, q_ned_frd_wxyz=from_euler(0.0, 0.0, 2.0 * time_s)), rate_frd_radps=RIGHT)
+        for frame in camera.look(truth):
+            nose = frame.bodies[0].rotation_room_flu[:, 0]
+            assert np.arctan2(-nose[1], nose[0]) == pytest.approx(2.0 * frame.stamp_us * 1e-6, abs=1e-5)
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_does_not() -> None:

@@ -63,7 +63,6 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
             await self.closed
 
     def _break_off(self, what: str) -> None:
-        self._unparsed.clear()
         self._end(f"sent {what}: is it really QTM's little-endian port?")
         if self.transport is not None:
             self.transport.abort()
