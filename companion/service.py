@@ -127,18 +127,20 @@ class Service:
 
     def _ask(self, wanted: Request, what: str) -> None:
         if not self.loop.ask(wanted):
-            raise FlightError(f"cannot {what} now: the vehicle is in phase {self.phase!r}{self._why()}")
+            why = f": {self.loop.flight.reason}" if self.loop.flight.reason else ""
+            raise FlightError(f"cannot {what} in phase {self.phase}{why}")
 
     def _expect(self, phase: Phase) -> None:
         if self.phase is not phase:
-            raise FlightError(f"expected phase {phase!r}, but the vehicle is in {self.phase!r}{self._why()}")
+            why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
+            raise FlightError(f"the flight was ended: {why}")
 
     async def _reach(self, phase: Phase, timeout_s: float, through: Phase | None = None) -> None:
         """Wait for a phase; leaving the phases on the way there means that the flight went another way."""
         on_the_way = {self.phase, through}
         reached = await self._until(lambda: self.phase is phase or self.phase not in on_the_way, timeout_s)
         if not reached:
-            raise FlightError(f"no {phase!r} within {timeout_s:.0f} s, still {self.phase!r}")
+            raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
         self._expect(phase)
 
     async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
@@ -152,7 +154,3 @@ class Service:
                 return False
             await asyncio.sleep(_POLL_S)
         return True
-
-    def _why(self) -> str:
-        reason = self.loop.flight.reason
-        return f" ({reason})" if reason else ""

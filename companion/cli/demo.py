@@ -21,7 +21,6 @@ from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_controller import LoadedController, load_controller
 from companion.control.reference import Trajectory
-from companion.experiments.plots import plot_flight
 from companion.experiments.summary import Summary, summarise
 from companion.ports import CompanionError, ConfigError
 from companion.service import Service, open_service
@@ -71,6 +70,7 @@ def demo(
     mocks: Annotated[
         bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")
     ] = True,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show everything the parts say.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
 ) -> None:
     """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and say how good it was.
@@ -78,7 +78,9 @@ def demo(
     Exit code 0 only if it landed, disarmed and stayed inside the controller's error limits; 1 if not, 2 for what could
     not be started, 130 after Ctrl-C, which lands.
     """
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
+    logging.basicConfig(level=logging.CRITICAL, format="%(levelname)s %(name)s: %(message)s")
+    if verbose:
+        logging.getLogger("companion").setLevel(logging.DEBUG)
     console = Console()
     settings = load_config(config or default_config_path("demo.toml"))
     law = load_controller(controller, settings.vehicle_model(), 1.0 / settings.control.rate_hz)
@@ -202,6 +204,8 @@ def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path, sum
     good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
     print_report(console, flight.controller, flown.summary, flown.failure)
     if flown.recorder.flew:
+        from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
+
         title = f"{flight.trajectory_name}, controller {flight.controller.name}, seed {flight.seed}"
         plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
         flown.recorder.write(out / f"{name}.npz")

@@ -41,7 +41,7 @@ def print_report(console: Console, controller: LoadedController, summary: Summar
     if summary is not None:
         console.print(_error_table(controller, summary))
         console.print(_timing_table(summary))
-    console.print(_verdict(controller, summary, failure), highlight=False)
+    console.print(_verdict(controller, summary, failure), highlight=False, soft_wrap=True)
 
 
 def _error_table(controller: LoadedController, summary: Summary) -> Table:

@@ -1,0 +1,1 @@
+"""Whole flights and whole command lines, through the real protocols."""

@@ -1,0 +1,52 @@
+"""Demo flights as a user starts them: own processes, real sockets, wall-clock time."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.flights.command import mock_config, read_json, run, start
+
+pytestmark = pytest.mark.realtime
+
+
+async def test_a_demo_flight_tracks_lands_and_says_so(tmp_path: Path) -> None:
+    summary = tmp_path / "summary.json"
+    ran = await run(
+        "demo", "--trajectory", "figure8", "--laps", "1", "--period", "12", "--free-ports",
+        "--out", tmp_path, "--summary", summary,
+    )  # fmt: skip
+    assert ran.code == 0, ran.said
+    data = read_json(summary)
+    assert data["trajectory"] == "figure8"
+    assert data["controller"] == "etnn"
+    assert data["landed"] is True
+    assert data["disarmed"] is True
+    assert max(data["mean_error_m"]) <= 0.05
+    assert max(data["max_error_m"]) <= 0.20
+    assert 0.0 < data["update_share"] < 0.5, "the event trigger should have spared most of the updates"
+    assert 1500 <= data["control_cycles"] <= 1700, "16 s of tracking at 100 Hz, frames and deadlines together"
+    for timing in ("tick_late_ms", "frame_to_setpoint_ms"):
+        assert set(data[timing]) == {"median", "p99"}
+    assert (tmp_path / "figure8-etnn-seed1.png").stat().st_size > 20_000
+    for phase in ("preflight", "armed", "takeoff", "hold", "track", "land", "disarmed"):
+        assert phase in ran.out
+
+
+async def test_ctrl_c_lands(tmp_path: Path) -> None:
+    running = await start("demo", "--free-ports", "--out", tmp_path, "--summary", tmp_path / "summary.json")
+    await running.until_line("hold")
+    running.interrupt()
+    ran = await running.ended()
+    assert ran.code == 130, ran.said
+    assert "Ctrl-C: landing" in ran.out
+    assert "disarmed" in ran.out
+    assert "Traceback" not in ran.said
+
+
+async def test_motion_capture_silent_before_takeoff_is_one_sentence_and_a_safe_vehicle(tmp_path: Path) -> None:
+    mock = mock_config(tmp_path, ("rate_hz = 100.0", "rate_hz = 100.0\nsilences = [{start_s = 3.0, for_s = 600.0}]"))
+    ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
+    assert ran.code == 1, ran.said
+    assert "motion capture has been silent" in ran.out
+    assert "takeoff" not in ran.out
+    assert "Traceback" not in ran.said
