@@ -4,11 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help install demo test lint bench lock clean
+.PHONY: help install demo test lint bench conformance lock clean
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
-	@echo "make test | lint | bench | lock | clean"
+	@echo "make test | lint | bench | conformance | lock | clean"
 
 # The stamp depends on the lock files: a changed lock is a new installation.
 $(VENV)/.installed: requirements.lock requirements-dev.lock pyproject.toml
@@ -35,6 +35,9 @@ lint: install
 
 bench: install
 	@$(BIN)/python -m benchmarks $(ARGS)
+
+conformance: install
+	@$(BIN)/python -m tests.mock_autopilot.conformance
 
 lock: install
 	@$(BIN)/python -m pip install --quiet uv

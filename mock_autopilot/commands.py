@@ -45,8 +45,8 @@ def _set_mode(world: World, _streams: Streams, params: Params) -> Reply:
     return Reply((Result.ACCEPTED, world.vehicle.set_mode(base, main, sub)))
 
 
-def _take_off(world: World, _streams: Streams, _params: Params) -> Reply:
-    return Reply((world.vehicle.take_off(),))
+def _take_off(world: World, _streams: Streams, params: Params) -> Reply:
+    return Reply((world.vehicle.take_off(params[6]),))
 
 
 def _land(world: World, _streams: Streams, _params: Params) -> Reply:

@@ -67,6 +67,7 @@ class Vehicle:
         self._pilot_due_s = 0.0
         self._piloted: tuple[Mode, bool] | None = None
         self._floor_z_m = 0.0
+        self._takeoff_z_m = math.nan
         self._asked: tuple[object, ...] = ()
         self._answer = Demand(self.felt.q_ned_frd_wxyz, None, 0.0, motors_on=False)
 
@@ -97,10 +98,11 @@ class Vehicle:
         """DO_SET_MODE or SET_MODE, the commander's answer."""
         return self.commander.set_mode(base_mode, main, sub, self.situation)
 
-    def take_off(self) -> Result:
-        """NAV_TAKEOFF to the default height; does not arm."""
+    def take_off(self, above_sea_m: float = math.nan) -> Result:
+        """NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
         result = self.commander.choose(Mode.TAKEOFF, self.situation)
-        if result is Result.ACCEPTED and self.commander.armed:
+        self._takeoff_z_m = self.params["SIH_LOC_H0"] - above_sea_m
+        if result is Result.ACCEPTED and self.commander.armed and math.isnan(above_sea_m):
             height_m = self.params["MIS_TAKEOFF_ALT"]
             self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
         return result
@@ -248,6 +250,8 @@ class Vehicle:
         if self.mode not in PILOTED:
             return
         self.pilot.enter(self.mode, now, start_s, self._floor_z_m, not self.land_detector.landed)
+        if self.mode is Mode.TAKEOFF and math.isfinite(self._takeoff_z_m):
+            self.pilot.aim(min(self._takeoff_z_m, now.position_m[2]))
         if self.mode is Mode.RTL and self.home is not None and self.armed:
             self._start_return(now, self.home)
 

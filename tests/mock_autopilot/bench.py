@@ -1,0 +1,193 @@
+"""A mock autopilot on the bench: its MAVLink end without sockets, in simulated time.
+
+Messages go in and come out as real MAVLink objects; only UDP and the wall clock are left out.
+"""
+
+import math
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from mock_autopilot import quaternion as quat
+from mock_autopilot.config import LinkConfig, MockConfig
+from mock_autopilot.mavlink import MavlinkLink
+from mock_autopilot.streams import TICK_S
+from mock_autopilot.world import World
+
+NAN = math.nan
+NO_GPS: dict[str, float] = {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "EKF2_MAG_TYPE": 5}
+LEVEL = (1.0, 0.0, 0.0, 0.0)
+SIH_PLANT: dict[str, Any] = {
+    "mass_kg": 1.0,
+    "max_thrust_n": 20.0,
+    "viscous_npm": (0.9, 0.9, 0.9),
+    "quadratic_npm2": (0.0, 0.0, 0.0),
+    "coulomb_n": (0.0, 0.0, 0.0),
+}
+"""The recorded simulator's quadrotor: 1 kg, 4 x 5 N, drag fitted from the record."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """One message the autopilot sent, and when (simulated seconds after boot)."""
+
+    time_s: float
+    message: Any
+
+    @property
+    def type(self) -> str:
+        """MAVLink name."""
+        return str(self.message.get_type())
+
+
+class OfflineLink(MavlinkLink):
+    """The real link with its socket replaced by a list."""
+
+    def __init__(self, world: World) -> None:
+        self.sent: list[Sent] = []
+        self._clock = world
+        super().__init__(LinkConfig.model_validate({}), world)
+
+    @property
+    def codec(self) -> Any:
+        return self._codec
+
+    def send(self, message: Any) -> None:
+        self.sent.append(Sent(self._clock.time_s, message))
+
+
+class Bench:
+    """One vehicle, one client (245/190) that may stream setpoints, vision and heartbeats."""
+
+    def __init__(
+        self,
+        params: Mapping[str, float] | None = None,
+        plant: Mapping[str, Any] | None = None,
+        gcs: bool = True,
+        seed: int = 1,
+        vehicle: Mapping[str, Any] | None = None,
+    ) -> None:
+        config = {"px4": {"params": dict(params or {})}, "plant": dict(plant or {}), "vehicle": dict(vehicle or {})}
+        self.world = World(MockConfig.from_dict(config), seed)
+        self.link = OfflineLink(self.world)
+        self.client = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
+        self.heartbeats = gcs
+        self.setpoint: Any = None
+        self.setpoint_period_s = 0.02
+        self.vision = False
+        self.vision_offset_m = (0.0, 0.0, 0.0)
+        self._ticks = 0
+
+    def again(self) -> "Bench":
+        """An independent copy of this flight so far; codecs and messages already sent are shared."""
+        shared = [self.client, self.link.codec, *self.sent]
+        return deepcopy(self, {id(item): item for item in shared})
+
+    @property
+    def now_s(self) -> float:
+        return self.world.time_s
+
+    @property
+    def sent(self) -> list[Sent]:
+        return self.link.sent
+
+    # -- time ------------------------------------------------------------------------------------
+
+    def run(self, for_s: float) -> None:
+        """Let simulated time pass, streaming whatever is switched on."""
+        for _ in range(round(for_s / TICK_S)):
+            self._stream()
+            self._ticks += 1
+            self.world.advance(self._ticks * TICK_S)
+            self.link.tell(self.world.vehicle.pop_texts())
+            self.link.send_due()
+
+    def run_until(self, to_s: float) -> None:
+        self.run(to_s - self.now_s)
+
+    def _every(self, period_s: float) -> bool:
+        return self._ticks % round(period_s / TICK_S) == 0
+
+    def _stream(self) -> None:
+        if self.heartbeats and self._every(1.0):
+            self.hear(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+        if self.setpoint is not None and self._every(self.setpoint_period_s):
+            self.hear(self.setpoint)
+        if self.vision and self._every(0.02):
+            self.see()
+
+    # -- what the client says --------------------------------------------------------------------
+
+    def hear(self, message: Any, system: int = 245) -> None:
+        """The autopilot hears one message of ours."""
+        self.client.srcSystem = system
+        self.link.handle(bytes(message.pack(self.client)))
+
+    def see(self) -> None:
+        """One VISION_POSITION_ESTIMATE of the truth (plus the offset)."""
+        truth = self.world.truth
+        x, y, z = (truth.position_ned_m + self.vision_offset_m).tolist()
+        roll, pitch, yaw = quat.to_euler(truth.q_ned_frd_wxyz)
+        self.hear(mavlink.MAVLink_vision_position_estimate_message(0, x, y, z, roll, pitch, yaw, [NAN] * 21))
+
+    def target(self, thrust: float, q: tuple[float, ...] = LEVEL, mask: int = 7, system: int = 1) -> None:
+        """Stream this attitude setpoint from now on."""
+        self.setpoint = mavlink.MAVLink_set_attitude_target_message(0, system, 1, mask, list(q), 0.0, 0.0, 0.0, thrust)
+
+    def command(self, command: int, *params: float, target: tuple[int, int] = (1, 1)) -> list[int]:
+        """Send a COMMAND_LONG (missing parameters NaN, as MAVSDK does); results of the ACKs within 0.1 s."""
+        before = len(self.sent)
+        filled = [*params, *[NAN] * (7 - len(params))]
+        self.hear(mavlink.MAVLink_command_long_message(*target, command, 0, *filled))
+        self.run(0.1)
+        return [
+            s.message.result for s in self.sent[before:] if s.type == "COMMAND_ACK" and s.message.command == command
+        ]
+
+    def mode(self, main: int, sub: int = 0) -> list[int]:
+        return self.command(176, 129.0 if self.world.vehicle.armed else 1.0, float(main), float(sub))
+
+    def arm(self) -> list[int]:
+        return self.command(400, 1.0)
+
+    def fly_offboard(self, height_m: float = 3.0, thrust: float = 0.5) -> None:
+        """Stream, OFFBOARD, arm, climb to about `height_m`, hover."""
+        self.target(thrust)
+        self.run(0.5)
+        self.mode(6)
+        self.arm()
+        self.target(0.6)
+        while -self.world.truth.position_ned_m[2] < height_m and self.now_s < 100.0:
+            self.run(0.1)
+        self.target(0.45)
+        while self.world.truth.velocity_ned_mps[2] < 0.0:
+            self.run(0.02)
+        self.target(thrust)
+
+    # -- what came back --------------------------------------------------------------------------
+
+    def all(self, type_: str, since_s: float = 0.0) -> list[Sent]:
+        return [s for s in self.sent if s.type == type_ and s.time_s >= since_s]
+
+    def texts(self, since_s: float = 0.0) -> list[tuple[float, str]]:
+        """Texts with their chunks joined, the closing tab cut off."""
+        out: list[tuple[float, str]] = []
+        for s in self.all("STATUSTEXT", since_s):
+            text = s.message.text if isinstance(s.message.text, str) else s.message.text.decode()
+            if s.message.chunk_seq:
+                out[-1] = (out[-1][0], out[-1][1] + text)
+            else:
+                out.append((s.time_s, text))
+        return [(at, text.rstrip("\t")) for at, text in out]
+
+    def text_after(self, text: str, since_s: float) -> float:
+        """Seconds from `since_s` to the first such text; infinite when there was none."""
+        return next((at - since_s for at, said in self.texts(since_s) if text in said), math.inf)
+
+    def heartbeat(self) -> tuple[int, int, int]:
+        """base_mode, custom_mode, system_status as a HEARTBEAT would show them now."""
+        vehicle = self.world.vehicle
+        return (vehicle.base_mode, vehicle.mode.custom_mode, int(vehicle.system_status))

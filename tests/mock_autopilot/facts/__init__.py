@@ -1,0 +1,1 @@
+"""The recorded facts by section; each module has a tuple FACTS."""

@@ -1,0 +1,271 @@
+"""Arming (section a), OFFBOARD and modes (b), disarm and kill (e), take-off and landing (g)."""
+
+from functools import cache
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from tests.mock_autopilot.bench import Bench
+from tests.mock_autopilot.fact import acks, near, same, state
+
+DENIED_TEXT = "Arming denied: Resolve system health failures first"
+
+
+def _ready() -> Bench:
+    return _booted().again()
+
+
+@cache
+def _booted() -> Bench:
+    bench = Bench()
+    bench.run(4.2)
+    return bench
+
+
+def _arm_at(seconds_after_heartbeat: float) -> str:
+    bench = Bench()
+    bench.run(1.0 + seconds_after_heartbeat)
+    return acks(bench.arm())
+
+
+def _denied_text() -> str:
+    bench = Bench()
+    bench.run(3.0)
+    bench.arm()
+    return bench.texts()[0][1]
+
+
+def _armed_state() -> str:
+    bench = _ready()
+    bench.arm()
+    return f"{state(bench.heartbeat())}: {bench.texts()[0][1]}"
+
+
+def _again(arm: float) -> str:
+    bench = _ready()
+    if arm:
+        bench.arm()
+    before = len(bench.texts())
+    return f"{acks(bench.command(400, arm))}, {len(bench.texts()) - before} texts"
+
+
+def _odd() -> str:
+    bench = _ready()
+    return f"{acks(bench.command(400, 2.0))}: {bench.texts()[0][1]}"
+
+
+def _addressed(target: tuple[int, int]) -> str:
+    return acks(_ready().command(400, 1.0, target=target))
+
+
+def _auto_disarm() -> float:
+    bench = _ready()
+    start = bench.now_s
+    bench.arm()
+    bench.run(13.0)
+    return bench.text_after("Disarmed by auto preflight disarming", start)
+
+
+def _mode(main: int, sub: int = 0, base: float = 1.0) -> str:
+    bench = _ready()
+    results = bench.command(176, base, float(main), float(sub))
+    return f"{acks(results)}; {state(bench.heartbeat())}"
+
+
+def _legacy() -> str:
+    bench = _ready()
+    bench.hear(mavlink.MAVLink_set_mode_message(1, 1, 0x00060000))
+    bench.run(0.1)
+    return f"{acks([s.message.result for s in bench.all('COMMAND_ACK')])}; {state(bench.heartbeat())}"
+
+
+def _offboard_without_stream() -> str:
+    bench = _ready()
+    bench.mode(6)
+    return f"{state(bench.heartbeat())}; arming {acks(bench.arm())}"
+
+
+def _offboard(stop: bool = False, mask: int = 7, arm: bool = True) -> str:
+    bench = _ready()
+    bench.target(0.0, mask=mask)
+    bench.run(0.5)
+    bench.mode(6)
+    if arm:
+        bench.arm()
+    if stop:
+        bench.setpoint = None
+        bench.run(2.0)
+    return state(bench.heartbeat())
+
+
+def _hovering() -> Bench:
+    """In the air in Hold, no setpoints."""
+    return _hover().again()
+
+
+@cache
+def _hover() -> Bench:
+    bench = _ready()
+    bench.arm()
+    bench.command(22)
+    bench.run(12.0)
+    return bench
+
+
+def _offboard_in_air() -> str:
+    bench = _hovering()
+    results = acks(bench.mode(6))
+    return f"{results}: {bench.texts()[-1][1]}; {state(bench.heartbeat())}"
+
+
+def _disarm_in_air() -> str:
+    bench = _hovering()
+    results = acks(bench.command(400, 0.0))
+    return f"{results}: {bench.texts()[-1][1]}"
+
+
+def _kill() -> str:
+    bench = _ready()
+    bench.fly_offboard()
+    start = bench.now_s
+    results = acks(bench.command(400, 0.0, 21196.0))
+    shown = bench.heartbeat()[0]
+    bench.run(1.0)
+    landed = next(s.time_s for s in bench.all("EXTENDED_SYS_STATE", start) if s.message.landed_state == 1) - start
+    return f"{results}: {bench.texts(start)[0][1]}; base_mode {shown}; landed_state 1 within 0.8 s: {landed <= 0.8}"
+
+
+def _takeoff_detected(thrust: float) -> float:
+    bench = _ready()
+    bench.target(thrust)
+    bench.run(0.5)
+    bench.mode(6)
+    start = bench.now_s
+    bench.arm()
+    return bench.text_after("Takeoff detected", start)
+
+
+@cache
+def _takeoff() -> dict[str, float]:
+    bench = _ready()
+    bench.arm()
+    start = bench.now_s
+    bench.command(22)
+    bench.run(15.0)
+    hold = next(s.time_s for s in bench.all("HEARTBEAT", start + 1.0) if s.message.custom_mode == 0x03040000)
+    states = [s.message.landed_state for s in bench.all("EXTENDED_SYS_STATE", start)]
+    height = -next(s.message.z for s in bench.all("LOCAL_POSITION_NED", hold))
+    down = bench.now_s
+    land = acks(bench.command(21))
+    bench.run(25.0)
+    landed = bench.text_after("Landing detected", down)
+    return {
+        "detected": bench.text_after("Takeoff detected", start),
+        "hold": hold - start,
+        "height": height,
+        "taking off": float(3 in states and states[-1] == 2),
+        "one ack": float(land == "ACCEPTED"),
+        "landed": landed,
+        "disarmed": bench.text_after("Disarmed by landing", down) - landed,
+        "mode after": float(bench.heartbeat() == (29, 0x03040000, 3)),
+    }
+
+
+def _takeoff_text() -> str:
+    bench = _ready()
+    bench.arm()
+    results = acks(bench.command(22))
+    return f"{results}: {bench.texts()[-1][1]}"
+
+
+def _land_text() -> str:
+    bench = _ready()
+    results = acks(bench.command(21))
+    return f"{results}: {bench.texts()[-1][1]}; {state(bench.heartbeat())}"
+
+
+ACC2 = "ACCEPTED, ACCEPTED"
+FACTS = (
+    same("a-0s", "arm with the first HEARTBEAT", "TEMPORARILY_REJECTED", lambda: _arm_at(0.0)),
+    same("a-2s", "arm 2 s after it", "TEMPORARILY_REJECTED", lambda: _arm_at(2.0)),
+    same("a-3s", "arm 3 s after it", "ACCEPTED", lambda: _arm_at(3.0)),
+    same("a-text", "the text of a refusal", DENIED_TEXT, _denied_text),
+    same("a-armed", "armed in Hold", "157, 4/3, 4: Armed by external command", _armed_state),
+    same("a-arm-twice", "arm while armed", "ACCEPTED, 0 texts", lambda: _again(1.0)),
+    same("a-disarm-twice", "disarm while disarmed", "ACCEPTED, 0 texts", lambda: _again(0.0)),
+    same("a-odd", "arm with param1 = 2", "no ACK: Unsupported ARM_DISARM param: 2.000", _odd),
+    same("a-component-0", "arm addressed to 1/0", "ACCEPTED", lambda: _addressed((1, 0))),
+    same("a-all-systems", "arm addressed to 0/0", "no ACK", lambda: _addressed((0, 0))),
+    same("a-other-component", "arm addressed to 1/190", "no ACK", lambda: _addressed((1, 190))),
+    near(
+        "a-auto-disarm",
+        "armed and left alone: disarmed after",
+        "11.0 s (11.3 s of wall time)",
+        _auto_disarm,
+        (10.5, 11.5),
+    ),
+    same(
+        "b-no-stream",
+        "OFFBOARD without ever a stream, disarmed",
+        "1, 6/0, 0; arming TEMPORARILY_REJECTED",
+        _offboard_without_stream,
+    ),
+    same("b-two-acks", "DO_SET_MODE OFFBOARD, disarmed: ACKs and state", f"{ACC2}; 1, 6/0, 0", lambda: _mode(6)),
+    same("b-ready", "OFFBOARD with attitude stream, disarmed", "17, 6/0, 3", lambda: _offboard(arm=False)),
+    same("b-armed", "OFFBOARD with attitude stream, armed", "145, 6/0, 4", _offboard),
+    same("b-rates", "OFFBOARD armed, type_mask 128 (rates only)", "129, 6/0, 4", lambda: _offboard(mask=128)),
+    same("b-stopped", "OFFBOARD, stream stopped, disarmed", "17, 6/0, 0", lambda: _offboard(stop=True, arm=False)),
+    same(
+        "b-in-air",
+        "OFFBOARD without stream in the air",
+        "ACCEPTED, TEMPORARILY_REJECTED: Switching to Offboard is currently not available; 157, 4/3, 4",
+        _offboard_in_air,
+    ),
+    same("b-legacy", "the SET_MODE message", "ACCEPTED; 1, 6/0, 0", _legacy),
+    same("b-unknown-auto", "AUTO sub-mode 99", "ACCEPTED, TEMPORARILY_REJECTED; 29, 4/3, 3", lambda: _mode(4, 99)),
+    same("b-unknown-main", "main mode 99", f"{ACC2}; 29, 4/3, 3", lambda: _mode(99)),
+    same("b-no-flag", "base_mode without the custom flag", f"{ACC2}; 29, 4/3, 3", lambda: _mode(6, 0, 0.0)),
+    same("b-position", "Position mode without a remote control, disarmed", f"{ACC2}; 81, 3/0, 0", lambda: _mode(3)),
+    same("e-in-air", "disarm in the air", "TEMPORARILY_REJECTED: Disarming denied: not landed", _disarm_in_air),
+    same(
+        "e-kill",
+        "kill in the air",
+        "ACCEPTED: Disarmed by external command; base_mode 17; landed_state 1 within 0.8 s: True",
+        _kill,
+    ),
+    near(
+        "e-takeoff-detected",
+        "OFFBOARD and thrust 0.1 on the ground: take-off detected after arming",
+        "0.02 to 0.05 s",
+        lambda: _takeoff_detected(0.1),
+        (0.0, 0.06),
+    ),
+    same(
+        "e-idle",
+        "OFFBOARD and thrust 0: take-off detected",
+        "never",
+        lambda: "never" if _takeoff_detected(0.0) > 1e6 else "yes",
+    ),
+    same("e-terminate", "DO_FLIGHTTERMINATION 0", "DENIED", lambda: acks(_hovering().command(185, 0.0))),
+    same("e-reboot", "REBOOT", "DENIED", lambda: acks(_hovering().command(246, 1.0))),
+    same(
+        "g-disarmed",
+        "NAV_TAKEOFF while disarmed: no arming",
+        "ACCEPTED; 29, 4/2, 3",
+        lambda: f"{acks((b := _ready()).command(22))}; {state(b.heartbeat())}",
+    ),
+    same("g-text", "NAV_TAKEOFF while armed", "ACCEPTED: Using default takeoff altitude: 2.5 m", _takeoff_text),
+    near("g-detected", "take-off detected after the command", "1.6 s", lambda: _takeoff()["detected"], (1.3, 2.1)),
+    near("g-hold", "Hold in HEARTBEAT after the command", "6.5 to 6.7 s", lambda: _takeoff()["hold"], (5.5, 7.7)),
+    near("g-height", "estimated height then", "2.0 to 2.3 m", lambda: _takeoff()["height"], (1.7, 2.5), "m"),
+    near("g-states", "landed_state 3 on the way, 2 afterwards", "1", lambda: _takeoff()["taking off"], (1, 1), ""),
+    same("g-land-text", "NAV_LAND while disarmed", "ACCEPTED: Landing at current position; 29, 4/6, 0", _land_text),
+    near(
+        "g-landed",
+        "from 2.5 m: landing detected after NAV_LAND",
+        "10 to 13 s",
+        lambda: _takeoff()["landed"],
+        (7.0, 14.0),
+    ),
+    near("g-disarmed-after", "disarmed after the landing", "2.0 to 2.2 s", lambda: _takeoff()["disarmed"], (1.9, 2.3)),
+    near("g-mode-after", "then Hold, ready", "1", lambda: _takeoff()["mode after"], (1, 1), ""),
+)

@@ -1,0 +1,228 @@
+"""Vision without GPS (section h)."""
+
+import math
+from functools import cache
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from tests.mock_autopilot.bench import NO_GPS, Bench
+from tests.mock_autopilot.fact import acks, near, same, state
+
+FLAG_PREDICTED, FLAG_SPEED, FLAG_POSITION = 256, 2, 8
+
+
+def _bench(vision: bool = True) -> Bench:
+    return _booted(vision).again()
+
+
+@cache
+def _booted(vision: bool) -> Bench:
+    bench = Bench(NO_GPS)
+    bench.vision = vision
+    bench.run(4.2)
+    return bench
+
+
+def _set_origin(bench: Bench) -> None:
+    bench.hear(mavlink.MAVLink_set_gps_global_origin_message(1, 473977420, 85455940, 488000))
+    bench.run(0.1)
+
+
+def _flags(bench: Bench) -> int:
+    return bench.world.vehicle.estimator.flags
+
+
+def _error_m(bench: Bench) -> float:
+    return math.dist(bench.world.vehicle.estimate.position_m, bench.world.truth.position_ned_m.tolist())
+
+
+def _streams_on() -> float:
+    bench = _bench(vision=False)
+    return len(bench.all("LOCAL_POSITION_NED", 2.2)) / (bench.now_s - 2.2)
+
+
+def _blind_offboard() -> str:
+    bench = _bench(vision=False)
+    hold = acks(bench.arm())
+    bench.target(0.0)
+    bench.run(0.3)
+    bench.mode(6)
+    return f"Hold: {hold}, OFFBOARD: {acks(bench.arm())}"
+
+
+def _air_flags() -> float:
+    bench = _bench()
+    bench.fly_offboard()
+    return float(_flags(bench))
+
+
+def _hold_refused() -> str:
+    bench = _bench()
+    bench.fly_offboard()
+    results = acks(bench.mode(4, 3))
+    return f"{results}: {bench.texts()[-1][1]}; {state(bench.heartbeat())}"
+
+
+def _stop_without_origin() -> str:
+    bench = _bench()
+    bench.fly_offboard()
+    bench.setpoint = None
+    bench.run(1.2)
+    return state(bench.heartbeat())
+
+
+@cache
+def _lost_and_found() -> dict[str, float]:
+    """Vision stops in attitude OFFBOARD for 8 s and comes back."""
+    bench = _bench()
+    bench.fly_offboard()
+    bench.run(1.0)
+    start, bench.vision = bench.now_s, False
+    gone: dict[int, float] = {}
+    for _ in range(80):
+        bench.run(0.1)
+        for flag in (FLAG_PREDICTED, FLAG_SPEED, FLAG_POSITION):
+            if not _flags(bench) & flag:
+                gone.setdefault(flag, bench.now_s - start)
+    drift = _error_m(bench)
+    quiet = bench.heartbeat() == (145, 0x60000, 4) and not bench.texts(start)
+    bench.vision = True
+    bench.run(0.5)
+    soon = _error_m(bench)
+    bench.run(1.0)
+    return {
+        "predicted": gone[FLAG_PREDICTED],
+        "position": gone[FLAG_POSITION],
+        "drift": drift,
+        "quiet": float(quiet),
+        "soon": soon / drift,
+        "later": _error_m(bench),
+        "flags": float(_flags(bench)),
+    }
+
+
+def _jump() -> float:
+    """Seconds a 1 m jump of the vision is ignored."""
+    bench = _bench()
+    bench.fly_offboard()
+    bench.run(1.0)
+    bench.vision_offset_m = (1.0, 0.0, 0.0)
+    start = bench.now_s
+    while _error_m(bench) < 0.7 and bench.now_s - start < 5.0:
+        bench.run(0.02)
+    return bench.now_s - start
+
+
+@cache
+def _blind_loss() -> tuple[str, float]:
+    bench = _bench()
+    bench.fly_offboard(6.0)
+    bench.vision = False
+    bench.run(6.0)
+    bench.setpoint = None
+    bench.run(3.0)
+    return state(bench.heartbeat()), float(bench.world.truth.velocity_ned_mps[2])
+
+
+@cache
+def _origin_hold() -> dict[str, str | float]:
+    bench = _bench()
+    start = bench.now_s
+    _set_origin(bench)
+    said = bench.texts(start)[0][1]
+    flags = float(_flags(bench))
+    while bench.world.vehicle.system_status != 3:
+        bench.run(0.1)
+    ready = bench.now_s - start
+    bench.fly_offboard(4.0)
+    results = acks(bench.mode(4, 3))
+    shown = state(bench.heartbeat())
+    bench.setpoint = None
+    bench.run(3.0)
+    start, bench.vision = bench.now_s, False
+    bench.run(6.0)
+    return {
+        "text": said,
+        "flags": flags,
+        "ready": ready,
+        "hold": f"{results}; {shown}",
+        "failsafe": bench.text_after("Failsafe activated", start),
+        "then": state(bench.heartbeat()),
+    }
+
+
+FACTS = (
+    near("h-streams", "no vision: LOCAL_POSITION_NED streams all the same", "30 Hz", _streams_on, (29, 31), "Hz"),
+    near(
+        "h-flags-none",
+        "no vision: ESTIMATOR_STATUS.flags",
+        "229",
+        lambda: float(_flags(_bench(vision=False))),
+        (229, 229),
+        "",
+    ),
+    same("h-blind-offboard", "no vision: arming", "Hold: TEMPORARILY_REJECTED, OFFBOARD: ACCEPTED", _blind_offboard),
+    near("h-flags", "vision on the ground: flags", "495", lambda: float(_flags(_bench())), (495, 495), ""),
+    near("h-flags-air", "vision in the air: flags", "367", _air_flags, (367, 367), ""),
+    same("h-hold-ground", "vision: arming in Hold", "TEMPORARILY_REJECTED", lambda: acks(_bench().arm())),
+    same(
+        "h-hold-air",
+        "Hold without a global origin",
+        "ACCEPTED, TEMPORARILY_REJECTED: Switching to Hold is currently not available; 145, 6/0, 4",
+        _hold_refused,
+    ),
+    same("h-stop", "and the stream stops: failsafe", "157, 4/6, 5", _stop_without_origin),
+    same(
+        "h-origin-text",
+        "SET_GPS_GLOBAL_ORIGIN: text",
+        "Preflight Fail: horizontal position unstable",
+        lambda: str(_origin_hold()["text"]),
+    ),
+    near("h-origin-flags", "flags with an origin", "511", lambda: float(_origin_hold()["flags"]), (511, 511), ""),
+    near("h-origin-ready", "armable in Hold after it", "4 to 5 s", lambda: float(_origin_hold()["ready"]), (3.5, 5.5)),
+    same(
+        "h-origin-hold",
+        "Hold in the air with an origin",
+        "ACCEPTED, ACCEPTED; 157, 4/3, 4",
+        lambda: str(_origin_hold()["hold"]),
+    ),
+    near(
+        "h-lost-hold",
+        "vision stops in Hold: failsafe after",
+        "4.6 s",
+        lambda: float(_origin_hold()["failsafe"]),
+        (4.3, 4.9),
+    ),
+    same("h-lost-hold-state", "and lands", "157, 4/6, 5", lambda: str(_origin_hold()["then"])),
+    near(
+        "h-quiet",
+        "vision stops in OFFBOARD: no text, no mode change",
+        "1",
+        lambda: _lost_and_found()["quiet"],
+        (1, 1),
+        "",
+    ),
+    near("h-flag-256", "flags lose 256 after", "within 1 s", lambda: _lost_and_found()["predicted"], (0.3, 1.1)),
+    near("h-flag-8", "flags lose 2 and 8 after", "5 s", lambda: _lost_and_found()["position"], (4.8, 5.3)),
+    near(
+        "h-drift",
+        "the reported position drifts within 8 s by",
+        "11 m",
+        lambda: _lost_and_found()["drift"],
+        (6.0, 14.0),
+        "m",
+    ),
+    near(
+        "h-back",
+        "vision back: error left after 0.5 s",
+        "most of the way back",
+        lambda: _lost_and_found()["soon"],
+        (0.0, 0.3),
+        "of the drift",
+    ),
+    near("h-back-later", "error left after 1.5 s", "0.1 m", lambda: _lost_and_found()["later"], (0.0, 0.15), "m"),
+    near("h-back-flags", "flags then", "367", lambda: _lost_and_found()["flags"], (367, 367), ""),
+    near("h-jump", "a 1 m jump of the vision is ignored for", "1 to 1.5 s", _jump, (0.9, 1.6)),
+    same("h-blind-loss", "no vision, then no setpoints: Altitude mode", "209, 2/0, 5", lambda: _blind_loss()[0]),
+    near("h-blind-sink", "and sinks", "about 0.6 m/s", lambda: _blind_loss()[1], (0.45, 0.85), "m/s"),
+)
