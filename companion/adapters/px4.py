@@ -53,6 +53,7 @@ _LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogL
 
 _POLL_S = 0.02
 _RETRY_S = 0.5
+_WORDS_S = 0.5
 
 
 @asynccontextmanager
@@ -158,7 +159,7 @@ class Px4:
         try:
             await asyncio.wait_for(loop.run_in_executor(self._worker, command), self._config.answer_timeout_s)
         except MavsdkError as error:
-            raise AutopilotError(f"the autopilot refused to {what}: {self._reason(error, since_s)}") from error
+            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(error, since_s)}") from error
         except TimeoutError as error:
             raise AutopilotError(f"the autopilot did not answer the command to {what}") from error
 
@@ -176,16 +177,19 @@ class Px4:
     async def _shown(self, what: str, since_s: float, reached: Callable[[AutopilotStatus], bool]) -> None:
         while not (reached(self._status) and self._status.heartbeat_s > since_s):
             if self._clock.now_s() - since_s > self._config.answer_timeout_s + self._config.arm_timeout_s:
-                said = self._reason(None, since_s)
+                said = await self._reason(None, since_s)
                 raise AutopilotError(f"the autopilot accepted the command but does not show {what}: {said}")
             await asyncio.sleep(_POLL_S)
 
-    def _reason(self, error: MavsdkError | None, since_s: float) -> str:
-        """The autopilot's own words when it gave some."""
+    async def _reason(self, error: MavsdkError | None, since_s: float) -> str:
+        """The autopilot's own words, which may come a little after its refusal; MAVSDK's if it gives none."""
+        for _ in range(round(_WORDS_S / _POLL_S)):
+            if self.texts_since(since_s):
+                break
+            await asyncio.sleep(_POLL_S)
         words = list(dict.fromkeys(self.texts_since(since_s)))
-        if words:
-            return "; ".join(words)
-        return f"{getattr(getattr(error, 'result', None), 'name', 'no reason given').lower().replace('_', ' ')}"
+        result = getattr(getattr(error, "result", None), "name", "no reason given")
+        return "; ".join(words) or str(result).lower().replace("_", " ")
 
     def _subscribe(self) -> None:
         t = self._telemetry

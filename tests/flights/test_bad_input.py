@@ -101,7 +101,7 @@ async def test_an_autopilot_that_refuses_to_arm_is_quoted(tmp_path: Path) -> Non
         path = _write(
             tmp_path / "companion.toml",
             f"[mocap]\nport = {ports.qualisys}\n"
-            f'[px4]\nurl = "udpin://127.0.0.1:{ports.client}"\narm_timeout_s = 0.1  # PX4 needs seconds after its boot\n',
+            f'[px4]\nurl = "udpin://127.0.0.1:{ports.client}"\narm_timeout_s = 0.1\n',  # PX4 boots longer
         )
         ran = await run("demo", "--no-mocks", "--config", path, "--out", tmp_path)
     assert ran.code == 1, ran.said
