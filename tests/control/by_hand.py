@@ -99,7 +99,9 @@ def rate_of_v1(phi: Vector, y2: Vector, gamma: Vector) -> Matrix:
 def slope_matrix(phi: Vector) -> Matrix:
     """phi', (N_1 + 1) x N_1: d phi_n / d b_m, the last row 0 because the bias does not move."""
     hidden = len(phi) - 1
-    return [[phi[n] * (1.0 - phi[n]) if n == m else 0.0 for m in range(hidden)] for n in range(hidden)] + [[0.0] * hidden]
+    return [[phi[n] * (1.0 - phi[n]) if n == m else 0.0 for m in range(hidden)] for n in range(hidden)] + [
+        [0.0] * hidden
+    ]
 
 
 def rate_of_v0(x_d: Vector, phi: Vector, v1: Matrix, y2: Vector, gamma: Vector) -> Matrix:

@@ -52,9 +52,7 @@ def test_theta_is_continuous_where_it_switches(direction: list[float], p: float,
 
 @given(s=VECTOR, p=EXPONENT, epsilon=st.floats(1e-6, 1.0))
 def test_theta_is_the_papers_formula(s: list[float], p: float, epsilon: float) -> None:
-    np.testing.assert_allclose(
-        switch_map(np.array(s), p, epsilon), by_hand.theta(s, p, epsilon), rtol=1e-9, atol=1e-14
-    )
+    np.testing.assert_allclose(switch_map(np.array(s), p, epsilon), by_hand.theta(s, p, epsilon), rtol=1e-9, atol=1e-14)
     np.testing.assert_allclose(fractional_power(np.array(s), p), by_hand.power(s, p), rtol=1e-9, atol=1e-14)
 
 
