@@ -30,7 +30,7 @@ Diagonal = Annotated[Array, PlainValidator(_diagonal), PlainSerializer(_plain)]
 
 
 def _diag(*values: float, note: str) -> Any:
-    return Field(default=_diagonal(values), description=note)
+    return Field(default_factory=lambda: _diagonal(values), description=note)  # a plain default is copied, writable
 
 
 class Gains(BaseModel):
