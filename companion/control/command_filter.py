@@ -54,8 +54,8 @@ def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains:
 def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGains, dt_s: float) -> FilterState:
     """Advance eqs. cmd-filter and iota-dyn by `dt_s` with alpha_1 and f_hat held.
 
-    Semi-implicit Euler (xi before chi, and iota_1 before iota_2): explicit Euler pumps energy into a filter as
-    fast as a few control periods.
+    Semi-implicit Euler for the filter (xi before chi): explicit Euler pumps energy into one as fast as a few control
+    periods. The compensation is slower and damped by itself: explicit Euler.
     """
     pull = gains.zeta * np.arctan(state.chi - alpha1) + gains.rho * np.arctan(gains.filter_eps * state.xi)
     xi = state.xi - dt_s / gains.filter_eps**2 * pull
