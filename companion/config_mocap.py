@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class MocapConfig(BaseModel):
     """Where QTM is, which body is ours, and how its frames travel."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
     host: str = Field(default="127.0.0.1", min_length=1, description="Address of the computer that runs QTM.")
     port: int = Field(default=22223, gt=0, le=65535, description="QTM's TCP port for little endian (base port + 1).")

@@ -36,7 +36,9 @@ def _diag(*values: float, note: str) -> Any:
 class Gains(BaseModel):
     """Strict and frozen: an unknown key is an error."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False
+    )
 
 
 class EtnnGains(Gains):
