@@ -94,7 +94,7 @@ def _etnn(file: EtnnFile, path: Path, vehicle: VehicleModel, period_s: float) ->
     if damping <= needed and not file.allow_unstable:
         raise ConfigError(
             f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
-            f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest slope of k_1 Theta); lower "
+            f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
             "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
         )
     p = file.prediction
