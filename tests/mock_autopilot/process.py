@@ -1,0 +1,79 @@
+"""The mock as a user starts it: its own process, on free ports."""
+
+import contextlib
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import development as mavlink
+
+
+def free_udp_port() -> int:
+    """A UDP port nobody uses at the moment."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@dataclass(frozen=True)
+class Mock:
+    """A running mock: where it sends, where it listens."""
+
+    process: subprocess.Popen[str]
+    client_port: int
+    own_port: int
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    """`python -m mock_autopilot`, ending with our end of its standard input."""
+    command = [sys.executable, "-m", "mock_autopilot", "--exit-with-stdin", *arguments]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@contextlib.contextmanager
+def running(*arguments: str) -> Iterator[Mock]:
+    """Started and ready; ended and reaped afterwards."""
+    client_port = free_udp_port()
+    process = start("--port", str(client_port), "--listen", "0", "--no-qualisys", *arguments)
+    try:
+        assert process.stdout is not None
+        ready = process.stdout.readline()
+        assert ready.startswith("mock autopilot ready: MAVLink udp "), ready
+        yield Mock(process, client_port, int(ready.split()[5]))
+    finally:
+        process.terminate()
+        process.communicate(timeout=10.0)
+
+
+class Client:
+    """A bare MAVLink client on a UDP port."""
+
+    def __init__(self, mock: Mock, port: int | None = None, system: int = 245) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", mock.client_port if port is None else port))
+        self.socket.settimeout(5.0)
+        self.codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=190)
+        self._mock = mock
+
+    def send(self, message: object) -> None:
+        frame = message.pack(self.codec)  # type: ignore[attr-defined]
+        self.socket.sendto(bytes(frame), ("127.0.0.1", self._mock.own_port))
+
+    def receive(self) -> list[object]:
+        """The messages of one datagram."""
+        parser = mavlink.MAVLink(None)
+        parser.robust_parsing = True
+        return list(parser.parse_buffer(self.socket.recv(2048)) or [])
+
+    def wait_for(self, type_: str, at_most: int = 3000) -> object:
+        """The next message of that type, looking at no more than so many."""
+        for _ in range(at_most):
+            for message in self.receive():
+                if message.get_type() == type_:  # type: ignore[attr-defined]
+                    return message
+        raise AssertionError(f"no {type_} among {at_most} messages")
+
+    def close(self) -> None:
+        self.socket.close()
