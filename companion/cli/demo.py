@@ -15,7 +15,7 @@ import uvloop
 from rich.console import Console
 
 from companion.adapters.recorder import Recorder
-from companion.cli.flight_report import print_report, summary_dict, within_limits
+from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockPorts, free_ports, mock_process
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
@@ -62,6 +62,7 @@ def demo(
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of the curve.")] = 2,
     period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap.")] = 15.0,
     size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
+    compare: Annotated[str | None, typer.Option(help="Fly this controller, too, and show both.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the mocks' noise and disturbances.")] = 1,
     config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
     mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
@@ -83,22 +84,38 @@ def demo(
         logging.getLogger("companion").setLevel(logging.DEBUG)
     console = Console()
     settings = load_config(config or default_config_path("demo.toml"))
-    law = load_controller(controller, settings.vehicle_model(), 1.0 / settings.control.rate_hz)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
-    flight = DemoFlight(
-        _on_ports(settings, ports),
-        law,
-        trajectory,
-        trajectory_named(trajectory, curve),
-        mock_config or default_config_path("mock.toml"),
-        ports,
-        seed,
-        mocks,
-    )
+    flights = [
+        DemoFlight(
+            _on_ports(settings, ports),
+            load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz),
+            trajectory,
+            trajectory_named(trajectory, curve),
+            mock_config or default_config_path("mock.toml"),
+            ports,
+            seed,
+            mocks,
+        )
+        for name in (controller, *([compare] if compare else []))
+    ]
     _check_folder(out, summary)
-    flown = uvloop.run(fly_demo(flight, console))
-    raise typer.Exit(_conclude(flight, flown, console, out, summary))
+    results = []
+    for flight in flights:
+        flown = uvloop.run(fly_demo(flight, console))
+        results.append(_conclude(flight, flown, console, out))
+        if flown.interrupted:
+            break
+    if len(results) > 1:
+        print_comparison(
+            console,
+            [(flight.controller.name, result.summary) for flight, result in zip(flights, results, strict=False)],
+        )
+    if summary is not None:
+        first, *others = [result.as_dict for result in results]
+        text = json.dumps(first | ({"compared": others} if others else {}), indent=2)
+        summary.write_text(text + "\n", encoding="utf-8")
+    raise typer.Exit(max(result.code for result in results))
 
 
 def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
@@ -198,21 +215,31 @@ async def _land_anyway(service: Service, failure: str) -> str:
     return failure
 
 
-def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path, summary_path: Path | None) -> int:
-    """Report, picture, record, JSON; the exit code."""
-    name = f"{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
-    good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
-    print_report(console, flight.controller, flown.summary, flown.failure)
-    if flown.recorder.flew:
-        from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
+@dataclass(frozen=True)
+class Result:
+    """One flight's end, for the exit code, the comparison and the summary file."""
 
-        title = f"{flight.trajectory_name}, controller {flight.controller.name}, seed {flight.seed}"
-        plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
-        flown.recorder.write(out / f"{name}.npz")
-        console.print(f"plot [bold]{out / name}.png[/], record {out / name}.npz")
-    if summary_path is not None:
-        data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary)
-        summary_path.write_text(json.dumps(data | {"failure": flown.failure}, indent=2) + "\n", encoding="utf-8")
-    if flown.interrupted:
-        return INTERRUPTED
-    return 0 if good else FAILED
+    code: int
+    summary: Summary | None
+    as_dict: dict[str, Any]
+
+
+def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> Result:
+    """Report, picture and record of one flight."""
+    good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
+    print_report(console, flight.controller, flown.summary, flown.failure, flown.interrupted)
+    if flown.recorder.flew:
+        _keep(flight, flown, console, out)
+    data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary) | {"failure": flown.failure}
+    return Result(INTERRUPTED if flown.interrupted else 0 if good else FAILED, flown.summary, data)
+
+
+def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> None:
+    """The picture and the record."""
+    from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
+
+    name = f"{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
+    title = f"{flight.trajectory_name}, controller {flight.controller.name}, seed {flight.seed}"
+    plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
+    flown.recorder.write(out / f"{name}.npz")
+    console.print(f"plot [bold]{out / name}.png[/], record {out / name}.npz", soft_wrap=True)

@@ -36,12 +36,31 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
     }
 
 
-def print_report(console: Console, controller: LoadedController, summary: Summary | None, failure: str) -> None:
+def print_report(
+    console: Console, controller: LoadedController, summary: Summary | None, failure: str, interrupted: bool
+) -> None:
     """Table of errors and timing, and the verdict in a sentence."""
     if summary is not None:
         console.print(_error_table(controller, summary))
         console.print(_timing_table(summary))
-    console.print(_verdict(controller, summary, failure), highlight=False, soft_wrap=True)
+    verdict = "[yellow]interrupted[/]; " if interrupted else ""
+    console.print(verdict + _verdict(controller, summary, failure), highlight=False, soft_wrap=True)
+
+
+def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]) -> None:
+    """Several controllers on the same trajectory, with what each saved against the last."""
+    table = Table(title="side by side (m)", title_justify="left")
+    for name in ("controller", "mean x", "y", "z", "max x", "y", "z", "updates"):
+        table.add_column(name, justify="left" if name == "controller" else "right")
+    for name, summary in flights:
+        if summary is not None:
+            errors = [f"{value:.4f}" for value in (*summary.mean_error_m, *summary.max_error_m)]
+            table.add_row(name, *errors, f"{summary.update_share:.1%}")
+    (_, first), (_, last) = flights[0], flights[-1]
+    if first is not None and last is not None:
+        pairs = zip((*first.mean_error_m, *first.max_error_m), (*last.mean_error_m, *last.max_error_m), strict=True)
+        table.add_row("reduced by", *(f"{1.0 - mine / other:.0%}" for mine, other in pairs), "")
+    console.print(table)
 
 
 def _error_table(controller: LoadedController, summary: Summary) -> Table:
