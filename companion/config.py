@@ -73,7 +73,7 @@ class FlightConfig(Section):
 
     takeoff_height_m: float = Field(1.2, gt=0.3, le=5.0, description="above the ground where it stands, m")
     climb_speed_mps: float = Field(0.5, gt=0.05, le=2.0, description="peak speed of moves between points, m/s")
-    spool_up_s: float = Field(1.5, gt=0.2, le=10.0, description="idle to hover thrust on the ground, s")
+    spool_up_s: float = Field(1.0, gt=0.2, le=10.0, description="idle to 80 % of hover thrust on the ground, s")
     descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="landing, m/s")
     settle_s: float = Field(2.0, ge=0.0, le=30.0, description="hold before and after a trajectory, s")
     mocap_timeout_s: float = Field(0.3, ge=0.05, le=1.0, description="land when the newest frame is older, s")

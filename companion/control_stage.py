@@ -34,6 +34,7 @@ class ControlStage:
         self._yaw_rad = 0.0
         self.sent = idle_setpoint(0.0)
         """The last setpoint that went out; whoever sends sets it."""
+        self._warm_up()
 
     @property
     def preview_s(self) -> float:
@@ -43,6 +44,14 @@ class ControlStage:
     def forget(self) -> None:
         """The next `fly` begins with nothing learnt: at lift-off."""
         self._memory, self._wanted = None, None
+
+    def _warm_up(self) -> None:
+        """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
+        still = np.zeros(3)
+        vehicle = VehicleState(0.0, still, still, quat_from_yaw(0.0), still)
+        for _ in range(3):
+            self.fly(vehicle, 0.0, Reference(still, still, still, 0.0), 0.01)
+        self.forget()
 
     def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> Gated:
         """A level setpoint while the law sleeps; the rotors may idle."""

@@ -37,6 +37,10 @@ class Predictor:
     lead_s: float
     thrust_lead_s: float
 
+    def __post_init__(self) -> None:
+        """Work out the weights now, not in the first cycle in the air."""
+        _ = self._weights
+
     @property
     def preview_s(self) -> float:
         """From now to the instant predicted for."""

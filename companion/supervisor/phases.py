@@ -58,8 +58,12 @@ class FlightRules:
     mocap_timeout_s: float = 0.3
     lift_off_m: float = 0.02
     """Height above the ground that counts as flying."""
-    lift_off_wait_s: float = 4.0
-    """After the ramp: no lift-off within this ends the attempt."""
+    lift_off_wait_s: float = 1.0
+    """No lift-off within this after the ramp's end ends the attempt."""
+    quick_ramp: float = 0.8
+    """Share of hover thrust that is reached in the spool-up time; from there on the ramp is slow."""
+    slow_ramp_ps: float = 0.15
+    """Share of hover thrust a second: the vehicle should leave the ground gently."""
     ramp_overshoot: float = 1.25
     """The ramp goes on beyond hover thrust, which may be misjudged, up to this multiple."""
     touchdown_m: float = 0.06
@@ -162,9 +166,15 @@ def reference_at(flight: Flight, time_s: float) -> Reference:
 def ground_thrust(flight: Flight, time_s: float, rules: FlightRules) -> float:
     """Thrust while the law sleeps: idle, ramping up, or ramping down after touchdown."""
     since = time_s - flight.since_s
-    if flight.phase is Phase.TAKEOFF:
-        return rules.hover_thrust * min(rules.ramp_overshoot, since / rules.spool_up_s)
-    return 0.0
+    if flight.phase is not Phase.TAKEOFF:
+        return 0.0
+    quick = rules.quick_ramp * since / rules.spool_up_s
+    slow = rules.quick_ramp + rules.slow_ramp_ps * (since - rules.spool_up_s)
+    return rules.hover_thrust * min(quick if since < rules.spool_up_s else slow, rules.ramp_overshoot)
+
+
+def _ramp_time_s(rules: FlightRules) -> float:
+    return rules.spool_up_s + (rules.ramp_overshoot - rules.quick_ramp) / rules.slow_ramp_ps
 
 
 def request(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -> Flight:
@@ -221,7 +231,7 @@ def _takeoff(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
         height = float(facts.position_w_m[2] - flight.ground_w_m[2])
         if height > rules.lift_off_m and facts.velocity_w_mps[2] > 0.0:
             return _lift_off(flight, facts, rules)
-        if facts.time_s - flight.since_s > rules.ramp_overshoot * rules.spool_up_s + rules.lift_off_wait_s:
+        if facts.time_s - flight.since_s > _ramp_time_s(rules) + rules.lift_off_wait_s:
             thrust = rules.hover_thrust * rules.ramp_overshoot
             reason = f"no lift-off at thrust {thrust:.2f}: check vehicle.hover_thrust, propellers and battery"
             return replace(_enter(flight, Phase.LAND, facts, touched_down=True), reason=reason)
