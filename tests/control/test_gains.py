@@ -88,7 +88,7 @@ def test_the_printed_set_has_growing_roots() -> None:
 )
 def test_the_condition_is_that_of_the_eigenvalues(k: float, e: float, eps: float, zeta: float, rho: float) -> None:
     """d/dt (iota_1, chi, xi) = (chi, xi, -(zeta (chi + (k + s) iota_1) + rho eps xi) / eps^2) per axis."""
-    gains = EtnnGains(k=[k] * 3, k1=[1.0] * 3, power_regularisation=e, filter_eps=eps, zeta=zeta, rho=rho)
+    gains = EtnnGains(k=np.full(3, k), k1=np.ones(3), power_regularisation=e, filter_eps=eps, zeta=zeta, rho=rho)
     damping, needed = gains.filter_loop()
     slope = k + e**-0.25
     assert damping == pytest.approx(rho / eps)

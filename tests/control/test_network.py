@@ -161,7 +161,7 @@ def test_the_law_keeps_its_weights_in_the_configured_balls() -> None:
 
 
 def test_with_no_learning_gain_the_weights_stay() -> None:
-    gains = EtnnGains(gamma_v0=[0.0] * 4, gamma_v1=[0.0] * 5, v1_max=0.1, v0_max=2.0)
+    gains = EtnnGains(gamma_v0=np.zeros(4), gamma_v1=np.zeros(5), v1_max=0.1, v0_max=2.0)
     state = NetworkState(0.1 * np.ones((4, 4)), 0.0258 * np.ones((5, 3)))  # |V_1| = 0.09992: within the band
     x_d, phi = hidden_layer(state, np.array([1.0, 2.0, 3.0]))
     after = network_step(state, x_d, phi, np.ones(3), gains, 0.01)
