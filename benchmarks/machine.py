@@ -1,0 +1,49 @@
+"""Facts of the machine a benchmark ran on: enough to judge the numbers, nothing that names the machine."""
+
+import os
+import platform
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import psutil
+
+PACKAGES = ("numpy", "mavsdk", "qtm-rt", "uvloop", "pymavlink", "pydantic")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What the numbers depend on."""
+
+    date: str
+    cpu: str
+    cores: int
+    memory_gb: float
+    kernel: str
+    python: str
+    packages: dict[str, str]
+    load_at_start: tuple[float, float, float]
+    """Runnable tasks, mean of 1, 5 and 15 minutes: what else the machine was doing."""
+
+
+def this_machine() -> Machine:
+    """Look them up."""
+    return Machine(
+        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        cpu=_cpu(),
+        cores=os.cpu_count() or 0,
+        memory_gb=round(psutil.virtual_memory().total / 2**30, 1),
+        kernel=f"{platform.system()} {platform.release()} {platform.machine()}",
+        python=f"{platform.python_implementation()} {platform.python_version()}",
+        packages={name: version(name) for name in PACKAGES},
+        load_at_start=os.getloadavg(),
+    )
+
+
+def _cpu() -> str:
+    """Linux says it there; elsewhere Python's word has to do."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown"

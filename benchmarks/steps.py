@@ -1,0 +1,111 @@
+"""What the pure stages cost: one control step of each law, for one vehicle and for batches, and each stage alone."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from benchmarks.figures import calmest_median_us
+from benchmarks.synthetic import AGE_S, Motion, motion
+from companion.config import CompanionConfig
+from companion.config_controller import load_controller
+from companion.control.attitude import accel_of_setpoint, setpoint_of_accel
+from companion.control.controller import ControlInput, Controller
+from companion.control.frames import euler_ned_frd_deg
+from companion.control.limits import gate
+from companion.control_stage import ControlStage
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+
+LAWS = {"ET-NN": "practical", "PID": "pid"}
+BATCHES = (1, 100, 10_000)
+CYCLES = 400
+
+
+@dataclass(frozen=True)
+class StepCost:
+    """One control step of one law for a batch of vehicles."""
+
+    law: str
+    vehicles: int
+    step_us: float
+
+    @property
+    def vehicle_us(self) -> float:
+        """Share of one vehicle."""
+        return self.step_us / self.vehicles
+
+
+@dataclass(frozen=True)
+class StageCost:
+    """One stage of a cycle, one vehicle."""
+
+    stage: str
+    call_us: float
+
+
+def step_costs(config: CompanionConfig, rounds: int) -> Iterator[StepCost]:
+    """Each law at each batch size; yields as they are done."""
+    for law_name, file_name in LAWS.items():
+        law = load_controller(file_name, config.vehicle_model(), 1.0 / config.control.rate_hz).law
+        for vehicles in BATCHES:
+            yield StepCost(law_name, vehicles, _step_us(law, vehicles, 1.0 / config.control.rate_hz, rounds))
+
+
+def _step_us(law: Controller, vehicles: int, period_s: float, rounds: int) -> float:
+    calls = CYCLES if vehicles == 1 else max(20, CYCLES // vehicles)
+    moving = motion(() if vehicles == 1 else (vehicles,), period_s)
+    inputs = [moving.input(cycle) for cycle in range(calls)]
+    return calmest_median_us(_stepper(law, inputs), calls, rounds)
+
+
+def _stepper(law: Controller, inputs: list[ControlInput]) -> Callable[[int], None]:
+    memory = law.initial(inputs[0])
+
+    def step(cycle: int) -> None:
+        nonlocal memory
+        memory, _ = law.step(memory, inputs[cycle])
+
+    return step
+
+
+def stage_costs(config: CompanionConfig, rounds: int) -> Iterator[StageCost]:
+    """Every stage of a cycle by itself, and law, conversion and gate together; yields as they are done."""
+    period_s = 1.0 / config.control.rate_hz
+    moving = motion((), period_s)
+    model, limits = config.vehicle.thrust_model(), config.limits.limits()
+    inputs = [moving.input(cycle) for cycle in range(CYCLES)]
+    setpoints = [moving.setpoint(cycle) for cycle in range(CYCLES + 1)]
+    stages: dict[str, Callable[[int], object]] = {
+        "estimator, one frame": _estimating(moving, config),
+        "what was sent, in the law's terms": lambda c: accel_of_setpoint(setpoints[c], model),
+        "conversion to attitude and thrust": lambda c: setpoint_of_accel(inputs[c].sent_accel_w_mps2, 0.3, model),
+        "gate": lambda c: gate(setpoints[c + 1], setpoints[c], limits, period_s),
+        "Euler angles for MAVSDK": lambda c: euler_ned_frd_deg(setpoints[c].q_w_flu_wxyz),
+        "ControlStage.fly: law, conversion, gate": _flying(moving, config),
+    }
+    for name, call in stages.items():
+        yield StageCost(name, calmest_median_us(call, CYCLES, rounds))
+
+
+def _estimating(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
+    """Each round begins anew: time must not run backwards."""
+    frames = [moving.frame(cycle) for cycle in range(CYCLES)]
+    params, state = EstimatorParams(delay_s=config.mocap.delay_s), EstimatorState()
+
+    def step(cycle: int) -> None:
+        nonlocal state
+        state = estimator.step(state if cycle else EstimatorState(), frames[cycle], params)
+
+    return step
+
+
+def _flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
+    period_s = 1.0 / config.control.rate_hz
+    law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
+    stage = ControlStage(law, config.vehicle.thrust_model(), config.limits.limits())
+    vehicles = [moving.vehicle(cycle) for cycle in range(CYCLES)]
+    references = [moving.reference(cycle) for cycle in range(CYCLES)]
+
+    def fly(cycle: int) -> None:
+        stage.sent = stage.fly(vehicles[cycle], AGE_S, references[cycle], period_s).gated.setpoint
+
+    return fly

@@ -1,0 +1,59 @@
+"""The service as the process that is measured: takes off, says so, hovers until standard input ends.
+
+Run as `python -m benchmarks.subject JSON`. Prints "flying" once it hovers, and at the end one line of JSON: for each
+cycle that used a frame and sent a setpoint, when the one came and the other left (s, monotonic).
+"""
+
+import asyncio
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import uvloop
+from pydantic import BaseModel
+
+from companion.adapters.recorder import Recorder
+from companion.config import CompanionConfig
+from companion.config_controller import load_controller
+from companion.control.controller import Controller
+from companion.control.etnn import Etnn
+from companion.service import open_service
+
+
+class Task(BaseModel):
+    """What to fly."""
+
+    config: CompanionConfig
+    controller: str
+    every_cycle: bool
+    """Send in every cycle, event or not."""
+
+
+def main() -> None:
+    """Fly the task of the first argument."""
+    uvloop.run(_fly(Task.model_validate_json(sys.argv[1])))
+
+
+async def _fly(task: Task) -> None:
+    recorder = Recorder()
+    async with open_service(task.config, _law(task), recorder) as service:
+        await service.ready()
+        await service.arm()
+        await service.take_off(task.config.flight.takeoff_height_m)
+        print("flying", flush=True)
+        await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
+    columns = recorder.arrays()
+    times = np.stack((columns["frame_received_s"], columns["sent_s"]), axis=-1)
+    print(json.dumps(times[np.isfinite(times).all(axis=-1)].tolist()), flush=True)
+
+
+def _law(task: Task) -> Controller:
+    law = load_controller(task.controller, task.config.vehicle_model(), 1.0 / task.config.control.rate_hz).law
+    if task.every_cycle and isinstance(law, Etnn):
+        return replace(law, gains=law.gains.model_copy(update={"every_cycle": True}))
+    return law
+
+
+if __name__ == "__main__":
+    main()
