@@ -179,17 +179,17 @@ def _ramp_time_s(rules: FlightRules) -> float:
 
 def request(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -> Flight:
     """Take an operator's request; what does not fit the phase is ignored (the service refuses it before)."""
+    if not can(flight, wanted):
+        return flight
     if isinstance(wanted, HandOver):
-        return _hand_over(flight, facts, wanted.reason) if flight.phase in COMMANDED else flight
+        return _hand_over(flight, facts, wanted.reason)
     if isinstance(wanted, Prepare):
         return replace(Flight(yaw_rad=facts.yaw_rad), phase=Phase.PREFLIGHT, since_s=facts.time_s)
-    if isinstance(wanted, TakeOff) and flight.phase is Phase.ARMED:
+    if isinstance(wanted, TakeOff):
         return _enter(flight, Phase.TAKEOFF, facts, ground_w_m=facts.position_w_m, takeoff_height_m=wanted.height_m)
-    if isinstance(wanted, Fly) and flight.phase in {Phase.HOLD, Phase.TRACK}:
+    if isinstance(wanted, Fly):
         return _fly(flight, wanted, facts, rules)
-    if isinstance(wanted, Land):
-        return _land(flight, facts, rules)
-    return flight
+    return _land(flight, facts, rules)
 
 
 def can(flight: Flight, wanted: Request) -> bool:
@@ -214,7 +214,7 @@ def advance(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
             reason = f"the autopilot left OFFBOARD for {facts.mode}"
             return replace(_enter(flight, Phase.HANDED_OVER, facts, airborne=False), reason=reason)
     if flight.phase in STREAMING and facts.mocap_age_s > rules.mocap_timeout_s:
-        return _blind(flight, facts, f"motion capture has been silent for {facts.mocap_age_s:.2f} s")
+        return _blind(flight, facts, rules, f"motion capture has been silent for {facts.mocap_age_s:.2f} s")
     step = _STEPS.get(flight.phase)
     return step(flight, facts, rules) if step else flight
 
@@ -310,14 +310,14 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     )
 
 
-def _blind(flight: Flight, facts: Facts, reason: str) -> Flight:
+def _blind(flight: Flight, facts: Facts, rules: FlightRules, reason: str) -> Flight:
     """Without motion capture: on the ground stop, in the air let the autopilot land."""
     if flight.phase is Phase.PREFLIGHT:
         return _over(flight, facts, reason)
     if flight.phase is Phase.ARMED:
         return replace(_enter(flight, Phase.LAND, facts, touched_down=True), reason=reason)
     if flight.touched_down:
-        return _landing(flight, facts, FlightRules())
+        return _landing(flight, facts, rules)
     return _hand_over(flight, facts, reason)
 
 
