@@ -1,6 +1,6 @@
 """Reference trajectories: smooth to the third derivative, as the paper's Property 2 asks."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -35,13 +35,18 @@ class Hold:
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """From one point and heading to another, at rest at both ends (Flash and Hogan, 1985)."""
+    """From one point and heading to another, at rest at the end and, unless told otherwise, at the start.
+
+    Flash and Hogan, 1985. A move that begins in flight takes over the motion there, so that nothing jumps.
+    """
 
     start_w_m: Array
     end_w_m: Array
     duration_s: float
     start_yaw_rad: float = 0.0
     end_yaw_rad: float = 0.0
+    start_velocity_w_mps: Array = field(default_factory=lambda: np.zeros(3))
+    start_acceleration_w_mps2: Array = field(default_factory=lambda: np.zeros(3))
 
     def at(self, time_s: float) -> Reference:
         """The point of the fifth-order polynomial at `time_s`."""
@@ -51,7 +56,20 @@ class MinimumJerk:
         bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.duration_s**2
         way = self.end_w_m - self.start_w_m
         turn = (self.end_yaw_rad - self.start_yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
-        return Reference(self.start_w_m + share * way, rate * way, bend * way, self.start_yaw_rad + share * float(turn))
+        position, velocity, acceleration = self._run_out(x)
+        yaw_rad = self.start_yaw_rad + share * float(turn)
+        return Reference(
+            self.start_w_m + share * way + position, rate * way + velocity, bend * way + acceleration, yaw_rad
+        )
+
+    def _run_out(self, x: float) -> tuple[Array, Array, Array]:
+        """The quintics that begin with the start's velocity or acceleration and end with nothing (Hermite's basis)."""
+        v, a, t = self.start_velocity_w_mps, self.start_acceleration_w_mps2, self.duration_s
+        rest = (1.0 - x) ** 2
+        position = t * x * rest * (1.0 - x) * (1.0 + 3.0 * x) * v + 0.5 * t * t * x * x * rest * (1.0 - x) * a
+        velocity = rest * (1.0 + 2.0 * x - 15.0 * x * x) * v + 0.5 * t * x * rest * (2.0 - 5.0 * x) * a
+        acceleration = -12.0 * x * (1.0 - x) * (3.0 - 5.0 * x) / t * v + (1.0 - x) * (1.0 - 8.0 * x + 10.0 * x * x) * a
+        return position, velocity, acceleration
 
 
 def minimum_jerk_duration_s(distance_m: float, speed_mps: float, accel_mps2: float, least_s: float = 1.0) -> float:

@@ -263,12 +263,15 @@ def _fly(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> Fligh
     start = wanted.trajectory.at(0.0)
     end = wanted.trajectory.at(wanted.trajectory.duration_s)
     distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
+    stop_s = 4.0 * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2  # running out peaks at 3.9 v/T
     way = MinimumJerk(
         now.position_w_m,
         start.position_w_m,
-        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2),
+        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, max(1.0, stop_s)),
         now.yaw_rad,
         start.yaw_rad,
+        now.velocity_w_mps,
+        now.acceleration_w_mps2,
     )
     legs = (
         Leg(Phase.HOLD, way),
