@@ -133,9 +133,9 @@ def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -
 
 
 def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:
-    """Response at the horizon to a unit command from `start_s` to `end_s`."""
-    begun = _exponential(system * (horizon_s - start_s))[row, 4]
-    ended = _exponential(system * (horizon_s - end_s))[row, 4]
+    """Response at the horizon to a unit command from `start_s` to `end_s`; what comes after the horizon has none."""
+    begun = _exponential(system * max(0.0, horizon_s - start_s))[row, 4]
+    ended = _exponential(system * max(0.0, horizon_s - end_s))[row, 4]
     return float(begun - ended)
 
 
