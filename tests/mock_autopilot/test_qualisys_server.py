@@ -177,15 +177,15 @@ async def test_a_taken_port_is_said_in_a_sentence(server: QualisysServer) -> Non
 
 async def test_a_client_that_reads_nothing_is_cut_off(server: QualisysServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("mock_autopilot.qualisys.MAX_BACKLOG_BYTES", 1000)
-    deaf = socket.create_connection(("127.0.0.1", server.port))
-    with deaf:
-        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)
+    with socket.socket() as deaf:
+        deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)  # before connecting, when the window is agreed
+        deaf.connect(("127.0.0.1", server.port))
         text = b"streamframes allframes 6d\0"
         deaf.sendall((8 + len(text)).to_bytes(4, "little") + b"\1\0\0\0" + text)
-        await until(lambda: server.client_count == 1)
+        await until(lambda: any(client._session.stream for client in server._clients))
         (client,) = server._clients
         assert client._transport is not None
         client._transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
-        for truth in flight(5.0):
+        for truth in flight(10.0):
             server.publish(truth)
         await until(lambda: server.client_count == 0)
