@@ -82,7 +82,7 @@ def height_m(telemetry: Telemetry) -> float:
 
 def thrust_for(telemetry: Telemetry, wanted_m: float) -> float:
     """A plain PD loop around the hover thrust."""
-    climb_mps = -telemetry.position_velocity_ned().velocity.down_m_s
+    climb_mps = -float(telemetry.position_velocity_ned().velocity.down_m_s)
     thrust = HOVER_THRUST + THRUST_PER_M * (wanted_m - height_m(telemetry)) - THRUST_PER_MPS * climb_mps
     return min(max(thrust, THRUST_RANGE[0]), THRUST_RANGE[1])
 

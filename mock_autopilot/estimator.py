@@ -35,6 +35,8 @@ GATE_M = 0.6
 DRIFT_MPS2 = (0.31, 0.14, 0.0)
 """What the accelerometers get wrong when nothing corrects them: 11 m after 8 s, as recorded."""
 HISTORY_STEP_S = 0.01
+FARTHEST_M = 1e5
+"""Positions beyond (and NaN) are no positions."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +160,7 @@ class Estimator:
     def see(self, sample: VisionSample, now_s: float, truth_yaw_rad: float) -> None:
         """Fuse one external pose, reject it, or jump to it."""
         bits = self._vision_bits
-        if self.uses_gps or not bits & 1 or not all(map(math.isfinite, sample.position_ned_m)):
+        if self.uses_gps or not bits & 1 or not all(abs(part) < FARTHEST_M for part in sample.position_ned_m):
             return
         self._note_heard(now_s)
         if bits & 8 and sample.yaw_rad is not None and math.isfinite(sample.yaw_rad):

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.config import LinkConfig
 from mock_autopilot.extras import GimbalChatter
+from mock_autopilot.frames import messages_in
 from mock_autopilot.messages import Message
 from mock_autopilot.px4 import LandedState, Text
 from mock_autopilot.receiver import Receiver
@@ -52,7 +53,6 @@ class MavlinkLink:
         self._world = world
         self._remote = (config.remote_host, config.remote_port)
         self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._codec.robust_parsing = True
         self._socket: socket.socket | None = None
         self._gcs_heard_s = -GCS_SILENT_AFTER_S
         self._texts: list[Text] = []
@@ -127,12 +127,8 @@ class MavlinkLink:
 
     def handle(self, payload: bytes) -> list[bytes]:
         """Understand one datagram, ignoring what is not MAVLink; returns the frames for the other links."""
-        try:
-            messages = self._codec.parse_buffer(payload) or []
-        except mavlink.MAVError:
-            return []
         heartbeats = []
-        for message in messages:
+        for message in messages_in(payload, self._codec):
             if message.get_type() == "HEARTBEAT":
                 heartbeats.append(bytes(message.get_msgbuf()))
                 if message.type == GCS_TYPE:

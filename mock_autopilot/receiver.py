@@ -23,6 +23,7 @@ GPS_GLOBAL_ORIGIN = 49
 PARAMS_PER_TICK = 5
 """PARAM_REQUEST_LIST: 879 values in about 0.8 s."""
 BODY_FRD_FRAME = 12
+FASTEST_MPS = 1e3
 
 
 class Receiver:
@@ -121,7 +122,7 @@ class Receiver:
     def _odometry(self, m: Any) -> None:
         """Position in a local NED-like frame; the velocity is in the child frame and real if it is finite."""
         velocity: Triple | None = (m.vx, m.vy, m.vz)
-        if not all(map(math.isfinite, (m.vx, m.vy, m.vz))):
+        if not all(abs(part) < FASTEST_MPS for part in (m.vx, m.vy, m.vz)):  # NaN says: not measured
             velocity = None
         elif m.child_frame_id == BODY_FRD_FRAME:
             velocity = _body_to_world(m.q, (m.vx, m.vy, m.vz))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 IGNORE_RATES = 1 | 2 | 4
 IGNORE_THROTTLE = 64
 IGNORE_ATTITUDE = 128
+RATE_MAX_RADPS = 3.84
 
 Quad = tuple[float, float, float, float]
 Triple = tuple[float, float, float]
@@ -46,7 +47,7 @@ def follow(target: AttitudeTarget, before: Followed) -> Followed:
     thrust = 0.0 if target.type_mask & IGNORE_THROTTLE else target.thrust
     after = replace(before, signal=thrust, echo_thrust=abs(thrust))
     if target.type_mask & IGNORE_ATTITUDE:
-        return replace(after, rate_frd_radps=target.rate_frd_radps, attitude_control=False)
+        return replace(after, rate_frd_radps=flyable_rates(target.rate_frd_radps), attitude_control=False)
     usable = normalised(target.q_wxyz)
     return replace(
         after,
@@ -55,6 +56,14 @@ def follow(target: AttitudeTarget, before: Followed) -> Followed:
         rate_frd_radps=None,
         attitude_control=True,
     )
+
+
+def flyable_rates(rate_frd_radps: Triple) -> Triple:
+    """Rates within what the vehicle can turn (MC_ROLLRATE_MAX and its like, 220 deg/s); no number is no turn."""
+    p, q, r = (
+        min(max(rate, -RATE_MAX_RADPS), RATE_MAX_RADPS) if not math.isnan(rate) else 0.0 for rate in rate_frd_radps
+    )
+    return (p, q, r)
 
 
 def normalised(q_wxyz: Quad) -> Quad | None:

@@ -88,7 +88,8 @@ class Streams:
         if id_ == AVAILABLE_MODES:
             return extras.available_modes(world)
         stream = self._streams.get(id_)
-        if stream is not None and stream.rate_hz >= FAST_HZ and world.time_s - self._sent_s.get(id_, -1.0) < TICK_S - 1e-6:
+        sample_taken = world.time_s - self._sent_s.get(id_, -1.0) < TICK_S - 1e-6
+        if stream is not None and stream.rate_hz >= FAST_HZ and sample_taken:
             return []
         builder = ON_REQUEST.get(id_) or (stream.build if stream else None)
         message = builder(world) if builder else None

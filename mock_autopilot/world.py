@@ -38,6 +38,7 @@ class World:
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
         self._steps = 0
         still = Demand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        self.attitude_delay_s = start.attitude_delay_s
         self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
         self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
         self.external_wrench: Wrench = plant.no_wrench()

@@ -35,7 +35,7 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
 
 - The estimator is a stand-in: fixed gains instead of a Kalman filter, drift in a fixed direction, perfect attitude.
 - The attitude loop is a second-order response behind a torque lag and 14 ms of delay, fitted to the step responses
-  of section l (rms over whole steps: roll 0.6, pitch 0.2, yaw 1.1 degrees). Torques have no limit.
+  of section l. Torques have no limit.
 - Drag is the airframe's; section l uses the recorded simulator's (1 kg, 20 N, 0.9 N per m/s). The record has an
   offset of 0.5 m/s2 at low thrust that the mock lacks.
 - After a landing PX4 looks for the ground longer than the mock does (10-13 s against about 8 s from 2.5 m).

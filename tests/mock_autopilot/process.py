@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -57,21 +58,21 @@ class Client:
         self.codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=190)
         self._mock = mock
 
-    def send(self, message: object) -> None:
-        frame = message.pack(self.codec)  # type: ignore[attr-defined]
+    def send(self, message: Any) -> None:
+        frame = message.pack(self.codec)
         self.socket.sendto(bytes(frame), ("127.0.0.1", self._mock.own_port))
 
-    def receive(self) -> list[object]:
+    def receive(self) -> list[Any]:
         """The messages of one datagram."""
         parser = mavlink.MAVLink(None)
         parser.robust_parsing = True
         return list(parser.parse_buffer(self.socket.recv(2048)) or [])
 
-    def wait_for(self, type_: str, at_most: int = 3000) -> object:
+    def wait_for(self, type_: str, at_most: int = 3000) -> Any:
         """The next message of that type, looking at no more than so many."""
         for _ in range(at_most):
             for message in self.receive():
-                if message.get_type() == type_:  # type: ignore[attr-defined]
+                if message.get_type() == type_:
                     return message
         raise AssertionError(f"no {type_} among {at_most} messages")
 

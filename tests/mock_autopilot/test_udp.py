@@ -50,7 +50,7 @@ def test_it_streams_to_a_silent_client_one_frame_a_datagram(mock: Mock) -> None:
 def test_answers_go_to_the_client_even_when_a_stranger_asks(mock: Mock) -> None:
     client, stranger = Client(mock), Client(mock, port=free_udp_port(), system=77)
     stranger.send(_arm())
-    ack: Any = client.wait_for("COMMAND_ACK")
+    ack = client.wait_for("COMMAND_ACK")
     assert (ack.command, ack.target_system) == (400, 77)
     client.close()
     stranger.close()
@@ -66,7 +66,7 @@ def test_it_survives_a_client_that_vanishes_and_serves_its_successor(mock: Mock)
         time.sleep(0.02)
     second = Client(mock)
     second.send(mavlink.MAVLink_ping_message(123, 9, 0, 0))
-    while second.wait_for("PING").time_usec != 123:  # type: ignore[attr-defined]
+    while second.wait_for("PING").time_usec != 123:
         pass
     assert mock.process.poll() is None
     second.close()
@@ -80,7 +80,7 @@ def test_garbage_does_not_hurt(mock: Mock) -> None:
     good = bytes(_arm().pack(client.codec))
     client.socket.sendto(good[:-1] + bytes([good[-1] ^ 0xFF]), ("127.0.0.1", mock.own_port))
     client.send(mavlink.MAVLink_command_long_message(1, 1, 31010, 0, 1, 0, 0, 0, 0, 0, 0))
-    ack: Any = client.wait_for("COMMAND_ACK")
+    ack = client.wait_for("COMMAND_ACK")
     assert (ack.command, ack.result) == (31010, 3), "only the good command is answered"
     client.close()
 
@@ -88,7 +88,7 @@ def test_garbage_does_not_hurt(mock: Mock) -> None:
 def test_all_parameters_arrive(mock: Mock) -> None:
     client = Client(mock)
     client.send(mavlink.MAVLink_param_request_list_message(1, 1))
-    names = {client.wait_for("PARAM_VALUE").param_id for _ in range(879)}  # type: ignore[attr-defined]
+    names = {client.wait_for("PARAM_VALUE").param_id for _ in range(879)}
     assert len(names) == 879
     client.close()
 
@@ -114,7 +114,7 @@ def test_setpoints_that_came_during_a_stall_count_when_they_came(mock: Mock) -> 
         time.sleep(1.6)
         os.kill(mock.process.pid, signal.SIGCONT)
         states = [client.wait_for("HEARTBEAT") for _ in range(3)]
-        assert {state.base_mode for state in states} == {145}, "still armed in OFFBOARD"  # type: ignore[attr-defined]
+        assert {state.base_mode for state in states} == {145}, "still armed in OFFBOARD"
     finally:
         stop.set()
         sender.join()

@@ -1,14 +1,20 @@
 """Step responses (section l), with the recorded simulator's airframe."""
 
+import csv
 import math
 from functools import cache, partial
+from pathlib import Path
 
 import numpy as np
 
+from mock_autopilot import plant, plant_one
 from mock_autopilot import quaternion as quat
+from mock_autopilot.plant import Actuation, PlantParams
+from mock_autopilot.quaternion import Array
 from tests.mock_autopilot.bench import SIH_PLANT, Bench
 from tests.mock_autopilot.fact import Fact, near
 
+DATA = Path(__file__).parents[2] / "data"
 FRACTIONS = (0.1, 0.5, 0.63, 0.9)
 ROLL, PITCH, YAW = 0, 1, 2
 RECORDED = {
@@ -89,6 +95,33 @@ def _attitude_facts() -> list[Fact]:
     return facts
 
 
+@cache
+def _replay() -> tuple[float, float, float]:
+    """Rms (deg) over 38 s of recorded steps between PX4's roll, pitch, yaw and the plant's, axis by axis."""
+    setpoints, recorded = _table("px4_attitude_setpoints.csv"), _table("px4_attitude_steps.csv")
+    delay_s = Bench().world.attitude_delay_s
+    state, time_s, errors = plant.at_rest(np.array([0.0, 0.0, -1e6])), -0.5, []
+    for row in recorded:
+        while time_s < row[0]:
+            latest = np.searchsorted(setpoints[:, 0], time_s - delay_s, side="right") - 1
+            q_sp = quat.from_euler(*np.radians(setpoints[latest, 1:]).tolist())
+            state = plant_one.step(state, Actuation(q_sp, np.asarray(0.5)), plant.no_wrench(), PlantParams(), 0.002)
+            time_s += 0.002
+        errors.append(np.degrees(quat.to_euler(state.q_ned_frd_wxyz)) - row[4:])
+    roll, pitch, yaw = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
+    return roll, pitch, yaw
+
+
+def _table(name: str) -> Array:
+    with (DATA / name).open(encoding="ascii") as file:
+        rows = list(csv.reader(line for line in file if not line.startswith("#")))
+    return np.array(rows[1:], dtype=float)
+
+
+def _rms(axis: int) -> float:
+    return _replay()[axis]
+
+
 def _acceleration(thrust: float) -> float:
     bench = _hover()
     bench.target(thrust)
@@ -121,6 +154,17 @@ FACTS = (
             "m/s2",
         )
         for u, a in THRUST.items()
+    ),
+    *(
+        near(
+            f"l-{name}-replay",
+            f"{name} over 38 s of recorded steps: rms of the difference",
+            "0 deg",
+            partial(_rms, i),
+            limit,
+            "deg",
+        )
+        for i, (name, limit) in enumerate((("roll", (0.0, 0.7)), ("pitch", (0.0, 0.5)), ("yaw", (0.0, 1.3))))
     ),
     near("l-motor-lag", "thrust step: 63 % after", "about 50 ms", _motor_lag, (40.0, 70.0), "ms"),
 )
