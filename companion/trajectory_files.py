@@ -49,12 +49,12 @@ def read_waypoints(path: Path) -> Waypoints:
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+            reader = csv.DictReader(file)
+            found, rows = list(reader.fieldnames or []), list(reader)
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: there is no such file") from error
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path}: cannot be read as CSV: {error}") from error
-    found = list(rows[0]) if rows else []
     if any(column not in found for column in _COLUMNS):
         raise ConfigError(f"{path}: the first line must name the columns {', '.join(_COLUMNS)} (and yaw_rad if wanted)")
     table = np.array([_numbers(row, line, path) for line, row in enumerate(rows, start=2)])
