@@ -1,0 +1,207 @@
+"""Configuration and controller files: what is wrong is one sentence that names the file and the key."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config_controller import controller_path, load_controller
+from companion.control.controller import VehicleModel
+from companion.control.etnn import Etnn
+from companion.control.gains import EtnnGains
+from companion.control.pid import Pid
+from companion.ports import ConfigError
+from tests.control.by_hand import PRINTED, PRINTED_NUMBERS
+
+VEHICLE = VehicleModel()
+PROJECT = Path(__file__).resolve().parents[1]
+CONTROLLERS = PROJECT / "config" / "controllers"
+
+
+def written(folder: Path, text: str, name: str = "mine.toml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def complaint(path: Path) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_config(path)
+    return str(caught.value)
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(ConfigError) as caught:
+        load_controller(str(path), VEHICLE, 0.01)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[vehicle]\nmas_kg = 4.0", "vehicle.mas_kg: unknown key, did you mean 'mass_kg'?"),
+        ("[flight]\ntakeoff_heigth_m = 1.0", "flight.takeoff_heigth_m: unknown key, did you mean 'takeoff_height_m'?"),
+        ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
+        ("[zzz]\na = 1", "zzz: unknown key; known here are control, flight, limits, mocap, px4, vehicle"),
+        ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
+        ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
+        ("[vehicle]\nmass_kg = nan", "vehicle.mass_kg = nan: input should be a finite number"),
+        ("[mocap]\ndelay_s = inf", "mocap.delay_s = inf: input should be a finite number"),
+        ('[vehicle]\nmass_kg = "4.85"', "vehicle.mass_kg = '4.85': input should be a valid number"),
+        ("[vehicle]\nmass_kg = true", "vehicle.mass_kg = True: input should be a valid number"),
+        ("[mocap]\nport = 22223.0", "mocap.port = 22223.0: input should be a valid integer"),
+        ("[px4]\nurl = 14540", "px4.url = 14540: input should be a valid string"),
+        ('[mocap]\ntransport = "usb"', "mocap.transport = 'usb': input should be 'tcp' or 'udp'"),
+        ("[limits]\nmin_thrust = 0.4\nmax_thrust = 0.3", "min_thrust = 0.4 must be below max_thrust = 0.3"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_file_and_key(tmp_path: Path, text: str, said: str) -> None:
+    path = written(tmp_path, text)
+    assert complaint(path) == f"{path}: {said}" or complaint(path) == f"{path}: limits: {said}"
+
+
+def test_a_table_that_is_none_is_told(tmp_path: Path) -> None:
+    path = written(tmp_path, "vehicle = 3")
+    assert complaint(path).startswith(f"{path}: vehicle = 3: ")
+
+
+def test_every_mistake_has_its_own_line(tmp_path: Path) -> None:
+    path = written(tmp_path, "[vehicle]\nmass_kg = 0.0\n[control]\nrate_hz = 5.0\n[px4]\nurll = 'x'")
+    lines = complaint(path).splitlines()
+    assert len(lines) == 3
+    for line, key in zip(sorted(lines), ("control.rate_hz", "px4.urll", "vehicle.mass_kg"), strict=True):
+        assert line.startswith(f"{path}: {key}")
+
+
+def test_a_missing_file_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "nowhere.toml"
+    assert complaint(path) == f"{path}: there is no such file"
+
+
+def test_what_is_not_toml_is_one_sentence_with_the_line(tmp_path: Path) -> None:
+    said = complaint(written(tmp_path, "[vehicle]\nmass_kg = = 3"))
+    assert re.fullmatch(r".*mine\.toml: not valid TOML: .*line 2.*", said)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"caf\xe9 = 1"])
+def test_what_is_not_text_is_one_sentence(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(content)
+    assert complaint(path).startswith(f"{path}: cannot be read: ")
+    assert complaint(tmp_path).startswith(f"{tmp_path}: cannot be read: ")
+
+
+def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
+    assert load_config(written(tmp_path, "")) == CompanionConfig()
+
+
+def test_whole_numbers_may_stand_for_reals(tmp_path: Path) -> None:
+    assert load_config(written(tmp_path, "[control]\nrate_hz = 200")).control.rate_hz == 200.0
+
+
+def test_the_files_values_reach_the_models_they_are_for(tmp_path: Path) -> None:
+    config = load_config(
+        written(
+            tmp_path,
+            "[vehicle]\nmass_kg = 3.0\nthrust_curve = 0.3\nattitude_bandwidth_radps = 9.0\nattitude_damping = 0.7\n"
+            "thrust_lag_s = 0.06\nsetpoint_delay_s = 0.05\nthrust_delay_s = 0.02\ngravity_mps2 = 9.81\n"
+            "hover_thrust = 0.4\n[mocap]\ndelay_s = 0.008\n[limits]\nmax_tilt_rad = 0.4",
+        )
+    )
+    assert config.vehicle_model() == VehicleModel(3.0, 9.81, 9.0, 0.7, 0.06, 0.05, 0.02, 0.008)
+    model = config.vehicle.thrust_model()
+    assert (model.mass_kg, model.gravity_mps2, model.hover_thrust, model.curve) == (3.0, 9.81, 0.4, 0.3)
+    limits = config.limits.limits()
+    assert (limits.max_tilt_rad, limits.max_thrust) == (0.4, 0.8)
+
+
+def test_the_demo_file_loads() -> None:
+    assert load_config(default_config_path("demo.toml")).vehicle.mass_kg == 4.85
+
+
+# --- controllers ---
+
+
+def test_the_papers_file_is_refused_with_one_sentence_and_both_numbers() -> None:
+    said = refusal(CONTROLLERS / "paper.toml")
+    assert "\n" not in said
+    assert str(CONTROLLERS / "paper.toml") in said
+    assert "gains.rho / gains.filter_eps = 0.333" in said
+    assert "k + s = 16.1" in said, "z: 4 + 1.2 * 10.07"
+    assert "allow_unstable = true" in said
+
+
+def test_the_papers_file_loads_when_that_is_asked_for_and_is_the_printed_law(tmp_path: Path) -> None:
+    text = (CONTROLLERS / "paper.toml").read_text(encoding="utf-8")
+    path = written(tmp_path, text.replace("allow_unstable = false", "allow_unstable = true"))
+    law = load_controller(str(path), VEHICLE, 0.01).law
+    assert isinstance(law, Etnn)
+    for name, diagonal in PRINTED.items():
+        np.testing.assert_array_equal(getattr(law.gains, name), diagonal, err_msg=name)
+    for name, number in PRINTED_NUMBERS.items():
+        assert getattr(law.gains, name) == number, name
+    assert law.gains.model_dump() == EtnnGains().model_dump(), "the defaults of the type are the print, too"
+    assert law.gains.power_regularisation == 0.0
+    assert law.gains.boundary_layer_mps == 0.0
+    assert law.gains.switching == 1.0
+    assert not law.gains.every_cycle
+    assert law.predictor is None, "the print predicts nothing"
+    assert law.preview_s == 0.0
+
+
+def test_the_set_that_flies_and_the_baseline_load() -> None:
+    practical = load_controller("practical", VEHICLE, 0.01)
+    assert isinstance(practical.law, Etnn)
+    damping, needed = practical.law.gains.filter_loop()
+    assert damping > needed, "what flies meets the condition"
+    assert controller_path("etnn") == controller_path("practical"), "the name of the law is the set that flies"
+    pid = load_controller("pid", VEHICLE, 0.01)
+    assert isinstance(pid.law, Pid)
+    np.testing.assert_array_equal(pid.law.gains.kp, [8.0, 8.0, 10.0])
+    np.testing.assert_array_equal(pid.law.gains.ki, [1.5, 1.5, 8.0])
+    np.testing.assert_array_equal(pid.law.gains.kd, [10.0, 10.0, 13.0])
+
+
+@pytest.mark.parametrize(("rho", "loads"), [(1.0, True), (0.3 * 13.07, True), (0.3 * 13.06, False), (0.1, False)])
+def test_the_refusal_begins_where_the_condition_ends(tmp_path: Path, rho: float, loads: bool) -> None:
+    """k = 3 and k_1 = 1 on all axes: k + s = 3 + 10.067."""
+    path = written(
+        tmp_path,
+        f'law = "etnn"\n[gains]\nk = [3.0, 3.0, 3.0]\nk1 = [1.0, 1.0, 1.0]\nrho = {rho}\n'
+        f"filter_eps = {0.05 if rho == 1.0 else 0.3}",
+    )
+    if loads:
+        assert isinstance(load_controller(str(path), VEHICLE, 0.01).law, Etnn)
+    else:
+        assert "is unstable" in refusal(path)
+
+
+def test_an_unknown_controller_names_those_there_are() -> None:
+    with pytest.raises(ConfigError) as caught:
+        load_controller("etn", VEHICLE, 0.01)
+    said = str(caught.value)
+    assert said.startswith("unknown controller 'etn': give a TOML file, 'etnn', or one of paper, pid, practical")
+    assert "\n" not in said
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "law = None: must be 'etnn' or 'pid'"),
+        ('law = "lqr"', "law = 'lqr': must be 'etnn' or 'pid'"),
+        ('law = "etnn"\n[gains]\nsgima = 0.1', "gains.sgima: unknown key, did you mean 'sigma'?"),
+        ('law = "etnn"\n[gains]\np = 0.4', "gains.p = 0.4: input should be greater than 0.5"),
+        ('law = "etnn"\n[gains]\nsigma = "0.1"', "gains.sigma = '0.1': input should be a valid number"),
+        ('law = "etnn"\n[gains]\nc1 = [1.0, 1.0]', "gains: c1 must be 3 positive numbers, not [1.0, 1.0]"),
+        ('law = "etnn"\n[gains]\nk = "x"', "gains.k = 'x': must be a list of numbers, not 'x'"),
+        ('law = "etnn"\nalow_unstable = true', "alow_unstable: unknown key, did you mean 'allow_unstable'?"),
+        ('law = "etnn"\n[prediction]\nenabled = 1', "prediction.enabled = 1: input should be a valid boolean"),
+        ('law = "pid"\n[gains]\nkpp = 1', "gains.kpp: unknown key, did you mean 'kp'?"),
+    ],
+)
+def test_a_mistake_in_a_controller_file_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:
+    path = written(tmp_path, text)
+    found = refusal(path)
+    assert found in (f"{path}: {said}", f"{path}: {said.removeprefix('gains: ')}")

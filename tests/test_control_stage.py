@@ -1,0 +1,130 @@
+"""Law, conversion and gate together: what goes out between events, at lift-off and when the heading turns."""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.control.attitude import ThrustModel
+from companion.control.controller import ControlInput, ControlOutput
+from companion.control.limits import Limits
+from companion.control_stage import YAW_STEP_RAD, ControlStage, idle_setpoint, same_setpoint
+from companion.types import Array, AttitudeThrust, Reference, VehicleState
+
+LIMITS = Limits()
+DT_S = 0.01
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+VEHICLE = VehicleState(0.0, np.zeros(3), np.zeros(3), LEVEL, np.zeros(3))
+
+
+@dataclass
+class Script:
+    """A law that asks for what the test says, when it says."""
+
+    accel: Array = field(default_factory=lambda: np.zeros(3))
+    event: float = 0.0
+    preview_s: float = 0.07
+    seen: list[ControlInput] = field(default_factory=list)
+    begun: int = 0
+
+    def initial(self, first: ControlInput) -> Any:  # noqa: ARG002
+        self.begun += 1
+        return 0
+
+    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+        self.seen.append(now)
+        return memory + 1, ControlOutput(self.accel.copy(), np.array([self.event]), {"cycle": np.array(memory)})
+
+
+def reference(yaw_rad: float = 0.0) -> Reference:
+    return Reference(np.zeros(3), np.zeros(3), np.zeros(3), yaw_rad)
+
+
+def stage_of(law: Script) -> ControlStage:
+    stage = ControlStage(law, ThrustModel(), LIMITS)
+    stage.sent = idle_setpoint(0.0, 0.5)
+    law.seen.clear()
+    law.begun = 0
+    return stage
+
+
+def pitch_of(setpoint: AttitudeThrust) -> float:
+    """Lean towards +x of a level heading 0 attitude (rad)."""
+    return 2.0 * math.atan2(float(setpoint.q_w_flu_wxyz[2]), float(setpoint.q_w_flu_wxyz[0]))
+
+
+def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
+    law = Script(np.array([9.0, 0.0, 0.0]), event=1.0)
+    stage = stage_of(law)
+    asked = stage.fly(VEHICLE, 0.012, reference(), DT_S)
+    stage.sent = asked.gated.setpoint
+    stage.fly(VEHICLE, 0.012, reference(), DT_S)
+    np.testing.assert_allclose(law.seen[0].sent_accel_w_mps2, np.zeros(3), atol=1e-12)
+    # cut to 0.06 rad in 10 ms, and thrust 0.5 -> 0.55: f = 0.55/0.5 m g along an axis that leans by 0.06 rad
+    push = 1.1 * 9.8
+    expected = [push * math.sin(0.06), 0.0, push * math.cos(0.06) - 9.8]
+    np.testing.assert_allclose(law.seen[1].sent_accel_w_mps2, expected, atol=1e-9)
+    assert law.seen[0].age_s == 0.012
+    assert law.seen[0].dt_s == DT_S
+    assert stage.preview_s == 0.07
+
+
+def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> None:
+    law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
+    stage = stage_of(law)
+    leans = []
+    for n in range(12):
+        gated = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated
+        stage.sent = gated.setpoint
+        leans.append(pitch_of(gated.setpoint))
+        law.event = 0.0
+        law.accel = np.array([0.0, 0.0, float(n)])  # not an event: not worth sending
+    wanted = math.atan2(3.0, 9.8)
+    np.testing.assert_allclose(leans, [min(0.06 * (n + 1), wanted) for n in range(12)], atol=1e-9)
+
+
+def test_a_heading_that_turns_is_sent_without_an_event() -> None:
+    law = Script()
+    stage = stage_of(law)
+    for _ in range(3):
+        stage.sent = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated.setpoint
+    little = stage.fly(VEHICLE, 0.01, reference(0.9 * YAW_STEP_RAD), DT_S).gated.setpoint
+    assert same_setpoint(little, stage.sent)
+    more = stage.fly(VEHICLE, 0.01, reference(1.1 * YAW_STEP_RAD), DT_S).gated.setpoint
+    assert 2.0 * math.atan2(float(more.q_w_flu_wxyz[3]), float(more.q_w_flu_wxyz[0])) == pytest.approx(0.022)
+
+
+def test_the_law_begins_afresh_after_forgetting() -> None:
+    law = Script(event=1.0)
+    stage = stage_of(law)
+    for expected in (0, 1, 2):
+        assert stage.fly(VEHICLE, 0.01, reference(), DT_S).output.signals["cycle"] == expected
+    stage.forget()
+    assert stage.fly(VEHICLE, 0.01, reference(), DT_S).output.signals["cycle"] == 0
+    assert law.begun == 2
+
+
+def test_on_the_ground_the_rotors_may_idle_and_the_vehicle_stays_level() -> None:
+    stage = stage_of(Script())
+    stage.sent = idle_setpoint(0.4)
+    gated = stage.on_ground(0.4, 0.02, DT_S)
+    assert float(gated.setpoint.thrust) == 0.02, "below the least thrust of flight"
+    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, [math.cos(0.2), 0.0, 0.0, math.sin(0.2)])
+    assert float(stage.on_ground(0.4, 0.5, DT_S).setpoint.thrust) == pytest.approx(0.05), "and climbs at its rate"
+
+
+def test_what_is_not_finite_never_goes_out() -> None:
+    law = Script(np.array([math.nan, 0.0, 0.0]), event=1.0)
+    stage = stage_of(law)
+    gated = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated
+    assert gated.not_finite
+    assert same_setpoint(gated.setpoint, stage.sent)
+
+
+def test_equal_setpoints_are_equal_to_the_last_bit() -> None:
+    a = AttitudeThrust(LEVEL, np.array(0.5))
+    assert same_setpoint(a, AttitudeThrust(LEVEL.copy(), np.array(0.5)))
+    assert not same_setpoint(a, replace(a, thrust=np.array(0.5000000001)))
+    assert not same_setpoint(a, replace(a, q_w_flu_wxyz=LEVEL + np.array([0.0, 1e-15, 0.0, 0.0])))
