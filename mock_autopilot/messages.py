@@ -22,7 +22,6 @@ Message = Any
 Builder = Callable[[World], Message | None]
 
 NAN = math.nan
-GLOBAL_FIRST_S = 2.5
 SENSORS_PRESENT, SENSORS_ENABLED = 0x300402F, 0x301402F
 GPS_BIT = 0x20
 CAPABILITIES = 59647
@@ -32,11 +31,13 @@ CUSTOM_VERSION = [0, 0, 0, 196, 209, 42, 241, 214]
 UID = 5283920058631409231
 
 
-def _ms(world: World) -> int:
+def boot_ms(world: World) -> int:
+    """Milliseconds since boot."""
     return round(world.time_s * 1e3)
 
 
-def _us(world: World) -> int:
+def boot_us(world: World) -> int:
+    """Microseconds since boot."""
     return round(world.time_s * 1e6)
 
 
@@ -71,7 +72,7 @@ def attitude(world: World) -> Message | None:
         return None
     roll, pitch, yaw = quat.to_euler(world.vehicle.attitude_estimate_wxyz)
     p, q, r = world.truth.rate_frd_radps.tolist()
-    return mavlink.MAVLink_attitude_message(_ms(world), roll, pitch, yaw, p, q, r)
+    return mavlink.MAVLink_attitude_message(boot_ms(world), roll, pitch, yaw, p, q, r)
 
 
 def attitude_quaternion(world: World) -> Message | None:
@@ -80,14 +81,14 @@ def attitude_quaternion(world: World) -> Message | None:
         return None
     p, q, r = world.truth.rate_frd_radps.tolist()
     return mavlink.MAVLink_attitude_quaternion_message(
-        _ms(world), *world.vehicle.attitude_estimate_wxyz.tolist(), p, q, r
+        boot_ms(world), *world.vehicle.attitude_estimate_wxyz.tolist(), p, q, r
     )
 
 
 def local_position_ned(world: World) -> Message:
     """The estimate; it streams on whether it is worth anything or not."""
     now = world.vehicle.estimate
-    return mavlink.MAVLink_local_position_ned_message(_ms(world), *now.position_m, *now.velocity_mps)
+    return mavlink.MAVLink_local_position_ned_message(boot_ms(world), *now.position_m, *now.velocity_mps)
 
 
 def odometry(world: World) -> Message:
@@ -102,57 +103,7 @@ def odometry(world: World) -> Message:
         velocity[index] = 0.008
     resets = estimator.reset_counter % 256
     return mavlink.MAVLink_odometry_message(
-        _us(world), 1, 1, *now.position_m, q, *now.velocity_mps, *rates, pose, velocity, resets, 8, 0
-    )
-
-
-def global_position_int(world: World) -> Message | None:
-    """Only with a place on earth."""
-    if not _knows_earth(world):
-        return None
-    now = world.vehicle.estimate
-    lat, lon, alt_mm = to_global(world.vehicle.params, now.position_m)
-    home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
-    relative_mm = round((home_z - now.position_m[2]) * 1e3)
-    speeds = [round(v * 100) for v in now.velocity_mps]
-    heading = round(math.degrees(now.yaw_rad) % 360.0 * 100) % 36000
-    return mavlink.MAVLink_global_position_int_message(_ms(world), lat, lon, alt_mm, relative_mm, *speeds, heading)
-
-
-def _knows_earth(world: World) -> bool:
-    estimator = world.vehicle.estimator
-    if estimator.uses_gps:
-        return world.time_s >= GLOBAL_FIRST_S
-    return estimator.origin_set_s is not None
-
-
-def gps_raw_int(world: World) -> Message:
-    """The receiver; PX4 reports it fused or not."""
-    state = world.vehicle.felt.motion
-    lat, lon, alt_mm = to_global(world.vehicle.params, state.position_ned_m)
-    vn, ve, _ = state.velocity_ned_mps
-    course = round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000
-    speed = round(math.hypot(vn, ve) * 100)
-    return mavlink.MAVLink_gps_raw_int_message(
-        _us(world), 3, lat, lon, alt_mm, 70, 110, speed, course, 10, alt_mm, 900, 1780, 400, 0, 0
-    )
-
-
-def gps_global_origin(world: World) -> Message | None:
-    """Where the local frame's origin lies on earth."""
-    if not world.vehicle.estimator.uses_gps and world.vehicle.estimator.origin_set_s is None:
-        return None
-    return mavlink.MAVLink_gps_global_origin_message(*to_global(world.vehicle.params, (0.0, 0.0, 0.0)), _us(world))
-
-
-def home_position(world: World) -> Message | None:
-    """Where it would return to."""
-    home = world.vehicle.home
-    if home is None:
-        return None
-    place = (home.x_m, home.y_m, home.z_m)
-    return mavlink.MAVLink_home_position_message(
-        *to_global(world.vehicle.params, place), *place, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, _us(world)
+        boot_us(world), 1, 1, *now.position_m, q, *now.velocity_mps, *rates, pose, velocity, resets, 8, 0
     )
 
 
@@ -160,7 +111,9 @@ def attitude_target(world: World) -> Message:
     """The setpoint being followed, as PX4 repeats it."""
     target = world.vehicle.target
     rates = target.rate_frd_radps or (0.0, 0.0, 0.0)
-    return mavlink.MAVLink_attitude_target_message(_ms(world), 0, list(target.echo_q_wxyz), *rates, target.echo_thrust)
+    return mavlink.MAVLink_attitude_target_message(
+        boot_ms(world), 0, list(target.echo_q_wxyz), *rates, target.echo_thrust
+    )
 
 
 def position_target_local_ned(world: World) -> Message | None:
@@ -169,7 +122,7 @@ def position_target_local_ned(world: World) -> Message | None:
         return None
     yaw = world.vehicle.estimate.yaw_rad
     place = [NAN] * 6
-    return mavlink.MAVLink_position_target_local_ned_message(_ms(world), 1, 63, *place, 0.0, 0.0, 100.0, yaw, 0.0)
+    return mavlink.MAVLink_position_target_local_ned_message(boot_ms(world), 1, 63, *place, 0.0, 0.0, 100.0, yaw, 0.0)
 
 
 def servo_output_raw(world: World) -> Message:
@@ -177,7 +130,7 @@ def servo_output_raw(world: World) -> Message:
     signal = world.vehicle.signal
     finite = signal if math.isfinite(signal) else 0.0
     pulse = round(1000 + 1000 * min(max(finite, 0.0), 1.0)) if world.vehicle.armed else 900
-    return mavlink.MAVLink_servo_output_raw_message(_us(world) % 2**32, 0, *[pulse] * 4, *[900] * 12)
+    return mavlink.MAVLink_servo_output_raw_message(boot_us(world) % 2**32, 0, *[pulse] * 4, *[900] * 12)
 
 
 def vfr_hud(world: World) -> Message:
@@ -197,7 +150,7 @@ def altitude_message(world: World) -> Message:
     above_sea = to_global(world.vehicle.params, now.position_m)[2] / 1e3
     home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
     up = -now.position_m[2]
-    return mavlink.MAVLink_altitude_message(_us(world), above_sea, above_sea, up, up + home_z, NAN, NAN)
+    return mavlink.MAVLink_altitude_message(boot_us(world), above_sea, above_sea, up, up + home_z, NAN, NAN)
 
 
 def highres_imu(world: World) -> Message:
@@ -209,14 +162,16 @@ def highres_imu(world: World) -> Message:
     fx, fy, fz = force.tolist()
     height = to_global(world.vehicle.params, world.vehicle.felt.motion.position_ned_m)[2] / 1e3
     return mavlink.MAVLink_highres_imu_message(
-        _us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
+        boot_us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
     )
 
 
 def estimator_status(world: World) -> Message:
     """Which parts of the estimate are trusted."""
     flags = world.vehicle.estimator.flags
-    return mavlink.MAVLink_estimator_status_message(_us(world), flags, 0.15, 0.04, 0.06, 0.08, 0.14, NAN, 0.29, 0.27)
+    return mavlink.MAVLink_estimator_status_message(
+        boot_us(world), flags, 0.15, 0.04, 0.06, 0.08, 0.14, NAN, 0.29, 0.27
+    )
 
 
 def battery_status(world: World) -> Message:
@@ -235,7 +190,7 @@ def timesync(world: World) -> Message:
 
 def ping(world: World) -> Message:
     """PX4 asks whether anybody is there; the sequence counts its seconds."""
-    return mavlink.MAVLink_ping_message(_us(world), round(world.time_s), 0, 0)
+    return mavlink.MAVLink_ping_message(boot_us(world), round(world.time_s), 0, 0)
 
 
 def mission_current(_world: World) -> Message:
@@ -245,7 +200,7 @@ def mission_current(_world: World) -> Message:
 
 def vibration(world: World) -> Message:
     """Nothing shakes."""
-    return mavlink.MAVLink_vibration_message(_us(world), 0.0, 0.0, 0.0, 0, 0, 0)
+    return mavlink.MAVLink_vibration_message(boot_us(world), 0.0, 0.0, 0.0, 0, 0, 0)
 
 
 def current_mode(world: World) -> Message:

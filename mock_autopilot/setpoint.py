@@ -73,3 +73,14 @@ def normalised(q_wxyz: Quad) -> Quad | None:
         return None
     w, x, y, z = q_wxyz
     return (w / length, x / length, y / length, z / length)
+
+
+def signal_for_thrust(thrust: float, factor: float) -> float:
+    """Solve factor s^2 + (1 - factor) s = thrust for the signal s; outside 0..1 it is clipped, NaN stays."""
+    if math.isnan(thrust):
+        return thrust
+    thrust = min(max(thrust, 0.0), 1.0)
+    if factor <= 0.0:
+        return thrust
+    linear = 1.0 - factor
+    return (-linear + math.sqrt(linear * linear + 4.0 * factor * thrust)) / (2.0 * factor)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from mock_autopilot import extras
 from mock_autopilot import messages as m
+from mock_autopilot import messages_global as g
 from mock_autopilot.world import World
 
 TICK_S = 0.004
@@ -25,11 +26,11 @@ DEFAULTS = (
     Stream(0, 1.0, m.heartbeat, 1.0),
     Stream(1, 5.0, m.sys_status, 0.2),
     Stream(4, 1.0, m.ping, 1.0),
-    Stream(24, 8.0, m.gps_raw_int),
+    Stream(24, 8.0, g.gps_raw_int),
     Stream(30, 100.0, m.attitude),
     Stream(31, 50.0, m.attitude_quaternion),
     Stream(32, 30.0, m.local_position_ned),
-    Stream(33, 50.0, m.global_position_int),
+    Stream(33, 50.0, g.global_position_int),
     Stream(36, 10.0, m.servo_output_raw),
     Stream(42, 1.0, m.mission_current, 0.8),
     Stream(74, 10.0, m.vfr_hud),
@@ -41,13 +42,13 @@ DEFAULTS = (
     Stream(147, 0.5, m.battery_status, 2.0),
     Stream(230, 1.0, m.estimator_status, 1.0),
     Stream(241, 0.5, m.vibration, 2.0),
-    Stream(242, 0.5, m.home_position, 2.0),
+    Stream(242, 0.5, g.home_position, 2.0),
     Stream(245, 5.0, m.extended_sys_state, 0.2),
     Stream(331, 30.0, m.odometry),
     Stream(436, 0.5, m.current_mode, 2.0),
 )
 ON_REQUEST: dict[int, m.Builder] = {
-    49: m.gps_global_origin,
+    49: g.gps_global_origin,
     148: m.autopilot_version,
     300: extras.protocol_version,
     395: extras.component_information,

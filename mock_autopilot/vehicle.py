@@ -5,11 +5,11 @@ Recorded behaviour: docs/px4-conformance.md.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from mock_autopilot import quaternion as quat
+from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.battery import Battery
 from mock_autopilot.commander import Commander, Situation
 from mock_autopilot.estimator import Estimator, Motion
@@ -18,7 +18,7 @@ from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
 from mock_autopilot.px4 import LandedState, Mode, Position, Result, Severity, SystemStatus, Text
 from mock_autopilot.quaternion import Array
-from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow
+from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
 from mock_autopilot.vision import VisionSample
 
 COMMANDER_PERIOD_S = 0.02
@@ -26,26 +26,6 @@ PILOT_PERIOD_S = 0.004
 HOME_KNOWN_S = 2.0
 """After boot (GPS); without GPS one second after the global origin was set."""
 PILOTED = frozenset({Mode.HOLD, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
-
-
-@dataclass(frozen=True)
-class Demand:
-    """What the autopilot asks of the airframe, in true world coordinates."""
-
-    q_sp_wxyz: Array
-    rate_sp_frd_radps: Array | None
-    signal: float
-    """Motor signal 0..1, NaN for none."""
-    motors_on: bool
-
-
-@dataclass(frozen=True)
-class Felt:
-    """The truth the sensors see, relative to the start position; world NED, body FRD."""
-
-    motion: Motion
-    q_ned_frd_wxyz: Array
-    rate_frd_radps: Array
 
 
 class Vehicle:
@@ -198,7 +178,7 @@ class Vehicle:
         if not self.armed:
             return 0.0
         thrust = self.followed.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
-        return _through_curve(thrust, self.params["THR_MDL_FAC"])
+        return signal_for_thrust(thrust, self.params["THR_MDL_FAC"])
 
     # -- every step ------------------------------------------------------------------------------
 
@@ -287,14 +267,3 @@ class Vehicle:
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 _STILL = np.zeros(3)
-
-
-def _through_curve(thrust: float, factor: float) -> float:
-    """Solve factor s^2 + (1 - factor) s = thrust for the signal s; outside 0..1 it is clipped, NaN stays."""
-    if math.isnan(thrust):
-        return thrust
-    thrust = min(max(thrust, 0.0), 1.0)
-    if factor <= 0.0:
-        return thrust
-    linear = 1.0 - factor
-    return (-linear + math.sqrt(linear * linear + 4.0 * factor * thrust)) / (2.0 * factor)

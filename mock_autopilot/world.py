@@ -11,13 +11,14 @@ import numpy as np
 
 from mock_autopilot import plant, plant_one
 from mock_autopilot import quaternion as quat
+from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.config import MockConfig
 from mock_autopilot.disturbance import Disturbance
 from mock_autopilot.estimator import Motion
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
 from mock_autopilot.truth import Truth
-from mock_autopilot.vehicle import Demand, Felt, Vehicle
+from mock_autopilot.vehicle import Vehicle
 
 STEP_S = 0.002
 """Physics and autopilot both run at 500 Hz of simulated time."""

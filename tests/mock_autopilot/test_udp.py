@@ -5,6 +5,7 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -127,3 +128,20 @@ def _until_heartbeat(client: Client, **wanted: int) -> None:
         if all(getattr(beat, name) == value for name, value in wanted.items()):
             return
     raise AssertionError(f"no HEARTBEAT with {wanted}")
+
+
+def test_ground_stations_on_two_links_see_each_other(tmp_path: Path) -> None:
+    gcs_client, gcs_own = free_udp_port(), free_udp_port()
+    config = tmp_path / "mock.toml"
+    config.write_text(f"[gcs]\nenabled = true\nlocal_port = {gcs_own}\nremote_port = {gcs_client}\n", encoding="utf-8")
+    with running("--config", str(config)) as mock:
+        onboard = Client(mock)
+        ground = Client(Mock(mock.process, gcs_client, gcs_own), system=255)
+        ground.send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+        while onboard.wait_for("HEARTBEAT").get_srcSystem() != 255:
+            pass
+        ground.send(mavlink.MAVLink_command_long_message(1, 1, 31010, 0, 1, 0, 0, 0, 0, 0, 0))
+        ack = ground.wait_for("COMMAND_ACK")
+        assert (ack.command, ack.target_system) == (31010, 255)
+        ground.close()
+        onboard.close()
