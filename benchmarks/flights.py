@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-import psutil
+import psutil  # type: ignore[import-untyped]
 
 from benchmarks.figures import Answers, Spread, match, spread, within
 from benchmarks.peer import LOOPBACK, RelayEnd, Stamps, relay_end, simulated_room
@@ -137,9 +137,7 @@ def _task(plan: FlightPlan, ports: MockPorts) -> Task:
     data["px4"]["url"] = f"udpin://{LOOPBACK}:{ports.client}"
     data["mocap"] |= {"port": ports.qualisys, "transport": "udp"}
     data["flight"] |= {"takeoff_height_m": 0.5, "spool_up_s": 0.5, "climb_speed_mps": 1.0}
-    return Task(
-        config=CompanionConfig.model_validate(data), controller="practical", every_cycle=plan.every_cycle
-    )
+    return Task(config=CompanionConfig.model_validate(data), controller="practical", every_cycle=plan.every_cycle)
 
 
 def _mock_config(plan: FlightPlan, ports: MockPorts) -> MockConfig:

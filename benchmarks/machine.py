@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-import psutil
+import psutil  # type: ignore[import-untyped]
 
 PACKAGES = ("numpy", "mavsdk", "qtm-rt", "uvloop", "pymavlink", "pydantic")
 

@@ -37,11 +37,16 @@ def trigger_step(state: TriggerState, u_bar: Array, gains: EtnnGains, dt_s: floa
     cannot become negative (for dt_s < delta / (1 + delta)).
     """
     error = np.abs(state.held - u_bar)
-    worst = np.max(error, axis=-1, keepdims=True)
+    worst = _over_axes(np.maximum, error)
     quiet = (state.kappa + gains.delta * (gains.sigma - worst) >= 0.0) & (state.started > 0.0)
     if gains.every_cycle:
         quiet = np.zeros_like(quiet)
-    u = np.where(quiet, state.held, u_bar)
-    slack = np.max(gains.sigma - np.where(quiet, error, 0.0), axis=-1, keepdims=True)
+    slack = gains.sigma - np.where(quiet, _over_axes(np.minimum, error), 0.0)  # the largest sigma - |e_j|
     kappa = state.kappa + dt_s * (slack - state.kappa)
-    return TriggerState(u, kappa, np.ones_like(kappa)), u, np.where(quiet, 0.0, 1.0)
+    u = np.where(quiet, state.held, u_bar)
+    return TriggerState(u, kappa, np.ones_like(kappa)), u, np.asarray(1.0 - quiet)
+
+
+def _over_axes(pick: np.ufunc, vector: Array) -> Array:
+    """Largest or smallest of the three components, shape (..., 1); a reduction over so few is slow in batches."""
+    return np.asarray(pick(pick(vector[..., 0:1], vector[..., 1:2]), vector[..., 2:3]))

@@ -4,8 +4,11 @@ W has its x axis where the autopilot has north, so NED is (x, -y, -z) of W, and 
 Quaternions are unit, w x y z, and turn body coordinates into world coordinates. All broadcast over leading axes.
 """
 
+from math import asin, atan2, degrees
+
 import numpy as np
 
+from companion.control.components import joined, maths, parts
 from companion.types import Array
 
 _FLIP = np.array([1.0, -1.0, -1.0])
@@ -25,16 +28,12 @@ def flip_quat(q: Array) -> Array:
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product, shape (..., 4)."""
-    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
+    (aw, ax, ay, az), (bw, bx, by, bz) = parts(a), parts(b)
+    return joined(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
     )
 
 
@@ -59,18 +58,17 @@ def rotation_vector_from_quat(q: Array) -> Array:
 
 def quat_from_yaw(yaw_rad: Array | float) -> Array:
     """Level attitude with this heading, shape (..., 4)."""
-    half = 0.5 * np.asarray(yaw_rad, dtype=float)
-    zero = np.zeros_like(half)
-    return np.stack((np.cos(half), zero, zero, np.sin(half)), axis=-1)
+    m, half, zero = maths(yaw_rad), 0.5 * yaw_rad, 0.0 * yaw_rad
+    return joined(m.cos(half), zero, zero, m.sin(half))
 
 
 def matrix_from_quat(q: Array) -> Array:
     """Rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    w, x, y, z = parts(q)
     rows = (
-        np.stack((1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)), axis=-1),
-        np.stack((2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)), axis=-1),
-        np.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), axis=-1),
+        joined(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        joined(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        joined(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
     return np.stack(rows, axis=-2)
 
@@ -117,20 +115,20 @@ def _sum_yz(m: Array) -> Array:
 
 def up_axis(q_w_flu_wxyz: Array) -> Array:
     """Body z axis (the direction the rotors push) in W, shape (..., 3)."""
-    w, x, y, z = (q_w_flu_wxyz[..., i] for i in range(4))
-    return np.stack((2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)), axis=-1)
+    w, x, y, z = parts(q_w_flu_wxyz)
+    return joined(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
 
 
 def yaw_of(q_w_flu_wxyz: Array) -> Array:
     """Heading (rad) of the body x axis in W, counter-clockwise from x, shape (...,)."""
-    w, x, y, z = (q_w_flu_wxyz[..., i] for i in range(4))
-    return np.asarray(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    w, x, y, z = parts(q_w_flu_wxyz)
+    return np.asarray(maths(w).atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
 def euler_ned_frd_deg(q_w_flu_wxyz: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw (degrees, aerospace sequence, NED<-FRD) of one attitude: what MAVSDK's set_attitude takes."""
-    w, x, y, z = (float(c) for c in flip_quat(q_w_flu_wxyz))
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return float(np.degrees(roll)), float(np.degrees(pitch)), float(np.degrees(yaw))
+    w, x, y, z = flip_quat(q_w_flu_wxyz).tolist()
+    roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
+    yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return degrees(roll), degrees(pitch), degrees(yaw)

@@ -37,7 +37,9 @@ def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array
 
 def _with_one(vector: Array) -> Array:
     """Append the constant 1 that carries the bias."""
-    return np.concatenate((vector, np.ones((*vector.shape[:-1], 1))), axis=-1)
+    extended = np.ones((*vector.shape[:-1], vector.shape[-1] + 1))
+    extended[..., :-1] = vector
+    return extended
 
 
 def output(state: NetworkState, phi: Array) -> Array:
@@ -64,12 +66,11 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
     is returned as it is; else its Gamma-weighted outward part is removed in the proportion h, wholly at the rim
     (Lavretsky and Gibson, "Projection operator in adaptive systems", 2011). `gamma` is diag(Gamma).
     """
-    size = (weights * weights).sum(axis=(-2, -1), keepdims=True)
-    excess = ((1.0 + band) * size - bound**2) / (band * bound**2)
+    excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
+    if not (excess > 0.0).any():
+        return rate
     outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
     active = (excess > 0.0) & (outward > 0.0)
-    if not active.any():
-        return rate
     weighted = gamma[..., :, None] * weights
     scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
     return np.where(active, rate - excess * outward / np.where(scale > 0.0, scale, 1.0) * weighted, rate)
@@ -77,6 +78,14 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
 
 def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: float, dt_s: float) -> Array:
     """One Euler step along the projected rate; a step that would leave the ball ends on it."""
-    moved = weights + dt_s * project(weights, rate, gamma, bound, band)
-    size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))
-    return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))
+    moved = np.asarray(weights + dt_s * project(weights, rate, gamma, bound, band))
+    square = _square(moved)
+    if not (square > bound**2).any():
+        return moved
+    return np.asarray(moved * np.minimum(1.0, bound / np.sqrt(np.maximum(square, 1e-300))))
+
+
+def _square(weights: Array) -> Array:
+    """Squared Frobenius norm, shape (..., 1, 1)."""
+    flat = weights.reshape(*weights.shape[:-2], -1)
+    return np.asarray(np.vecdot(flat, flat)[..., None, None])

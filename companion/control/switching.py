@@ -14,8 +14,23 @@ Scalar = float | Array
 
 def norm_squared(s: Array) -> Array:
     """s's with the last axis kept, shape (..., 1)."""
-    s0, s1, s2 = s[..., 0:1], s[..., 1:2], s[..., 2:3]  # three products beat a reduction over a 3-vector
-    return np.asarray(s0 * s0 + s1 * s1 + s2 * s2)
+    return np.asarray(np.vecdot(s, s)[..., None])
+
+
+def fractional_factor(square: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
+    """1 / (s's + e)^(1-p) from `square` = s's, shape (..., 1); what s is multiplied by in the fractional powers."""
+    base = square + regularisation
+    if not _is_on(regularisation):
+        base = np.where(base > 0.0, base, 1.0)
+    return np.asarray(base ** (p - 1.0))
+
+
+def switch_factor(square: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
+    """What s is multiplied by in Theta(s), from `square` = s's, shape (..., 1)."""
+    factor = fractional_factor(square, p, regularisation)
+    if _is_on(regularisation):
+        return factor
+    return np.asarray(factor * np.sin(np.minimum(square / epsilon, 1.0) * (0.5 * np.pi)) ** 2)
 
 
 def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -25,8 +40,7 @@ def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array
     and its slope there is unbounded. With e > 0 (a departure, `power_regularisation`) the slope is at most
     e^(p-1).
     """
-    base = norm_squared(s) + regularisation
-    return np.asarray(s * np.where(base > 0.0, base, 1.0) ** (p - 1.0))
+    return np.asarray(s * fractional_factor(norm_squared(s), p, regularisation))
 
 
 def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -34,11 +48,12 @@ def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.
 
     With a regularisation there is no singularity to fade, so the plain regularised power is returned.
     """
-    power = fractional_power(s, p, regularisation)
-    if np.any(np.asarray(regularisation) > 0.0):
-        return power
-    fade = np.sin(np.minimum(norm_squared(s) / epsilon, 1.0) * (0.5 * np.pi)) ** 2
-    return np.asarray(power * fade)
+    return np.asarray(s * switch_factor(norm_squared(s), p, epsilon, regularisation))
+
+
+def _is_on(departure: Scalar) -> bool:
+    """Whether a departure from the print is switched on, for any vehicle."""
+    return bool(np.any(departure > 0.0)) if isinstance(departure, np.ndarray) else departure > 0.0
 
 
 def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
@@ -52,7 +67,6 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
 
 def sign(y: Array, boundary_layer: Scalar = 0.0) -> Array:
     """sgn(y) of eq. ETC-law, componentwise, sgn(0) = 0; with a boundary layer, clip(y / layer, -1, 1)."""
-    layer = np.asarray(boundary_layer)
-    if not np.any(layer > 0.0):
+    if not _is_on(boundary_layer):
         return np.asarray(np.sign(y))
-    return np.asarray(np.clip(y / np.maximum(layer, 1e-9), -1.0, 1.0))
+    return np.asarray(np.minimum(np.maximum(y / np.maximum(boundary_layer, 1e-9), -1.0), 1.0))
