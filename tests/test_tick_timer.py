@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.tick_timer import TickTimer
@@ -24,6 +24,7 @@ def test_lateness_is_counted_from_the_frame_that_started_the_cycle() -> None:
     assert timer.begin(1.0007, 1.0005) == pytest.approx(0.0002)
 
 
+@settings(deadline=None)
 @given(offset_s=st.floats(-0.0049, 0.0039), drift=st.floats(-2e-4, 2e-4))
 def test_the_due_time_is_drawn_to_the_frames_and_follows_their_drift(offset_s: float, drift: float) -> None:
     timer = TickTimer(PERIOD_S, 1.0)

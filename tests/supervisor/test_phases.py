@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.control.reference import Ellipse, FigureEight, Trajectory
@@ -443,6 +443,7 @@ def test_landing_takes_over_the_motion(state: str) -> None:
     check_continuous(down, time_s, 5.0)
 
 
+@settings(deadline=None)
 @given(late_s=st.floats(0.0, 60.0))
 def test_a_late_tick_does_not_shift_the_reference(late_s: float) -> None:
     """Legs begin when the last one ended, not when somebody looked."""
