@@ -97,6 +97,12 @@ def _etnn(file: EtnnFile, path: Path, vehicle: VehicleModel, period_s: float) ->
             f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
             "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
         )
+    load = file.gains.filter_step_load(period_s)
+    if load >= 4.0 and not file.allow_unstable:
+        raise ConfigError(
+            f"{path}: gains.filter_eps = {file.gains.filter_eps:g} is too quick for steps of {period_s:g} s: "
+            f"2 rho dt/eps + zeta (dt/eps)^2 = {load:.3g} must be below 4; raise filter_eps, lower rho, or run faster"
+        )
     p = file.prediction
     predictor = Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s) if p.enabled else None
     return Etnn(file.gains, predictor)

@@ -178,6 +178,21 @@ def test_the_refusal_begins_where_the_condition_ends(tmp_path: Path, rho: float,
         assert "is unstable" in refusal(path)
 
 
+@pytest.mark.parametrize(
+    ("eps", "period_s", "loads"), [(0.004, 0.01, False), (0.004, 0.002, True), (0.008, 0.01, True)]
+)
+def test_a_filter_too_quick_for_the_control_period_is_refused(
+    tmp_path: Path, eps: float, period_s: float, loads: bool
+) -> None:
+    """rho = 1, zeta = 0.5: 2 * 2.5 + 0.5 * 2.5^2 = 8.1 at 4 ms and 10 ms, although rho/eps = 250 is far above k + s."""
+    path = written(tmp_path, f'law = "etnn"\n[gains]\nrho = 1.0\nfilter_eps = {eps}')
+    if loads:
+        load_controller(str(path), VEHICLE, period_s)
+        return
+    with pytest.raises(ConfigError, match=r"filter_eps = 0\.004 is too quick for steps of 0\.01 s.* = 8\.12"):
+        load_controller(str(path), VEHICLE, period_s)
+
+
 def test_an_unknown_controller_names_those_there_are() -> None:
     with pytest.raises(ConfigError) as caught:
         load_controller("etn", VEHICLE, 0.01)

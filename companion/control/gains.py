@@ -98,6 +98,15 @@ class EtnnGains(Gains):
         slope = self.k1 * steepest_secant(self.p, self.epsilon, self.power_regularisation)
         return self.rho / self.filter_eps, float(np.max(self.k + slope))
 
+    def filter_step_load(self, period_s: float) -> float:
+        """How hard one control period drives the command filter; its steps are stable iff this is below 4.
+
+        Small signals step by z^2 - (2 - a - w) z + (1 - a), a = rho dt/eps, w = zeta dt^2/eps^2: inside the unit circle
+        iff 2 a + w < 4.
+        """
+        share = period_s / self.filter_eps
+        return 2.0 * self.rho * share + self.zeta * share**2
+
 
 def _require_diagonal(name: str, value: Array, size: int, zero_ok: bool = False) -> None:
     low_ok = np.all(value >= 0.0) if zero_ok else np.all(value > 0.0)
