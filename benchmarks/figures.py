@@ -40,7 +40,7 @@ def match(asked_s: Sequence[float], answered_s: Sequence[float]) -> Answers:
 
     The last question counts only when it was answered: the measurement may have ended before.
     """
-    ends_s = [*asked_s[1:], float("inf")]
+    ends_s = [*asked_s, float("inf")][1:]
     places = np.searchsorted(answered_s, asked_s, side="right")
     delays_s = tuple(
         answered_s[place] - start_s

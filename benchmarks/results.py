@@ -1,0 +1,139 @@
+"""All that one run found, and its forms: tables for the terminal, JSON, and RESULTS.md."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.flights import Footprint, Latency
+from benchmarks.machine import Machine
+from benchmarks.steps import StageCost, StepCost
+from benchmarks.targets import Target, footprint_targets, latency_targets, step_targets
+
+Row = tuple[str, ...]
+Section = tuple[str, Row, list[Row]]
+"""Title, column heads, rows."""
+
+
+@dataclass
+class Results:
+    """Filled section by section; what was not measured is empty."""
+
+    machine: Machine
+    quick: bool
+    latencies: list[Latency] = field(default_factory=list)
+    steps: list[StepCost] = field(default_factory=list)
+    stages: list[StageCost] = field(default_factory=list)
+    footprints: list[Footprint] = field(default_factory=list)
+
+    def targets(self) -> list[Target]:
+        """Every target that this run can speak of."""
+        return [
+            *(target for latency in self.latencies for target in latency_targets(latency)),
+            *step_targets(self.steps),
+            *(target for footprint in self.footprints for target in footprint_targets(footprint)),
+        ]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        targets = [asdict(target) | {"met": target.met} for target in self.targets()]
+        ratios = [latency.ratio for latency in self.latencies]
+        return asdict(self) | {"targets": targets, "latency_over_relay": ratios}
+
+    def sections(self) -> list[Section]:
+        """The tables, as text."""
+        tables = (self._targets(), self._latencies(), self._steps(), self._stages(), self._footprints())
+        return [table for table in tables if table[2]]
+
+    def _targets(self) -> Section:
+        rows: list[Row] = [
+            (t.name, _number(t.value, t.unit), t.wanted, "pass" if t.met else "FAIL") for t in self.targets()
+        ]
+        return "Targets", ("what", "measured", "wanted", ""), rows
+
+    def _latencies(self) -> Section:
+        rows = [
+            (
+                f"{name}, {latency.rate_hz:g} Hz",
+                *(f"{value:.0f}" for value in (s.least, s.median, s.p90, s.p99, s.most)),
+            )
+            for latency in self.latencies
+            for name, s in (
+                ("service", latency.service_us),
+                ("  frame sent to frame received", latency.arrival_us),
+                ("  frame received to setpoint sent", latency.inside_us),
+                ("bare relay", latency.relay_us),
+            )
+        ]
+        return "Frame to setpoint, us", ("", "least", "median", "p90", "p99", "most"), rows
+
+    def _steps(self) -> Section:
+        rows: list[Row] = [(c.law, f"{c.vehicles}", f"{c.step_us:.1f}", f"{c.vehicle_us:.3f}") for c in self.steps]
+        return "One control step, us", ("law", "vehicles", "a step", "a vehicle"), rows
+
+    def _stages(self) -> Section:
+        rows: list[Row] = [(c.stage, f"{c.call_us:.1f}") for c in self.stages]
+        return "Stages, one vehicle, us", ("stage", "median"), rows
+
+    def _footprints(self) -> Section:
+        rows: list[Row] = [
+            (f"{f.rate_hz:g} Hz", f"{100 * f.cpu_share:.1f} %", f"{f.memory_mb:.0f} MB", f"{f.setpoints_per_s:.1f}")
+            for f in self.footprints
+        ]
+        return "The service's process in flight", ("loop", "of a core", "memory", "setpoints a second"), rows
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".strip()
+
+
+def print_results(results: Results, console: Console) -> None:
+    """Tables for the terminal."""
+    for title, heads, rows in results.sections():
+        table = Table(title=title, title_justify="left")
+        for place, head in enumerate(heads):
+            table.add_column(head, justify="left" if place == 0 else "right")
+        for row in rows:
+            style = {"pass": "green", "FAIL": "bold red"}.get(row[-1])
+            table.add_row(*row, style=style)
+        console.print(table)
+
+
+def as_markdown(results: Results) -> str:
+    """RESULTS.md."""
+    m = results.machine
+    packages = ", ".join(f"{name} {version}" for name, version in m.packages.items())
+    load = ", ".join(f"{value:.1f}" for value in m.load_at_start)
+    lines = [
+        "# Benchmark results",
+        "",
+        f"The last run of `make bench ARGS=--write-results`{' with --quick' if results.quick else ''}, as it came out.",
+        "",
+        f"- {m.date}",
+        f"- {m.cpu}, {m.cores} cores, {m.memory_gb:g} GB, {m.kernel}",
+        f"- {m.python}; {packages}",
+        f"- load average at the start (1, 5, 15 min): {load}",
+        "",
+    ]
+    for title, heads, rows in results.sections():
+        lines += [f"## {title}", "", *_markdown_table(heads, rows), ""]
+    return "\n".join([*lines, *_NOTES])
+
+
+def _markdown_table(heads: Row, rows: list[Row]) -> list[str]:
+    rule = "|".join("---" if place == 0 else "---:" for place in range(len(heads)))
+    return [f"| {' | '.join(heads)} |", f"|{rule}|", *(f"| {' | '.join(row)} |" for row in rows)]
+
+
+_NOTES = """## How it is measured
+
+- **Frame to setpoint**: the mocks run in the benchmark's process, the service in its own, hovering under
+  `practical.toml` with `every_cycle`. A frame's time is taken just before it is sent by UDP; a setpoint's is the
+  kernel's stamp on the autopilot's socket. Each frame is answered by the first setpoint before the next frame.
+- **Bare relay**: a third process; receive, read the pose, pack SET_ATTITUDE_TARGET with pymavlink, send. It gets the
+  same datagrams half a period later, so both see the same seconds of the same machine.
+- **Steps and stages**: median of single calls, of the calmest of several rounds, in a loop with nothing else: caches
+  are warm. In flight the process has slept for most of a period, and the same code takes two to four times as long.
+- **Process**: `psutil` over a hover under `practical.toml`; the mocks are not in it.
+""".splitlines()

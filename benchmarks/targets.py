@@ -1,0 +1,67 @@
+"""What the numbers have to be, and whether they are. Pure."""
+
+from dataclasses import dataclass
+
+from benchmarks.flights import Footprint, Latency
+from benchmarks.steps import StepCost
+
+LATENCY_MS = 1.0
+RELAY_RATIO = 5.0
+STEP_US = 250.0
+BATCH_GAIN = 100.0
+CPU_SHARE = 0.25
+MEMORY_MB = 200.0
+
+
+@dataclass(frozen=True)
+class Target:
+    """One number and its bound."""
+
+    name: str
+    value: float
+    bound: float
+    unit: str = ""
+    at_least: bool = False
+    """The bound is from below."""
+
+    @property
+    def met(self) -> bool:
+        """Whether the number is on the right side; the bound itself is."""
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+    @property
+    def wanted(self) -> str:
+        """The bound in words."""
+        return f"{'at least' if self.at_least else 'at most'} {self.bound:g} {self.unit}".strip()
+
+
+def latency_targets(latency: Latency) -> list[Target]:
+    """Median, absolute and beside the relay."""
+    at = f"at {latency.rate_hz:g} Hz"
+    return [
+        Target(f"frame to setpoint {at}, median", latency.service_us.median / 1e3, LATENCY_MS, "ms"),
+        Target(f"frame to setpoint {at}, times the relay's", latency.ratio, RELAY_RATIO),
+    ]
+
+
+def step_targets(costs: list[StepCost]) -> list[Target]:
+    """One vehicle's step, and how much cheaper a vehicle is in the largest batch."""
+    targets = []
+    for law in dict.fromkeys(cost.law for cost in costs):
+        mine = sorted((cost for cost in costs if cost.law == law), key=lambda cost: cost.vehicles)
+        one, many = mine[0], mine[-1]
+        gain = one.vehicle_us / many.vehicle_us
+        targets += [
+            Target(f"{law}, one step, median", one.step_us, STEP_US, "us"),
+            Target(f"{law}, {many.vehicles} vehicles: times cheaper a vehicle", gain, BATCH_GAIN, at_least=True),
+        ]
+    return targets
+
+
+def footprint_targets(footprint: Footprint) -> list[Target]:
+    """Share of a core, and memory."""
+    at = f"at {footprint.rate_hz:g} Hz"
+    return [
+        Target(f"CPU in flight {at}", 100.0 * footprint.cpu_share, 100.0 * CPU_SHARE, "% of a core"),
+        Target(f"memory in flight {at}", footprint.memory_mb, MEMORY_MB, "MB"),
+    ]
