@@ -79,6 +79,13 @@ def test_the_regularised_power_is_never_steeper_than_its_slope_at_zero(s: list[f
     assert value <= e ** (P - 1.0) * math.sqrt(by_hand.squared(s)) + 1e-12
 
 
+@given(s=VECTOR, p=EXPONENT, e=st.floats(1e-6, 1.0))
+def test_the_regularised_power_loses_at_most_e_to_the_p(s: list[float], p: float, e: float) -> None:
+    """What the stability proof would need of it, as it needs of Theta: s's/(s's + e)^(1-p) >= (s's)^p - e^p."""
+    value = float(np.array(s) @ fractional_power(np.array(s), p, e))
+    assert value >= by_hand.squared(s) ** p - e**p - 1e-12
+
+
 def test_the_regularised_power_by_hand() -> None:
     # s's + e = 0.15 + 0.01 = 0.16: 0.16^(1/4) = sqrt(0.4)
     s = np.array([math.sqrt(0.15), 0.0, 0.0])
