@@ -67,22 +67,26 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
     (Lavretsky and Gibson, "Projection operator in adaptive systems", 2011). `gamma` is diag(Gamma).
     """
     excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
-    if not (excess > 0.0).any():
-        return rate
     outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
     active = (excess > 0.0) & (outward > 0.0)
+    if not active.any():
+        return rate
     weighted = gamma[..., :, None] * weights
     scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
     return np.where(active, rate - excess * outward / np.where(scale > 0.0, scale, 1.0) * weighted, rate)
 
 
 def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: float, dt_s: float) -> Array:
-    """One Euler step along the projected rate; a step that would leave the ball ends on it."""
-    moved = np.asarray(weights + dt_s * project(weights, rate, gamma, bound, band))
-    square = _square(moved)
-    if not (square > bound**2).any():
-        return moved
-    return np.asarray(moved * np.minimum(1.0, bound / np.sqrt(np.maximum(square, 1e-300))))
+    """One Euler step along the projected rate; a step that would leave the ball ends on it.
+
+    A free step that ends in the ball where the projection sleeps needs neither: it began there or points inwards.
+    """
+    free = np.asarray(weights + dt_s * rate)
+    if not ((1.0 + band) * _square(free) > bound**2).any():
+        return free
+    moved = weights + dt_s * project(weights, rate, gamma, bound, band)
+    size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))
+    return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))
 
 
 def _square(weights: Array) -> Array:
