@@ -395,6 +395,14 @@ def test_what_is_not_low_and_slow_is_no_touchdown(height_m: float, climb_mps: fl
     assert not flight.touched_down, because
 
 
+def test_low_and_slow_is_no_touchdown_while_the_reference_is_still_above() -> None:
+    """The vehicle is asked to be higher than it is: it will climb, so the motors must go on."""
+    flight, time_s = descending()
+    for n in range(100):  # the reference is still more than 0.9 m up
+        flight = advance(flight, facts(time_s + n * DT_S, 0.0), RULES)
+    assert not flight.touched_down
+
+
 def test_a_landing_that_is_disturbed_begins_to_wait_anew() -> None:
     flight, time_s = descending()
     time_s += 20.0  # the reference is far below the ground by now
