@@ -1,0 +1,209 @@
+"""Whole flights of the flight loop in simulated time."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig, VehicleConfig
+from companion.control.controller import ControlInput, ControlOutput
+from companion.control.pid import Pid
+from companion.control.reference import Ellipse, LapTiming
+from companion.supervisor.phases import Fly, Land, Phase, Prepare, Request, TakeOff
+from companion.types import Array, FlightMode
+from tests.flights.simulated import Flight, Step, fly
+
+LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
+
+
+def ask(wanted: Request) -> Step:
+    def step(flight: Flight) -> bool:
+        assert flight.loop.ask(wanted), f"{wanted} was refused in phase {flight.phase}"
+        return True
+
+    return step
+
+
+def until(phase: Phase) -> Step:
+    return lambda flight: flight.phase is phase
+
+
+def wait(seconds: float) -> Step:
+    ends: list[float] = []
+
+    def step(flight: Flight) -> bool:
+        ends.append(flight.room.now_s() + seconds)
+        return flight.room.now_s() >= ends[0]
+
+    return step
+
+
+def command(number: int, *params: float) -> Step:
+    def step(flight: Flight) -> bool:
+        flight.autopilot.command(number, *params)
+        return True
+
+    return step
+
+
+ARM = [
+    wait(6.0),
+    ask(Prepare()),
+    wait(0.3),
+    command(176, 1.0, 6.0, 0.0),
+    wait(1.2),
+    command(400, 1.0),
+    until(Phase.ARMED),
+]
+UP = [*ARM, ask(TakeOff(1.2)), until(Phase.HOLD)]
+DOWN = [ask(Land()), until(Phase.DISARMED), wait(0.5)]
+
+
+def _error_w_m(flight: Flight, phase: Phase) -> Array:
+    """True position less the reference, at the ticks of a phase."""
+    rows = [
+        truth - tick.reference.position_w_m
+        for tick, truth in zip(flight.ticks, flight.truths_w_m, strict=True)
+        if tick.flight.phase is phase and tick.reference is not None
+    ]
+    return np.array(rows)
+
+
+async def test_a_flight_from_standby_to_disarmed() -> None:
+    flight = await fly([*UP, ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN])
+    assert flight.phases() == [
+        Phase.STANDBY, Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.HOLD, Phase.LAND,
+        Phase.DISARMED,
+    ]  # fmt: skip
+    error = np.abs(_error_w_m(flight, Phase.TRACK))
+    assert error.mean(axis=0).max() < 0.03, "the true vehicle follows the reference, friction and lag and all"
+    assert error.max() < 0.10
+    assert not flight.room.bench.world.vehicle.armed
+    assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=1e-3)
+    assert flight.loop.flight.reason == ""
+
+
+async def test_the_same_seed_gives_the_same_flight() -> None:
+    script = [*UP, wait(2.0)]
+    one, two, other = [await fly(list(script), seed=seed) for seed in (3, 3, 4)]
+    assert [t.tobytes() for t in one.truths_w_m] == [t.tobytes() for t in two.truths_w_m]
+    assert [t.tobytes() for t in one.truths_w_m] != [t.tobytes() for t in other.truths_w_m]
+
+
+async def test_the_law_sleeps_on_the_ground() -> None:
+    flight = await fly([*UP, wait(1.0), *DOWN])
+    for tick, truth in zip(flight.ticks, flight.truths_w_m, strict=True):
+        if tick.flight.phase in {Phase.PREFLIGHT, Phase.ARMED}:
+            assert tick.asked is None
+            assert tick.gated is not None
+            assert float(tick.gated.setpoint.thrust) == 0.0, "motors idle until takeoff"
+        if tick.asked is not None:
+            assert truth[2] > 0.005 or tick.flight.phase is Phase.LAND, "the law was awake on the ground"
+    touched = [tick for tick in flight.ticks if tick.flight.touched_down and tick.gated is not None]
+    assert all(tick.asked is None for tick in touched)
+    assert float(touched[-1].gated.setpoint.thrust) == 0.0  # type: ignore[union-attr]
+
+
+async def test_the_trigger_sends_a_fraction_of_the_cycles_and_every_setpoint_differs_from_the_last() -> None:
+    flight = await fly([*UP, wait(10.0)])
+    hold = [tick for tick in flight.ticks if tick.flight.phase is Phase.HOLD]
+    share = np.mean([np.isfinite(tick.sent_s) for tick in hold])
+    assert 0.005 < share < 0.15
+    sent = [setpoint for _, setpoint in flight.autopilot.setpoints]
+    for before, after in pairwise(sent[1:]):
+        different = (before.q_w_flu_wxyz != after.q_w_flu_wxyz).any() or before.thrust != after.thrust
+        assert different, "a setpoint that the autopilot already has was sent again"
+
+
+@pytest.mark.parametrize("hover_thrust", [0.43, 0.58])
+async def test_a_misjudged_hover_thrust_still_takes_off_and_holds(hover_thrust: float) -> None:
+    config = CompanionConfig(vehicle=VehicleConfig(hover_thrust=hover_thrust))
+    flight = await fly([*UP, wait(6.0)], config=config)
+    assert abs(flight.truths_w_m[-1][2] - 1.2) < 0.15
+
+
+async def test_without_lift_off_the_motors_stop_with_a_reason() -> None:
+    flight = await fly([*ARM, ask(TakeOff(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
+    assert Phase.HOLD not in flight.phases()
+    assert "no lift-off at thrust 0.62: check vehicle.hover_thrust" in flight.loop.flight.reason
+    assert all(truth[2] < 0.02 for truth in flight.truths_w_m)
+
+
+async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() -> None:
+    mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
+    flight = await fly([*UP, until(Phase.HANDED_OVER), wait(1.5)], mocap=mocap)
+    handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
+    assert 0.30 < handed.age_s < 0.33
+    assert "motion capture has been silent" in handed.flight.reason
+    assert flight.autopilot.setpoints[-1][0] < handed.time_s, "no setpoint after handing over"
+    assert flight.autopilot.status().mode is FlightMode.LAND
+
+
+async def test_silent_mocap_on_the_ground_disarms() -> None:
+    mocap = {"silences": [{"start_s": 9.0, "for_s": 100.0}]}
+    flight = await fly([*ARM, until(Phase.DISARMED)], mocap=mocap)
+    assert "motion capture has been silent" in flight.loop.flight.reason
+    assert Phase.TAKEOFF not in flight.phases()
+
+
+async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
+    flight = await fly([*UP, wait(1.0), command(21), until(Phase.HANDED_OVER), wait(3.0)])
+    over_s = flight.loop.flight.since_s
+    assert flight.loop.flight.reason == "the autopilot left OFFBOARD for land"
+    assert all(at_s <= over_s for at_s, _ in flight.autopilot.setpoints), "it fought the pilot"
+    assert not flight.loop.ask(Fly(LAP, 1.0)), "nothing but a new beginning is accepted"
+
+
+async def test_a_kill_ends_the_flight() -> None:
+    flight = await fly([*UP, command(400, 0.0, 21196.0), until(Phase.DISARMED)])
+    assert flight.loop.flight.reason == "disarmed in the air"
+
+
+class _Broken(Pid):
+    """A law that fails once it is well in the air."""
+
+    def step(self, memory: object, now: ControlInput) -> tuple[object, ControlOutput]:  # type: ignore[override]
+        if now.position_w_m[2] > 0.8:
+            raise ZeroDivisionError("a mistake in somebody's law")
+        return super().step(memory, now)  # type: ignore[arg-type]
+
+
+async def test_a_law_that_raises_makes_the_autopilot_land() -> None:
+    from companion.control.controller import VehicleModel
+    from companion.control.gains import PidGains
+
+    seen: list[Flight] = []
+
+    def remember(flight: Flight) -> bool:
+        seen.append(flight)
+        return flight.phase is Phase.HOLD
+
+    script = [*UP[:-1], remember]
+    with pytest.raises(ZeroDivisionError, match="a mistake in somebody's law"):
+        await fly(script, controller=_Broken(PidGains(), VehicleModel()))
+    flight = seen[-1]
+    assert flight.phase is Phase.HANDED_OVER
+    assert "ZeroDivisionError" in flight.loop.flight.reason
+    flight.room.bench.run(1.5)
+    assert flight.autopilot.status().mode is FlightMode.LAND
+
+
+class _NotANumber(Pid):
+    """A law that computes NaN for a while."""
+
+    def step(self, memory: object, now: ControlInput) -> tuple[object, ControlOutput]:  # type: ignore[override]
+        after, output = super().step(memory, now)  # type: ignore[arg-type]
+        bad = 0.6 < now.position_w_m[2] < 0.7
+        return after, replace(output, accel_w_mps2=output.accel_w_mps2 * np.nan) if bad else output
+
+
+async def test_nan_never_leaves_the_gate() -> None:
+    from companion.control.controller import VehicleModel
+    from companion.control.gains import PidGains
+
+    flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains(), VehicleModel()))
+    assert any(tick.gated is not None and bool(tick.gated.not_finite) for tick in flight.ticks)
+    for _, setpoint in flight.autopilot.setpoints:
+        assert np.isfinite(setpoint.q_w_flu_wxyz).all()
+        assert np.isfinite(setpoint.thrust)
