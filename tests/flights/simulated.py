@@ -53,10 +53,12 @@ class Room:
         return flip_yz(self.bench.world.truth.position_ned_m)
 
     def pass_time(self, for_s: float) -> None:
-        """Advance to the next frame, or by `for_s`."""
+        """Advance to the next frame, or by `for_s` and at least one step."""
         end_s = self.now_s() + for_s
-        while self.now_s() < end_s - 1e-9 and not self.new_frame:
+        while not self.new_frame:
             self.bench.run(TICK_S)
+            if self.now_s() >= end_s:
+                return
 
     def _look(self, truth: Truth) -> None:
         for frame in self._camera.look(truth):
