@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.control.gains import EtnnGains
-from companion.control.switching import fractional_factor, norm_squared, switch_factor
+from companion.control.switching import fractional_factor, squared, switch_factor
 from companion.types import Array
 
 
@@ -27,21 +27,21 @@ def at_lift_off(alpha1: Array) -> FilterState:
 
 def compensation_1(iota1: Array, gains: EtnnGains) -> Array:
     """c_1 |iota_1|^2 iota_1 + k iota_1 + k_1 Theta(iota_1): shared by alpha_1 and the iota_1 equation."""
-    square = norm_squared(iota1)
+    square = squared(iota1)
     theta = switch_factor(square, gains.p, gains.epsilon, gains.power_regularisation)
     return np.asarray((gains.c1 * square + gains.k + gains.k1 * theta) * iota1)
 
 
 def compensation_2(iota2: Array, gains: EtnnGains) -> Array:
     """c_2 |iota_2|^2 iota_2 + k_2 iota_2/(iota_2'iota_2)^(1-p): shared by alpha_2 and the iota_2 equation."""
-    square = norm_squared(iota2)
+    square = squared(iota2)
     power = fractional_factor(square, gains.p, gains.power_regularisation)
     return np.asarray((gains.c2 * square + gains.k2 * power) * iota2)
 
 
 def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnGains) -> Array:
     """alpha_1 (m/s), eq. alpha1, shape (..., 3): feedback beta_1 |y_1|^2 y_1 + gamma_1 Theta(y_1)."""
-    square = norm_squared(y1)
+    square = squared(y1)
     theta = switch_factor(square, gains.p, gains.epsilon, gains.power_regularisation)
     feedback = (gains.beta1 * square + gains.gamma1 * theta) * y1
     return np.asarray(velocity_ref - compensation_1(iota1, gains) - feedback)
@@ -49,7 +49,7 @@ def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnG
 
 def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains: EtnnGains) -> Array:
     """alpha_2 (m/s^2), the auxiliary virtual control of step 2, (..., 3): feedback as in alpha_1, Theta not faded."""
-    square = norm_squared(y2)
+    square = squared(y2)
     power = fractional_factor(square, gains.p, gains.power_regularisation)
     feedback = (gains.beta2 * square + gains.gamma2 * power) * y2
     return np.asarray(chi_dot - x1 - compensation_2(iota2, gains) - feedback)

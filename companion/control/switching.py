@@ -5,8 +5,11 @@ Control for Dual-Arm Unmanned Aerial Manipulator Systems"). Vectors are (..., 3)
 arrays of shape (..., 1) when a batch of vehicles has a batch of gains.
 """
 
+from typing import Any
+
 import numpy as np
 
+from companion.control.components import chosen
 from companion.types import Array
 
 Scalar = float | Array
@@ -17,20 +20,28 @@ def norm_squared(s: Array) -> Array:
     return np.asarray(np.vecdot(s, s)[..., None])
 
 
-def fractional_factor(square: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
-    """1 / (s's + e)^(1-p) from `square` = s's, shape (..., 1); what s is multiplied by in the fractional powers."""
+def squared(s: Array) -> Scalar:
+    """`norm_squared`, but a float for one vehicle: what is made of it costs a quarter then."""
+    if s.ndim > 1:
+        return norm_squared(s)
+    x, y, z = s.tolist()
+    return float(x * x + y * y + z * z)
+
+
+def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -> Any:
+    """1 / (s's + e)^(1-p) from `square` = s's, shape as given; what s is multiplied by in the fractional powers."""
     base = square + regularisation
     if not _is_on(regularisation):
-        base = np.where(base > 0.0, base, 1.0)
-    return np.asarray(base ** (p - 1.0))
+        base = chosen(base > 0.0, base, 1.0)
+    return base ** (p - 1.0)
 
 
-def switch_factor(square: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
-    """What s is multiplied by in Theta(s), from `square` = s's, shape (..., 1)."""
+def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Any:
+    """What s is multiplied by in Theta(s), from `square` = s's, shape as given."""
     factor = fractional_factor(square, p, regularisation)
     if _is_on(regularisation):
         return factor
-    return np.asarray(factor * np.sin(np.minimum(square / epsilon, 1.0) * (0.5 * np.pi)) ** 2)
+    return factor * np.sin(np.minimum(square / epsilon, 1.0) * (0.5 * np.pi)) ** 2
 
 
 def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -40,7 +51,7 @@ def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array
     and its slope there is unbounded. With e > 0 (a departure, `power_regularisation`) the slope is at most
     e^(p-1).
     """
-    return np.asarray(s * fractional_factor(norm_squared(s), p, regularisation))
+    return np.asarray(s * fractional_factor(squared(s), p, regularisation))
 
 
 def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -48,7 +59,7 @@ def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.
 
     With a regularisation there is no singularity to fade, so the plain regularised power is returned.
     """
-    return np.asarray(s * switch_factor(norm_squared(s), p, epsilon, regularisation))
+    return np.asarray(s * switch_factor(squared(s), p, epsilon, regularisation))
 
 
 def _is_on(departure: Scalar) -> bool:

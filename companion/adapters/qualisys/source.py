@@ -117,4 +117,5 @@ class QualisysSource:
 
     def _count(self, number: int) -> None:
         skipped = max(0, number - self._latest.frame - 1) if self._latest is not None else 0
-        self.counts = replace(self.counts, received=self.counts.received + 1, lost=self.counts.lost + skipped)
+        c = self.counts
+        self.counts = MocapCounts(c.received + 1, c.lost + skipped, c.late, c.malformed)
