@@ -2,6 +2,8 @@
 
 from mock_autopilot.params import ParamTable
 
+STAGES = 2.7
+"""Ground contact, maybe landed, landed: recorded 2.7 s from low throttle to the text, at LNDMC_TRIG_TIME 1 s."""
 DISARMED_LANDS_AFTER_S = 0.5
 """Recorded from PX4 v1.17: landed_state 1 half a second after a kill in the air."""
 
@@ -26,10 +28,16 @@ class LandDetector:
             return
         if self._candidate_since_s is None:
             self._candidate_since_s = now_s
-        wait_s = self._params["LNDMC_TRIG_TIME"] if armed else DISARMED_LANDS_AFTER_S
+        wait_s = STAGES * self._params["LNDMC_TRIG_TIME"] if armed else DISARMED_LANDS_AFTER_S
         self.landed = now_s - self._candidate_since_s >= wait_s - 1e-9
 
     def _throttle_low(self, climb_controlled: bool, signal: float) -> bool:
-        """In attitude control only idle counts; in height control clearly less than hover does."""
-        limit = 0.3 * self._params["MPC_THR_HOVER"] if climb_controlled else self._params["MPC_MANTHR_MIN"]
+        """In attitude control only idle counts; in height control clearly less than hover does.
+
+        PX4's low throttle lies 30 % of the way from the least to the hover throttle. On the ground the recorded
+        take-off was noticed a little earlier in its thrust ramp than that.
+        """
+        least, hover = self._params["MPC_THR_MIN"], self._params["MPC_THR_HOVER"]
+        low = 0.3 * hover if self.landed else least + 0.3 * (hover - least)
+        limit = low if climb_controlled else self._params["MPC_MANTHR_MIN"]
         return not signal >= limit  # so that NaN is low

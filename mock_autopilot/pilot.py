@@ -18,7 +18,7 @@ STOPPED_MPS = 0.3
 TAKEOFF_SPEED_MPS = 0.85
 """Recorded: MPC_TKO_SPEED is 1.5, but the smoothed climb of 2.5 m never gets faster than this."""
 HEIGHT_P = 0.8
-CONTACT_S = 2.0
+CONTACT_S = 0.5
 """Standing still for this long while landing counts as ground contact."""
 
 

@@ -38,7 +38,6 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
   of section l. Torques have no limit.
 - Drag is the airframe's; section l uses the recorded simulator's (1 kg, 20 N, 0.9 N per m/s). The record has an
   offset of 0.5 m/s2 at low thrust that the mock lacks.
-- After a landing PX4 looks for the ground longer than the mock does (10-13 s against about 8 s from 2.5 m).
 - Return is climb, straight line, land; take-off has no smoothed trajectory.
 - ODOMETRY is taken as local NED whatever its frame_id; a position beyond 100 km is ignored.
 - Not simulated: EVENT messages, missions, geofence, remote control, battery failsafe, MAVLink FTP, log download,
