@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel
+from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel, within_tilt
 from companion.control.controller import ControlInput, Controller, ControlOutput
 from companion.control.frames import quat_from_yaw
 from companion.control.limits import Gated, Limits, gate
@@ -77,7 +77,8 @@ class ControlStage:
         self._memory, output = self._controller.step(self._memory, now)
         if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:
             self._yaw_rad = ahead.yaw_rad
-            self._wanted = setpoint_of_accel(output.accel_w_mps2, ahead.yaw_rad, self._model)
+            upright = within_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
+            self._wanted = setpoint_of_accel(upright, ahead.yaw_rad, self._model)
         return Asked(ahead, output, gate(self._wanted, self.sent, self._limits, dt_s))
 
 

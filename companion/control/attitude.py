@@ -43,6 +43,21 @@ def force_of_accel(accel_w_mps2: Array, model: ThrustModel) -> Array:
     return np.asarray(model.mass_kg * (accel_w_mps2 + model.gravity_mps2 * _UP))
 
 
+def within_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) -> Array:
+    """u with its horizontal part cut so that the vehicle need not tilt further (m/s^2), shape (..., 3).
+
+    The height comes first: turning the whole force back into the cone, as the gate does, would make the vehicle climb.
+    """
+    lift = np.maximum(accel_w_mps2[..., 2:] + gravity_mps2, 0.0)
+    across = accel_w_mps2[..., :2]
+    most = np.tan(max_tilt_rad) * lift
+    size = np.sqrt((across * across).sum(axis=-1, keepdims=True))
+    if (size <= most).all():
+        return accel_w_mps2
+    cut = across * np.minimum(1.0, most / np.maximum(size, 1e-12))
+    return np.concatenate((cut, accel_w_mps2[..., 2:]), axis=-1)
+
+
 def thrust_axis(force_w_n: Array) -> Array:
     """Unit axis in W along which the rotors must push, shape (..., 3).
 

@@ -69,6 +69,8 @@ class FlightRules:
     touchdown_m: float = 0.06
     touchdown_speed_mps: float = 0.06
     touchdown_s: float = 0.3
+    disarm_again_s: float = 8.0
+    """Ask again when the autopilot is still armed; longer than one attempt takes."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,8 @@ class Flight:
     still_since_s: float | None = None
     """Since when a landing looks finished."""
     touched_down: bool = False
-    disarm_asked: bool = False
+    disarm_asked_s: float | None = None
+    """When the autopilot was last asked to disarm after touchdown."""
     action: Action | None = None
     """Set for exactly one tick."""
     reason: str = ""
@@ -297,8 +300,10 @@ def _land(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 
 def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     if flight.touched_down:
-        due = facts.time_s - flight.since_s > rules.touchdown_s and not flight.disarm_asked
-        return replace(flight, action=Action.DISARM, disarm_asked=True) if due else flight
+        since_s = flight.since_s if flight.disarm_asked_s is None else flight.disarm_asked_s
+        wait_s = rules.touchdown_s if flight.disarm_asked_s is None else rules.disarm_again_s
+        due = facts.time_s - since_s > wait_s
+        return replace(flight, action=Action.DISARM, disarm_asked_s=facts.time_s) if due else flight
     ground_z = flight.ground_w_m[2] if flight.ground_w_m is not None else 0.0
     low = facts.position_w_m[2] - ground_z < rules.touchdown_m
     slow = abs(float(facts.velocity_w_mps[2])) < rules.touchdown_speed_mps

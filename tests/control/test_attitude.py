@@ -16,6 +16,7 @@ from companion.control.attitude import (
     normalised_thrust,
     setpoint_of_accel,
     thrust_axis,
+    within_tilt,
 )
 from companion.control.frames import euler_ned_frd_deg
 from companion.types import Array
@@ -156,3 +157,19 @@ def test_batches_are_their_members() -> None:
         np.testing.assert_allclose(whole.thrust[index], one.thrust, atol=1e-12)
         back = accel_of_setpoint(whole, model)[index]
         np.testing.assert_allclose(back, accel_of_setpoint(one, model), atol=1e-12)
+
+
+@given(
+    across=st.tuples(st.floats(-30, 30), st.floats(-30, 30)),
+    up=st.floats(-15, 15),
+)
+def test_what_the_tilt_forbids_is_taken_from_the_horizontal_and_never_from_the_height(
+    across: tuple[float, float], up: float
+) -> None:
+    wanted = np.array([*across, up])
+    cut = within_tilt(wanted, 0.52, 9.8)
+    assert cut[2] == wanted[2]
+    assert np.hypot(cut[0], cut[1]) <= max(np.tan(0.52) * max(up + 9.8, 0.0), 0.0) + 1e-9
+    assert cut[0] * across[1] == pytest.approx(cut[1] * across[0], abs=1e-6), "the direction stays"
+    if np.hypot(*across) <= np.tan(0.52) * (up + 9.8):
+        assert (cut == wanted).all(), "what is allowed is left alone"

@@ -479,3 +479,13 @@ def test_a_flight_visits_its_phases_in_order() -> None:
 def test_take_off_ends_above_where_it_stood() -> None:
     flight, time_s = STATES["hovering"]
     np.testing.assert_allclose(reference_at(flight, time_s).position_w_m, GROUND + np.array([0.0, 0.0, 1.2]))
+
+
+def test_an_autopilot_that_stays_armed_after_touchdown_is_asked_again() -> None:
+    flight, time_s = STATES["touched down"]
+    asked_s = []
+    for n in range(2000):
+        flight = advance(flight, facts(time_s + n * DT_S), RULES)
+        asked_s += [n * DT_S] if flight.action is Action.DISARM else []
+    assert len(asked_s) > 1
+    assert asked_s[1] - asked_s[0] == pytest.approx(RULES.disarm_again_s, abs=2 * DT_S)
