@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter_ns
+from time import perf_counter_ns, sleep
 
 import numpy as np
 
@@ -56,15 +56,18 @@ def within(times_s: Sequence[float], start_s: float, end_s: float) -> list[float
     return [time_s for time_s in times_s if start_s <= time_s < end_s]
 
 
-def calmest_median_us(call: Callable[[int], object], calls: int, rounds: int) -> float:
+def calmest_median_us(call: Callable[[int], object], calls: int, rounds: int, pause_s: float = 0.0) -> float:
     """Median of `calls` timed calls (us), of the round in which it was smallest; `call` gets its number in the round.
 
-    Other programs can only make a round slower, so the calmest one is nearest to what the code costs.
+    Other programs can only make a round slower, so the calmest one is nearest to what the code costs. With `pause_s`
+    the process sleeps before every call, as a control loop does.
     """
-    return min(float(np.median([_timed_us(call, number) for number in range(calls)])) for _ in range(rounds))
+    return min(float(np.median([_timed_us(call, number, pause_s) for number in range(calls)])) for _ in range(rounds))
 
 
-def _timed_us(call: Callable[[int], object], number: int) -> float:
+def _timed_us(call: Callable[[int], object], number: int, pause_s: float) -> float:
+    if pause_s > 0.0:
+        sleep(pause_s)
     begun_ns = perf_counter_ns()
     call(number)
     return (perf_counter_ns() - begun_ns) * 1e-3

@@ -134,6 +134,7 @@ _NOTES = """## How it is measured
 - **Bare relay**: a third process; receive, read the pose, pack SET_ATTITUDE_TARGET with pymavlink, send. It gets the
   same datagrams half a period later, so both see the same seconds of the same machine.
 - **Steps and stages**: median of single calls, of the calmest of several rounds, in a loop with nothing else: caches
-  are warm. In flight the process has slept for most of a period, and the same code takes two to four times as long.
+  are warm and the clock is up. A control loop sleeps most of its period; what that costs is in the rows "asleep", and
+  in every latency here. It depends on the machine more than on the code (virtual machines and power saving are worst).
 - **Process**: `psutil` over a hover under `practical.toml`; the mocks are not in it.
 """.splitlines()

@@ -18,6 +18,11 @@ from companion.estimation.estimator import EstimatorParams, EstimatorState
 LAWS = {"ET-NN": "practical", "PID": "pid"}
 BATCHES = (1, 100, 10_000)
 CYCLES = 400
+SLEEPY_CYCLES = 100
+PAUSE_S = 0.008
+"""What a 100 Hz loop sleeps between its cycles."""
+ESTIMATOR = "estimator, one frame"
+STAGE = "ControlStage.fly: law, conversion, gate"
 
 
 @dataclass(frozen=True)
@@ -75,15 +80,18 @@ def stage_costs(config: CompanionConfig, rounds: int) -> Iterator[StageCost]:
     inputs = [moving.input(cycle) for cycle in range(CYCLES)]
     setpoints = [moving.setpoint(cycle) for cycle in range(CYCLES + 1)]
     stages: dict[str, Callable[[int], object]] = {
-        "estimator, one frame": _estimating(moving, config),
+        ESTIMATOR: _estimating(moving, config),
         "what was sent, in the law's terms": lambda c: accel_of_setpoint(setpoints[c], model),
         "conversion to attitude and thrust": lambda c: setpoint_of_accel(inputs[c].sent_accel_w_mps2, 0.3, model),
         "gate": lambda c: gate(setpoints[c + 1], setpoints[c], limits, period_s),
         "Euler angles for MAVSDK": lambda c: euler_ned_frd_deg(setpoints[c].q_w_flu_wxyz),
-        "ControlStage.fly: law, conversion, gate": _flying(moving, config),
+        STAGE: _flying(moving, config),
     }
     for name, call in stages.items():
         yield StageCost(name, calmest_median_us(call, CYCLES, rounds))
+    for name in (ESTIMATOR, STAGE):
+        slept_us = calmest_median_us(stages[name], SLEEPY_CYCLES, min(rounds, 3), PAUSE_S)
+        yield StageCost(f"{name}, after {1e3 * PAUSE_S:g} ms asleep", slept_us)
 
 
 def _estimating(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
