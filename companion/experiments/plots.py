@@ -33,8 +33,9 @@ def plot_flight(columns: Columns, summary: Summary | None, title: str, path: Pat
     _updates(events, time, columns)
     for axes in (position, error, force, events):
         _shade_phases(axes, time, columns)
-        axes.set_xlim(time[0], time[-1])
+        axes.set_xlim(max(time[0], -2.0), time[-1])
         axes.grid(alpha=0.3)
+    _name_phases(position, time, columns)
     for axes in (position, error, force):
         axes.tick_params(labelbottom=False)
     events.set_xlabel("time since takeoff (s)")
@@ -90,7 +91,7 @@ def _positions(axes: Axes, time: Array, columns: Columns) -> None:
         axes.plot(time, flown[:, axis], color=colour, lw=1.3, label=name)
         axes.plot(time, wanted[:, axis], "--", color=colour, lw=0.8, alpha=0.8)
     axes.set_ylabel("position (m)")
-    axes.legend(loc="upper right", ncols=3, fontsize=8)
+    axes.legend(loc="lower left", fontsize=8)
 
 
 def _errors(axes: Axes, time: Array, columns: Columns) -> None:
@@ -117,10 +118,32 @@ def _updates(axes: Axes, time: Array, columns: Columns) -> None:
     axes.set_ylabel("gap between\nupdates (ms)")
 
 
-def _shade_phases(axes: Axes, time: Array, columns: Columns) -> None:
+def _stretches(columns: Columns) -> list[tuple[int, int, str]]:
+    """First and last row of every phase, and its name."""
     phase = columns["phase"]
     edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1), len(phase) - 1]
-    for begin, end in pairwise(edges):
-        shade = _PHASE_SHADES.get(str(phase[begin]))
-        if shade:
-            axes.axvspan(time[begin], time[end], color=shade, zorder=0)
+    return [(begin, end, str(phase[begin])) for begin, end in pairwise(edges)]
+
+
+def _shade_phases(axes: Axes, time: Array, columns: Columns) -> None:
+    for begin, end, phase in _stretches(columns):
+        if phase in _PHASE_SHADES:
+            axes.axvspan(time[begin], time[end], color=_PHASE_SHADES[phase], zorder=0)
+
+
+def _name_phases(axes: Axes, time: Array, columns: Columns) -> None:
+    """Above the topmost panel, where there is room for the word."""
+    room_s = 0.05 * (time[-1] - time[0])
+    for begin, end, phase in _stretches(columns):
+        if phase in _PHASE_SHADES and time[end] - time[begin] > room_s:
+            middle = 0.5 * (time[begin] + time[end])
+            axes.text(
+                middle,
+                1.02,
+                phase,
+                transform=axes.get_xaxis_transform(),
+                ha="center",
+                va="bottom",
+                fontsize=8,
+                color="0.35",
+            )
