@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel, within_tilt
-from companion.control.controller import ControlInput, Controller, ControlOutput
+from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
 from companion.control.frames import quat_from_yaw
 from companion.control.limits import Gated, Limits, gate
 from companion.types import AttitudeThrust, Reference, VehicleState
@@ -29,7 +29,9 @@ class ControlStage:
 
     def __init__(self, controller: Controller, model: ThrustModel, limits: Limits) -> None:
         self._controller, self._model, self._limits = controller, model, limits
+        self._halves = controller if isinstance(controller, TwoHalves) else None
         self._memory: Any = None
+        self._decided: Any = None
         self._wanted: AttitudeThrust | None = None
         self._yaw_rad = 0.0
         self.sent = idle_setpoint(0.0)
@@ -43,7 +45,22 @@ class ControlStage:
 
     def forget(self) -> None:
         """The next `fly` begins with nothing learnt: at lift-off."""
-        self._memory, self._wanted = None, None
+        self._memory, self._decided, self._wanted = None, None, None
+
+    def settle(self) -> None:
+        """Do what the law left for after the setpoint; the next `fly` does it otherwise."""
+        if self._decided is not None and self._halves is not None:
+            self._memory, self._decided = self._halves.settle(self._decided), None
+
+    def _decide(self, now: ControlInput) -> ControlOutput:
+        self.settle()
+        if self._memory is None:
+            self._memory = self._controller.initial(now)
+        if self._halves is not None:
+            self._decided, output = self._halves.decide(self._memory, now)
+        else:
+            self._memory, output = self._controller.step(self._memory, now)
+        return output
 
     def _warm_up(self) -> None:
         """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
@@ -72,9 +89,7 @@ class ControlStage:
             accel_of_setpoint(self.sent, self._model),
             dt_s,
         )
-        if self._memory is None:
-            self._memory = self._controller.initial(now)
-        self._memory, output = self._controller.step(self._memory, now)
+        output = self._decide(now)
         if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:
             self._yaw_rad = ahead.yaw_rad
             upright = within_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)

@@ -24,6 +24,8 @@ from companion.types import AutopilotStatus, Reference, VehicleState
 
 LOG = logging.getLogger(__name__)
 
+_TURNS = 3
+"""Turns of the event loop after which every socket has been read."""
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 
@@ -126,12 +128,18 @@ class FlightLoop:
         while True:
             left_s = timer.deadline_s - self._clock.now_s()
             if left_s <= 0.0:
-                await asyncio.sleep(0)  # a loop that is behind still lets frames and telemetry in
-                return None
+                return await self._catch_up()
             if await self._mocap.wait_frame(left_s):
                 frame = self._mocap.latest()
                 if frame is not None and not timer.frame_is_early(frame.received_s):
                     return frame.received_s
+
+    async def _catch_up(self) -> float | None:
+        """The loop is behind: let in what has arrived meanwhile, before anything is concluded from its absence."""
+        for _ in range(_TURNS):
+            await asyncio.sleep(0)
+        frame = self._mocap.latest()
+        return frame.received_s if frame is not None and frame.frame != self._frame_number else None
 
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
@@ -140,6 +148,7 @@ class FlightLoop:
         self._enter(phases.advance(self._flight, facts, self._rules))
         asked, gated = self._control(facts)
         sent_s = self._send(gated)
+        self._stage.settle()
         self._forward_vision(now_s, frame_received_s)
         self._act(self._flight.action)
         self._last_tick_s = now_s

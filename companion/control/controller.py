@@ -1,7 +1,7 @@
 """What the flight loop asks of a control law, and what it gives it."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from companion.types import Array, Reference
 
@@ -63,3 +63,17 @@ class Controller(Protocol):
 
     def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
         """One control cycle."""
+
+
+@runtime_checkable
+class TwoHalves(Protocol):
+    """A law whose cycle can be cut in two, so that the setpoint need not wait for the book-keeping.
+
+    `step` must be `decide` followed by `settle`.
+    """
+
+    def decide(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+        """What is to be sent, and what `settle` needs."""
+
+    def settle(self, decided: Any) -> Any:
+        """The memory for the next cycle."""

@@ -24,6 +24,19 @@ class EtnnMemory:
 
 
 @dataclass(frozen=True)
+class Decided:
+    """A cycle whose command is known and whose inner states are still to be advanced."""
+
+    before: EtnnMemory
+    trigger: et.TriggerState
+    predictor: PredictorMemory | None
+    x_d: Array
+    phi: Array
+    signals: dict[str, Array]
+    dt_s: float
+
+
+@dataclass(frozen=True)
 class Etnn:
     """The event-triggered neural-network law of the paper, with an optional prediction in front of it."""
 
@@ -46,6 +59,11 @@ class Etnn:
 
     def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
         """One cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
+        decided, output = self.decide(memory, now)
+        return self.settle(decided), output
+
+    def decide(self, memory: EtnnMemory, now: ControlInput) -> tuple[Decided, ControlOutput]:
+        """The first half of a cycle: all that the command needs."""
         g, f = self.gains, memory.filter
         position, velocity, predictor = self._state(memory, now)
         reference = now.reference
@@ -54,16 +72,9 @@ class Etnn:
         alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
         y2 = velocity - f.chi - f.iota2
         x_d, phi = nn.hidden_layer(memory.network, reference.velocity_w_mps)
-        f_hat = nn.output(memory.network, phi)
         alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
         u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g)
         trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
-        after = EtnnMemory(
-            cf.filter_step(f, alpha1, f_hat, g, now.dt_s),
-            nn.network_step(memory.network, x_d, phi, y2, g, now.dt_s),
-            trigger,
-            predictor,
-        )
         signals = {
             "x1": x1,
             "y1": y1,
@@ -76,9 +87,21 @@ class Etnn:
             "iota1": f.iota1,
             "iota2": f.iota2,
             "kappa": memory.trigger.kappa,
-            "f_hat": f_hat,
+            "f_hat": nn.output(memory.network, phi),
         }
-        return after, ControlOutput(u, event, signals)
+        output = ControlOutput(u, event, signals)
+        return Decided(memory, trigger, predictor, x_d, phi, signals, now.dt_s), output
+
+    def settle(self, decided: Decided) -> EtnnMemory:
+        """The second half: filter, compensation and network advanced by dt_s; nothing sent in this cycle needs it."""
+        g, s, dt_s = self.gains, decided.signals, decided.dt_s
+        before = decided.before
+        return EtnnMemory(
+            cf.filter_step(before.filter, s["alpha1"], s["f_hat"], g, dt_s),
+            nn.network_step(before.network, decided.x_d, decided.phi, s["y2"], g, dt_s),
+            decided.trigger,
+            decided.predictor,
+        )
 
     def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:

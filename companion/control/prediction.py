@@ -6,13 +6,16 @@ velocity are carried forward through a second-order model of the attitude loop (
 the rotors (vertical). The model is linear, so the whole replay is one weighted sum of the commands sent.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from companion.control.components import joined, parts
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.frames import up_axis
+from companion.control.switching import norm_squared
 from companion.types import Array
 
 
@@ -60,14 +63,13 @@ class Predictor:
 
     def _thrust(self, thrust_mps2: Array, sent: Array) -> Array:
         """Specific thrust at capture time: the oldest kept command is the one that acted then."""
-        asked = sent[..., 0, :] + np.array([0.0, 0.0, self.vehicle.gravity_mps2])
-        size = np.sqrt((asked * asked).sum(axis=-1, keepdims=True))
-        return np.asarray(thrust_mps2 + (size - thrust_mps2) * -np.expm1(-self.period_s / self.vehicle.thrust_lag_s))
+        size = np.sqrt(norm_squared(sent[..., 0, :] + self._gravity))
+        return np.asarray(thrust_mps2 + (size - thrust_mps2) * self._thrust_share)
 
     def _propagate(self, now: ControlInput, sent: Array, thrust: Array) -> tuple[Array, Array]:
         w = self._weights
         up, up_rate = up_axis(now.q_w_flu_wxyz), _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
-        accel = thrust * up - np.array([0.0, 0.0, self.vehicle.gravity_mps2])
+        accel = thrust * up - self._gravity
         jerk = thrust * up_rate
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         position = now.position_w_m + late * now.velocity_w_mps
@@ -75,6 +77,16 @@ class Predictor:
         free_p = position + w.horizon_s * now.velocity_w_mps + w.accel[0] * accel + w.jerk[0] * jerk
         free_v = now.velocity_w_mps + w.accel[1] * accel + w.jerk[1] * jerk
         return free_p + forced[..., 0, :], free_v + forced[..., 1, :]
+
+    @cached_property
+    def _gravity(self) -> Array:
+        """Upwards (m/s^2), shape (3,)."""
+        return np.array([0.0, 0.0, self.vehicle.gravity_mps2])
+
+    @cached_property
+    def _thrust_share(self) -> float:
+        """How much of a change of thrust happens in one period."""
+        return -math.expm1(-self.period_s / self.vehicle.thrust_lag_s)
 
     @cached_property
     def _weights(self) -> "_Weights":
@@ -93,11 +105,12 @@ class _Weights:
 
 def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:
     """Rate of change of the body z axis in W (1/s): R (omega x e3), shape (..., 3)."""
-    w, x, y, z = (q[..., i : i + 1] for i in range(4))
-    body_x, body_y = rate_flu_radps[..., 1:2], -rate_flu_radps[..., 0:1]
-    first = np.concatenate((1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)), axis=-1)
-    second = np.concatenate((2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)), axis=-1)
-    return np.asarray(body_x * first + body_y * second)
+    (w, x, y, z), (roll, pitch, _) = parts(q), parts(rate_flu_radps)
+    return joined(
+        pitch * (1 - 2 * (y * y + z * z)) - roll * (2 * (x * y - w * z)),
+        pitch * (2 * (x * y + w * z)) - roll * (1 - 2 * (x * x + z * z)),
+        pitch * (2 * (x * z - w * y)) - roll * (2 * (y * z + w * x)),
+    )
 
 
 def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:

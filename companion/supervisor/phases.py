@@ -209,7 +209,7 @@ def can(flight: Flight, wanted: Request) -> bool:
 
 def advance(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     """One tick: what the facts make of the phase."""
-    flight = replace(flight, action=None)
+    flight = replace(flight, action=None) if flight.action else flight
     if flight.phase in COMMANDED:
         if not facts.armed:
             return _over(flight, facts, "" if flight.touched_down or not flight.airborne else "disarmed in the air")
