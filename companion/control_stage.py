@@ -9,7 +9,7 @@ from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_
 from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
 from companion.control.frames import quat_from_yaw
 from companion.control.limits import Gated, Limits, gate
-from companion.types import AttitudeThrust, Reference, VehicleState
+from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 YAW_STEP_RAD = 0.02
 """The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
@@ -47,10 +47,13 @@ class ControlStage:
         """The next `fly` begins with nothing learnt: at lift-off."""
         self._memory, self._decided, self._wanted = None, None, None
 
-    def settle(self) -> None:
-        """Do what the law left for after the setpoint; the next `fly` does it otherwise."""
-        if self._decided is not None and self._halves is not None:
-            self._memory, self._decided = self._halves.settle(self._decided), None
+    def settle(self) -> dict[str, Array]:
+        """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
+        if self._decided is None or self._halves is None:
+            return {}
+        self._memory, late_signals = self._halves.settle(self._decided)
+        self._decided = None
+        return late_signals
 
     def _decide(self, now: ControlInput) -> ControlOutput:
         self.settle()

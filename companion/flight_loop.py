@@ -20,7 +20,7 @@ from companion.ports import Autopilot, Clock, CompanionError, MocapSource
 from companion.supervisor import phases
 from companion.supervisor.phases import Action, Facts, Flight, FlightRules, HandOver, Phase
 from companion.tick_timer import TickTimer
-from companion.types import AutopilotStatus, Reference, VehicleState
+from companion.types import Array, AutopilotStatus, Reference, VehicleState
 
 LOG = logging.getLogger(__name__)
 
@@ -47,6 +47,8 @@ class Tick:
     """Where the vehicle should be now."""
     asked: Asked | None
     gated: Gated | None
+    late_signals: dict[str, Array]
+    """Inner values of the law that it worked out after the setpoint had left."""
 
 
 class TickSink(Protocol):
@@ -148,7 +150,7 @@ class FlightLoop:
         self._enter(phases.advance(self._flight, facts, self._rules))
         asked, gated = self._control(facts)
         sent_s = self._send(gated)
-        self._stage.settle()
+        late_signals = self._stage.settle()
         self._forward_vision(now_s, frame_received_s)
         self._act(self._flight.action)
         self._last_tick_s = now_s
@@ -165,6 +167,7 @@ class FlightLoop:
                 phases.reference_at(self._flight, now_s) if asked else None,
                 asked,
                 gated,
+                late_signals,
             )
         )
 

@@ -51,7 +51,7 @@ class Recorder:
         }
         for name, value in row.items():
             self._columns.setdefault(name, []).append(value)
-        for name, signal in (asked.output.signals if asked else {}).items():
+        for name, signal in ((asked.output.signals if asked else {}) | tick.late_signals).items():
             self._signals.setdefault(name, []).append((self._count, signal))
         self._count += 1
 

@@ -75,5 +75,5 @@ class TwoHalves(Protocol):
     def decide(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
         """What is to be sent, and what `settle` needs."""
 
-    def settle(self, decided: Any) -> Any:
-        """The memory for the next cycle."""
+    def settle(self, decided: Any) -> tuple[Any, dict[str, Array]]:
+        """The memory for the next cycle, and the inner values for the record that only now are known."""

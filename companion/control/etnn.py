@@ -1,6 +1,6 @@
 """The paper's law assembled: one control cycle of ET-NN, in the order in which the paper defines its signals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,10 +30,9 @@ class Decided:
     before: EtnnMemory
     trigger: et.TriggerState
     predictor: PredictorMemory | None
-    x_d: Array
-    phi: Array
-    signals: dict[str, Array]
-    dt_s: float
+    now: ControlInput
+    alpha1: Array
+    y2: Array
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,8 @@ class Etnn:
     def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
         """One cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
         decided, output = self.decide(memory, now)
-        return self.settle(decided), output
+        after, more = self.settle(decided)
+        return after, replace(output, signals=output.signals | more)
 
     def decide(self, memory: EtnnMemory, now: ControlInput) -> tuple[Decided, ControlOutput]:
         """The first half of a cycle: all that the command needs."""
@@ -71,7 +71,6 @@ class Etnn:
         y1 = x1 - f.iota1
         alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
         y2 = velocity - f.chi - f.iota2
-        x_d, phi = nn.hidden_layer(memory.network, reference.velocity_w_mps)
         alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
         u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g)
         trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
@@ -87,21 +86,24 @@ class Etnn:
             "iota1": f.iota1,
             "iota2": f.iota2,
             "kappa": memory.trigger.kappa,
-            "f_hat": nn.output(memory.network, phi),
         }
-        output = ControlOutput(u, event, signals)
-        return Decided(memory, trigger, predictor, x_d, phi, signals, now.dt_s), output
+        return Decided(memory, trigger, predictor, now, alpha1, y2), ControlOutput(u, event, signals)
 
-    def settle(self, decided: Decided) -> EtnnMemory:
-        """The second half: filter, compensation and network advanced by dt_s; nothing sent in this cycle needs it."""
-        g, s, dt_s = self.gains, decided.signals, decided.dt_s
-        before = decided.before
-        return EtnnMemory(
-            cf.filter_step(before.filter, s["alpha1"], s["f_hat"], g, dt_s),
-            nn.network_step(before.network, decided.x_d, decided.phi, s["y2"], g, dt_s),
+    def settle(self, decided: Decided) -> tuple[EtnnMemory, dict[str, Array]]:
+        """The second half: network, filter and compensation advanced by dt_s, and f_hat for the record.
+
+        The command of a cycle does not need them: f_hat enters iota_2' alone (eq. iota-dyn).
+        """
+        g, before, dt_s = self.gains, decided.before, decided.now.dt_s
+        x_d, phi = nn.hidden_layer(before.network, decided.now.reference.velocity_w_mps)
+        f_hat = nn.output(before.network, phi)
+        after = EtnnMemory(
+            cf.filter_step(before.filter, decided.alpha1, f_hat, g, dt_s),
+            nn.network_step(before.network, x_d, phi, decided.y2, g, dt_s),
             decided.trigger,
             decided.predictor,
         )
+        return after, {"f_hat": f_hat}
 
     def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:
