@@ -3,8 +3,13 @@
 import asyncio
 from collections.abc import AsyncIterator
 
+import hypothesis
 import pytest
 import pytest_asyncio
+
+# Examples are timed by the wall clock, and these machines are shared: a slow moment is no defect.
+hypothesis.settings.register_profile("patient", deadline=None)
+hypothesis.settings.load_profile("patient")
 
 
 @pytest_asyncio.fixture(autouse=True)

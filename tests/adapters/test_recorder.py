@@ -1,0 +1,48 @@
+"""The recorder keeps every tick, and NaN where there was nothing."""
+
+from pathlib import Path
+
+import numpy as np
+
+from companion.adapters.recorder import Recorder
+from companion.flight_loop import Tick
+from companion.supervisor.phases import Flight, Phase
+from companion.types import AutopilotStatus, FlightMode, VehicleState
+
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+STATUS = AutopilotStatus(True, 0.0, False, FlightMode.HOLD, False, 1.0, 16.0, LEVEL, "")
+
+
+def tick(number: int, seen: bool) -> Tick:
+    where = np.array([float(number), 0.0, 1.0])
+    vehicle = VehicleState(number * 0.01, where, 0.0 * where, LEVEL, 0.0 * where) if seen else None
+    late = {"f_hat": where} if number >= 1500 else {}
+    return Tick(
+        number * 0.01, 0.0, np.nan, np.nan, vehicle, 0.01, STATUS, Flight(Phase.STANDBY), None, None, None, late
+    )
+
+
+def test_every_tick_is_kept_in_order_beyond_the_first_buffers(tmp_path: Path) -> None:
+    recorder = Recorder()
+    for number in range(3000):
+        recorder(tick(number, seen=number >= 10))
+    recorder.write(tmp_path / "deep" / "flight.npz")
+    with np.load(tmp_path / "deep" / "flight.npz") as kept:
+        assert kept["time_s"].shape == (3000,)
+        assert np.isnan(kept["position_w_m"][:10]).all()
+        assert (kept["position_w_m"][10:, 0] == np.arange(10, 3000)).all()
+        assert np.isnan(kept["law_f_hat"][:1500]).all()
+        assert (kept["law_f_hat"][1500:, 0] == np.arange(1500, 3000)).all()
+        assert set(kept["phase"]) == {"standby"}
+    assert not recorder.flew
+
+
+def test_a_signal_that_ended_early_is_nan_to_the_end() -> None:
+    recorder = Recorder()
+    recorder(tick(1500, seen=True))
+    for number in range(1200):
+        recorder(tick(number, seen=True))
+    column = recorder.arrays()["law_f_hat"]
+    assert column.shape == (1201, 3)
+    assert np.isfinite(column[0]).all()
+    assert np.isnan(column[1:]).all()
