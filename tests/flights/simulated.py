@@ -34,9 +34,15 @@ ARMED_BIT = 128
 class Room:
     """Vehicle, cameras and time."""
 
-    def __init__(self, seed: int, plant: dict[str, Any] | None = None, mocap: dict[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        seed: int,
+        plant: dict[str, Any] | None = None,
+        mocap: dict[str, Any] | None = None,
+        start: dict[str, Any] | None = None,
+    ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        self.bench = Bench(NO_GPS | {"COM_OBL_RC_ACT": 4}, heavy | (plant or {}), seed=seed)
+        self.bench = Bench(NO_GPS | {"COM_OBL_RC_ACT": 4}, heavy | (plant or {}), seed=seed, vehicle=start)
         self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
         self._camera = Camera(QualisysConfig.model_validate(mocap or {}), seed)
         self.frame: MocapFrame | None = None
@@ -199,12 +205,13 @@ async def fly(
     seed: int = 1,
     plant: dict[str, Any] | None = None,
     mocap: dict[str, Any] | None = None,
+    start: dict[str, Any] | None = None,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises."""
     config = config or CompanionConfig()
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
-    room = Room(seed, plant, mocap)
+    room = Room(seed, plant, mocap, start)
     done = asyncio.Event()
     steps = list(script)
 

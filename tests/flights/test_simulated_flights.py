@@ -8,6 +8,7 @@ import pytest
 
 from companion.config import CompanionConfig, VehicleConfig
 from companion.control.controller import ControlInput, ControlOutput
+from companion.control.frames import yaw_of
 from companion.control.pid import Pid
 from companion.control.reference import Ellipse, LapTiming
 from companion.supervisor.phases import Fly, Land, Phase, Prepare, Request, TakeOff
@@ -82,6 +83,21 @@ async def test_a_flight_from_standby_to_disarmed() -> None:
     assert not flight.room.bench.world.vehicle.armed
     assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=1e-3)
     assert flight.loop.flight.reason == ""
+
+
+@pytest.mark.parametrize("yaw_rad", [0.8, -2.5])
+async def test_where_it_stands_and_looks_does_not_matter(yaw_rad: float) -> None:
+    start = {"start_position_ned_m": (0.5, -0.4, 0.0), "start_yaw_rad": -yaw_rad}
+    flight = await fly([*UP, wait(1.0), ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD)], start=start)
+    climb = _error_w_m(flight, Phase.TAKEOFF)
+    assert np.abs(climb).max() < 0.15
+    above = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HOLD)
+    assert above.reference is not None
+    assert above.reference.position_w_m == pytest.approx([0.5, 0.4, 1.2], abs=0.01)
+    assert above.reference.yaw_rad == pytest.approx(yaw_rad, abs=0.02), "it climbs with the heading it had"
+    assert np.abs(_error_w_m(flight, Phase.TRACK)).mean(axis=0).max() < 0.03
+    assert flight.ticks[-1].vehicle is not None
+    assert float(yaw_of(flight.ticks[-1].vehicle.q_w_flu_wxyz)) == pytest.approx(0.0, abs=0.05), "it turned to the path"
 
 
 async def test_the_same_seed_gives_the_same_flight() -> None:
