@@ -79,6 +79,23 @@ class FlightConfig(Section):
     mocap_timeout_s: float = Field(0.3, ge=0.05, le=1.0, description="land when the newest frame is older, s")
 
 
+class RoomConfig(Section):
+    """Where, and how fast, a trajectory may lead; checked before takeoff."""
+
+    x_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest x in W, m")
+    y_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest y in W, m")
+    z_m: tuple[float, float] = Field((0.3, 3.0), description="least and largest height in W, m")
+    max_speed_mps: float = Field(2.0, gt=0.0, le=10.0, description="of a reference, m/s")
+    max_accel_mps2: float = Field(3.0, gt=0.0, le=10.0, description="of a reference, m/s^2")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RoomConfig":
+        for name, (least, largest) in (("x_m", self.x_m), ("y_m", self.y_m), ("z_m", self.z_m)):
+            if least >= largest:
+                raise ValueError(f"{name} = [{least}, {largest}]: the first must be below the second")
+        return self
+
+
 class CompanionConfig(Section):
     """The whole file."""
 
@@ -88,6 +105,7 @@ class CompanionConfig(Section):
     mocap: MocapConfig = MocapConfig()
     control: ControlConfig = ControlConfig()
     flight: FlightConfig = FlightConfig()
+    room: RoomConfig = RoomConfig()
 
     def vehicle_model(self) -> VehicleModel:
         """What a law may know of the vehicle."""

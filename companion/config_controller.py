@@ -68,6 +68,8 @@ def controller_path(name: str) -> Path:
     for path in (known, Path(name)):
         if path.is_file():
             return path
+    if name.endswith(".toml"):
+        raise ConfigError(f"{name}: there is no such file")
     names = sorted(path.stem for path in folder.glob("*.toml"))
     raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
 
@@ -86,6 +88,8 @@ def load_controller(name: str, vehicle: VehicleModel, period_s: float) -> Loaded
     if law == "pid":
         pid = validate(PidFile, data, path)
         return LoadedController(name, Pid(pid.gains, vehicle), pid.error_limits)
+    if law is None:
+        raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn' or law = 'pid'")
     raise ConfigError(f"{path}: law = {law!r}: must be 'etnn' or 'pid'")
 
 

@@ -52,6 +52,8 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:
         return f"{key}: unknown key{_suggestion(model, parts)}"
     if detail["type"] == "missing":
         return f"{key}: is missing"
+    if detail["type"] in {"model_type", "dict_type"}:
+        return f"{key} = {detail['input']!r}: must be a table [{key}]"
     said = detail["msg"].removeprefix("Value error, ")
     said = said[0].lower() + said[1:]
     return f"{key} = {detail['input']!r}: {said}" if key and not isinstance(detail["input"], dict) else said

@@ -248,7 +248,7 @@ class FlightLoop:
         """Something flight-critical broke: the autopilot lands, and we send nothing more."""
         if self._flight.phase not in phases.COMMANDED:
             return
-        reason = f"{type(error).__name__}: {error}"
+        reason = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
         self._enter(phases.request(self._flight, HandOver(reason), self._facts(self._clock.now_s()), self._rules))
         await self._attempt(self._autopilot.land())
 

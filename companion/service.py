@@ -125,10 +125,14 @@ class Service:
         down_s = height_m / self._config.flight.descent_speed_mps
 
         def down() -> bool:
+            status = self._autopilot.status()
             over = self._ticking.done() or self.phase is Phase.DISARMED
-            return over and not self._autopilot.status().armed
+            return not status.connected or (over and not status.armed)
 
-        if not await self._until(down, down_s + _LANDING_MARGIN_S, although_failed=True):
+        landed = await self._until(down, down_s + _LANDING_MARGIN_S, although_failed=True)
+        if not self._autopilot.status().connected:
+            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+        if not landed:
             raise FlightError(
                 f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
             )

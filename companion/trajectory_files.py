@@ -10,9 +10,11 @@ import numpy as np
 from companion.control.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from companion.control.waypoints import Waypoints
 from companion.ports import ConfigError
+from companion.types import Array
 
 NAMES = ("ellipse", "figure8")
 _COLUMNS = ["t_s", "x_m", "y_m", "z_m"]
+_YAW = "yaw_rad"
 
 
 @dataclass(frozen=True)
@@ -49,25 +51,40 @@ def read_waypoints(path: Path) -> Waypoints:
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(file)
-            found, rows = list(reader.fieldnames or []), list(reader)
+            found, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: there is no such file") from error
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path}: cannot be read as CSV: {error}") from error
-    if any(column not in found for column in _COLUMNS):
-        raise ConfigError(f"{path}: the first line must name the columns {', '.join(_COLUMNS)} (and yaw_rad if wanted)")
-    table = np.array([_numbers(row, line, path) for line, row in enumerate(rows, start=2)])
-    if len(table) < 2 or table[0, 0] != 0.0 or np.any(np.diff(table[:, 0]) <= 0.0):
-        raise ConfigError(f"{path}: t_s must begin at 0 and rise, with at least two waypoints")
-    return Waypoints(table[:, 0], table[:, 1:4], table[:, 4])
+    if sorted(found) not in (sorted(_COLUMNS), sorted([*_COLUMNS, _YAW])):
+        raise ConfigError(f"{path}: the first line must be {','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}")
+    if len(rows) < 2:
+        raise ConfigError(f"{path}: at least two waypoints are needed, there are {len(rows)}")
+    table = np.array([_numbers(row, found, line, path) for line, row in enumerate(rows, start=2)])
+    column = {name: table[:, place] for place, name in enumerate(found)}
+    _check_times(column["t_s"], path)
+    positions = np.stack([column[name] for name in _COLUMNS[1:]], axis=-1)
+    return Waypoints(column["t_s"], positions, column.get(_YAW, np.zeros(len(table))))
 
 
-def _numbers(row: dict[str, str], line: int, path: Path) -> list[float]:
+def _numbers(row: list[str], columns: list[str], line: int, path: Path) -> list[float]:
+    if len(row) != len(columns):
+        raise ConfigError(f"{path}: line {line}: {len(columns)} values are needed, there are {len(row)}")
     try:
-        values = [float(row[column]) for column in _COLUMNS] + [float(row.get("yaw_rad") or 0.0)]
-    except (TypeError, ValueError) as error:
-        raise ConfigError(f"{path}: line {line}: not a number in {row!r}") from error
+        values = [float(cell) for cell in row]
+    except ValueError as error:
+        raise ConfigError(f"{path}: line {line}: every value must be a number, not {','.join(row)!r}") from error
     if not all(math.isfinite(value) for value in values):
-        raise ConfigError(f"{path}: line {line}: every value must be finite, not {row!r}")
+        raise ConfigError(f"{path}: line {line}: every value must be finite, not {','.join(row)!r}")
     return values
+
+
+def _check_times(times_s: Array, path: Path) -> None:
+    if times_s[0] != 0.0:
+        raise ConfigError(f"{path}: line 2: t_s must begin at 0, not {times_s[0]:g}")
+    falls = np.flatnonzero(np.diff(times_s) <= 0.0)
+    if falls.size:
+        line = int(falls[0]) + 3
+        raise ConfigError(
+            f"{path}: line {line}: t_s must rise, {times_s[line - 2]:g} does not follow {times_s[line - 3]:g}"
+        )

@@ -34,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="mock_autopilot", description=__doc__)
     parser.add_argument("--config", type=Path, metavar="FILE", help="TOML file, as config/mock.toml")
-    parser.add_argument("--seed", type=int, default=1, help="of noise and disturbances (default 1)")
+    parser.add_argument("--seed", type=_seed, default=1, help="of noise and disturbances (default 1)")
     parser.add_argument("--param", action="append", default=[], metavar="NAME=VALUE", help="PX4 parameter, repeatable")
     parser.add_argument("--port", type=int, help="UDP port of the client (default 14540)")
     parser.add_argument("--listen", type=int, help="UDP port of the autopilot (default 14580)")
@@ -43,6 +43,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-qualisys", action="store_true", help="MAVLink only")
     parser.add_argument("--exit-with-stdin", action="store_true", help="end when standard input is closed")
     return parser
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"a seed is a whole number from 0, not {text!r}")
+    return int(text)
 
 
 def _configure(options: argparse.Namespace) -> MockConfig:

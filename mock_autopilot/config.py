@@ -116,7 +116,8 @@ class MockConfig(_Strict):
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
-            raise MockConfigError(f"{where}: {first['msg']}") from None
+            said = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
+            raise MockConfigError(f"{where}: {said}") from None
 
     @classmethod
     def load(cls, path: Path) -> Self:

@@ -44,7 +44,7 @@ def refusal(path: Path) -> str:
         ("[vehicle]\nmas_kg = 4.0", "vehicle.mas_kg: unknown key, did you mean 'mass_kg'?"),
         ("[flight]\ntakeoff_heigth_m = 1.0", "flight.takeoff_heigth_m: unknown key, did you mean 'takeoff_height_m'?"),
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
-        ("[zzz]\na = 1", "zzz: unknown key; known here are control, flight, limits, mocap, px4, vehicle"),
+        ("[zzz]\na = 1", "zzz: unknown key; known here are control, flight, limits, mocap, px4, room, vehicle"),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
         ("[vehicle]\nmass_kg = nan", "vehicle.mass_kg = nan: input should be a finite number"),
@@ -204,7 +204,7 @@ def test_an_unknown_controller_names_those_there_are() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "law = None: must be 'etnn' or 'pid'"),
+        ("", "has no law: a controller file says law = 'etnn' or law = 'pid'"),
         ('law = "lqr"', "law = 'lqr': must be 'etnn' or 'pid'"),
         ('law = "etnn"\n[gains]\nsgima = 0.1', "gains.sgima: unknown key, did you mean 'sigma'?"),
         ('law = "etnn"\n[gains]\np = 0.4', "gains.p = 0.4: input should be greater than 0.5"),

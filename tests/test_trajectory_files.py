@@ -46,7 +46,7 @@ def test_waypoints_are_read_from_a_csv_file(tmp_path: Path) -> None:
 
 
 def test_a_heading_column_is_optional_and_so_is_the_order(tmp_path: Path) -> None:
-    text = "yaw_rad,t_s,z_m,y_m,x_m,note\n0.1,0,1,0,0,start\n0.4,2,1.5,0,1,\n,4,1,1,0,end\n"
+    text = "yaw_rad, t_s, z_m, y_m, x_m\n0.1,0,1,0,0\n0.4,2,1.5,0,1\n0,4,1,1,0\n"
     way = trajectory_named(written(tmp_path, text), Curve())
     np.testing.assert_allclose(way.at(2.0).position_w_m, [1.0, 0.0, 1.5], atol=1e-9)
     assert way.at(2.0).yaw_rad == pytest.approx(0.4)
@@ -56,17 +56,19 @@ def test_a_heading_column_is_optional_and_so_is_the_order(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "the first line must name the columns t_s, x_m, y_m, z_m"),
-        ("a,b\n1,2\n", "the first line must name the columns t_s, x_m, y_m, z_m"),
-        ("0,0,0,1\n2,1,0,1\n", "the first line must name the columns t_s, x_m, y_m, z_m"),
-        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,one,0,1\n", "line 3: not a number"),
-        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1\n", "line 3: not a number"),
+        ("", "the first line must be t_s,x_m,y_m,z_m or"),
+        ("a,b\n1,2\n", "the first line must be t_s,x_m,y_m,z_m or"),
+        ("0,0,0,1\n2,1,0,1\n", "the first line must be t_s,x_m,y_m,z_m or"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,one,0,1\n", "line 3: every value must be a number"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1\n", "line 3: 4 values are needed, there are 2"),
         ("t_s,x_m,y_m,z_m\n0,0,nan,1\n2,1,0,1\n", "line 2: every value must be finite"),
         ("t_s,x_m,y_m,z_m\n0,0,0,inf\n2,1,0,1\n", "line 2: every value must be finite"),
-        ("t_s,x_m,y_m,z_m\n1,0,0,1\n2,1,0,1\n", "t_s must begin at 0 and rise, with at least two waypoints"),
-        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1,0,1\n2,1,1,1\n", "t_s must begin at 0 and rise, with at least two waypoints"),
-        ("t_s,x_m,y_m,z_m\n0,0,0,1\n", "t_s must begin at 0 and rise, with at least two waypoints"),
-        ("t_s,x_m,y_m,z_m\n", "t_s must begin at 0 and rise, with at least two waypoints"),
+        ("t_s,x_m,y_m,z_m\n1,0,0,1\n2,1,0,1\n", "line 2: t_s must begin at 0, not 1"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1,0,1\n2,1,1,1\n", "line 4: t_s must rise, 2 does not follow 2"),
+        ("t_s,x_m,y_m,z_m,yaw_deg\n0,0,0,1,0\n2,1,0,1,0\n", "the first line must be t_s,x_m,y_m,z_m or"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1,0,1,9\n", "line 3: 4 values are needed, there are 5"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n", "at least two waypoints are needed, there are 1"),
+        ("t_s,x_m,y_m,z_m\n", "at least two waypoints are needed, there are 0"),
     ],
 )
 def test_a_bad_file_is_one_sentence_that_names_it(tmp_path: Path, text: str, said: str) -> None:

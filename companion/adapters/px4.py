@@ -54,6 +54,12 @@ _LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogL
 _POLL_S = 0.02
 _RETRY_S = 0.5
 _WORDS_S = 0.5
+_SLICE_S = 0.2
+_ADVICE = {
+    ConnectionResult.BIND_ERROR: "is another program using that port?",
+    ConnectionResult.CONNECTION_URL_INVALID: "not a MAVSDK URL such as udpin://0.0.0.0:14540 or serial:///dev/ttyUSB0:921600",
+}
+_ADVICE_ELSE = "is the device there, and may we use it?"
 
 
 @asynccontextmanager
@@ -68,10 +74,8 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
     try:
         result = await loop.run_in_executor(worker, mavsdk.add_any_connection, config.url)
         if result != ConnectionResult.SUCCESS:
-            raise AutopilotError(
-                f"cannot open {config.url} ({result.name.lower()}): is another program listening there?"
-            )
-        system = await loop.run_in_executor(worker, mavsdk.first_autopilot, config.connect_timeout_s)
+            raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
+        system = await _first_autopilot(mavsdk, config, worker)
         if system is None:
             raise AutopilotError(
                 f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
@@ -79,9 +83,21 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
             )
         yield Px4(system, config, clock, worker)
     finally:
+        # MAVSDK crashes when it is destroyed under a running call, so the calls (seconds at most) end first
+        await loop.run_in_executor(None, worker.shutdown)
         await loop.run_in_executor(None, mavsdk.destroy)
         configuration.destroy()
-        worker.shutdown(wait=False, cancel_futures=True)
+
+
+async def _first_autopilot(mavsdk: Mavsdk, config: Px4Config, worker: ThreadPoolExecutor) -> Any:
+    """Wait in short slices: a call that is running cannot be cancelled, and Ctrl-C should not have to wait for it."""
+    loop = asyncio.get_running_loop()
+    end_s = loop.time() + config.connect_timeout_s
+    while loop.time() < end_s:
+        system = await loop.run_in_executor(worker, mavsdk.first_autopilot, _SLICE_S)
+        if system is not None:
+            return system
+    return None
 
 
 class Px4:

@@ -7,6 +7,7 @@ import signal
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ from rich.console import Console
 
 from companion.adapters.recorder import Recorder
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
-from companion.cli.mock_process import MockPorts, free_ports, mock_process
+from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_controller import LoadedController, load_controller
@@ -24,6 +25,8 @@ from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
 from companion.ports import CompanionError, ConfigError
 from companion.service import Service, open_service
+from companion.supervisor.phases import Phase
+from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 
 FAILED = 1
@@ -59,11 +62,11 @@ def demo(
     controller: Annotated[
         str, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
     ] = "etnn",
-    laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of the curve.")] = 2,
-    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap.")] = 15.0,
+    laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
+    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
     size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
     compare: Annotated[str | None, typer.Option(help="Fly this controller, too, and show both.")] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the mocks' noise and disturbances.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the mocks' noise and disturbances.")] = 1,
     config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
     mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
     summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
@@ -99,10 +102,16 @@ def demo(
         )
         for name in (controller, *([compare] if compare else []))
     ]
+    for flight in flights:
+        check_trajectory(flight.trajectory, settings.room, trajectory)
     _check_folder(out, summary)
     results = []
     for flight in flights:
-        flown = uvloop.run(fly_demo(flight, console))
+        try:
+            flown = uvloop.run(fly_demo(flight, console))
+        except KeyboardInterrupt:
+            console.print("[yellow]interrupted[/] before the flight")
+            raise typer.Exit(INTERRUPTED) from None
         results.append(_conclude(flight, flown, console, out))
         if flown.interrupted:
             break
@@ -129,6 +138,8 @@ def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
 
 def _check_folder(out: Path, summary: Path | None) -> None:
     """Before a minute of flight, not after it."""
+    if summary is not None and summary.is_dir():
+        raise ConfigError(f"--summary {summary} is a folder: give the name of a file")
     for folder in (out, *([summary.parent] if summary else [])):
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -158,8 +169,13 @@ async def _mocks(flight: DemoFlight) -> AsyncIterator[None]:
     if not flight.start_mocks:
         yield
         return
-    async with mock_process(flight.mock_config, flight.seed, flight.ports):
-        yield
+    try:
+        async with mock_process(flight.mock_config, flight.seed, flight.ports):
+            yield
+    except MockError as error:
+        if "in use" in str(error):
+            raise MockError(f"{error}; or fly with --free-ports, or with --no-mocks if mocks are running") from error
+        raise
 
 
 @asynccontextmanager
@@ -180,12 +196,13 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
 
     def on_interrupt() -> None:
         nonlocal interrupted
-        display.say("Ctrl-C: landing" if not interrupted else "Ctrl-C: already landing")
+        landing = interrupted or service.phase is Phase.LAND
+        display.say("interrupted: already landing" if landing else "interrupted: landing")
         interrupted = True
         work.cancel()
 
     loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, on_interrupt)
     failure = ""
     try:
@@ -195,7 +212,9 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
             raise
     except CompanionError as error:
         failure = str(error)
-    return interrupted, await _land_anyway(service, failure)
+        display.say(f"{failure}; waiting until the vehicle is down")
+    failure = await _land_anyway(service, failure)
+    return interrupted, failure
 
 
 async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
@@ -228,6 +247,8 @@ def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> 
     """Report, picture and record of one flight."""
     good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
     print_report(console, flight.controller, flown.summary, flown.failure, flown.interrupted)
+    if flight.start_mocks and "silent" in flown.failure:
+        console.print("  The mocks run on this computer: was it too busy to serve them?", highlight=False)
     if flown.recorder.flew:
         _keep(flight, flown, console, out)
     data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary) | {"failure": flown.failure}
@@ -238,8 +259,9 @@ def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> None
     """The picture and the record."""
     from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
 
-    name = f"{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
-    title = f"{flight.trajectory_name}, controller {flight.controller.name}, seed {flight.seed}"
+    when = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
+    name = f"{when}-{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
+    title = f"{Path(flight.trajectory_name).name}, controller {flight.controller.name}, seed {flight.seed}"
     plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
     flown.recorder.write(out / f"{name}.npz")
     console.print(f"plot [bold]{out / name}.png[/], record {out / name}.npz", soft_wrap=True)

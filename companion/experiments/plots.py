@@ -95,7 +95,8 @@ def _positions(axes: Axes, time: Array, columns: Columns) -> None:
 
 
 def _errors(axes: Axes, time: Array, columns: Columns) -> None:
-    error = tracking_error_w_m(columns)
+    below_the_floor = _floats(columns, "reference_position_w_m")[:, 2:] < 0.0  # the last moment of a landing
+    error = np.where(below_the_floor, np.nan, tracking_error_w_m(columns))
     for axis, colour in enumerate(_COLOURS):
         axes.plot(time, error[:, axis], color=colour, lw=1.0)
     axes.axhline(0.0, color="k", lw=0.5)

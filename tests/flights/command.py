@@ -100,3 +100,9 @@ def mock_config(folder: Path, *changes: tuple[str, str]) -> Path:
     path = folder / "mock.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def size_of_only(folder: Path, pattern: str) -> int:
+    """Bytes of the one file that matches."""
+    [path] = folder.glob(pattern)
+    return path.stat().st_size

@@ -29,11 +29,20 @@ def _write(path: Path, text: str) -> Path:
         (["--controller", "lqr"], "unknown controller 'lqr'"),
         (["--controller", "paper"], "0.333 must be larger than k + s = 16.1"),
         (["--mock-config", "nowhere.toml"], "nowhere.toml"),
+        (["--summary", "FOLDER"], "is a folder: give the name of a file"),
+        (["--size", "3", "--period", "4"], "ellipse: too fast"),
+        (["--trajectory", "FAR"], "leads out of the room: x = 100.00 m"),
+        (["--trajectory", "FLOOR"], "leads out of the room: z = "),
+        (["--trajectory", "LEAP"], "way.csv: leads out of the room"),
     ],
 )
 async def test_a_mistake_is_one_sentence(tmp_path: Path, arguments: list[str], sentence: str) -> None:
     files = {
         "CONFIG": _write(tmp_path / "config.toml", "[vehicle]\nmas_kg = 4.85\n"),
+        "FOLDER": tmp_path,
+        "FAR": _write(tmp_path / "far.csv", "t_s,x_m,y_m,z_m\n0,100,0,1\n9,100,0,1\n"),
+        "FLOOR": _write(tmp_path / "floor.csv", "t_s,x_m,y_m,z_m\n0,0,0,1\n9,0,0,-1\n"),
+        "LEAP": _write(tmp_path / "way.csv", "t_s,x_m,y_m,z_m\n0,0,0,1\n0.1,3,0,1\n10,0,0,1\n"),
         "RANGE": _write(tmp_path / "range.toml", "[limits]\nmax_tilt_rad = 3.0\n"),
     }
     ran = await run("demo", "--out", tmp_path, *(files.get(word, word) for word in arguments))
