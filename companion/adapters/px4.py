@@ -1,18 +1,18 @@
-"""PX4 through MAVSDK's native 4.x API: setpoints on the calling thread, commands on a thread of their own.
+"""PX4 through MAVSDK's native 4.x API: setpoints on the calling thread, commands by callback.
 
 NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
 - A mode command gets two COMMAND_ACKs and MAVSDK believes the first, which only means "well-formed". So a mode, and the
   armed state, count as reached only when the HEARTBEAT shows them, up to a second later.
 - MAVSDK re-sends the last setpoint at 20 Hz by itself, and stops when HEARTBEATs show another mode for 3 s.
 - `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
-  seconds. The synchronous call takes 0.1 ms.
+  seconds, and MAVSDK crashes when it is destroyed under a blocking call. The synchronous setpoint takes 0.1 ms, and the
+  commands that take a callback block nobody.
 """
 
 import asyncio
 import logging
 import math
 from collections.abc import AsyncIterator, Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Any
@@ -54,7 +54,6 @@ _LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogL
 _POLL_S = 0.02
 _RETRY_S = 0.5
 _WORDS_S = 0.5
-_SLICE_S = 0.2
 _ADVICE = {
     ConnectionResult.BIND_ERROR: "is another program using that port?",
     ConnectionResult.CONNECTION_URL_INVALID: "not a MAVSDK URL such as udpin://0.0.0.0:14540 or serial:///dev/ttyUSB0:921600",
@@ -66,45 +65,56 @@ _ADVICE_ELSE = "is the device there, and may we use it?"
 async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
     """Connect and yield the autopilot; AutopilotError when the port is taken or no PX4 is heard in time."""
     log_subscribe(_to_our_log)
-    worker = ThreadPoolExecutor(max_workers=2, thread_name_prefix="px4-commands")
     # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
     mavsdk = Mavsdk(configuration)
-    loop = asyncio.get_running_loop()
     try:
-        result = await loop.run_in_executor(worker, mavsdk.add_any_connection, config.url)
+        result = mavsdk.add_any_connection(config.url)
         if result != ConnectionResult.SUCCESS:
             raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
-        system = await _first_autopilot(mavsdk, config, worker)
+        system = await _first_autopilot(mavsdk, config.connect_timeout_s)
         if system is None:
             raise AutopilotError(
                 f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
                 "running and sending MAVLink to this address?"
             )
-        yield Px4(system, config, clock, worker)
+        yield Px4(system, config, clock)
     finally:
-        # MAVSDK crashes when it is destroyed under a running call, so the calls (seconds at most) end first
-        await loop.run_in_executor(None, worker.shutdown)
-        await loop.run_in_executor(None, mavsdk.destroy)
+        mavsdk.destroy()
         configuration.destroy()
 
 
-async def _first_autopilot(mavsdk: Mavsdk, config: Px4Config, worker: ThreadPoolExecutor) -> Any:
-    """Wait in short slices: a call that is running cannot be cancelled, and Ctrl-C should not have to wait for it."""
+async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> Any:
+    """The first autopilot heard, or None; nothing blocks, so that Ctrl-C need not wait for it."""
     loop = asyncio.get_running_loop()
-    end_s = loop.time() + config.connect_timeout_s
-    while loop.time() < end_s:
-        system = await loop.run_in_executor(worker, mavsdk.first_autopilot, _SLICE_S)
-        if system is not None:
-            return system
-    return None
+    heard: asyncio.Future[Any] = loop.create_future()
+    waiting = mavsdk.first_autopilot_async(timeout_s, lambda system: _deliver(loop, heard, system))
+    try:
+        return await heard
+    finally:
+        mavsdk.cancel_first_autopilot(waiting)
+
+
+def _deliver(loop: asyncio.AbstractEventLoop, future: "asyncio.Future[Any]", value: Any) -> None:
+    """From MAVSDK's thread into the event loop, if anybody still waits there."""
+
+    def put() -> None:
+        if not future.done():
+            future.set_result(value)
+
+    if not loop.is_closed():
+        loop.call_soon_threadsafe(put)
+
+
+Command = Callable[[Callable[[Any, Any], None]], None]
+"""One of MAVSDK's `..._async` calls: takes a callback for its result."""
 
 
 class Px4:
     """ports.Autopilot over MAVSDK. Telemetry arrives on MAVSDK's thread and replaces one frozen status."""
 
-    def __init__(self, system: Any, config: Px4Config, clock: Clock, worker: ThreadPoolExecutor) -> None:
-        self._system, self._config, self._clock, self._worker = system, config, clock, worker
+    def __init__(self, system: Any, config: Px4Config, clock: Clock) -> None:
+        self._system, self._config, self._clock = system, config, clock
         self._offboard, self._action = Offboard(system), Action(system)
         self._telemetry, self._mocap = Telemetry(system), Mocap(system)
         level = np.array([1.0, 0.0, 0.0, 0.0])
@@ -143,43 +153,47 @@ class Px4:
     async def start_offboard(self) -> None:
         """Ask for OFFBOARD and wait until the HEARTBEAT shows it; a setpoint must have been sent before."""
         since_s = self._clock.now_s()
-        await self._call("start offboard mode", self._offboard.start, since_s)
+        await self._call("start offboard mode", self._offboard.start_async, since_s)
         await self._shown("OFFBOARD mode", since_s, lambda status: status.mode is FlightMode.OFFBOARD)
 
     async def arm(self) -> None:
         """Arm and wait until the HEARTBEAT shows it; asks again while PX4 says no, as it does while it warms up."""
         since_s = self._clock.now_s()
-        await self._insist("arm", self._action.arm, since_s, self._config.arm_timeout_s)
+        await self._insist("arm", self._action.arm_async, since_s, self._config.arm_timeout_s)
         await self._shown("armed", since_s, lambda status: status.armed)
 
     async def disarm(self) -> None:
         """Disarm and wait until shown; PX4 refuses in the air and for about a second after touchdown."""
         since_s = self._clock.now_s()
-        await self._insist("disarm", self._action.disarm, since_s, self._config.answer_timeout_s)
+        await self._insist("disarm", self._action.disarm_async, since_s, self._config.answer_timeout_s)
         await self._shown("disarmed", since_s, lambda status: not status.armed)
 
     async def land(self) -> None:
         """Hand over to PX4's own landing and wait until OFFBOARD is left."""
         since_s = self._clock.now_s()
-        await self._call("land", self._action.land, since_s)
+        await self._call("land", self._action.land_async, since_s)
         await self._shown("leaving OFFBOARD", since_s, lambda status: status.mode is not FlightMode.OFFBOARD)
 
     async def kill(self) -> None:
         """Stop the motors at once, also in the air."""
         since_s = self._clock.now_s()
-        await self._call("kill", self._action.kill, since_s)
+        await self._call("kill", self._action.kill_async, since_s)
         await self._shown("disarmed", since_s, lambda status: not status.armed)
 
-    async def _call(self, what: str, command: Callable[[], Any], since_s: float) -> None:
+    async def _call(self, what: str, command: Command, since_s: float) -> None:
+        """Give a command and wait for its answer without blocking a thread: a link may be silent for ever."""
         loop = asyncio.get_running_loop()
+        answered: asyncio.Future[Any] = loop.create_future()
+        command(lambda result, _: _deliver(loop, answered, result))
         try:
-            await asyncio.wait_for(loop.run_in_executor(self._worker, command), self._config.answer_timeout_s)
-        except MavsdkError as error:
-            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(error, since_s)}") from error
+            async with asyncio.timeout(self._config.answer_timeout_s):
+                result = await answered
         except TimeoutError as error:
             raise AutopilotError(f"the autopilot did not answer the command to {what}") from error
+        if result.name != "SUCCESS":
+            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(result.name, since_s)}")
 
-    async def _insist(self, what: str, command: Callable[[], Any], since_s: float, timeout_s: float) -> None:
+    async def _insist(self, what: str, command: Command, since_s: float, timeout_s: float) -> None:
         while True:
             try:
                 await self._call(what, command, since_s)
@@ -191,21 +205,21 @@ class Px4:
                 return
 
     async def _shown(self, what: str, since_s: float, reached: Callable[[AutopilotStatus], bool]) -> None:
+        asked_s = self._clock.now_s()
         while not (reached(self._status) and self._status.heartbeat_s > since_s):
-            if self._clock.now_s() - since_s > self._config.answer_timeout_s + self._config.arm_timeout_s:
-                said = await self._reason(None, since_s)
+            if self._clock.now_s() - asked_s > self._config.answer_timeout_s:
+                said = await self._reason("no reason given", since_s)
                 raise AutopilotError(f"the autopilot accepted the command but does not show {what}: {said}")
             await asyncio.sleep(_POLL_S)
 
-    async def _reason(self, error: MavsdkError | None, since_s: float) -> str:
+    async def _reason(self, result: str, since_s: float) -> str:
         """The autopilot's own words, which may come a little after its refusal; MAVSDK's if it gives none."""
         for _ in range(round(_WORDS_S / _POLL_S)):
             if self.texts_since(since_s):
                 break
             await asyncio.sleep(_POLL_S)
         words = list(dict.fromkeys(self.texts_since(since_s)))
-        result = getattr(getattr(error, "result", None), "name", "no reason given")
-        return "; ".join(words) or str(result).lower().replace("_", " ")
+        return "; ".join(words) or result.lower().replace("_", " ")
 
     def _subscribe(self) -> None:
         t = self._telemetry
