@@ -35,7 +35,7 @@ class LimitsConfig(Section):
     """The last gate before the autopilot."""
 
     max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="tilt cone, rad")
-    min_thrust: float = Field(0.08, ge=0.0, lt=0.5, description="least normalised thrust in flight")
+    min_thrust: float = Field(0.05, ge=0.0, lt=0.5, description="least normalised thrust in flight")
     max_thrust: float = Field(0.8, gt=0.2, le=1.0, description="largest normalised thrust")
     max_turn_radps: float = Field(6.0, gt=0.1, le=50.0, description="rate of change of the attitude setpoint, rad/s")
     max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="rate of change of the thrust, 1/s")

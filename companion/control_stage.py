@@ -77,6 +77,10 @@ class ControlStage:
         """A level setpoint while the law sleeps; the rotors may idle."""
         return gate(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
 
+    def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
+        """A level setpoint within the limits, at once and whatever was sent before."""
+        return gate(idle_setpoint(yaw_rad, thrust), idle_setpoint(yaw_rad, thrust), self._limits, 1.0).setpoint
+
     def fly(self, vehicle: VehicleState, age_s: float, ahead: Reference, dt_s: float) -> Asked:
         """One cycle of the law; `ahead` is the reference `preview_s` from now.
 

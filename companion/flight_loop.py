@@ -18,12 +18,15 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
 from companion.ports import Autopilot, Clock, CompanionError, MocapSource
 from companion.supervisor import phases
-from companion.supervisor.phases import Action, Facts, Flight, FlightRules, HandOver, Phase
+from companion.supervisor.phases import Action, Facts, Flight, FlightRules, HandOver, Phase, Prepare
 from companion.tick_timer import TickTimer
 from companion.types import Array, AutopilotStatus, Reference, VehicleState
 
 LOG = logging.getLogger(__name__)
 
+_NOT_FINITE_CYCLES = 20
+_SINKING = 0.97
+"""Share of hover thrust with which the vehicle comes down gently while nobody steers it."""
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
@@ -72,7 +75,8 @@ class FlightLoop:
 
     def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
-        self._sink = sink
+        self._sink: TickSink | None = sink
+        self._not_finite = 0
         self._period_s = 1.0 / config.control.rate_hz
         self._rules = rules_of(config)
         self._stage = ControlStage(controller, config.vehicle.thrust_model(), config.limits.limits())
@@ -102,10 +106,14 @@ class FlightLoop:
 
     def ask(self, wanted: phases.Request) -> bool:
         """Hand in an operator's request; False when it does not fit the phase."""
+        status = self._autopilot.status()
+        if isinstance(wanted, Prepare) and (status.armed or status.in_air):
+            return False  # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
         fits = phases.can(self._flight, wanted)
         if fits:
             facts = self._facts(self._clock.now_s())
             self._enter(phases.request(self._flight, wanted, facts, self._rules))
+            self._act(self._flight.action)
         return fits
 
     async def run(self) -> None:
@@ -117,13 +125,21 @@ class FlightLoop:
                 now_s = self._clock.now_s()
                 self.tick(now_s, timer.begin(now_s, frame_arrived_s))
                 self.missed_cycles = timer.missed
-        except Exception as error:
+        except asyncio.CancelledError:
+            raise
+        except BaseException as error:
             await self._fail_safe(error)
             raise
         finally:
             for task in list(self._tasks):
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def close(self) -> None:
+        """Leave no vehicle in the air to a stream that goes on by itself: hand over what is still flown."""
+        if self._flight.phase in phases.COMMANDED:
+            self._hand_over("the service was closed")
+            await self._attempt(self._autopilot.land())
 
     async def _next_start(self, timer: TickTimer) -> float | None:
         """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
@@ -146,15 +162,16 @@ class FlightLoop:
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
         frame_received_s = self._read()
+        self._judge_estimate()
         facts = self._facts(now_s)
         self._enter(phases.advance(self._flight, facts, self._rules))
-        asked, gated = self._control(facts)
+        asked, gated = self._control_or_hand_over(facts)
         sent_s = self._send(gated)
         late_signals = self._stage.settle()
         self._forward_vision(now_s, frame_received_s)
         self._act(self._flight.action)
         self._last_tick_s = now_s
-        self._sink(
+        self._tell(
             Tick(
                 now_s,
                 late_s,
@@ -188,6 +205,47 @@ class FlightLoop:
         yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
         age_s = now_s - vehicle.time_s
         return Facts(now_s, vehicle.position_w_m, vehicle.velocity_w_mps, yaw_rad, age_s, status.armed, status.mode)
+
+    def _judge_estimate(self) -> None:
+        """A filter that had to begin anew in the air means that motion capture jumped: nothing known before holds."""
+        if self._flight.airborne and self._estimate.verdict is Verdict.STARTED:
+            self._hand_over("motion capture jumped, or came back after a gap, by more than the vehicle can move")
+
+    def _control_or_hand_over(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
+        """A law that raises, or goes on giving what is no number, has lost the vehicle; the loop and vision go on."""
+        try:
+            asked, gated = self._control(facts)
+        except Exception as error:
+            LOG.exception("the control law failed")
+            self._hand_over(f"the control law failed: {type(error).__name__}: {error}")
+            return None, None
+        bad = gated is not None and bool(gated.not_finite.any())
+        self._not_finite = self._not_finite + 1 if bad else 0
+        if self._not_finite > _NOT_FINITE_CYCLES:
+            self._hand_over(f"the control law gave no finite command for {_NOT_FINITE_CYCLES} cycles")
+            return asked, None
+        return asked, gated
+
+    def _hand_over(self, reason: str) -> None:
+        """Let the autopilot land. MAVSDK goes on re-sending our last setpoint until it does: that one must be level."""
+        facts = self._facts(self._clock.now_s())
+        self._enter(phases.request(self._flight, HandOver(reason), facts, self._rules))
+
+    def _leave_level(self) -> None:
+        """The last setpoint of ours: level and sinking gently, whatever the law wanted last."""
+        level = self._stage.level(self._flight.yaw_rad, _SINKING * self._rules.hover_thrust)
+        self._autopilot.send_setpoint(level)
+        self._stage.sent = level
+
+    def _tell(self, tick: Tick) -> None:
+        """Whoever looks on cannot stop a flight: one that raises is not told any more."""
+        if self._sink is None:
+            return
+        try:
+            self._sink(tick)
+        except Exception:
+            LOG.exception("the tick's listener failed and is dropped")
+            self._sink = None
 
     def _control(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
         """This cycle's setpoint, through the gate; None in phases that send nothing."""
@@ -224,6 +282,8 @@ class FlightLoop:
         before, self._flight = self._flight, flight
         if flight.phase is not before.phase:
             LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
+        if flight.action is Action.AUTOPILOT_LAND and before.phase in phases.IN_THE_AIR and self._streaming:
+            self._leave_level()
         if flight.phase is Phase.PREFLIGHT and before.phase is not Phase.PREFLIGHT:
             self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad), False
         if flight.airborne and not before.airborne:
@@ -243,13 +303,16 @@ class FlightLoop:
         except CompanionError as error:
             self.action_failure = str(error)
             LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
+        except Exception as error:
+            self.action_failure = f"{type(error).__name__}: {error}"
+            LOG.exception("what the loop asked of the autopilot failed")
 
-    async def _fail_safe(self, error: Exception) -> None:
+    async def _fail_safe(self, error: BaseException) -> None:
         """Something flight-critical broke: the autopilot lands, and we send nothing more."""
         if self._flight.phase not in phases.COMMANDED:
             return
         reason = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
-        self._enter(phases.request(self._flight, HandOver(reason), self._facts(self._clock.now_s()), self._rules))
+        self._hand_over(reason)
         await self._attempt(self._autopilot.land())
 
 

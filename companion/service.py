@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import logging
+import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
@@ -11,6 +12,7 @@ from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
+from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop, TickSink
 from companion.ports import Autopilot, AutopilotError, CompanionError, MocapError
@@ -22,6 +24,9 @@ _POLL_S = 0.02
 _STREAM_FIRST_S = 0.2
 """Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
 _KNOWN_VELOCITY_MPS = 0.1
+_HEADING_RAD = 0.1
+_FIRST_STATES_S = 1.2
+"""EXTENDED_SYS_STATE comes at 1 Hz once MAVSDK has asked for it."""
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
@@ -45,6 +50,7 @@ async def open_service(config: CompanionConfig, law: Controller, sink: TickSink)
         try:
             yield Service(loop, autopilot, config, ticking)
         finally:
+            await loop.close()
             ticking.cancel()
             await asyncio.gather(ticking, return_exceptions=True)
 
@@ -81,21 +87,65 @@ class Service:
                 f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
             )
 
+    async def _heard(self) -> None:
+        """Armed, mode and landed state are guesses before the first HEARTBEAT and what comes with it."""
+        since_s = asyncio.get_running_loop().time()
+
+        def known() -> bool:
+            quiet_s = asyncio.get_running_loop().time() - since_s
+            return math.isfinite(self._autopilot.status().heartbeat_s) and quiet_s > _FIRST_STATES_S
+
+        if not await self._until(known, self._config.px4.answer_timeout_s):
+            raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
+
     async def arm(self) -> None:
-        """Stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS."""
+        """Stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
+
+        Whatever interrupts it, cancellation too, the vehicle is disarmed again.
+        """
+        await self._heard()
+        status = self._autopilot.status()
+        if status.armed or status.in_air:
+            where = "in the air" if status.in_air else "armed"
+            raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
+        await self._headings_agree()
         self._ask(Prepare(), "arm")
+        asked = False
         try:
             await asyncio.sleep(_STREAM_FIRST_S)
             self._expect(Phase.PREFLIGHT)
             await self._autopilot.start_offboard()
             self._expect(Phase.PREFLIGHT)
+            asked = True
             await self._autopilot.arm()
-        except CompanionError:
+            await self._until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
+            self._expect(Phase.ARMED)
+        except BaseException:
             self.loop.ask(Land())
+            if asked and self.phase is not Phase.LAND:  # in LAND the loop disarms by itself
+                await self._disarm_again()
             raise
-        if not await self._until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s):
-            raise AutopilotError("armed, but the autopilot left OFFBOARD meanwhile")
-        self._expect(Phase.ARMED)
+
+    async def _disarm_again(self) -> None:
+        """Arming was asked for, whether or not it shows yet: ask for the opposite."""
+        try:
+            await self._autopilot.disarm()
+        except CompanionError as error:
+            LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
+
+    async def _headings_agree(self) -> None:
+        """The setpoint's heading is motion capture's: an autopilot with another north would fly off sideways."""
+
+        def apart_rad() -> float:
+            vehicle = self.loop.estimate.vehicle
+            ours = float(yaw_of(vehicle.q_w_flu_wxyz)) if vehicle else math.nan
+            return abs(math.remainder(ours - float(yaw_of(self._autopilot.status().q_w_flu_wxyz)), math.tau))
+
+        if not await self._until(lambda: apart_rad() < _HEADING_RAD, self._config.px4.answer_timeout_s):
+            raise AutopilotError(
+                f"the autopilot's heading is {math.degrees(apart_rad()):.0f} degrees off motion capture's: does its "
+                "EKF take the heading from vision (EKF2_EV_CTRL), and is the body's x axis its nose in QTM?"
+            )
 
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold."""

@@ -86,7 +86,7 @@ class AutopilotStatus:
 
     connected: bool
     heartbeat_s: float
-    """Arrival of the last HEARTBEAT on our monotonic clock."""
+    """Arrival of the last HEARTBEAT on our monotonic clock; -inf before the first: then nothing here is known."""
     armed: bool
     mode: FlightMode
     in_air: bool

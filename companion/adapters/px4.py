@@ -118,9 +118,7 @@ class Px4:
         self._offboard, self._action = Offboard(system), Action(system)
         self._telemetry, self._mocap = Telemetry(system), Mocap(system)
         level = np.array([1.0, 0.0, 0.0, 0.0])
-        self._status = AutopilotStatus(
-            True, clock.now_s(), False, FlightMode.OTHER, False, math.nan, math.nan, level, ""
-        )
+        self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, False, math.nan, math.nan, level, "")
         self._texts: list[tuple[float, str]] = []
         self._subscribe()
 

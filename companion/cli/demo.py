@@ -60,8 +60,8 @@ class Flown:
 def demo(
     trajectory: Annotated[str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.")] = "ellipse",
     controller: Annotated[
-        str, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
-    ] = "etnn",
+        str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
+    ] = None,
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
     period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
     size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
@@ -100,7 +100,7 @@ def demo(
             seed,
             mocks,
         )
-        for name in (controller, *([compare] if compare else []))
+        for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]
     for flight in flights:
         check_trajectory(flight.trajectory, settings.room, trajectory)
@@ -198,8 +198,9 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
         nonlocal interrupted
         landing = interrupted or service.phase is Phase.LAND
         display.say("interrupted: already landing" if landing else "interrupted: landing")
+        if not interrupted:
+            work.cancel()
         interrupted = True
-        work.cancel()
 
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

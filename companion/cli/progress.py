@@ -1,6 +1,8 @@
 """What an operator sees while the vehicle flies."""
 
 import math
+import queue
+import threading
 from collections import deque
 
 from rich.console import Console
@@ -13,10 +15,15 @@ from companion.types import Array
 
 _REFRESH_HZ = 4.0
 _WINDOW = 500
+_PATIENCE_S = 2.0
 
 
 class FlightDisplay:
-    """A live line (phase, time, error, update share) on a terminal; one line a phase where there is none."""
+    """A live line (phase, time, error, update share) on a terminal; one line a phase where there is none.
+
+    All printing is done on a thread of its own: a terminal that is stopped (Ctrl-S, a stalled ssh session) or gone must
+    not stop the control loop.
+    """
 
     def __init__(self, console: Console, trajectory: str, controller: str) -> None:
         self._console = console
@@ -26,20 +33,31 @@ class FlightDisplay:
         self._note = ""
         self._started_s = math.nan
         self._sent: deque[bool] = deque(maxlen=_WINDOW)
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._printer = threading.Thread(target=self._print, name="companion.display", daemon=True)
         self._live = Live(console=console, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=self._line)
 
     def __enter__(self) -> "FlightDisplay":
-        if self._console.is_terminal:
-            self._live.start()
+        self._printer.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._live.stop()
+        self._lines.put(None)
+        self._printer.join(_PATIENCE_S)
 
     def say(self, note: str) -> None:
         """One line above the live one."""
         self._note = note
-        self._console.print(f"  [dim]{note}[/]")
+        self._lines.put(f"  [dim]{note}[/]")
+
+    def _print(self) -> None:
+        if self._console.is_terminal:
+            self._live.start()
+        try:
+            while (line := self._lines.get()) is not None:
+                self._console.print(line, highlight=False, soft_wrap=True)
+        finally:
+            self._live.stop()
 
     def take(self, tick: Tick) -> None:
         """A TickSink: remembers, and announces a new phase."""
@@ -50,7 +68,7 @@ class FlightDisplay:
         if tick.flight.phase is not self._phase:
             self._phase = tick.flight.phase
             why = f": {tick.flight.reason}" if tick.flight.reason else ""
-            self._console.print(f"{self._clock(tick):>8}  [bold]{self._phase}[/]{why}", highlight=False)
+            self._lines.put(f"{self._clock(tick):>8}  [bold]{self._phase}[/]{why}")
 
     def _clock(self, tick: Tick) -> str:
         return "" if math.isnan(self._started_s) else f"{tick.time_s - self._started_s:.1f} s"

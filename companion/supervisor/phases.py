@@ -53,7 +53,7 @@ class FlightRules:
     hover_thrust: float = 0.5
     climb_speed_mps: float = 0.5
     climb_accel_mps2: float = 0.6
-    spool_up_s: float = 1.5
+    spool_up_s: float = 1.0
     descent_speed_mps: float = 0.25
     mocap_timeout_s: float = 0.3
     lift_off_m: float = 0.02
@@ -69,8 +69,12 @@ class FlightRules:
     touchdown_m: float = 0.06
     touchdown_speed_mps: float = 0.06
     touchdown_s: float = 0.3
-    disarm_again_s: float = 8.0
+    disarm_again_s: float = 12.0
     """Ask again when the autopilot is still armed; longer than one attempt takes."""
+    land_again_s: float = 2.0
+    """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
+    turn_radps: float = 1.0
+    """Peak rate at which the heading changes on the way to a trajectory's start."""
 
 
 @dataclass(frozen=True)
@@ -149,6 +153,8 @@ class Flight:
     touched_down: bool = False
     disarm_asked_s: float | None = None
     """When the autopilot was last asked to disarm after touchdown."""
+    land_asked_s: float = 0.0
+    """When the autopilot was last asked to land after handing over."""
     action: Action | None = None
     """Set for exactly one tick."""
     reason: str = ""
@@ -215,7 +221,8 @@ def advance(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
             return _over(flight, facts, "" if flight.touched_down or not flight.airborne else "disarmed in the air")
         if facts.mode is not FlightMode.OFFBOARD:
             reason = f"the autopilot left OFFBOARD for {facts.mode}"
-            return replace(_enter(flight, Phase.HANDED_OVER, facts, airborne=False), reason=reason)
+            over = _enter(flight, Phase.HANDED_OVER, facts, airborne=False, land_asked_s=facts.time_s)
+            return replace(over, reason=reason)
     if flight.phase in STREAMING and facts.mocap_age_s > rules.mocap_timeout_s:
         return _blind(flight, facts, rules, f"motion capture has been silent for {facts.mocap_age_s:.2f} s")
     step = _STEPS.get(flight.phase)
@@ -267,10 +274,12 @@ def _fly(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> Fligh
     end = wanted.trajectory.at(wanted.trajectory.duration_s)
     distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
     stop_s = 4.0 * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2  # running out peaks at 3.9 v/T
+    turn_rad = abs((start.yaw_rad - now.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi)
+    least_s = max(1.0, stop_s, 1.875 * float(turn_rad) / rules.turn_radps)
     way = MinimumJerk(
         now.position_w_m,
         start.position_w_m,
-        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, max(1.0, stop_s)),
+        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, least_s),
         now.yaw_rad,
         start.yaw_rad,
         now.velocity_w_mps,
@@ -330,12 +339,17 @@ def _blind(flight: Flight, facts: Facts, rules: FlightRules, reason: str) -> Fli
 
 
 def _hand_over(flight: Flight, facts: Facts, reason: str) -> Flight:
-    over = _enter(flight, Phase.HANDED_OVER, facts, airborne=False)
+    over = _enter(flight, Phase.HANDED_OVER, facts, airborne=False, land_asked_s=facts.time_s)
     return replace(over, action=Action.AUTOPILOT_LAND, reason=reason)
 
 
-def _handed_over(flight: Flight, facts: Facts, _: FlightRules) -> Flight:
-    return flight if facts.armed else _over(flight, facts, flight.reason)
+def _handed_over(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """Until it is down; OFFBOARD would mean that nobody flies it: the autopilot holds our last setpoint."""
+    if not facts.armed:
+        return _over(flight, facts, flight.reason)
+    if facts.mode is not FlightMode.OFFBOARD or facts.time_s - flight.land_asked_s < rules.land_again_s:
+        return flight
+    return replace(flight, action=Action.AUTOPILOT_LAND, land_asked_s=facts.time_s)
 
 
 def _over(flight: Flight, facts: Facts, reason: str) -> Flight:

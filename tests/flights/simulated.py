@@ -5,8 +5,9 @@ fast as the machine can, and the same seed gives the same flight.
 """
 
 import asyncio
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,7 @@ from tests.mock_autopilot.bench import NO_GPS, Bench, Sent
 
 _MODES = {0x00060000: FlightMode.OFFBOARD, 0x03040000: FlightMode.HOLD, 0x06040000: FlightMode.LAND}
 ARMED_BIT = 128
+ON_GROUND = 1
 
 
 class Room:
@@ -47,6 +49,8 @@ class Room:
         self._camera = Camera(QualisysConfig.model_validate(mocap or {}), seed)
         self.frame: MocapFrame | None = None
         self.new_frame = False
+        self.offset_w_m = np.zeros(3)
+        """What motion capture is wrong by, from now on."""
         self.bench.world.observers.append(self._look)
 
     def now_s(self) -> float:
@@ -68,7 +72,8 @@ class Room:
 
     def _look(self, truth: Truth) -> None:
         for frame in self._camera.look(truth):
-            self.frame, self.new_frame = _received(frame, truth.time_s), True
+            seen = _received(frame, truth.time_s)
+            self.frame, self.new_frame = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m), True
 
 
 def _received(frame: Frame, now_s: float) -> MocapFrame:
@@ -102,6 +107,10 @@ class SimulatedAutopilot:
         self._bench = room.bench
         self.setpoints: list[tuple[float, AttitudeThrust]] = []
         self._beat: Sent | None = None
+        self._in_air = False
+        self.land_calls = 0
+        self.deaf_to_land = 0
+        """So many land commands are lost."""
         self._read = 0
 
     def send_setpoint(self, setpoint: AttitudeThrust) -> None:
@@ -122,6 +131,8 @@ class SimulatedAutopilot:
         for sent in self._bench.sent[self._read :]:
             if sent.type == "HEARTBEAT":
                 self._beat = sent
+            if sent.type == "EXTENDED_SYS_STATE":
+                self._in_air = sent.message.landed_state != ON_GROUND
         self._read = len(self._bench.sent)
         level = np.array([1.0, 0.0, 0.0, 0.0])
         if self._beat is None:
@@ -131,7 +142,7 @@ class SimulatedAutopilot:
         mode = _MODES.get(beat.message.custom_mode, FlightMode.OTHER)
         if mode is not FlightMode.OFFBOARD:
             self._bench.setpoint = None  # MAVSDK stops its stream when a HEARTBEAT shows another mode
-        return AutopilotStatus(True, beat.time_s, armed, mode, True, 1.0, 16.0, level, "")
+        return AutopilotStatus(True, beat.time_s, armed, mode, self._in_air, 1.0, 16.0, level, "")
 
     async def start_offboard(self) -> None:
         self.command(176, 1.0, 6.0, 0.0)
@@ -154,6 +165,10 @@ class SimulatedAutopilot:
             await asyncio.sleep(0)
 
     async def land(self) -> None:
+        self.land_calls += 1
+        if self.deaf_to_land:
+            self.deaf_to_land -= 1
+            raise AutopilotError("the autopilot did not answer the command to land")
         self.command(21)
 
     async def kill(self) -> None:
@@ -206,6 +221,8 @@ async def fly(
     plant: dict[str, Any] | None = None,
     mocap: dict[str, Any] | None = None,
     start: dict[str, Any] | None = None,
+    lost_land_commands: int = 0,
+    raise_in_sink_at_s: float = math.inf,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises."""
@@ -226,8 +243,11 @@ async def fly(
     def sink(tick: Tick) -> None:
         flight.ticks.append(tick)
         flight.truths_w_m.append(room.truth_w_m)
+        if room.now_s() > raise_in_sink_at_s:
+            raise BrokenPipeError("nobody reads this any more")
 
     autopilot = SimulatedAutopilot(room)
+    autopilot.deaf_to_land = lost_land_commands
     loop = FlightLoop(Devices(SimulatedMocap(room, every_tick), autopilot, room), law, config, sink)
     flight = Flight(room, autopilot, loop)
     running = asyncio.create_task(loop.run(), name="flight")

@@ -7,14 +7,17 @@ import numpy as np
 import pytest
 
 from companion.config import CompanionConfig, VehicleConfig
-from companion.control.controller import ControlInput, ControlOutput
-from companion.control.frames import yaw_of
+from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.frames import up_axis, yaw_of
+from companion.control.gains import PidGains
 from companion.control.pid import Pid
 from companion.control.reference import Ellipse, LapTiming
-from companion.supervisor.phases import Fly, Land, Phase, Prepare, Request, TakeOff
+from companion.supervisor.phases import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
 from companion.types import Array, FlightMode
 from tests.flights.simulated import Flight, Step, fly
 
+MODEL = VehicleModel()
+JUMPED = "motion capture jumped, or came back after a gap, by more than the vehicle can move"
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
 
 
@@ -152,7 +155,7 @@ async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() ->
     handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
     assert 0.30 < handed.age_s < 0.33
     assert "motion capture has been silent" in handed.flight.reason
-    assert flight.autopilot.setpoints[-1][0] < handed.time_s, "no setpoint after handing over"
+    assert flight.autopilot.setpoints[-1][0] <= handed.time_s, "no setpoint after handing over"
     assert flight.autopilot.status().mode is FlightMode.LAND
 
 
@@ -172,8 +175,9 @@ async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
 
 
 async def test_a_kill_ends_the_flight() -> None:
-    flight = await fly([*UP, command(400, 0.0, 21196.0), until(Phase.DISARMED)])
-    assert flight.loop.flight.reason == "disarmed in the air"
+    low = [*UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.25)]  # higher, and it hits the floor before
+    flight = await fly([*low, command(400, 0.0, 21196.0), until(Phase.DISARMED)])  # the HEARTBEAT tells of the kill
+    assert flight.loop.flight.reason in {"disarmed in the air", JUMPED}, "the impact looks like a jump"
 
 
 class _Broken(Pid):
@@ -185,24 +189,67 @@ class _Broken(Pid):
         return super().step(memory, now)  # type: ignore[arg-type]
 
 
-async def test_a_law_that_raises_makes_the_autopilot_land() -> None:
-    from companion.control.controller import VehicleModel
-    from companion.control.gains import PidGains
+async def test_a_law_that_raises_makes_the_autopilot_land_with_its_vision() -> None:
+    flight = await fly(
+        [*UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=_Broken(PidGains(), MODEL)
+    )
+    assert flight.loop.flight.reason == "the control law failed: ZeroDivisionError: a mistake in somebody's law"
+    assert flight.autopilot.land_calls == 1
+    drift_m = np.linalg.norm(flight.truths_w_m[-1][:2])
+    assert drift_m < 0.3, "vision went on, so the autopilot knew where it was"
 
-    seen: list[Flight] = []
 
-    def remember(flight: Flight) -> bool:
-        seen.append(flight)
-        return flight.phase is Phase.HOLD
+async def test_the_last_setpoint_before_handing_over_is_level() -> None:
+    mocap = {"silences": [{"start_s": 24.0, "for_s": 100.0}]}
+    flight = await fly([*UP, ask(Fly(LAP, 0.5)), until(Phase.HANDED_OVER), wait(1.0)], mocap=mocap)
+    last = flight.autopilot.setpoints[-1][1]
+    assert up_axis(last.q_w_flu_wxyz)[2] == pytest.approx(1.0, abs=1e-9)
+    assert 0.4 < float(last.thrust) < 0.5, "a little less than hovering takes"
 
-    script = [*UP[:-1], remember]
-    with pytest.raises(ZeroDivisionError, match="a mistake in somebody's law"):
-        await fly(script, controller=_Broken(PidGains(), VehicleModel()))
-    flight = seen[-1]
-    assert flight.phase is Phase.HANDED_OVER
-    assert "ZeroDivisionError" in flight.loop.flight.reason
-    flight.room.bench.run(1.5)
+
+async def test_a_lost_land_command_is_repeated() -> None:
+    mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
+    flight = await fly([*UP, until(Phase.HANDED_OVER), wait(7.0)], mocap=mocap, lost_land_commands=2)
+    assert flight.autopilot.land_calls == 3
+    assert flight.autopilot.status().mode is not FlightMode.OFFBOARD
+
+
+async def test_handing_over_on_request_lands() -> None:
+    flight = await fly([*UP, ask(HandOver("somebody asked")), wait(2.0)])
+    assert flight.autopilot.land_calls == 1
     assert flight.autopilot.status().mode is FlightMode.LAND
+
+
+async def test_a_jump_of_motion_capture_in_the_air_is_not_followed() -> None:
+    jumped: list[bool] = []
+
+    def jump(flight: Flight) -> bool:
+        flight.room.offset_w_m = np.array([0.6, 0.0, 0.0])
+        jumped.append(True)
+        return True
+
+    flight = await fly([*UP, wait(1.0), jump, until(Phase.HANDED_OVER), wait(1.0)])
+    assert "motion capture jumped" in flight.loop.flight.reason
+    assert np.abs(flight.truths_w_m[-1][0]) < 0.2
+
+
+async def test_an_armed_vehicle_is_not_taken_over() -> None:
+    refused: list[bool] = []
+
+    def take_over(flight: Flight) -> bool:
+        flight.loop._enter(replace(flight.loop.flight, phase=Phase.STANDBY))
+        refused.append(not flight.loop.ask(Prepare()))
+        return True
+
+    flight = await fly([*UP, wait(1.0), take_over])
+    assert refused == [True]
+    assert flight.autopilot.status().armed
+
+
+async def test_a_listener_that_raises_does_not_stop_the_flight() -> None:
+    flight = await fly([*UP, wait(1.0), *DOWN], raise_in_sink_at_s=12.0)
+    assert flight.phase is Phase.DISARMED
+    assert flight.loop.flight.reason == ""
 
 
 class _NotANumber(Pid):
@@ -210,15 +257,27 @@ class _NotANumber(Pid):
 
     def step(self, memory: object, now: ControlInput) -> tuple[object, ControlOutput]:  # type: ignore[override]
         after, output = super().step(memory, now)  # type: ignore[arg-type]
-        bad = 0.6 < now.position_w_m[2] < 0.7
+        bad = 0.6 < now.position_w_m[2] < 0.63
         return after, replace(output, accel_w_mps2=output.accel_w_mps2 * np.nan) if bad else output
 
 
-async def test_nan_never_leaves_the_gate() -> None:
-    from companion.control.controller import VehicleModel
-    from companion.control.gains import PidGains
+class _Lost(Pid):
+    """A law whose memory is spoilt for good."""
 
-    flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains(), VehicleModel()))
+    def step(self, memory: object, now: ControlInput) -> tuple[object, ControlOutput]:  # type: ignore[override]
+        after, output = super().step(memory, now)  # type: ignore[arg-type]
+        spoilt = now.position_w_m[2] > 0.6
+        return after, replace(output, accel_w_mps2=output.accel_w_mps2 * np.nan) if spoilt else output
+
+
+async def test_a_law_that_gives_no_number_any_more_is_handed_over() -> None:
+    flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), wait(1.0)], controller=_Lost(PidGains(), MODEL))
+    assert "no finite command" in flight.loop.flight.reason
+    assert flight.autopilot.land_calls == 1
+
+
+async def test_nan_never_leaves_the_gate() -> None:
+    flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains(), MODEL))
     assert any(tick.gated is not None and bool(tick.gated.not_finite) for tick in flight.ticks)
     for _, setpoint in flight.autopilot.setpoints:
         assert np.isfinite(setpoint.q_w_flu_wxyz).all()
