@@ -15,6 +15,8 @@ from companion.types import Array
 NAMES = ("ellipse", "figure8")
 _COLUMNS = ["t_s", "x_m", "y_m", "z_m"]
 _YAW = "yaw_rad"
+MAX_WAYPOINTS = 400
+"""The spline is solved at once, in about a second for so many; a smooth path needs far fewer."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,8 @@ def read_waypoints(path: Path) -> Waypoints:
         raise ConfigError(f"{path}: the first line must be {','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}")
     if len(rows) < 2:
         raise ConfigError(f"{path}: at least two waypoints are needed, there are {len(rows)}")
+    if len(rows) > MAX_WAYPOINTS:
+        raise ConfigError(f"{path}: at most {MAX_WAYPOINTS} waypoints, there are {len(rows)}: thin them out")
     table = np.array([_numbers(row, found, line, path) for line, row in enumerate(rows, start=2)])
     column = {name: table[:, place] for place, name in enumerate(found)}
     _check_times(column["t_s"], path)

@@ -88,3 +88,8 @@ def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
 def test_an_unknown_name_tells_the_known_ones() -> None:
     said = complaint("elipse")
     assert said == "unknown trajectory 'elipse': give ellipse or figure8, or a CSV file of waypoints"
+
+
+def test_too_many_waypoints_are_refused_before_they_cost_minutes(tmp_path: Path) -> None:
+    rows = "".join(f"{n},0,0,1\n" for n in range(401))
+    assert "at most 400 waypoints, there are 401" in complaint(written(tmp_path, "t_s,x_m,y_m,z_m\n" + rows))
