@@ -51,6 +51,9 @@ LOG = logging.getLogger(__name__)
 _LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogLevel.WARN: logging.INFO}
 """One step quieter than MAVSDK thinks: what matters to the operator comes as an exception."""
 
+_KEPT: list[Any] = []
+"""C callbacks that MAVSDK may still call although it has forgotten them; a few bytes a command."""
+
 _POLL_S = 0.02
 _RETRY_S = 0.5
 _WORDS_S = 0.5
@@ -78,7 +81,11 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
                 f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
                 "running and sending MAVLink to this address?"
             )
-        yield Px4(system, config, clock)
+        px4 = Px4(system, config, clock)
+        try:
+            yield px4
+        finally:
+            px4.keep_callbacks()
     finally:
         mavsdk.destroy()
         configuration.destroy()
@@ -121,6 +128,11 @@ class Px4:
         self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, False, math.nan, math.nan, level, "")
         self._texts: list[tuple[float, str]] = []
         self._subscribe()
+
+    def keep_callbacks(self) -> None:
+        """Call before MAVSDK is destroyed: it forgets the callbacks of unanswered commands, but calls them."""
+        for plugin in (self._offboard, self._action):
+            _KEPT.extend(plugin._callbacks)
 
     def status(self) -> AutopilotStatus:
         """The last known state; never waits."""

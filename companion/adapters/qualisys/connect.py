@@ -5,7 +5,6 @@ import socket
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from qtm_rt import QRTConnection
 from qtm_rt.protocol import QRTCommandException
 
 from companion.adapters.qualisys.link import Datagrams, Link
@@ -64,11 +63,11 @@ async def _connect(config: MocapConfig) -> Link:
 
 async def _body_index(link: Link, config: MocapConfig) -> int:
     """Agree on the version and look the body up; its place in the settings is its place in the data."""
-    connection = QRTConnection(link, timeout=config.connect_timeout_s)
     try:
         async with asyncio.timeout(config.connect_timeout_s):
             await link.set_version(PROTOCOL_VERSION)
-            names = body_names(await connection.get_parameters(["6d"]))
+            # not QRTConnection.get_parameters: its wait_for may swallow a cancellation (Python 3.11), and so Ctrl-C
+            names = body_names(await link.send_command("getparameters 6d"))
     except TimeoutError as error:
         raise MocapError(
             f"QTM at {_where(config)} accepts connections but does not answer: is it QTM's little-endian port (22223)?"
