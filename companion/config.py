@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
 from companion.control.attitude import ThrustModel
@@ -106,6 +107,7 @@ class CompanionConfig(Section):
     control: ControlConfig = ControlConfig()
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
+    arms: ArmsConfig | None = None
 
     def vehicle_model(self) -> VehicleModel:
         """What a law may know of the vehicle."""

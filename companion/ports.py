@@ -5,7 +5,7 @@ Adapters implement these; the flight loop and the tests know nothing else of the
 
 from typing import Protocol
 
-from companion.types import Array, AttitudeThrust, AutopilotStatus, MocapFrame
+from companion.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, MocapFrame
 
 
 class CompanionError(Exception):
@@ -22,6 +22,10 @@ class MocapError(CompanionError):
 
 class AutopilotError(CompanionError):
     """The autopilot cannot be reached, or refuses."""
+
+
+class ArmError(CompanionError):
+    """The servo bus cannot be reached, a servo is missing or wrong, or a motion of the arms is refused."""
 
 
 class Clock(Protocol):
@@ -70,3 +74,25 @@ class Autopilot(Protocol):
 
     async def kill(self) -> None:
         """Stop the motors at once, also in the air."""
+
+
+class ArmBus(Protocol):
+    """The servos of both arms. A broken servo shows in `status().faults`; nothing here raises because of one."""
+
+    def status(self) -> ArmStatus:
+        """The last known state; never waits."""
+
+    def move(self, position_rad: Array) -> None:
+        """Take new goals, (8,); never waits, the latest wins. A faulty or limp joint ignores its own."""
+
+    def hold(self) -> None:
+        """Stop every joint where it was last seen; never waits. Torque stays on."""
+
+    async def torque_on(self) -> None:
+        """Hold every joint where it is, without a jump; ArmError naming the joints that refuse."""
+
+    async def torque_off(self) -> None:
+        """Let every joint go limp; ArmError naming the joints that do not answer."""
+
+    async def clear_faults(self) -> None:
+        """Forget latched faults, rebooting what needs it (it loses torque); ArmError naming what is still wrong."""

@@ -96,3 +96,61 @@ class AutopilotStatus:
     """The autopilot's own attitude estimate, already in our frames."""
     last_text: str
     """The newest STATUSTEXT."""
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """What a joint trajectory asks for at one instant; (..., 8), the order of arms.model.JOINT_NAMES."""
+
+    position_rad: Array
+    velocity_radps: Array
+    acceleration_radps2: Array
+
+
+class ArmFaultKind(StrEnum):
+    """What can be wrong with a servo, as far as reactions differ."""
+
+    SILENT = "silent"
+    """It does not answer any more, or its cable is out."""
+    OVERLOAD = "overload"
+    HARDWARE = "hardware"
+    """Overheating, input voltage, encoder, electrical shock: whatever else the servo itself reports."""
+    REBOOTED = "rebooted"
+    """It answers, but has lost its torque without being told to."""
+    BUS = "bus"
+    """The port itself is gone."""
+    STALE = "stale"
+    """The whole bus has not completed a cycle for too long."""
+
+
+@dataclass(frozen=True)
+class ArmFault:
+    """One fault, latched: it stays until the operator clears it."""
+
+    joint: str
+    """Name in arms.model.JOINT_NAMES; "bus" when it is not one joint's."""
+    kind: ArmFaultKind
+    text: str
+    """A sentence that names the joint and the servo's ID, and what to do."""
+
+
+@dataclass(frozen=True)
+class ArmStatus:
+    """What the arms' bus last said; arrays are (8,), NaN where nothing was read yet."""
+
+    read_s: Array
+    """When each joint was last read, on our monotonic clock; -inf before the first time."""
+    position_rad: Array
+    velocity_radps: Array
+    effort: Array
+    """Present current or load as a share of the servo's rated one, signed as the joint."""
+    temperature_c: Array
+    voltage_v: Array
+    torque_on: NDArray[np.bool_]
+    faults: tuple[ArmFault, ...]
+    cycles: int
+    """Bus cycles completed."""
+    cycle_s: float
+    """How long the last one took."""
+    bad_packets: int
+    """Answers that came late, broken or not at all, and were asked for again."""

@@ -1,1 +1,1 @@
-"""Pure: kinematics and trajectories of the two arms."""
+"""The two arms, pure: geometry, what their motion does to the vehicle, joint trajectories, and their state machine."""
