@@ -1,0 +1,130 @@
+"""Two arms as six moving point masses under the vehicle: what their motion does to it. Body frame FRD, plain floats.
+
+Hanging straight down at zero; positive pitch lifts a link forward, positive roll swings a forearm outward. Stepped with
+the physics at 500 Hz, hence written out instead of numpy on small vectors.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+Three = tuple[float, float, float]
+
+GRAVITY_MPS2 = 9.80665
+JOINTS_PER_ARM = 4
+"""Shoulder pitch, elbow pitch, elbow roll, claw; the claw moves no mass worth counting."""
+
+
+@dataclass(frozen=True)
+class ArmBodies:
+    """Lengths, masses and places; links are upper arm, elbow and forearm with claw."""
+
+    link_length_m: Three = (0.15, 0.05, 0.17)
+    """The paper's L_1, L_2, L_3."""
+    link_mass_kg: Three = (0.14, 0.10, 0.16)
+    link_com_m: Three = (0.11, 0.03, 0.09)
+    """Centre of mass from the link's upper end."""
+    shoulder_frd_m: Three = (0.0, 0.13, 0.08)
+    """The right arm's first axis; the left one's has the opposite y."""
+
+
+@dataclass(frozen=True)
+class JointState:
+    """One arm's pitch, pitch and roll: angle (rad), rate (rad/s), acceleration (rad/s^2)."""
+
+    angle: Three
+    rate: Three
+    accel: Three
+
+
+@dataclass(frozen=True)
+class Moving:
+    """Sums over the masses, relative to the body: m r (kg m), m r' (N s), m r'' (N), r x m r'' (N m)."""
+
+    moment: Three
+    momentum: Three
+    force: Three
+    torque: Three
+
+
+@dataclass(frozen=True)
+class _Direction:
+    """A unit vector that turns with the joints, and its first two derivatives."""
+
+    at: Three
+    rate: Three
+    accel: Three
+
+
+NOTHING = Moving((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def arm_motion(bodies: ArmBodies, joints: JointState, outward: float) -> Moving:
+    """One arm's sums; `outward` is +1 for the right arm (FRD y points right) and -1 for the left one."""
+    (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
+    upper, elbow, fore = _directions(joints, outward)
+    x, y, z = bodies.shoulder_frd_m
+    shoulder = (x, outward * y, z)
+    total = NOTHING
+    for mass, (a, b, c) in ((m1, (c1, 0.0, 0.0)), (m2, (l1, c2, 0.0)), (m3, (l1, l2, c3))):
+        place = _plus(shoulder, _mix(a, upper.at, b, elbow.at, c, fore.at))
+        velocity = _mix(a, upper.rate, b, elbow.rate, c, fore.rate)
+        accel = _mix(a, upper.accel, b, elbow.accel, c, fore.accel)
+        total = add(total, Moving(*(_times(mass, v) for v in (place, velocity, accel, cross(place, accel)))))
+    return total
+
+
+def gravity_load_nm(bodies: ArmBodies, angle: Three) -> Three:
+    """Torque (N m) of the links' weight on each joint of an arm, positive in the joint's own sense."""
+    (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
+    a, s, r = angle[0], angle[0] + angle[1], angle[2]
+    below = (m2 * c2 + m3 * l2) * math.sin(s) + m3 * c3 * math.sin(s) * math.cos(r)
+    all_of_it = (m1 * c1 + (m2 + m3) * l1) * math.sin(a) + below
+    roll = m3 * c3 * math.cos(s) * math.sin(r)
+    return -GRAVITY_MPS2 * all_of_it, -GRAVITY_MPS2 * below, -GRAVITY_MPS2 * roll
+
+
+def add(a: Moving, b: Moving) -> Moving:
+    """Both together."""
+    return Moving(
+        _plus(a.moment, b.moment), _plus(a.momentum, b.momentum), _plus(a.force, b.force), _plus(a.torque, b.torque)
+    )
+
+
+def cross(a: Three, b: Three) -> Three:
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direction, _Direction]:
+    """Along the upper arm, the elbow link and the forearm."""
+    (a, b, r), (a1, b1, r1), (a2, b2, r2) = joints.angle, joints.rate, joints.accel
+    upper, elbow = _in_plane(a, a1, a2), _in_plane(a + b, a1 + b1, a2 + b2)
+    c, s = math.cos(r), math.sin(r)
+    c1, s1 = -s * r1, c * r1
+    c2, s2 = -c * r1 * r1 - s * r2, -s * r1 * r1 + c * r2
+    fore = _Direction(
+        _plus(_times(c, elbow.at), (0.0, outward * s, 0.0)),
+        _plus(_mix(c1, elbow.at, c, elbow.rate, 0.0, elbow.at), (0.0, outward * s1, 0.0)),
+        _plus(_mix(c2, elbow.at, 2.0 * c1, elbow.rate, c, elbow.accel), (0.0, outward * s2, 0.0)),
+    )
+    return upper, elbow, fore
+
+
+def _in_plane(angle: float, rate: float, accel: float) -> _Direction:
+    """Down at zero, forward at a quarter turn."""
+    c, s = math.cos(angle), math.sin(angle)
+    turn = rate * rate
+    return _Direction((s, 0.0, c), (c * rate, 0.0, -s * rate), (c * accel - s * turn, 0.0, -s * accel - c * turn))
+
+
+def _plus(a: Three, b: Three) -> Three:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _times(k: float, a: Sequence[float]) -> Three:
+    return k * a[0], k * a[1], k * a[2]
+
+
+def _mix(i: float, a: Three, j: float, b: Three, k: float, c: Three) -> Three:
+    return i * a[0] + j * b[0] + k * c[0], i * a[1] + j * b[1] + k * c[1], i * a[2] + j * b[2] + k * c[2]
