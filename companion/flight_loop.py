@@ -18,7 +18,19 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
 from companion.ports import Autopilot, Clock, CompanionError, MocapSource
 from companion.supervisor import phases
-from companion.supervisor.phases import Action, Facts, Flight, FlightRules, HandOver, Phase, Prepare
+from companion.supervisor.flight import (
+    COMMANDED,
+    IN_THE_AIR,
+    STREAMING,
+    Action,
+    Facts,
+    Flight,
+    FlightRules,
+    HandOver,
+    Phase,
+    Prepare,
+    Request,
+)
 from companion.tick_timer import TickTimer
 from companion.types import Array, AutopilotStatus, Reference, VehicleState
 
@@ -104,7 +116,7 @@ class FlightLoop:
         """What is known of the vehicle's motion."""
         return self._estimate
 
-    def ask(self, wanted: phases.Request) -> bool:
+    def ask(self, wanted: Request) -> bool:
         """Hand in an operator's request; False when it does not fit the phase."""
         status = self._autopilot.status()
         if isinstance(wanted, Prepare) and (status.armed or status.in_air):
@@ -137,7 +149,7 @@ class FlightLoop:
 
     async def close(self) -> None:
         """Leave no vehicle in the air to a stream that goes on by itself: hand over what is still flown."""
-        if self._flight.phase in phases.COMMANDED:
+        if self._flight.phase in COMMANDED:
             self._hand_over("the service was closed")
             await self._attempt(self._autopilot.land())
 
@@ -250,7 +262,7 @@ class FlightLoop:
     def _control(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
         """This cycle's setpoint, through the gate; None in phases that send nothing."""
         flight, vehicle = self._flight, self._estimate.vehicle
-        if vehicle is None or flight.phase not in phases.STREAMING:
+        if vehicle is None or flight.phase not in STREAMING:
             return None, None
         dt_s = min(max(facts.time_s - self._last_tick_s, 0.2 * self._period_s), 5.0 * self._period_s)
         if not flight.airborne:
@@ -282,7 +294,7 @@ class FlightLoop:
         before, self._flight = self._flight, flight
         if flight.phase is not before.phase:
             LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
-        if flight.action is Action.AUTOPILOT_LAND and before.phase in phases.IN_THE_AIR and self._streaming:
+        if flight.action is Action.AUTOPILOT_LAND and before.phase in IN_THE_AIR and self._streaming:
             self._leave_level()
         if flight.phase is Phase.PREFLIGHT and before.phase is not Phase.PREFLIGHT:
             self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad), False
@@ -309,7 +321,7 @@ class FlightLoop:
 
     async def _fail_safe(self, error: BaseException) -> None:
         """Something flight-critical broke: the autopilot lands, and we send nothing more."""
-        if self._flight.phase not in phases.COMMANDED:
+        if self._flight.phase not in COMMANDED:
             return
         reason = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
         self._hand_over(reason)

@@ -16,7 +16,7 @@ from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop, TickSink
 from companion.ports import Autopilot, AutopilotError, CompanionError, MocapError
-from companion.supervisor.phases import Fly, Land, Phase, Prepare, Request, TakeOff
+from companion.supervisor.flight import Fly, Land, Phase, Prepare, Request, TakeOff
 
 LOG = logging.getLogger(__name__)
 

@@ -25,7 +25,7 @@ from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
 from companion.ports import CompanionError, ConfigError
 from companion.service import Service, open_service
-from companion.supervisor.phases import Phase
+from companion.supervisor.flight import Phase
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 

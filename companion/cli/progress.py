@@ -10,7 +10,7 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.flight_loop import Tick
-from companion.supervisor.phases import Phase
+from companion.supervisor.flight import Phase
 from companion.types import Array
 
 _REFRESH_HZ = 4.0

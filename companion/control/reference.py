@@ -177,3 +177,27 @@ class Shifted:
 def with_yaw(reference: Reference, yaw_rad: float) -> Reference:
     """The same motion with another heading."""
     return replace(reference, yaw_rad=yaw_rad)
+
+
+@dataclass(frozen=True)
+class Descent:
+    """Down at a steady rate from rest or from a motion, for ever: the ground ends it."""
+
+    start_w_m: Array
+    velocity_w_mps: Array
+    speed_mps: float
+    yaw_rad: float
+    ease_s: float = 1.5
+    duration_s: float = float("inf")
+
+    def at(self, time_s: float) -> Reference:
+        """Blend from the velocity at the start to straight down, with a minimum-jerk share of the rate."""
+        t = max(time_s, 0.0)
+        x = min(t / self.ease_s, 1.0)
+        share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
+        bend = 30.0 * x * x * (1.0 - x) ** 2 / self.ease_s
+        eased = self.ease_s * x**4 * (2.5 - 3.0 * x + x * x) + max(0.0, t - self.ease_s)
+        down = np.array([0.0, 0.0, -self.speed_mps])
+        position = self.start_w_m + down * eased + self.velocity_w_mps * (t - eased)
+        velocity = down * share + self.velocity_w_mps * (1.0 - share)
+        return Reference(position, velocity, (down - self.velocity_w_mps) * bend, self.yaw_rad)

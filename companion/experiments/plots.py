@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.experiments.summary import Columns, Summary, tracking_error_w_m
-from companion.supervisor.phases import Phase
+from companion.supervisor.flight import Phase
 from companion.types import Array
 
 mpl.use("Agg")  # pictures are files; no display is wanted or needed

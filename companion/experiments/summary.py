@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.supervisor.phases import Phase
+from companion.supervisor.flight import Phase
 from companion.types import Array
 
 Columns = dict[str, NDArray[np.generic]]

@@ -4,162 +4,28 @@ On the ground the law sleeps: it is started at lift-off, so nothing it integrate
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from enum import StrEnum
+from dataclasses import replace
 
 import numpy as np
 
-from companion.control.reference import Hold, MinimumJerk, Trajectory, minimum_jerk_duration_s
-from companion.types import Array, FlightMode, Reference
-
-
-class Phase(StrEnum):
-    """Where in a flight we are."""
-
-    STANDBY = "standby"
-    """Nothing is sent."""
-    PREFLIGHT = "preflight"
-    """Idle setpoints stream, so that PX4 accepts OFFBOARD and then arming."""
-    ARMED = "armed"
-    """Motors idle on the ground."""
-    TAKEOFF = "takeoff"
-    HOLD = "hold"
-    TRACK = "track"
-    LAND = "land"
-    DISARMED = "disarmed"
-    """The flight is over."""
-    HANDED_OVER = "handed over"
-    """The autopilot or its pilot has the vehicle; nothing is sent until the operator begins anew."""
-
-
-IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.LAND})
-COMMANDED = IN_THE_AIR | {Phase.ARMED}
-"""Phases in which the autopilot must be armed and in OFFBOARD."""
-STREAMING = COMMANDED | {Phase.PREFLIGHT}
-"""Phases in which setpoints are sent."""
-
-
-class Action(StrEnum):
-    """What the flight loop has to ask of the autopilot, apart from setpoints."""
-
-    DISARM = "disarm"
-    AUTOPILOT_LAND = "autopilot land"
-
-
-@dataclass(frozen=True)
-class FlightRules:
-    """Numbers of the machine; see config.FlightConfig."""
-
-    hover_thrust: float = 0.5
-    climb_speed_mps: float = 0.5
-    climb_accel_mps2: float = 0.6
-    spool_up_s: float = 1.0
-    descent_speed_mps: float = 0.25
-    mocap_timeout_s: float = 0.3
-    lift_off_m: float = 0.02
-    """Height above the ground that counts as flying."""
-    lift_off_wait_s: float = 1.0
-    """No lift-off within this after the ramp's end ends the attempt."""
-    quick_ramp: float = 0.8
-    """Share of hover thrust that is reached in the spool-up time; from there on the ramp is slow."""
-    slow_ramp_ps: float = 0.15
-    """Share of hover thrust a second: the vehicle should leave the ground gently."""
-    ramp_overshoot: float = 1.25
-    """The ramp goes on beyond hover thrust, which may be misjudged, up to this multiple."""
-    touchdown_m: float = 0.06
-    touchdown_speed_mps: float = 0.06
-    touchdown_s: float = 0.3
-    disarm_again_s: float = 12.0
-    """Ask again when the autopilot is still armed; longer than one attempt takes."""
-    land_again_s: float = 2.0
-    """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
-    turn_radps: float = 1.0
-    """Peak rate at which the heading changes on the way to a trajectory's start."""
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What is known at a tick."""
-
-    time_s: float
-    position_w_m: Array
-    velocity_w_mps: Array
-    yaw_rad: float
-    mocap_age_s: float
-    armed: bool
-    mode: FlightMode
-
-
-@dataclass(frozen=True)
-class Prepare:
-    """Stream idle setpoints, so that OFFBOARD and arming become possible."""
-
-
-@dataclass(frozen=True)
-class TakeOff:
-    """Climb to a height above the ground where the vehicle stands."""
-
-    height_m: float
-
-
-@dataclass(frozen=True)
-class Fly:
-    """Go to a trajectory's start, wait there, fly it, hold its end."""
-
-    trajectory: Trajectory
-    settle_s: float
-
-
-@dataclass(frozen=True)
-class Land:
-    """Come down where the vehicle is."""
-
-
-@dataclass(frozen=True)
-class HandOver:
-    """Let the autopilot land: something flight-critical failed."""
-
-    reason: str
-
-
-Request = Prepare | TakeOff | Fly | Land | HandOver
-
-
-@dataclass(frozen=True)
-class Leg:
-    """One stretch of reference and the phase it is flown in."""
-
-    phase: Phase
-    trajectory: Trajectory
-
-
-@dataclass(frozen=True)
-class Flight:
-    """The machine's state."""
-
-    phase: Phase = Phase.STANDBY
-    since_s: float = 0.0
-    """Begin of the phase."""
-    legs: tuple[Leg, ...] = ()
-    """What is being flown and what follows."""
-    leg_start_s: float = 0.0
-    ground_w_m: Array | None = None
-    """Where the vehicle stood."""
-    yaw_rad: float = 0.0
-    airborne: bool = False
-    """The law flies; False while the thrust ramps up or after touchdown."""
-    still_since_s: float | None = None
-    """Since when a landing looks finished."""
-    touched_down: bool = False
-    disarm_asked_s: float | None = None
-    """When the autopilot was last asked to disarm after touchdown."""
-    land_asked_s: float = 0.0
-    """When the autopilot was last asked to land after handing over."""
-    action: Action | None = None
-    """Set for exactly one tick."""
-    reason: str = ""
-    """Why the flight was ended or handed over."""
-    takeoff_height_m: float = 0.0
+from companion.control.reference import Descent, Hold, MinimumJerk, minimum_jerk_duration_s
+from companion.supervisor.flight import (
+    COMMANDED,
+    STREAMING,
+    Action,
+    Facts,
+    Flight,
+    FlightRules,
+    Fly,
+    HandOver,
+    Land,
+    Leg,
+    Phase,
+    Prepare,
+    Request,
+    TakeOff,
+)
+from companion.types import FlightMode, Reference
 
 
 def reference_at(flight: Flight, time_s: float) -> Reference:
@@ -358,30 +224,6 @@ def _over(flight: Flight, facts: Facts, reason: str) -> Flight:
 
 def _enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Flight:
     return replace(flight, phase=phase, since_s=facts.time_s, **changes)  # type: ignore[arg-type]
-
-
-@dataclass(frozen=True)
-class Descent:
-    """Down at a steady rate from rest or from a motion, for ever: the ground ends it."""
-
-    start_w_m: Array
-    velocity_w_mps: Array
-    speed_mps: float
-    yaw_rad: float
-    ease_s: float = 1.5
-    duration_s: float = float("inf")
-
-    def at(self, time_s: float) -> Reference:
-        """Blend from the velocity at the start to straight down, with a minimum-jerk share of the rate."""
-        t = max(time_s, 0.0)
-        x = min(t / self.ease_s, 1.0)
-        share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
-        bend = 30.0 * x * x * (1.0 - x) ** 2 / self.ease_s
-        eased = self.ease_s * x**4 * (2.5 - 3.0 * x + x * x) + max(0.0, t - self.ease_s)
-        down = np.array([0.0, 0.0, -self.speed_mps])
-        position = self.start_w_m + down * eased + self.velocity_w_mps * (t - eased)
-        velocity = down * share + self.velocity_w_mps * (1.0 - share)
-        return Reference(position, velocity, (down - self.velocity_w_mps) * bend, self.yaw_rad)
 
 
 _STEPS: dict[Phase, Callable[[Flight, Facts, FlightRules], Flight]] = {

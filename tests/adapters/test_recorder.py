@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.adapters.recorder import Recorder
 from companion.flight_loop import Tick
-from companion.supervisor.phases import Flight, Phase
+from companion.supervisor.flight import Flight, Phase
 from companion.types import AutopilotStatus, FlightMode, VehicleState
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

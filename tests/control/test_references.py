@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.control.reference import (
+    Descent,
     Ellipse,
     FigureEight,
     Hold,
@@ -20,7 +21,6 @@ from companion.control.reference import (
     with_yaw,
 )
 from companion.control.waypoints import Waypoints
-from companion.supervisor.phases import Descent
 from companion.types import Array
 
 CENTRE = np.array([0.5, -0.2, 1.2])

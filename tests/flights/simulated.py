@@ -19,7 +19,7 @@ from companion.control.controller import Controller
 from companion.control.frames import flip_quat, flip_yz
 from companion.flight_loop import Devices, FlightLoop, Tick
 from companion.ports import AutopilotError
-from companion.supervisor.phases import Phase
+from companion.supervisor.flight import Phase
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
 from mock_autopilot.qtm_camera import Camera
 from mock_autopilot.qtm_packets import Frame

@@ -12,7 +12,7 @@ from companion.control.frames import up_axis, yaw_of
 from companion.control.gains import PidGains
 from companion.control.pid import Pid
 from companion.control.reference import Ellipse, LapTiming
-from companion.supervisor.phases import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
+from companion.supervisor.flight import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
 from companion.types import Array, FlightMode
 from tests.flights.simulated import Flight, Step, fly
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.control.reference import Ellipse, FigureEight, Trajectory
 from companion.supervisor import phases
-from companion.supervisor.phases import (
+from companion.supervisor.flight import (
     Action,
     Facts,
     Flight,
@@ -23,11 +23,8 @@ from companion.supervisor.phases import (
     Prepare,
     Request,
     TakeOff,
-    advance,
-    can,
-    reference_at,
-    request,
 )
+from companion.supervisor.phases import advance, can, reference_at, request
 from companion.types import FlightMode
 
 RULES = FlightRules()
