@@ -19,6 +19,8 @@ class Phase(StrEnum):
     TAKEOFF = "takeoff"
     HOLD = "hold"
     TRACK = "track"
+    STOW = "stow"
+    """Hovering until the arms are folded for the landing."""
     LAND = "land"
     DISARMED = "disarmed"
     """The flight is over."""
@@ -26,7 +28,7 @@ class Phase(StrEnum):
     """The autopilot or its pilot has the vehicle; nothing is sent until the operator begins anew."""
 
 
-IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.LAND})
+IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.STOW, Phase.LAND})
 COMMANDED = IN_THE_AIR | {Phase.ARMED}
 """Phases in which the autopilot must be armed and in OFFBOARD."""
 STREAMING = COMMANDED | {Phase.PREFLIGHT}
@@ -69,6 +71,10 @@ class FlightRules:
     """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
     turn_radps: float = 1.0
     """Peak rate at which the heading changes on the way to a trajectory's start."""
+    stow_time_s: float = 6.0
+    """Hover at most so long for the arms to be stowed, then land with them as they are."""
+    land_on_arm_fault: bool = True
+    """A servo fault ends the flight; False: the arms hold still and the flight goes on."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,10 @@ class Facts:
     mocap_age_s: float
     armed: bool
     mode: FlightMode
+    arms_stowed: bool = True
+    """Folded for the landing; True for a vehicle without arms."""
+    arm_fault: str = ""
+    """What is wrong with the arms, naming the joint; empty when nothing is."""
 
 
 @dataclass(frozen=True)

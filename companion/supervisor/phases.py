@@ -27,6 +27,9 @@ from companion.supervisor.flight import (
 )
 from companion.types import FlightMode, Reference
 
+_BRAKING = 4.0
+"""A minimum-jerk stop from a speed v within T peaks at 3.9 v/T."""
+
 
 def reference_at(flight: Flight, time_s: float) -> Reference:
     """The reference at a time (s), which may lie beyond the leg being flown."""
@@ -91,6 +94,8 @@ def advance(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
             return replace(over, reason=reason)
     if flight.phase in STREAMING and facts.mocap_age_s > rules.mocap_timeout_s:
         return _blind(flight, facts, rules, f"motion capture has been silent for {facts.mocap_age_s:.2f} s")
+    if facts.arm_fault and rules.land_on_arm_fault and flight.phase in _ENDED_BY_ARM_FAULT:
+        return _arms_failed(flight, facts, rules)
     step = _STEPS.get(flight.phase)
     return step(flight, facts, rules) if step else flight
 
@@ -139,7 +144,7 @@ def _fly(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> Fligh
     start = wanted.trajectory.at(0.0)
     end = wanted.trajectory.at(wanted.trajectory.duration_s)
     distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
-    stop_s = 4.0 * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2  # running out peaks at 3.9 v/T
+    stop_s = _BRAKING * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2
     turn_rad = abs((start.yaw_rad - now.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi)
     least_s = max(1.0, stop_s, 1.875 * float(turn_rad) / rules.turn_radps)
     way = MinimumJerk(
@@ -163,10 +168,43 @@ def _fly(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> Fligh
 def _land(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     if flight.phase is Phase.PREFLIGHT:
         return _over(flight, facts, "")
-    if flight.phase is Phase.LAND or flight.phase not in COMMANDED:
+    if flight.phase in {Phase.STOW, Phase.LAND} or flight.phase not in COMMANDED:
         return flight
     if not flight.airborne:
         return _enter(flight, Phase.LAND, facts, touched_down=True)
+    return _descend(flight, facts, rules) if facts.arms_stowed else _stow(flight, facts, rules)
+
+
+def _stow(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """Come to rest and hover: the arms would touch the floor first."""
+    now = reference_at(flight, facts.time_s)
+    stop_s = max(1.0, _BRAKING * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2)
+    end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
+    stop = MinimumJerk(
+        now.position_w_m, end, stop_s, now.yaw_rad, now.yaw_rad, now.velocity_w_mps, now.acceleration_w_mps2
+    )
+    legs = (Leg(Phase.STOW, stop), Leg(Phase.STOW, Hold(end, now.yaw_rad)))
+    return _enter(replace(flight, legs=legs, leg_start_s=facts.time_s), Phase.STOW, facts)
+
+
+def _stowing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """Wait for the arms; a fault or the time ends the waiting, and the arms' fault is the reason that is told."""
+    late = facts.time_s - flight.since_s > rules.stow_time_s
+    if not (facts.arms_stowed or facts.arm_fault or late):
+        return _next_leg(flight, facts)
+    why = flight.reason or facts.arm_fault or ("" if facts.arms_stowed else "the arms were not stowed in time")
+    return replace(_descend(flight, facts, rules), reason=why)
+
+
+def _arms_failed(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """The arms hold still where they are: land with them so, or do not begin."""
+    if flight.phase is Phase.PREFLIGHT:
+        return _over(flight, facts, facts.arm_fault)
+    landing = _descend(flight, facts, rules) if flight.airborne else _land(flight, facts, rules)
+    return replace(landing, reason=facts.arm_fault)
+
+
+def _descend(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     now = reference_at(flight, facts.time_s)
     down = Descent(now.position_w_m, now.velocity_w_mps, rules.descent_speed_mps, now.yaw_rad)
     legs = (Leg(Phase.LAND, down),)
@@ -226,11 +264,13 @@ def _enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Fli
     return replace(flight, phase=phase, since_s=facts.time_s, **changes)  # type: ignore[arg-type]
 
 
+_ENDED_BY_ARM_FAULT = frozenset({Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK})
 _STEPS: dict[Phase, Callable[[Flight, Facts, FlightRules], Flight]] = {
     Phase.PREFLIGHT: _preflight,
     Phase.TAKEOFF: _takeoff,
     Phase.HOLD: _next_leg,
     Phase.TRACK: _next_leg,
+    Phase.STOW: _stowing,
     Phase.LAND: _landing,
     Phase.HANDED_OVER: _handed_over,
 }

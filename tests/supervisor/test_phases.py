@@ -47,9 +47,12 @@ BY_REQUEST: dict[type, dict[Phase, Phase]] = {
         Phase.TAKEOFF: Phase.LAND,
         Phase.HOLD: Phase.LAND,
         Phase.TRACK: Phase.LAND,
+        Phase.STOW: Phase.STOW,
         Phase.LAND: Phase.LAND,
     },
-    HandOver: dict.fromkeys((Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.LAND), Phase.HANDED_OVER),
+    HandOver: dict.fromkeys(
+        (Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.STOW, Phase.LAND), Phase.HANDED_OVER
+    ),
 }
 """All that a request may change; everything else is ignored."""
 
@@ -58,14 +61,16 @@ BY_FACTS: dict[Phase, set[Phase]] = {
     Phase.PREFLIGHT: {Phase.ARMED, Phase.DISARMED},
     Phase.ARMED: {Phase.LAND, Phase.DISARMED, Phase.HANDED_OVER},
     Phase.TAKEOFF: {Phase.HOLD, Phase.LAND, Phase.DISARMED, Phase.HANDED_OVER},
-    Phase.HOLD: {Phase.TRACK, Phase.DISARMED, Phase.HANDED_OVER},
-    Phase.TRACK: {Phase.HOLD, Phase.DISARMED, Phase.HANDED_OVER},
+    Phase.HOLD: {Phase.TRACK, Phase.LAND, Phase.DISARMED, Phase.HANDED_OVER},
+    Phase.TRACK: {Phase.HOLD, Phase.LAND, Phase.DISARMED, Phase.HANDED_OVER},
+    Phase.STOW: {Phase.LAND, Phase.DISARMED, Phase.HANDED_OVER},
     Phase.LAND: {Phase.DISARMED, Phase.HANDED_OVER},
     Phase.DISARMED: set(),
     Phase.HANDED_OVER: {Phase.DISARMED},
 }
 """All that facts may change in one tick, besides staying."""
 
+BROKEN = "left.elbow_pitch (servo 6): overload"
 REQUESTS: list[Request] = [Prepare(), TakeOff(1.2), Fly(CURVE, 1.0), Land(), HandOver("it broke")]
 
 
@@ -142,6 +147,11 @@ def descending() -> tuple[Flight, float]:
     return request(flight, Land(), on_reference(flight, time_s), RULES), time_s
 
 
+def stowing() -> tuple[Flight, float]:
+    flight, time_s = tracking()
+    return request(flight, Land(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
+
+
 def touched_down() -> tuple[Flight, float]:
     flight, time_s = descending()
     return until(flight, time_s, lambda now: now.touched_down)
@@ -161,13 +171,14 @@ STATES: dict[str, tuple[Flight, float]] = {
     "hovering": hovering(),
     "approaching": approaching(),
     "tracking": tracking(),
+    "stowing": stowing(),
     "descending": descending(),
     "touched down": touched_down(),
     "disarmed": (request(preflight(), Land(), facts(0.2), RULES), 0.3),
     "handed over": given_up(),
 }
 EVERY_STATE = pytest.mark.parametrize("state", STATES)
-IN_THE_AIR = ["climbing", "hovering", "approaching", "tracking", "descending"]
+IN_THE_AIR = ["climbing", "hovering", "approaching", "tracking", "stowing", "descending"]
 COMMANDED = ["armed", "spooling up", *IN_THE_AIR, "touched down"]
 
 
@@ -195,13 +206,14 @@ def test_no_combination_of_facts_raises_or_leads_off_the_table(state: str, mode:
     for is_armed, age_s, height_m, climb_mps, later_s in itertools.product(
         (False, True), (0.01, 0.29, 0.31, float("inf")), (-0.2, 0.0, 0.05, 1.2), (-0.3, 0.0, 0.3), (0.01, 1.0, 100.0)
     ):
-        seen = facts(time_s + later_s, height_m, climb_mps=climb_mps, mocap_age_s=age_s, armed=is_armed, mode=mode)
-        after = advance(flight, seen, RULES)
-        allowed = BY_FACTS[flight.phase] | {flight.phase}
-        assert after.phase in allowed, f"{flight.phase} -> {after.phase} on {seen}"
-        if after.airborne:
-            reference = reference_at(after, seen.time_s)
-            assert np.all(np.isfinite(reference.position_w_m))
+        clear = facts(time_s + later_s, height_m, climb_mps=climb_mps, mocap_age_s=age_s, armed=is_armed, mode=mode)
+        for seen in (clear, replace(clear, arms_stowed=False), replace(clear, arms_stowed=False, arm_fault=BROKEN)):
+            after = advance(flight, seen, RULES)
+            allowed = BY_FACTS[flight.phase] | {flight.phase}
+            assert after.phase in allowed, f"{flight.phase} -> {after.phase} on {seen}"
+            if after.airborne:
+                reference = reference_at(after, seen.time_s)
+                assert np.all(np.isfinite(reference.position_w_m))
 
 
 @EVERY_STATE
@@ -287,6 +299,73 @@ def test_a_hand_over_asks_for_the_autopilots_landing_once() -> None:
     assert flight.action is Action.AUTOPILOT_LAND
     assert flight.reason == "it broke"
     assert advance(flight, facts(time_s + DT_S, 1.0), RULES).action is None
+
+
+# --- the arms ---
+
+
+@pytest.mark.parametrize(
+    ("state", "phase"),
+    [
+        ("standby", Phase.STANDBY),
+        ("preflight", Phase.DISARMED),
+        ("armed", Phase.LAND),
+        ("spooling up", Phase.LAND),
+        ("climbing", Phase.LAND),
+        ("hovering", Phase.LAND),
+        ("approaching", Phase.LAND),
+        ("tracking", Phase.LAND),
+        ("stowing", Phase.LAND),
+        ("descending", Phase.LAND),
+        ("touched down", Phase.LAND),
+        ("disarmed", Phase.DISARMED),
+        ("handed over", Phase.HANDED_OVER),
+    ],
+)
+def test_what_a_servo_fault_does(state: str, phase: Phase) -> None:
+    flight, time_s = STATES[state]
+    broken = replace(facts(time_s + DT_S, 1.0), arms_stowed=False, arm_fault=BROKEN)
+    after = advance(flight, broken, RULES)
+    assert after.phase is phase
+    if after.phase is not flight.phase:
+        assert after.reason == BROKEN
+        assert after.airborne == flight.airborne
+        jump = reference_at(after, broken.time_s).position_w_m if after.airborne else GROUND
+        before = reference_at(flight, broken.time_s).position_w_m if flight.airborne else GROUND
+        assert jump == pytest.approx(before), "the reference goes on from where it was"
+
+
+@pytest.mark.parametrize("state", ["climbing", "hovering", "tracking"])
+def test_a_servo_fault_may_be_told_not_to_end_the_flight(state: str) -> None:
+    flight, time_s = STATES[state]
+    broken = replace(facts(time_s + DT_S, 1.0), arm_fault=BROKEN)
+    after = advance(flight, broken, replace(RULES, land_on_arm_fault=False))
+    assert after.phase is flight.phase
+
+
+def test_landing_waits_at_rest_until_the_arms_are_stowed() -> None:
+    flight, time_s = STATES["stowing"]
+    last = reference_at(STATES["tracking"][0], time_s)
+    assert reference_at(flight, time_s).velocity_w_mps == pytest.approx(last.velocity_w_mps)
+    while time_s < flight.since_s + 4.0:
+        time_s += DT_S
+        flight = advance(flight, replace(on_reference(flight, time_s), arms_stowed=False), RULES)
+    assert flight.phase is Phase.STOW
+    hover = reference_at(flight, time_s)
+    assert hover.velocity_w_mps == pytest.approx(np.zeros(3))
+    landing = advance(flight, replace(on_reference(flight, time_s + DT_S), arms_stowed=True), RULES)
+    assert (landing.phase, landing.reason) == (Phase.LAND, "")
+
+
+def test_arms_that_do_not_stow_are_not_waited_for_for_ever() -> None:
+    flight, time_s = STATES["stowing"]
+    begun_s = flight.since_s
+    while flight.phase is Phase.STOW:
+        time_s += DT_S
+        flight = advance(flight, replace(on_reference(flight, time_s), arms_stowed=False), RULES)
+    assert flight.phase is Phase.LAND
+    assert time_s - begun_s == pytest.approx(RULES.stow_time_s, abs=2 * DT_S)
+    assert flight.reason == "the arms were not stowed in time"
 
 
 # --- on the ground ---
