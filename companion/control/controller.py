@@ -1,7 +1,9 @@
 """What the flight loop asks of a control law, and what it gives it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
 
 from companion.types import Array, Reference
 
@@ -39,6 +41,9 @@ class ControlInput:
     sent_accel_w_mps2: Array
     """u of what was really sent last, after the limits."""
     dt_s: float
+    known_accel_w_mps2: Array = field(default_factory=lambda: np.zeros(3))
+    """The part of Delta that is known beforehand: what the commanded motion of the arms will do to the vehicle when a
+    command sent now begins to act (-F_m/m_t, eq. mod). A law subtracts it from its command."""
 
 
 @dataclass(frozen=True)

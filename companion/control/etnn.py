@@ -72,7 +72,7 @@ class Etnn:
         alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
         y2 = velocity - f.chi - f.iota2
         alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
-        u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g)
+        u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g) - now.known_accel_w_mps2
         trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
         signals = {
             "x1": x1,

@@ -41,6 +41,7 @@ class Pid:
         integral = np.clip(grown, -g.integral_max_n, g.integral_max_n)
         force = -g.kp * error - integral - g.kd * error_rate + self.vehicle.mass_kg * ref.acceleration_w_mps2
         # u = U_c/m_t - g e_3, so the gravity the print leaves out cancels here and comes back with the conversion
+        accel = force / self.vehicle.mass_kg - now.known_accel_w_mps2
         event = np.ones((*error.shape[:-1], 1))
         signals = {"x1": error, "integral_n": integral}
-        return PidMemory(integral), ControlOutput(force / self.vehicle.mass_kg, event, signals)
+        return PidMemory(integral), ControlOutput(accel, event, signals)

@@ -55,6 +55,7 @@ def inputs(lead: tuple[int, ...], cycles: int, seed: int = 7) -> list[ControlInp
                 there,
                 rng.normal(0.0, 1.0, (*lead, 3)),
                 0.01,
+                rng.normal(0.0, 0.3, (*lead, 3)) if lead else np.zeros(3),
             )
         )
     return found
@@ -103,6 +104,15 @@ def test_two_hundred_cycles_of_the_printed_law_are_those_written_out_by_hand() -
     np.testing.assert_allclose(memory.filter.iota2, hand.iota2, rtol=1e-9)
     np.testing.assert_allclose(memory.trigger.kappa[0], hand.kappa, rtol=1e-9)
     assert events > 100, "the state jumps by 10 cm a cycle here: most cycles are events"
+
+
+@pytest.mark.parametrize("law", [Etnn(EtnnGains()), Pid(PidGains(), VehicleModel())], ids=["etnn", "pid"])
+def test_what_the_arms_are_known_to_do_is_taken_off_the_command(law: Controller) -> None:
+    now, pushed_mps2 = inputs((), 1)[0], np.array([0.3, -0.2, 0.1])
+    _, calm = law.step(law.initial(now), now)
+    known = replace(now, known_accel_w_mps2=pushed_mps2)
+    _, countered = law.step(law.initial(known), known)
+    np.testing.assert_allclose(countered.accel_w_mps2, calm.accel_w_mps2 - pushed_mps2, atol=1e-12)
 
 
 def test_the_network_enters_the_compensation_and_not_the_command() -> None:
