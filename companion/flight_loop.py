@@ -95,6 +95,7 @@ class FlightLoop:
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._vision_period_s = 1.0 / config.px4.vision_rate_hz if config.px4.vision_rate_hz > 0.0 else math.inf
         self._vision_due_s = 0.0
+        self._vision_trusted = True
         self._estimate = EstimatorState()
         self._frame_number: int | None = None
         self._flight = Flight()
@@ -125,7 +126,6 @@ class FlightLoop:
         if fits:
             facts = self._facts(self._clock.now_s())
             self._enter(phases.request(self._flight, wanted, facts, self._rules))
-            self._act(self._flight.action)
         return fits
 
     async def run(self) -> None:
@@ -140,7 +140,7 @@ class FlightLoop:
         except asyncio.CancelledError:
             raise
         except BaseException as error:
-            await self._fail_safe(error)
+            await self._abandon(str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}")
             raise
         finally:
             for task in list(self._tasks):
@@ -148,10 +148,8 @@ class FlightLoop:
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     async def close(self) -> None:
-        """Leave no vehicle in the air to a stream that goes on by itself: hand over what is still flown."""
-        if self._flight.phase in COMMANDED:
-            self._hand_over("the service was closed")
-            await self._attempt(self._autopilot.land())
+        """Leave no vehicle in the air to a stream that goes on by itself."""
+        await self._abandon("the service was closed")
 
     async def _next_start(self, timer: TickTimer) -> float | None:
         """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
@@ -181,7 +179,6 @@ class FlightLoop:
         sent_s = self._send(gated)
         late_signals = self._stage.settle()
         self._forward_vision(now_s, frame_received_s)
-        self._act(self._flight.action)
         self._last_tick_s = now_s
         self._tell(
             Tick(
@@ -221,6 +218,7 @@ class FlightLoop:
     def _judge_estimate(self) -> None:
         """A filter that had to begin anew in the air means that motion capture jumped: nothing known before holds."""
         if self._flight.airborne and self._estimate.verdict is Verdict.STARTED:
+            self._vision_trusted = False  # the autopilot, landing on its own, must not follow the jump either
             self._hand_over("motion capture jumped, or came back after a gap, by more than the vehicle can move")
 
     def _control_or_hand_over(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
@@ -283,7 +281,7 @@ class FlightLoop:
     def _forward_vision(self, now_s: float, frame_received_s: float) -> None:
         """Every so often a new pose goes to the autopilot's own estimator, after the setpoint."""
         vehicle = self._estimate.vehicle
-        fresh = math.isfinite(frame_received_s) and self._estimate.verdict in _USED
+        fresh = math.isfinite(frame_received_s) and self._estimate.verdict in _USED and self._vision_trusted
         if vehicle is None or not fresh or now_s < self._vision_due_s - 0.5 * self._period_s:
             return
         self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
@@ -298,12 +296,13 @@ class FlightLoop:
             self._leave_level()
         if flight.phase is Phase.PREFLIGHT and before.phase is not Phase.PREFLIGHT:
             self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad), False
+            self._vision_trusted = True
         if flight.airborne and not before.airborne:
             self._stage.forget()  # what was integrated on the ground would be of the ground
+        if flight.action is not None and flight is not before:
+            self._act(flight.action)
 
-    def _act(self, action: Action | None) -> None:
-        if action is None:
-            return
+    def _act(self, action: Action) -> None:
         call = self._autopilot.disarm() if action is Action.DISARM else self._autopilot.land()
         task = asyncio.get_running_loop().create_task(self._attempt(call), name=f"companion.{action}")
         self._tasks.add(task)
@@ -319,13 +318,12 @@ class FlightLoop:
             self.action_failure = f"{type(error).__name__}: {error}"
             LOG.exception("what the loop asked of the autopilot failed")
 
-    async def _fail_safe(self, error: BaseException) -> None:
-        """Something flight-critical broke: the autopilot lands, and we send nothing more."""
+    async def _abandon(self, reason: str) -> None:
+        """The autopilot lands what is still flown, and we send nothing more; waits until it was told."""
         if self._flight.phase not in COMMANDED:
             return
-        reason = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
         self._hand_over(reason)
-        await self._attempt(self._autopilot.land())
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
 
 def rules_of(config: CompanionConfig) -> FlightRules:

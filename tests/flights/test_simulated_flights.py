@@ -229,7 +229,9 @@ async def test_a_jump_of_motion_capture_in_the_air_is_not_followed() -> None:
         return True
 
     flight = await fly([*UP, wait(1.0), jump, until(Phase.HANDED_OVER), wait(1.0)])
-    assert "motion capture jumped" in flight.loop.flight.reason
+    assert flight.loop.flight.reason == JUMPED
+    assert flight.autopilot.land_calls == 1, "told at once, and once"
+    assert flight.autopilot.status().mode is FlightMode.LAND
     assert np.abs(flight.truths_w_m[-1][0]) < 0.2
 
 
