@@ -1,0 +1,152 @@
+"""What moving arms do to the simulated vehicle, against differences of momentum and what a scale would show."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mock_autopilot import plant
+from mock_autopilot.arm_bodies import ArmBodies, JointState, Moving, Three, arm_motion, gravity_load_nm
+from mock_autopilot.arms import JOINT_COUNT, Arms, Assembly
+from mock_autopilot.plant import GRAVITY_MPS2, PlantState
+
+BODIES = ArmBodies()
+MASS_KG = 4.85
+STEP_S = 0.002
+ANGLES = st.tuples(st.floats(-1.5, 1.5), st.floats(-0.2, 2.6), st.floats(-0.6, 1.2))
+RATES = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
+ACCELS = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
+OUTWARD = st.sampled_from([1.0, -1.0])
+STILL: Three = (0.0, 0.0, 0.0)
+
+
+def later(state: JointState, by_s: float) -> JointState:
+    """The joints on a parabola through `state`."""
+    angle = [a + r * by_s + 0.5 * c * by_s**2 for a, r, c in zip(state.angle, state.rate, state.accel, strict=True)]
+    rate = [r + c * by_s for r, c in zip(state.rate, state.accel, strict=True)]
+    return JointState((angle[0], angle[1], angle[2]), (rate[0], rate[1], rate[2]), state.accel)
+
+
+def difference(before: Three, after: Three, by_s: float) -> np.ndarray:
+    return np.asarray((np.array(after) - np.array(before)) / by_s)
+
+
+@given(ANGLES, RATES, ACCELS, OUTWARD)
+def test_momentum_and_force_are_the_derivatives_of_the_moment(a: Three, r: Three, c: Three, outward: float) -> None:
+    now, h = JointState(a, r, c), 1e-5
+    before, at, after = (arm_motion(BODIES, later(now, by), outward) for by in (-h, 0.0, h))
+    assert difference(before.moment, after.moment, 2 * h) == pytest.approx(np.array(at.momentum), abs=1e-7)
+    assert difference(before.momentum, after.momentum, 2 * h) == pytest.approx(np.array(at.force), abs=1e-6)
+
+
+@given(ANGLES, OUTWARD)
+def test_the_weight_on_a_joint_is_the_slope_of_the_potential_energy(a: Three, outward: float) -> None:
+    def energy_j(angle: Three) -> float:
+        return -GRAVITY_MPS2 * arm_motion(BODIES, JointState(angle, STILL, STILL), outward).moment[2]  # z is down
+
+    h = 1e-6
+    for joint, load in enumerate(gravity_load_nm(BODIES, a)):
+        up, down = (tuple(x + sign * h * (k == joint) for k, x in enumerate(a)) for sign in (1, -1))
+        assert load == pytest.approx(-(energy_j(up) - energy_j(down)) / (2 * h), abs=1e-7)  # type: ignore[arg-type]
+
+
+def test_hanging_arms_are_where_the_drawing_has_them() -> None:
+    hanging = arm_motion(BODIES, JointState(STILL, STILL, STILL), 1.0)
+    depths = 0.14 * (0.08 + 0.11) + 0.10 * (0.08 + 0.15 + 0.03) + 0.16 * (0.08 + 0.15 + 0.05 + 0.09)
+    assert hanging.moment == pytest.approx((0.0, 0.40 * 0.13, depths))
+
+
+def test_a_raised_pitch_leads_forward_and_a_raised_roll_outward() -> None:
+    def moment(angle: Three, outward: float) -> Three:
+        return arm_motion(BODIES, JointState(angle, STILL, STILL), outward).moment
+
+    assert moment((0.5, 0.0, 0.0), 1.0)[0] > 0.0
+    assert moment((0.0, 0.5, 0.0), -1.0)[0] > 0.0
+    assert moment((0.0, 0.0, 0.5), 1.0)[1] > moment(STILL, 1.0)[1]
+    assert moment((0.0, 0.0, 0.5), -1.0)[1] < moment(STILL, -1.0)[1]
+
+
+class Scripted:
+    """Servos that move as a function of time says."""
+
+    def __init__(self, motion: JointState) -> None:
+        self._start, self._now_s = motion, 0.0
+        self.loads: tuple[float, ...] = ()
+
+    def step(self, dt_s: float, load_nm: tuple[float, ...]) -> None:
+        self._now_s += dt_s
+        self.loads = load_nm
+
+    def motion(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        now = later(self._start, self._now_s)
+        angle = (*(math.pi + a for a in now.angle), math.radians(150.0))
+        return angle * 2, (*now.rate, 0.0) * 2, (*now.accel, 0.0) * 2
+
+
+def arms_on(motion: JointState, trim_time_s: float = 0.75) -> Arms:
+    return Arms(Assembly(), Scripted(motion), MASS_KG, (trim_time_s,) * 3)
+
+
+def hovering(yaw_rad: float = 0.0) -> PlantState:
+    state = plant.at_rest(np.array([0.0, 0.0, -1.0]), yaw_rad)
+    return replace(state, thrust_n=np.asarray(MASS_KG * GRAVITY_MPS2), on_ground=np.zeros((), dtype=bool))
+
+
+def test_both_arms_together_push_straight_back_and_down() -> None:
+    wrench = arms_on(JointState((0.0, 0.3, 0.0), STILL, (10.0, 0.0, 0.0))).step(hovering(), STEP_S)
+    assert wrench.force_ned_n[0] < -0.1, "arms thrown forward throw the vehicle back"
+    assert wrench.force_ned_n[1] == pytest.approx(0.0, abs=1e-12), "the two arms are mirror images"
+    turned = arms_on(JointState((0.0, 0.3, 0.0), STILL, (10.0, 0.0, 0.0))).step(hovering(math.pi / 2), STEP_S)
+    assert turned.force_ned_n[1] == pytest.approx(wrench.force_ned_n[0]), "the force turns with the vehicle"
+
+
+def test_what_arms_give_the_vehicle_over_a_whole_swing_is_nothing() -> None:
+    """Momentum out and back: the impulses of a motion from rest to rest add up to zero."""
+    forth, back = JointState((0.0, 0.3, 0.1), STILL, (8.0, -5.0, 3.0)), 0.1
+    arms = arms_on(forth)
+    impulse = sum(arms.step(hovering(), STEP_S).force_ned_n[0] * STEP_S for _ in range(round(back / STEP_S)))
+    end = later(forth, back)
+    stopping = arms_on(replace(end, accel=(-8.0, 5.0, -3.0)))
+    impulse += sum(stopping.step(hovering(), STEP_S).force_ned_n[0] * STEP_S for _ in range(round(back / STEP_S)))
+    assert impulse == pytest.approx(0.0, abs=2e-3)
+
+
+def test_arms_held_forward_tip_the_nose_down_until_the_autopilot_has_trimmed_it() -> None:
+    arms = arms_on(JointState((0.6, 0.8, 0.0), STILL, STILL), trim_time_s=0.5)
+    pushes = [arms.step(hovering(), STEP_S).angular_frd_radps2 for _ in range(1500)]
+    moment: Moving = arm_motion(BODIES, JointState((0.6, 0.8, 0.0), STILL, STILL), 1.0)
+    expected = -2.0 * moment.moment[0] * GRAVITY_MPS2 / 0.06
+    assert pushes[0] == pytest.approx(np.array([0.0, expected, 0.0])), "nose down: negative about FRD y"
+    assert pushes[249][1] == pytest.approx(expected * math.exp(-1.0), rel=0.01)
+    assert abs(pushes[-1][1]) < 0.01 * abs(expected)
+
+
+def test_on_the_ground_the_floor_takes_every_torque() -> None:
+    standing = plant.at_rest(np.zeros(3))
+    wrench = arms_on(JointState((0.6, 0.8, 0.0), STILL, STILL)).step(standing, STEP_S)
+    assert not wrench.angular_frd_radps2.any()
+
+
+def test_a_turning_vehicle_feels_the_arms_it_swings_round() -> None:
+    """Still arms on a vehicle that turns steadily: the force that keeps their centre of mass on its circle."""
+    arms = arms_on(JointState((0.6, 0.8, 0.0), STILL, STILL))
+    spinning = replace(hovering(), rate_frd_radps=np.array([0.0, 0.0, 2.0]))
+    arms.step(spinning, STEP_S)
+    force = arms.step(spinning, STEP_S).force_ned_n
+    offset = 2.0 * arm_motion(BODIES, JointState((0.6, 0.8, 0.0), STILL, STILL), 1.0).moment[0]
+    assert force == pytest.approx(np.array([4.0 * offset, 0.0, 0.0])), "outward, towards the arms"
+
+
+def test_servos_feel_the_weight_in_their_own_sense() -> None:
+    servos = Scripted(JointState((0.6, 0.8, 0.2), STILL, STILL))
+    flipped = Assembly(direction=(1, -1, 1, 1, 1, 1, 1, 1), zero_rad=((math.pi,) * 3 + (math.radians(150.0),)) * 2)
+    Arms(flipped, servos, MASS_KG, (0.75,) * 3).step(hovering(), STEP_S)
+    assert len(servos.loads) == JOINT_COUNT
+    assert servos.loads[0] < 0.0, "lifted arms want down again"
+    assert servos.loads[3] == servos.loads[7] == 0.0
+    angle = servos.motion()[0]
+    bent = gravity_load_nm(BODIES, (angle[0] - math.pi, math.pi - angle[1], angle[2] - math.pi))
+    assert servos.loads[1] == pytest.approx(-bent[1], rel=1e-3)
