@@ -1,0 +1,172 @@
+"""Motor, gear and position loop of one servo; pure, plain floats, stepped with the physics at 500 Hz.
+
+A DC motor behind a gear: at PWM share u and speed w it makes the torque stall * (u - w / no_load), as the "Performance
+Graph" of the e-manual shows it. Stall torque and no-load speed are the e-manual's at 12 V and follow the supply. The
+position loop is the manual's: PWM in proportion to the distance from the profile's position (XM: Position P Gain / 128
+in PWM units of 1/885 for every position unit; AX: compliance slope and margin). D, I and feed-forward gains are left
+out.
+"""
+
+import math
+from dataclasses import dataclass
+
+RATED_V = 12.0
+
+
+@dataclass(frozen=True)
+class MotorSpec:
+    """What a motor with its gear can do; torques at the horn."""
+
+    stall_nm: float
+    """At RATED_V."""
+    no_load_radps: float
+    """At RATED_V."""
+    stall_a: float
+    inertia_kgm2: float
+    """Of rotor and gear seen at the horn, with a small link on it; not in the manuals."""
+    friction_nm: float
+    """While driven."""
+    limp_friction_nm: float
+    """Without torque: a geared servo is hard to turn by hand."""
+    limp_damping_nms: float
+    """Without torque, per rad/s: under more load than the friction holds it sags slowly."""
+    warming_c_per_w: float
+    warming_s: float
+    """Time constant of warming and cooling."""
+
+
+XM430_W350 = MotorSpec(4.1, 46 * math.pi / 30, 2.3, 0.017, 0.05, 0.35, 2.0, 9.0, 300.0)
+XM430_W210 = MotorSpec(3.0, 77 * math.pi / 30, 2.3, 0.008, 0.04, 0.22, 1.0, 9.0, 300.0)
+AX_12A = MotorSpec(1.5, 59 * math.pi / 30, 1.5, 0.005, 0.03, 0.20, 0.8, 12.0, 200.0)
+
+
+class Motor:
+    """State and settings of one motor. `angle_rad`, `rate_radps` and `accel_radps2` are the true motion of the horn."""
+
+    __slots__ = (
+        "_goal_rad", "_moving_profile", "_no_load_radps", "_profile_rad", "_profile_radps", "_stall_nm", "_voltage_v",
+        "accel_radps2", "angle_rad", "current_limit_nm", "gain_per_rad", "heat_nm2s", "margin_rad", "powered",
+        "profile_accel_radps2", "profile_limit_radps", "pwm_limit", "pwm_share", "rate_radps", "spec", "torque_nm",
+    )  # fmt: skip
+
+    def __init__(self, spec: MotorSpec, angle_rad: float, voltage_v: float = RATED_V) -> None:
+        self.spec = spec
+        self.angle_rad, self.rate_radps, self.accel_radps2 = angle_rad, 0.0, 0.0
+        self.torque_nm = 0.0
+        """What the motor itself makes."""
+        self.pwm_share = 0.0
+        """Output of the position loop, -1 to 1."""
+        self.heat_nm2s = 0.0
+        """Integral of the squared torque, for whoever works out the temperature."""
+        self.powered = False
+        self.gain_per_rad = 1.0
+        """Share of the full PWM for every radian of distance."""
+        self.margin_rad = 0.0
+        """No PWM inside this distance."""
+        self.pwm_limit = 1.0
+        self.current_limit_nm = math.inf
+        """Torque that the current limit allows."""
+        self.profile_limit_radps = math.inf
+        self.profile_accel_radps2 = math.inf
+        self._goal_rad = self._profile_rad = angle_rad
+        self._profile_radps = 0.0
+        self._moving_profile = False
+        self._voltage_v = 0.0
+        self.supply(voltage_v)
+
+    def supply(self, voltage_v: float) -> None:
+        """Set the voltage: torque and speed follow it."""
+        if voltage_v != self._voltage_v:
+            self._voltage_v = voltage_v
+            share = max(voltage_v, 0.1) / RATED_V
+            self._stall_nm = self.spec.stall_nm * share
+            self._no_load_radps = self.spec.no_load_radps * share
+
+    @property
+    def goal_rad(self) -> float:
+        """Where it is to go."""
+        return self._goal_rad
+
+    @property
+    def profile(self) -> tuple[float, float]:
+        """The trajectory's present angle (rad) and rate (rad/s)."""
+        return self._profile_rad, self._profile_radps
+
+    @property
+    def profile_ongoing(self) -> bool:
+        """Whether the trajectory has not yet reached the goal."""
+        return self._moving_profile
+
+    @property
+    def full_torque_nm(self) -> float:
+        """Stall torque at the present voltage."""
+        return self._stall_nm
+
+    @property
+    def strength_nm(self) -> float:
+        """The most torque it can make now, at standstill."""
+        return min(self._stall_nm * self.pwm_limit, self.current_limit_nm)
+
+    def go_to(self, goal_rad: float) -> None:
+        """Take a new goal; the profile goes on from where it is."""
+        self._goal_rad = goal_rad
+        if self.profile_limit_radps == math.inf:
+            self._profile_rad, self._profile_radps, self._moving_profile = goal_rad, 0.0, False
+        else:
+            self._moving_profile = True
+
+    def power(self, on: bool) -> None:
+        """Switch the torque; a profile starts from where the horn is."""
+        if on and not self.powered:
+            self._profile_rad, self._profile_radps = self.angle_rad, 0.0
+            self.powered = True
+            self.go_to(self._goal_rad)
+        self.powered = on
+
+    def step(self, dt_s: float, load_nm: float) -> None:
+        """Let `dt_s` pass under a load (positive towards greater angles)."""
+        spec, rate = self.spec, self.rate_radps
+        if self.powered:
+            if self._moving_profile:
+                self._advance_profile(dt_s)
+            torque, friction = self._drive(rate), spec.friction_nm
+        else:
+            torque, friction, self.pwm_share = 0.0, spec.limp_friction_nm, 0.0
+            load_nm -= spec.limp_damping_nms * rate
+        per_nm = dt_s / spec.inertia_kgm2
+        free, held = rate + per_nm * (torque + load_nm), per_nm * friction
+        # Friction can stop the horn within the step, but not turn it round: it sticks.
+        after = free - held if free > held else free + held if free < -held else 0.0
+        self.torque_nm = torque
+        self.heat_nm2s += torque * torque * dt_s
+        self.accel_radps2 = (after - rate) / dt_s
+        self.rate_radps = after
+        self.angle_rad += after * dt_s
+
+    def _drive(self, rate: float) -> float:
+        distance = self._profile_rad - self.angle_rad
+        margin = self.margin_rad
+        if margin:
+            distance = distance - margin if distance > margin else distance + margin if distance < -margin else 0.0
+        share, limit = distance * self.gain_per_rad, self.pwm_limit
+        share = limit if share > limit else -limit if share < -limit else share
+        self.pwm_share = share
+        torque, limit = self._stall_nm * (share - rate / self._no_load_radps), self.current_limit_nm
+        return limit if torque > limit else -limit if torque < -limit else torque
+
+    def _advance_profile(self, dt_s: float) -> None:
+        """Trapezoid: as fast as allowed, and as fast as still lets it stop at the goal."""
+        distance = self._goal_rad - self._profile_rad
+        limit, accel = self.profile_limit_radps, self.profile_accel_radps2
+        if accel == math.inf:
+            wanted = math.copysign(min(limit, abs(distance) / dt_s), distance)
+        else:
+            change = accel * dt_s
+            # Speed from which whole steps of this deceleration end at the goal.
+            stopping = math.sqrt(change * change / 4 + 2 * accel * abs(distance)) - change / 2
+            wanted = math.copysign(min(limit, stopping, abs(distance) / dt_s), distance)
+            wanted = min(max(wanted, self._profile_radps - change), self._profile_radps + change)
+        self._profile_radps = wanted
+        self._profile_rad += wanted * dt_s
+        if abs(self._goal_rad - self._profile_rad) < 1e-9 and abs(wanted) <= max(accel, 1.0) * dt_s:
+            self._profile_rad, self._profile_radps, self._moving_profile = self._goal_rad, 0.0, False

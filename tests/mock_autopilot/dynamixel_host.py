@@ -1,0 +1,56 @@
+"""The host's end in the tests of the servo bus: the real SDK, one worker thread, on a bus in this process."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import dynamixel_sdk as dxl
+
+from mock_autopilot.dynamixel_alone import BusAlone
+from mock_autopilot.dynamixel_config import DynamixelConfig
+
+Result = TypeVar("Result")
+
+OK, NO_ANSWER, BROKEN = dxl.COMM_SUCCESS, dxl.COMM_RX_TIMEOUT, dxl.COMM_RX_CORRUPT
+
+
+@dataclass(frozen=True)
+class Host:
+    """An open port and the packet handlers of both protocols."""
+
+    port: Any
+    one: Any
+    two: Any
+
+
+@contextmanager
+def opened(path: str, baud: int = 1_000_000) -> Iterator[Host]:
+    """The SDK on that port."""
+    port = dxl.PortHandler(path)
+    port.setBaudRate(baud)
+    # The SDK waits by reading over and over without a pause, and so keeps the interpreter, and with it the bus in the
+    # other thread, from running; with a little patience in the reads it sleeps instead.
+    port.ser.timeout = 0.002
+    try:
+        yield Host(port, dxl.PacketHandler(1.0), dxl.PacketHandler(2.0))
+    finally:
+        port.closePort()
+
+
+@asynccontextmanager
+async def powered(config: DynamixelConfig | None = None) -> AsyncIterator[BusAlone]:
+    """A bus whose servos live by the wall clock."""
+    async with BusAlone(config) as bus:
+        yield bus
+
+
+async def talk(bus: BusAlone, what: Callable[[Host], Result], baud: int = 1_000_000) -> Result:
+    """Let the SDK do something in a worker thread, while the bus goes on here."""
+
+    def work() -> Result:
+        with opened(bus.path, baud) as host:
+            return what(host)
+
+    return await asyncio.to_thread(work)
