@@ -8,6 +8,9 @@ from companion.arms.model import JOINT_NAMES, KINDS, ArmModel, JointLimit, Link,
 from companion.config_files import Section
 
 MODELS = ("AX-12A", "XM430-W350", "XM430-W210")
+BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""An XM's, https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#baud-rate; an AX has the first four of them."""
+AX_FASTEST_BAUD = 1_000_000
 
 
 class ServoConfig(Section):
@@ -146,6 +149,15 @@ class ArmsConfig(Section):
                 raise ValueError(f"{owner[servo.id]} and {name} both have ID {servo.id}")
             owner[servo.id] = name
         return value
+
+    @model_validator(mode="after")
+    def _baud_of_all(self) -> "ArmsConfig":
+        ax = any(servo.model.startswith("AX") for servo in self.servos.values())
+        known = [baud for baud in BAUDS if not ax or baud <= AX_FASTEST_BAUD]
+        if self.baud not in known:
+            choice = ", ".join(map(str, known))
+            raise ValueError(f"baud = {self.baud} is none that all these servos have; there are {choice}")
+        return self
 
     @field_validator("limits")
     @classmethod

@@ -1,0 +1,96 @@
+"""The arms' bus as the flight code sees it: nothing here blocks."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+
+from companion.adapters.dynamixel.torque import Steps
+from companion.adapters.dynamixel.worker import Goals, Worker
+from companion.arms.model import JOINT_COUNT
+from companion.config_arms import ArmsConfig
+from companion.ports import ArmError, Clock
+from companion.types import ArmStatus, Array
+
+TORQUE_TIMEOUT_S = 3.0
+CLEAR_TIMEOUT_S = 20.0
+"""Eight servos that have to reboot one after the other."""
+
+
+@asynccontextmanager
+async def open_dynamixel(config: ArmsConfig, clock: Clock) -> AsyncIterator["DynamixelBus"]:
+    """Open the port, look at every servo, start cycling, and yield the bus.
+
+    Raises one ArmError that names all that is missing or wrong. Nothing is changed in the servos by connecting. On
+    leaving, the port is closed and the torque stays as it is, on or off: arms that go limp in the air are a danger,
+    so whoever wants that says `torque_off`.
+    """
+    worker = Worker(config, clock)
+    worker.start()
+    try:
+        await worker.connected
+        yield DynamixelBus(worker)
+    finally:
+        await worker.close()
+
+
+class DynamixelBus:
+    """`ports.ArmBus` over dynamixel-sdk; made by `open_dynamixel`."""
+
+    def __init__(self, worker: Worker) -> None:
+        self._worker = worker
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences about what works but should be better: the adapter's latency timer."""
+        return self._worker.warnings
+
+    def status(self) -> ArmStatus:
+        """The last known state; never waits."""
+        return self._worker.status
+
+    def move(self, position_rad: Array) -> None:
+        """Take new goals, (8,); never waits, the latest wins.
+
+        A faulty or limp joint ignores its own, NaN leaves a joint where it is going. Goals are kept inside the joint
+        limits and approached no faster than the joint may move. ValueError for another shape.
+        """
+        if position_rad.shape != (JOINT_COUNT,):
+            raise ValueError(f"goals must have the shape ({JOINT_COUNT},), not {position_rad.shape}")
+        self._worker.goals = Goals(tuple(position_rad.tolist()))
+
+    def hold(self) -> None:
+        """Stop every joint where it can come to rest from where it was last seen; never waits. Torque stays on.
+
+        Said again while holding it changes nothing, so that a loaded joint does not creep.
+        """
+        goals = self._worker.goals
+        if goals is None or goals.position_rad is not None:
+            self._worker.goals = Goals()
+
+    async def torque_on(self) -> None:
+        """Hold every joint where it is, without a jump; ArmError naming the joints that refuse.
+
+        While any fault is latched, none is switched on. Goals given before do not count.
+        """
+        await self._done("torque on", Worker.switch_on, TORQUE_TIMEOUT_S)
+
+    async def torque_off(self) -> None:
+        """Let every joint go limp; ArmError naming the joints that do not answer."""
+        await self._done("torque off", Worker.switch_off, TORQUE_TIMEOUT_S)
+
+    async def clear_faults(self) -> None:
+        """Forget latched faults, rebooting XMs with a hardware error and opening a lost port anew.
+
+        What was at fault has no torque afterwards, until `torque_on`. ArmError naming what is still wrong.
+        """
+        await self._done("clear faults", Worker.clear, CLEAR_TIMEOUT_S)
+
+    async def _done(self, what: str, begin: Callable[[Worker], Steps], timeout_s: float) -> None:
+        command = self._worker.submit(begin)
+        try:
+            async with asyncio.timeout(timeout_s):
+                await command.done
+        except TimeoutError as error:
+            raise ArmError(f"the arms' bus did not finish '{what}' within {timeout_s:g} s") from error
+        finally:
+            command.abandoned = True

@@ -1,0 +1,178 @@
+"""One bus cycle: goals to all servos at once, then the state of all, so that a missing one costs the others little.
+
+XMs are read together by Fast Sync Read. Any servo that is missing spoils that for all, so one that does not answer
+leaves the group and is asked by itself: every cycle until it counts as silent, then now and then.
+"""
+
+import logging
+from collections.abc import Callable, Iterable
+from enum import Enum
+
+from companion.adapters.dynamixel.faults import FaultLog
+from companion.adapters.dynamixel.joint import LIMITER_HEADROOM, Joint
+from companion.adapters.dynamixel.limiter import next_goal
+from companion.adapters.dynamixel.registers import ALERT, Xm
+from companion.adapters.dynamixel.wire import Answer, Wire
+from companion.config_arms import ArmsConfig
+from companion.ports import Clock
+from companion.types import ArmFaultKind
+
+LOG = logging.getLogger(__name__)
+
+RETRY_S = 0.5
+"""How often a silent servo is asked again."""
+_ASKED = 2
+"""So many times by itself before a servo is called silent: a worker that was asleep has not asked."""
+_DOUBTS = 10
+"""Group reads that failed although every servo answered alone, until the next simpler way is taken."""
+_LONGEST_STEP_S = 0.05
+"""A worker that was held up does not make up for it in one step."""
+
+
+class Way(Enum):
+    """How XMs are read together; not every firmware knows the fast one."""
+
+    FAST = "Fast Sync Read"
+    SYNC = "Sync Read"
+    SINGLE = "single reads"
+
+
+class Chain:
+    """All servos on one bus; for one thread."""
+
+    def __init__(
+        self, joints: tuple[Joint, ...], wire: Wire, faults: FaultLog, config: ArmsConfig, clock: Clock
+    ) -> None:
+        self.joints, self.wire, self.faults = joints, wire, faults
+        self._config, self._clock = config, clock
+        self._xm = [joint for joint in joints if joint.protocol == 2]
+        self._ax = [joint for joint in joints if joint.protocol == 1]
+        self._way, self._doubts = Way.FAST, 0
+        self._turns: dict[str, int] = {}
+        self._alerted: list[Joint] = []
+        self._goals_s = clock.now_s()
+
+    def cycle(self, begun_s: float) -> None:
+        """Goals out, state in; no more than one unanswered question, but for the cycle in which servos fall silent."""
+        self.send_goals(begun_s)
+        self._read_group()
+        self._read_one_ax()
+        self._read_one_health()
+        self._try_one_missing()
+
+    def send_goals(self, now_s: float) -> None:
+        """One sync write a protocol, to every joint that is driven and sound."""
+        dt_s, self._goals_s = min(now_s - self._goals_s, _LONGEST_STEP_S), now_s
+        for protocol, joints in ((2, self._xm), (1, self._ax)):
+            counts = {joint.servo_id: _advanced(joint, dt_s) for joint in joints if joint.driven and not joint.faults}
+            if counts:
+                self.wire.sync_write(protocol, joints[0].scale.model.goal, counts)
+
+    def read_joint(self, joint: Joint) -> bool:
+        """One servo's state by itself; whether it answered."""
+        answer = self.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
+        if answer is None:
+            return False
+        self._take(joint, answer)
+        return True
+
+    def read_health(self, joint: Joint) -> bool:
+        """One servo's torque and errors, judged; whether it answered."""
+        if joint.protocol == 1:
+            return self.read_joint(joint)
+        answer = self.wire.read(2, joint.servo_id, Xm.HEALTH)
+        if answer is None:
+            return False
+        self.faults.judge(joint, joint.health_of(answer.data, answer.error))
+        return True
+
+    def insist(self, question: Callable[[], bool], times: int = 3) -> bool:
+        """Ask until it is answered, a few times; `wire` counts those that were not."""
+        return any(question() for _ in range(times))
+
+    def first_look(self, joint: Joint) -> bool:
+        """State and health of a servo that was not heard before, or not for long; whether it answered."""
+        return self.insist(lambda: self.read_joint(joint)) and self.insist(lambda: self.read_health(joint))
+
+    def _take(self, joint: Joint, answer: Answer) -> None:
+        joint.hear(answer.data, self._clock.now_s())
+        if joint.protocol == 1:
+            self.faults.judge(joint, joint.health_of(answer.data, answer.error))
+        elif answer.error & ALERT and joint not in self._alerted:
+            self._alerted.append(joint)
+
+    def _read_group(self) -> None:
+        """All XMs that are thought to be there; when that fails, each by itself."""
+        group = [joint for joint in self._xm if joint.in_group and not joint.paused]
+        answers = self._ask_group([joint.servo_id for joint in group]) if group else {}
+        for joint in group:
+            if joint.servo_id in answers:
+                self._take(joint, answers[joint.servo_id])
+        left = [joint for joint in group if joint.servo_id not in answers]
+        sound = sum([self._ask_alone(joint) for joint in left])
+        self._doubt(failed=bool(left), all_sound=sound == len(left))
+
+    def _ask_group(self, servo_ids: list[int]) -> dict[int, Answer]:
+        if self._way is Way.FAST:
+            return self.wire.fast_sync_read(servo_ids, Xm.STATE)
+        return self.wire.sync_read(servo_ids, Xm.STATE) if self._way is Way.SYNC else {}
+
+    def _doubt(self, failed: bool, all_sound: bool) -> None:
+        """A group read that fails with nobody missing is one that the firmware does not know."""
+        if not failed:
+            self._doubts = 0
+        if not failed or not all_sound or self._way is Way.SINGLE:
+            return
+        self._doubts += 1
+        if self._doubts >= _DOUBTS:
+            self._way, self._doubts = (Way.SYNC if self._way is Way.FAST else Way.SINGLE), 0
+            LOG.warning("arms: the servos do not answer together; from now on %s", self._way.value)
+
+    def _ask_alone(self, joint: Joint) -> bool:
+        if self.read_joint(joint):
+            return True
+        now_s = self._clock.now_s()
+        joint.in_group, joint.missed = False, joint.missed + 1
+        age_s = now_s - joint.heard_s
+        if joint.missed >= _ASKED and age_s > self._config.silent_s:
+            self.faults.silent(joint, age_s)
+        if ArmFaultKind.SILENT in joint.faults:
+            joint.next_try_s = now_s + RETRY_S
+        return False
+
+    def _read_one_ax(self) -> None:
+        joint = self._next("ax", (j for j in self._ax if j.in_group and not j.paused))
+        if joint is not None:
+            self._ask_alone(joint)
+
+    def _read_one_health(self) -> None:
+        """XMs in turn, those with the alert bit first."""
+        sound = [joint for joint in self._xm if joint.in_group and not joint.paused]
+        urgent = [joint for joint in self._alerted if joint in sound and not joint.faults]
+        joint = urgent[0] if urgent else self._next("health", sound)
+        if joint is not None and self.read_health(joint):
+            self._alerted = [other for other in self._alerted if other is not joint]
+
+    def _try_one_missing(self) -> None:
+        now_s = self._clock.now_s()
+        away = (j for j in self.joints if not j.in_group and not j.paused and now_s >= j.next_try_s)
+        joint = self._next("missing", away)
+        if joint is not None:
+            self._ask_alone(joint)
+
+    def _next(self, turn: str, joints: Iterable[Joint]) -> Joint | None:
+        """Round robin by place: the first one behind the last one served."""
+        waiting = sorted(joints, key=lambda joint: joint.place)
+        if not waiting:
+            return None
+        last = self._turns.get(turn, -1)
+        chosen = next((joint for joint in waiting if joint.place > last), waiting[0])
+        self._turns[turn] = chosen.place
+        return chosen
+
+
+def _advanced(joint: Joint, dt_s: float) -> int:
+    """Move the goal on towards the wanted one, and give it in counts."""
+    fastest = LIMITER_HEADROOM * joint.limit.max_velocity_radps
+    joint.sent_rad = next_goal(joint.sent_rad, joint.wanted_rad, fastest, dt_s)
+    return joint.scale.counts(joint.sent_rad)

@@ -1,0 +1,159 @@
+"""Whether a servo that answered is the right one, set as it must be: one line for everything that is not. Pure."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from companion.adapters.dynamixel.faults import described
+from companion.adapters.dynamixel.joint import Joint
+from companion.adapters.dynamixel.registers import (
+    MODELS,
+    OPERATING_MODES,
+    POSITION_MODE,
+    XM_BAUDS,
+    Ax,
+    Xm,
+    ax_baud,
+)
+from companion.config_arms import ArmsConfig
+
+RESTS_WITHIN_RAD = 0.05
+"""A limp joint may lie a little outside its limits."""
+_BAUD_TOLERANCE = 0.03
+"""The manual's: less than 3 % does not disturb."""
+_WIZARD = "with DYNAMIXEL Wizard 2.0"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What one servo's registers say at connect."""
+
+    model_number: int
+    firmware: int
+    baud: float
+    return_delay_us: float
+    status_return_level: int
+    voltage_v: float
+    temperature_c: float
+    errors: int
+    counts: int
+    lowest: int
+    highest: int
+    """Positions that it accepts as goals."""
+    operating_mode: int = POSITION_MODE
+    """XM only, as is the next."""
+    drive_mode: int = 0
+
+
+def found_xm(identity: bytes, limits: bytes, health: bytes, state: bytes) -> Found:
+    """From the four blocks of an XM."""
+    code = Xm.BAUD_CODE.raw(identity, 0)
+    return Found(
+        model_number=Xm.MODEL_NUMBER.raw(identity, 0),
+        firmware=Xm.FIRMWARE.raw(identity, 0),
+        baud=XM_BAUDS[code] if code < len(XM_BAUDS) else 0.0,
+        return_delay_us=1e6 * Xm.RETURN_DELAY.value(identity, 0),
+        status_return_level=Xm.STATUS_RETURN_LEVEL.raw(health, Xm.HEALTH.start),
+        voltage_v=Xm.PRESENT_VOLTAGE.value(state, Xm.STATE.start),
+        temperature_c=Xm.PRESENT_TEMPERATURE.value(state, Xm.STATE.start),
+        errors=Xm.HARDWARE_ERROR.raw(health, Xm.HEALTH.start),
+        counts=Xm.PRESENT_POSITION.raw(state, Xm.STATE.start),
+        lowest=Xm.MIN_POSITION.raw(limits, Xm.LIMITS.start),
+        highest=Xm.MAX_POSITION.raw(limits, Xm.LIMITS.start),
+        operating_mode=Xm.OPERATING_MODE.raw(identity, 0),
+        drive_mode=Xm.DRIVE_MODE.raw(identity, 0),
+    )
+
+
+def found_ax(identity: bytes, state: bytes, errors: int) -> Found:
+    """From the two blocks of an AX, and the errors that came with them."""
+    return Found(
+        model_number=Ax.MODEL_NUMBER.raw(identity, 0),
+        firmware=Ax.FIRMWARE.raw(identity, 0),
+        baud=ax_baud(Ax.BAUD_CODE.raw(identity, 0)),
+        return_delay_us=1e6 * Ax.RETURN_DELAY.value(identity, 0),
+        status_return_level=Ax.STATUS_RETURN_LEVEL.raw(identity, 0),
+        voltage_v=Ax.PRESENT_VOLTAGE.value(state, Ax.STATE.start),
+        temperature_c=Ax.PRESENT_TEMPERATURE.value(state, Ax.STATE.start),
+        errors=errors,
+        counts=Ax.PRESENT_POSITION.raw(state, Ax.STATE.start),
+        lowest=Ax.MIN_POSITION.raw(identity, 0),
+        highest=Ax.MAX_POSITION.raw(identity, 0),
+    )
+
+
+def complaints(joint: Joint, found: Found, config: ArmsConfig) -> list[str]:
+    """Everything that is wrong with one servo, each with what would be right; empty when all is well."""
+    if found.model_number != joint.scale.model.number:
+        return [f"{joint.label} {_wrong_model(joint, found.model_number)}"]
+    lines = (*_settings(joint, found, config), *_condition(found, config, joint.protocol), *_range(joint, found))
+    return [f"{joint.label} {line}" for line in lines]
+
+
+def _wrong_model(joint: Joint, number: int) -> str:
+    return (
+        f"is {model_name(number)}, and should be {joint.scale.model.name}: "
+        f"exchange it, or correct arms.servos.{joint.name}.model"
+    )
+
+
+def model_name(number: int) -> str:
+    """Of a model number, as far as we know it."""
+    return next((model.name for model in MODELS.values() if model.number == number), f"an unknown model {number}")
+
+
+def _settings(joint: Joint, found: Found, config: ArmsConfig) -> Iterator[str]:
+    lowest = joint.scale.model.lowest_firmware
+    if found.firmware < lowest:
+        yield f"has firmware {found.firmware}, and should have {lowest} or newer: update it {_WIZARD}"
+    if abs(found.baud - config.baud) > _BAUD_TOLERANCE * config.baud:
+        yield f"is set to {found.baud:.0f} bits/s, and should be to {config.baud}: set its Baud Rate {_WIZARD}"
+    if round(found.return_delay_us) != config.return_delay_us:
+        yield (
+            f"waits {found.return_delay_us:.0f} us before it answers, and should wait {config.return_delay_us}: "
+            f"set its Return Delay Time {_WIZARD}, or correct arms.return_delay_us"
+        )
+    if found.status_return_level != 2:
+        yield f"has Status Return Level {found.status_return_level}, and should have 2 (answer everything)"
+    if found.operating_mode != POSITION_MODE:
+        mode = OPERATING_MODES.get(found.operating_mode, "an unknown mode")
+        yield (
+            f"is in {mode} (Operating Mode {found.operating_mode}), and should be in position control (3): "
+            f"set it {_WIZARD}"
+        )
+    if found.drive_mode != 0:
+        yield (
+            f"has Drive Mode {found.drive_mode}, and should have 0 (not reversed, profile by velocity, no torque by "
+            f"goal): set it {_WIZARD}; its direction belongs into arms.servos.{joint.name}.direction"
+        )
+
+
+def _condition(found: Found, config: ArmsConfig, protocol: int) -> Iterator[str]:
+    if found.voltage_v < config.min_voltage_v - 1e-9:
+        yield f"has {found.voltage_v:.1f} V, and should have {config.min_voltage_v:g} V or more: charge the battery"
+    if found.temperature_c > config.max_temperature_c:
+        yield (
+            f"has {found.temperature_c:.0f} degrees C, and should have {config.max_temperature_c:g} or less: "
+            "let it cool down"
+        )
+    if found.errors:
+        cure = "restart its power" if protocol == 2 else "restart its power, and take the load away"
+        yield f"reports {described(found.errors, protocol)}, latched from before: {cure}"
+
+
+def _range(joint: Joint, found: Found) -> Iterator[str]:
+    if found.lowest == found.highest == 0:
+        yield f"is in wheel mode, and should be in joint mode: set its CCW Angle Limit to 1023 {_WIZARD}"
+        return
+    accepted = sorted((joint.scale.joint_rad(found.lowest), joint.scale.joint_rad(found.highest)))
+    if accepted[0] > joint.limit.min_rad + RESTS_WITHIN_RAD or accepted[1] < joint.limit.max_rad - RESTS_WITHIN_RAD:
+        yield (
+            f"accepts {accepted[0]:.2f} to {accepted[1]:.2f} rad, and should accept the joint's limits "
+            f"{joint.limit.min_rad:g} to {joint.limit.max_rad:g}: widen its position limits {_WIZARD}, narrow "
+            "arms.limits, or correct zero_rad"
+        )
+    at_rad = joint.scale.joint_rad(found.counts)
+    if not joint.limit.min_rad - RESTS_WITHIN_RAD <= at_rad <= joint.limit.max_rad + RESTS_WITHIN_RAD:
+        yield (
+            f"stands at {at_rad:.2f} rad, and should be within {joint.limit.min_rad:g} to {joint.limit.max_rad:g}: "
+            "move it there by hand, or correct zero_rad and direction"
+        )

@@ -1,0 +1,102 @@
+"""Between a servo's counts and the joint's SI values. Pure.
+
+A joint's angle is direction * (the servo's angle - zero_rad); the servo's angle counts from position 0, positive
+counter-clockwise as the manuals draw it.
+"""
+
+import math
+from dataclasses import dataclass
+
+from companion.adapters.dynamixel.registers import MODELS, XM_RATED_CURRENT_A, Ax, Model, Register, Xm
+from companion.config_arms import ServoConfig
+
+_SIGN_BIT = 0x400
+"""AX: bit 10 of speed and load, "0: CCW, 1: CW"."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one joint last said of itself, in the joint's sign."""
+
+    counts: int
+    """Present Position as it came."""
+    position_rad: float
+    velocity_radps: float
+    effort: float
+    """Share of the rated current (XM) or of the greatest torque (AX)."""
+    temperature_c: float
+    voltage_v: float
+
+
+@dataclass(frozen=True)
+class Health:
+    """Whether a servo still does what it was told."""
+
+    torque_on: bool
+    errors: int
+    """XM: Hardware Error Status. AX: the error byte's bits that speak of the servo, and overload for no torque left."""
+    moving_speed: int | None = None
+    """AX only: a reboot sets it back."""
+
+
+@dataclass(frozen=True)
+class JointScale:
+    """One joint's servo: how it is mounted, and its units."""
+
+    model: Model
+    direction: int
+    zero_rad: float
+
+    @classmethod
+    def of(cls, servo: ServoConfig) -> "JointScale":
+        """From the configuration."""
+        return cls(MODELS[servo.model], servo.direction, servo.zero_rad)
+
+    def joint_rad(self, counts: int) -> float:
+        """Joint angle of a position in counts."""
+        return self.direction * (counts * self.model.position.unit - self.zero_rad)
+
+    def counts(self, joint_rad: float) -> int:
+        """Nearest position in counts, kept inside the servo's turn."""
+        nearest = round((self.direction * joint_rad + self.zero_rad) / self.model.goal.unit)
+        return min(max(nearest, 0), self.model.last_position)
+
+    def reading(self, state: bytes) -> Reading:
+        """Of the model's `state` block; ValueError when it is too short."""
+        return self._ax_reading(state) if self.model.protocol == 1 else self._xm_reading(state)
+
+    def _xm_reading(self, state: bytes) -> Reading:
+        start = Xm.STATE.start
+        counts = Xm.PRESENT_POSITION.raw(state, start)
+        return Reading(
+            counts,
+            self.joint_rad(counts),
+            self.direction * Xm.PRESENT_VELOCITY.value(state, start),
+            self.direction * Xm.PRESENT_CURRENT.value(state, start) / XM_RATED_CURRENT_A,
+            Xm.PRESENT_TEMPERATURE.value(state, start),
+            Xm.PRESENT_VOLTAGE.value(state, start),
+        )
+
+    def _ax_reading(self, state: bytes) -> Reading:
+        start = Ax.STATE.start
+        counts = Ax.PRESENT_POSITION.raw(state, start)
+        return Reading(
+            counts,
+            self.joint_rad(counts),
+            self.direction * _signed(Ax.PRESENT_SPEED, state),
+            self.direction * _signed(Ax.PRESENT_LOAD, state),
+            Ax.PRESENT_TEMPERATURE.value(state, start),
+            Ax.PRESENT_VOLTAGE.value(state, start),
+        )
+
+
+def _signed(register: Register, state: bytes) -> float:
+    raw = register.raw(state, Ax.STATE.start)
+    magnitude = (raw & (_SIGN_BIT - 1)) * register.unit
+    return -magnitude if raw & _SIGN_BIT else magnitude
+
+
+def at_least_one(value: float, register: Register) -> int:
+    """Counts of a limit: never 0, which every servo reads as "no limit", and never more than the register's range."""
+    most = Ax.LAST_POSITION if register.size == 2 else 32_767
+    return min(max(math.ceil(value / register.unit), 1), most)

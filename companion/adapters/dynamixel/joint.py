@@ -1,0 +1,107 @@
+"""What the worker knows of one joint; belongs to the worker's thread."""
+
+import math
+from dataclasses import dataclass, field
+
+from companion.adapters.dynamixel.conversion import Health, JointScale, Reading, at_least_one
+from companion.adapters.dynamixel.registers import AX_ALARMS, OVERLOAD, Ax, Xm
+from companion.arms.model import JOINT_NAMES, KINDS, JointLimit
+from companion.config_arms import ArmsConfig
+from companion.types import ArmFaultKind
+
+LIMITER_HEADROOM = 1.2
+"""Goals move at most so much faster than the joint's limit: a good trajectory is never touched."""
+PROFILE_VELOCITY_HEADROOM = 1.5
+PROFILE_ACCEL_HEADROOM = 3.0
+"""The servo's own profile is the second guard. Its lag behind streamed goals is v^2 / 2a, so it gets room."""
+
+
+@dataclass
+class Joint:
+    """One servo in its joint."""
+
+    place: int
+    """In a joint vector."""
+    name: str
+    servo_id: int
+    scale: JointScale
+    limit: JointLimit
+    heard_s: float = -math.inf
+    missed: int = 0
+    """Times in a row that it was asked by itself and did not answer."""
+    in_group: bool = True
+    """Read together with the others; otherwise asked by itself."""
+    next_try_s: float = -math.inf
+    paused: bool = False
+    """Rebooting: not asked at all."""
+    reading: Reading | None = None
+    torque_on: bool = False
+    """As the servo says."""
+    driven: bool = False
+    """We have switched its torque on, and send it goals."""
+    sent_rad: float = math.nan
+    """Last goal sent."""
+    wanted_rad: float = math.nan
+    faults: set[ArmFaultKind] = field(default_factory=set)
+
+    @property
+    def protocol(self) -> int:
+        """1 or 2."""
+        return self.scale.model.protocol
+
+    @property
+    def label(self) -> str:
+        """For sentences."""
+        return f"{self.name} (ID {self.servo_id})"
+
+    @property
+    def profile(self) -> bytes:
+        """XM: Profile Acceleration and Profile Velocity; AX: Moving Speed."""
+        velocity_radps = PROFILE_VELOCITY_HEADROOM * self.limit.max_velocity_radps
+        if self.protocol == 1:
+            return Ax.MOVING_SPEED.encoded(at_least_one(velocity_radps, Ax.MOVING_SPEED))
+        accel_radps2 = PROFILE_ACCEL_HEADROOM * self.limit.max_accel_radps2
+        return Xm.PROFILE_ACCELERATION.encoded(
+            at_least_one(accel_radps2, Xm.PROFILE_ACCELERATION)
+        ) + Xm.PROFILE_VELOCITY.encoded(at_least_one(velocity_radps, Xm.PROFILE_VELOCITY))
+
+    def hear(self, state: bytes, now_s: float) -> None:
+        """Take a state block that has just come."""
+        self.reading = self.scale.reading(state)
+        self.heard_s, self.missed, self.in_group = now_s, 0, True
+
+    def health_of(self, data: bytes, error: int) -> Health:
+        """From the block that carries it: XM's health, AX's state."""
+        if self.protocol == 2:
+            start = Xm.HEALTH.start
+            return Health(bool(Xm.TORQUE_ENABLE.raw(data, start)), Xm.HARDWARE_ERROR.raw(data, start))
+        start = Ax.STATE.start
+        alarms = error & sum(AX_ALARMS)
+        if not alarms and not Ax.TORQUE_LIMIT.raw(data, start):
+            alarms = OVERLOAD  # a shutdown leaves this mark after the alarm itself is over
+        return Health(bool(Ax.TORQUE_ENABLE.raw(data, start)), alarms, Ax.MOVING_SPEED.raw(data, start))
+
+    def begin_driving(self) -> None:
+        """From now on goals are sent, starting where it is."""
+        assert self.reading is not None
+        self.driven = self.torque_on = True
+        self.sent_rad = self.wanted_rad = self.reading.position_rad
+
+    def clipped(self, joint_rad: float) -> float:
+        """Inside the joint's limits."""
+        return min(max(joint_rad, self.limit.min_rad), self.limit.max_rad)
+
+
+def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:
+    """In the order of JOINT_NAMES."""
+    limits = config.model().limits
+    return tuple(
+        Joint(
+            place,
+            name,
+            config.servos[name].id,
+            JointScale.of(config.servos[name]),
+            limits[place % len(KINDS)],
+        )
+        for place, name in enumerate(JOINT_NAMES)
+    )

@@ -1,0 +1,179 @@
+"""What the servos keep at which address: the registers that this driver reads or writes. Pure.
+
+Sources, with the sections "Control Table of EEPROM Area" and "... of RAM Area" of each:
+- AX-12A, Protocol 1.0: https://emanual.robotis.com/docs/en/dxl/ax/ax-12a/
+- XM430-W350, Protocol 2.0: https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/
+- XM430-W210, the same table: https://emanual.robotis.com/docs/en/dxl/x/xm430-w210/
+"""
+
+import math
+from dataclasses import dataclass
+
+_RPM = 2.0 * math.pi / 60.0
+
+
+@dataclass(frozen=True)
+class Register:
+    """One entry of a control table."""
+
+    address: int
+    size: int
+    unit: float = 1.0
+    """SI value of one count."""
+    signed: bool = False
+    """Two's complement; the AX's sign bit is another thing, see `conversion`."""
+
+    def raw(self, block: bytes, start: int) -> int:
+        """The counts, from `block` that was read from address `start`; ValueError when it is not in there."""
+        place = self.address - start
+        if place < 0 or place + self.size > len(block):
+            raise ValueError(f"register {self.address} is not in the {len(block)} bytes from address {start}")
+        return int.from_bytes(block[place : place + self.size], "little", signed=self.signed)
+
+    def value(self, block: bytes, start: int) -> float:
+        """The same in SI units."""
+        return self.raw(block, start) * self.unit
+
+    def encoded(self, counts: int) -> bytes:
+        """The bytes to write; OverflowError when `counts` does not fit."""
+        return counts.to_bytes(self.size, "little", signed=self.signed)
+
+
+@dataclass(frozen=True)
+class Block:
+    """Neighbouring registers that are read at once."""
+
+    start: int
+    end: int
+    """First address behind it."""
+
+    @property
+    def length(self) -> int:
+        """In bytes."""
+        return self.end - self.start
+
+
+class Xm:
+    """XM430-W350 and XM430-W210."""
+
+    MODEL_NUMBER = Register(0, 2)
+    FIRMWARE = Register(6, 1)
+    BAUD_CODE = Register(8, 1)
+    RETURN_DELAY = Register(9, 1, 2e-6)
+    DRIVE_MODE = Register(10, 1)
+    OPERATING_MODE = Register(11, 1)
+    MAX_POSITION = Register(48, 4)
+    MIN_POSITION = Register(52, 4)
+    TORQUE_ENABLE = Register(64, 1)
+    STATUS_RETURN_LEVEL = Register(68, 1)
+    HARDWARE_ERROR = Register(70, 1)
+    PROFILE_ACCELERATION = Register(108, 4, 214.577 * _RPM / 60.0)
+    """rad/s^2; the manual's 214.577 rev/min^2."""
+    PROFILE_VELOCITY = Register(112, 4, 0.229 * _RPM)
+    GOAL_POSITION = Register(116, 4, 2.0 * math.pi / 4096.0, signed=True)
+    PRESENT_CURRENT = Register(126, 2, 2.69e-3, signed=True)
+    PRESENT_VELOCITY = Register(128, 4, 0.229 * _RPM, signed=True)
+    PRESENT_POSITION = Register(132, 4, 2.0 * math.pi / 4096.0, signed=True)
+    PRESENT_VOLTAGE = Register(144, 2, 0.1)
+    PRESENT_TEMPERATURE = Register(146, 1)
+
+    IDENTITY = Block(0, 14)
+    LIMITS = Block(48, 56)
+    HEALTH = Block(64, 71)
+    """Torque Enable to Hardware Error Status."""
+    STATE = Block(126, 147)
+    """Present Current to Present Temperature, with two trajectory registers between: one contiguous read is shorter
+    than two, and unlike indirect addresses it means the same after a reboot."""
+    LAST_POSITION = 4095
+
+
+class Ax:
+    """AX-12A."""
+
+    MODEL_NUMBER = Register(0, 2)
+    FIRMWARE = Register(2, 1)
+    BAUD_CODE = Register(4, 1)
+    RETURN_DELAY = Register(5, 1, 2e-6)
+    MIN_POSITION = Register(6, 2)
+    """CW Angle Limit; zero in both limits is wheel mode."""
+    MAX_POSITION = Register(8, 2)
+    MAX_TORQUE = Register(14, 2)
+    STATUS_RETURN_LEVEL = Register(16, 1)
+    TORQUE_ENABLE = Register(24, 1)
+    GOAL_POSITION = Register(30, 2, math.radians(300.0 / 1023.0))
+    MOVING_SPEED = Register(32, 2, 0.111 * _RPM)
+    TORQUE_LIMIT = Register(34, 2, 1.0 / 1023.0)
+    PRESENT_POSITION = Register(36, 2, math.radians(300.0 / 1023.0))
+    """The manual rounds the unit to 0.29 degrees; position 1023 is 300 degrees."""
+    PRESENT_SPEED = Register(38, 2, 0.111 * _RPM)
+    PRESENT_LOAD = Register(40, 2, 1.0 / 1023.0)
+    PRESENT_VOLTAGE = Register(42, 1, 0.1)
+    PRESENT_TEMPERATURE = Register(43, 1)
+
+    IDENTITY = Block(0, 19)
+    STATE = Block(24, 44)
+    """Torque Enable to Present Temperature: state and health in one."""
+    LAST_POSITION = 1023
+
+
+@dataclass(frozen=True)
+class Model:
+    """What the driver must know of one kind of servo."""
+
+    name: str
+    number: int
+    """Model Number, register 0."""
+    protocol: int
+    goal: Register
+    position: Register
+    last_position: int
+    state: Block
+    lowest_firmware: int
+    """0: any. XM: Drive Mode (10), which must be looked at, is there from 38."""
+
+
+_XM = (2, Xm.GOAL_POSITION, Xm.PRESENT_POSITION, Xm.LAST_POSITION, Xm.STATE, 38)
+MODELS = {
+    "AX-12A": Model("AX-12A", 12, 1, Ax.GOAL_POSITION, Ax.PRESENT_POSITION, Ax.LAST_POSITION, Ax.STATE, 0),
+    "XM430-W350": Model("XM430-W350", 1020, *_XM),
+    "XM430-W210": Model("XM430-W210", 1030, *_XM),
+}
+
+POSITION_MODE = 3
+OPERATING_MODES = {
+    0: "current control",
+    1: "velocity control",
+    3: "position control",
+    4: "extended position control",
+    5: "current-based position control",
+    16: "PWM control",
+}
+"""XM, Operating Mode (11)."""
+
+XM_BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""XM, Baud Rate (8): the code is the place in this list."""
+FACTORY_BAUDS = (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000, 9_600)
+"""Where to look for a servo that is not found, likely ones first: 57 600 is an XM's from the factory."""
+
+XM_RATED_CURRENT_A = 2.3
+"""Stall current at 12 V, "Specifications"; the whole of what `effort` is a share of."""
+
+OVERLOAD = 0x20
+"""The same bit in the XM's Hardware Error Status (70) and in the AX's error byte."""
+XM_HARDWARE_ERRORS = {
+    0x01: "input voltage out of range",
+    0x04: "overheating",
+    0x08: "motor encoder broken",
+    0x10: "electrical shock, or too little power",
+    OVERLOAD: "overload",
+}
+"""XM, "Shutdown (63)"."""
+AX_ALARMS = {0x01: "input voltage out of range", 0x04: "overheating", OVERLOAD: "overload"}
+"""AX, "Alarm LED / Shutdown"; the other bits of the error byte speak of the instruction, not of the servo."""
+ALERT = 0x80
+"""Protocol 2.0, error field: look at the Hardware Error Status."""
+
+
+def ax_baud(code: int) -> float:
+    """Bits/s of an AX's Baud Rate (4): 2 000 000 / (code + 1)."""
+    return 2e6 / (code + 1)

@@ -1,0 +1,178 @@
+"""Torque on, torque off, clearing faults: each a generator that gives way after every servo, so that cycles go on."""
+
+from collections.abc import Callable, Generator
+
+from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.faults import described
+from companion.adapters.dynamixel.joint import Joint
+from companion.adapters.dynamixel.registers import Ax, Xm
+from companion.ports import ArmError, Clock
+
+Steps = Generator[None, None, None]
+Repair = Generator[None, None, str | None]
+"""Its value is what is still wrong."""
+Action = Callable[[Chain, Joint], str | None]
+
+REBOOT_S = 2.0
+"""So long a rebooting XM may stay away."""
+_FIRST_LOOK_S = 0.3
+"""It may still answer just before it goes."""
+_LOOK_EVERY_S = 0.05
+_SILENT = "does not answer: look at its cable and its supply"
+_REFUSALS = {1: 0x5A, 2: 0x7F}
+"""Bits of the error field that say that the instruction itself was not taken."""
+
+
+def torque_on(chain: Chain) -> Steps:
+    """Every joint on, where it is; ArmError naming those that refuse. None is touched while faults are latched."""
+    if chain.faults.faults:
+        said = "\n  ".join(fault.text for fault in chain.faults.faults)
+        raise ArmError(f"torque stays as it is while faults are latched:\n  {said}")
+    yield from _each(chain, _switch_on, "torque is not on everywhere")
+
+
+def torque_off(chain: Chain) -> Steps:
+    """Every joint limp; ArmError naming those that do not answer, after all others are."""
+    for joint in chain.joints:
+        joint.driven = False  # before the first write: an AX takes torque on again with its next goal
+    yield from _each(chain, _switch_off, "torque is not off everywhere")
+
+
+def clear_faults(chain: Chain, clock: Clock) -> Steps:
+    """Forget what is over; reboot XMs with a hardware error; ArmError naming what is still wrong."""
+    problems = []
+    for joint in chain.joints:
+        if joint.faults:
+            problem = yield from _cleared(chain, joint, clock)
+            if problem:
+                problems.append(f"{joint.label} {problem}")
+            yield
+    if problems:
+        raise ArmError("not all faults could be cleared:\n  " + "\n  ".join(problems))
+
+
+def _each(chain: Chain, act: Action, headline: str) -> Steps:
+    problems = []
+    for joint in chain.joints:
+        problem = act(chain, joint)
+        if problem:
+            problems.append(f"{joint.label} {problem}")
+        yield
+    if problems:
+        raise ArmError(f"{headline}:\n  " + "\n  ".join(problems))
+
+
+def _switch_on(chain: Chain, joint: Joint) -> str | None:
+    """Goal := present position before the torque, so that whatever goal was left there is never gone to."""
+    if joint.driven:
+        return None
+    if not chain.first_look(joint):
+        return _SILENT
+    if joint.faults:
+        return "has a fault: clear it first"
+    assert joint.reading is not None
+    goal = joint.scale.model.goal.encoded(joint.reading.counts)
+    problem = next(filter(None, (_write(chain, joint, *order) for order in _switching_on(joint, goal))), None)
+    problem = problem or _not_shown(chain, joint, on=True)
+    if problem is None:
+        joint.begin_driving()
+    return problem
+
+
+def _not_shown(chain: Chain, joint: Joint, on: bool) -> str | None:
+    """Whether the servo itself says what it was told."""
+    if not chain.insist(lambda: chain.read_health(joint)):
+        return _SILENT
+    if on and (joint.faults or not joint.torque_on):
+        return "took the command but has no torque"
+    return "took the command but still has torque" if joint.torque_on and not on else None
+
+
+def _switching_on(joint: Joint, goal: bytes) -> list[tuple[int, bytes]]:
+    """An AX switches on with its goal, so its speed has to come with it, in one packet."""
+    if joint.protocol == 1:
+        return [(Ax.GOAL_POSITION.address, goal + joint.profile), (Ax.TORQUE_ENABLE.address, b"\x01")]
+    return [
+        (Xm.PROFILE_ACCELERATION.address, joint.profile),
+        (Xm.GOAL_POSITION.address, goal),
+        (Xm.TORQUE_ENABLE.address, b"\x01"),
+    ]
+
+
+def _switch_off(chain: Chain, joint: Joint) -> str | None:
+    register = Ax.TORQUE_ENABLE if joint.protocol == 1 else Xm.TORQUE_ENABLE
+    return _write(chain, joint, register.address, b"\x00") or _not_shown(chain, joint, on=False)
+
+
+def _write(chain: Chain, joint: Joint, address: int, data: bytes) -> str | None:
+    """What went wrong, if anything; all our writes may be repeated."""
+    for _ in range(3):
+        error = chain.wire.write(joint.protocol, joint.servo_id, address, data)
+        if error is not None:
+            refused = error & _REFUSALS[joint.protocol]
+            return f"refuses {data.hex(' ')} for register {address} (error 0x{error:02x})" if refused else None
+    return _SILENT
+
+
+def _cleared(chain: Chain, joint: Joint, clock: Clock) -> Repair:
+    joint.driven, joint.paused = False, True
+    try:
+        problem = yield from _repaired(chain, joint, clock)
+    finally:
+        joint.paused = False
+    if problem is not None:
+        return problem
+    chain.faults.forget(joint)
+    if not chain.first_look(joint):
+        return _SILENT
+    return "is at fault again" if joint.faults else None
+
+
+def _repaired(chain: Chain, joint: Joint, clock: Clock) -> Repair:
+    errors = _errors(chain, joint)
+    if errors is None:
+        return _SILENT
+    if not errors:
+        return None
+    if joint.protocol == 2:
+        chain.wire.reboot(joint.servo_id)
+        yield from _until_back(chain, joint, clock)
+    else:
+        problem = _restore_torque_limit(chain, joint)
+        if problem:
+            return problem
+    errors = _errors(chain, joint)
+    if errors is None:
+        return _SILENT
+    return f"still reports {described(errors, joint.protocol)}: remove the cause and try again" if errors else None
+
+
+def _errors(chain: Chain, joint: Joint) -> int | None:
+    block = Ax.STATE if joint.protocol == 1 else Xm.HEALTH
+    for _ in range(3):
+        answer = chain.wire.read(joint.protocol, joint.servo_id, block)
+        if answer is not None:
+            return joint.health_of(answer.data, answer.error).errors
+    return None
+
+
+def _until_back(chain: Chain, joint: Joint, clock: Clock) -> Steps:
+    begun_s = clock.now_s()
+    look_s = begun_s + _FIRST_LOOK_S
+    while clock.now_s() - begun_s < REBOOT_S:
+        yield
+        if clock.now_s() >= look_s:
+            if chain.wire.ping(2, joint.servo_id) is not None:
+                return
+            look_s = clock.now_s() + _LOOK_EVERY_S
+
+
+def _restore_torque_limit(chain: Chain, joint: Joint) -> str | None:
+    """An AX's shutdown sets Torque Limit (34) to 0 and has no other mark; off first, so that it stays limp."""
+    identity = chain.wire.read(1, joint.servo_id, Ax.IDENTITY)
+    if identity is None:
+        return _SILENT
+    limit = Ax.TORQUE_LIMIT.encoded(Ax.MAX_TORQUE.raw(identity.data, Ax.IDENTITY.start))
+    return _write(chain, joint, Ax.TORQUE_ENABLE.address, b"\x00") or _write(
+        chain, joint, Ax.TORQUE_LIMIT.address, limit
+    )

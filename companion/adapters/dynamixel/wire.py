@@ -1,0 +1,122 @@
+"""The SDK's packet handlers with types: one instruction and its answer, or None. PortGoneError passes through.
+
+The SDK's GroupSyncRead throws away the error field (with the alert bit) and what came before the first missing servo,
+so here are its packets, put together differently.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dynamixel_sdk import COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
+
+from companion.adapters.dynamixel.port import BusPort
+from companion.adapters.dynamixel.registers import Block, Register
+
+BROADCAST_ID = 0xFE
+_ERROR_AND_ID = 2
+_CRC = 2
+_LENGTH_END = 7
+_FIRST = 8
+"""Place of the error field in a status packet of Protocol 2.0."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A status packet."""
+
+    data: bytes
+    error: int
+
+
+class Wire:
+    """One port, both protocols; for one thread."""
+
+    def __init__(self, port: BusPort) -> None:
+        self.port = port
+        self.bad_packets = 0
+        self._handlers: dict[int, Any] = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
+
+    def ping(self, protocol: int, servo_id: int) -> int | None:
+        """Its model number, if it answers."""
+        number, result, _ = self._handlers[protocol].ping(self.port, servo_id)
+        return int(number) if result == COMM_SUCCESS else None
+
+    def broadcast_ping(self) -> dict[int, int]:
+        """Model number by ID of all that speak Protocol 2.0; takes about a second."""
+        found, _ = self._handlers[2].broadcastPing(self.port)
+        return {int(servo_id): int(number) for servo_id, (number, _) in found.items()}
+
+    def read(self, protocol: int, servo_id: int, block: Block) -> Answer | None:
+        """One servo's block; None when nothing useful came back."""
+        data, result, error = self._handlers[protocol].readTxRx(self.port, servo_id, block.start, block.length)
+        if result != COMM_SUCCESS or len(data) != block.length:
+            self.bad_packets += 1
+            return None
+        return Answer(bytes(data), int(error))
+
+    def write(self, protocol: int, servo_id: int, address: int, data: bytes) -> int | None:
+        """The answer's error field, or None without an answer."""
+        result, error = self._handlers[protocol].writeTxRx(self.port, servo_id, address, len(data), list(data))
+        if result != COMM_SUCCESS:
+            self.bad_packets += 1
+            return None
+        return int(error)
+
+    def reboot(self, servo_id: int) -> None:
+        """Protocol 2.0 only; it is away for a while afterwards, and may or may not answer first."""
+        self._handlers[2].reboot(self.port, servo_id)
+
+    def sync_write(self, protocol: int, register: Register, counts: Mapping[int, int]) -> None:
+        """The same register of many servos, nobody answers."""
+        params = [byte for servo_id, count in counts.items() for byte in (servo_id, *register.encoded(count))]
+        self._handlers[protocol].syncWriteTxOnly(self.port, register.address, register.size, params, len(params))
+
+    def sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
+        """The same block of many servos (Protocol 2.0), each with its own answer; those that came."""
+        handler, answers = self._handlers[2], dict[int, Answer]()
+        if (
+            handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), False)
+            != COMM_SUCCESS
+        ):
+            return answers
+        while len(answers) < len(servo_ids):
+            packet, result = handler.rxPacket(self.port, False)
+            if result != COMM_SUCCESS:
+                self.bad_packets += 1
+                break
+            end = _LENGTH_END + int.from_bytes(bytes(packet[5:7]), "little") - _CRC  # behind it the SDK leaves stuffing
+            data = bytes(packet[_FIRST + 1 : end])
+            if packet[4] in servo_ids and len(data) == block.length:
+                answers[packet[4]] = Answer(data, packet[_FIRST])
+        return answers
+
+    def fast_sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
+        """The same, but all answers in one packet: all or none."""
+        handler = self._handlers[2]
+        if (
+            handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), True)
+            != COMM_SUCCESS
+        ):
+            return {}
+        result = COMM_SUCCESS
+        while result == COMM_SUCCESS:
+            packet, result = handler.rxPacket(self.port, True)
+            if result == COMM_SUCCESS and packet[4] == BROADCAST_ID:
+                answers = fast_answers(bytes(packet[_FIRST:]), block.length)
+                if set(answers) == set(servo_ids):
+                    return answers
+        self.bad_packets += 1
+        return {}
+
+
+def fast_answers(params: bytes, length: int) -> dict[int, Answer]:
+    """What follows the instruction field of a Fast Sync Read's status packet: error, ID, data, CRC of each servo.
+
+    Empty when the lengths do not fit. https://emanual.robotis.com/docs/en/dxl/protocol2/#fast-sync-read-0x8a
+    """
+    one = _ERROR_AND_ID + length + _CRC
+    if len(params) % one:
+        return {}
+    pieces = [params[start : start + one] for start in range(0, len(params), one)]
+    return {piece[1]: Answer(piece[_ERROR_AND_ID:-_CRC], piece[0]) for piece in pieces}

@@ -1,0 +1,269 @@
+"""The one thread that owns the port: connects, cycles, and does what it is told between cycles."""
+
+import asyncio
+import logging
+import math
+import queue
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.conversion import Reading
+from companion.adapters.dynamixel.faults import FaultLog
+from companion.adapters.dynamixel.inspection import inspect
+from companion.adapters.dynamixel.joint import joints_of
+from companion.adapters.dynamixel.limiter import stopping_point
+from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning
+from companion.adapters.dynamixel.torque import Steps, clear_faults, torque_off, torque_on
+from companion.adapters.dynamixel.wire import Wire
+from companion.config_arms import ArmsConfig
+from companion.ports import ArmError, Clock
+from companion.types import ArmStatus, Array
+
+LOG = logging.getLogger(__name__)
+
+THREAD_NAME = "arms-bus"
+HOLD = None
+"""In the slot for goals: stop where you are."""
+
+
+@dataclass(frozen=True)
+class Goals:
+    """What the slot holds; a new object is a new order."""
+
+    position_rad: tuple[float, ...] | None = HOLD
+
+
+@dataclass
+class Command:
+    """Something to be done between cycles, and who waits for it."""
+
+    begin: Callable[[], Steps]
+    done: "asyncio.Future[None]"
+    abandoned: bool = False
+    steps: Steps | None = field(default=None, init=False)
+
+
+class Worker:
+    """Everything below `run` happens on the thread; the rest may be called from the event loop."""
+
+    def __init__(self, config: ArmsConfig, clock: Clock) -> None:
+        self._config, self._clock = config, clock
+        self._loop = asyncio.get_running_loop()
+        self.connected: asyncio.Future[None] = self._loop.create_future()
+        self.ended: asyncio.Future[None] = self._loop.create_future()
+        self.warnings: tuple[str, ...] = ()
+        self.goals: Goals | None = None
+        self._obeyed: Goals | None = None
+        self._stop = threading.Event()
+        self._waiting: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._command: Command | None = None
+        self._switching_on = False
+        self._faults = FaultLog()
+        self._port = BusPort(config.port, config.baud)
+        self._wire = Wire(self._port)
+        self._chain = Chain(joints_of(config), self._wire, self._faults, config, clock)
+        self._cycles, self._cycle_s = 0, 0.0
+        self.status = self._status()
+        self._thread = threading.Thread(target=self.run, name=THREAD_NAME)
+
+    def start(self) -> None:
+        """Begin to connect."""
+        self._thread.start()
+
+    async def close(self) -> None:
+        """End after the present cycle and close the port; torque stays as it is."""
+        self._stop.set()
+        await asyncio.shield(self.ended)
+        self._thread.join()
+
+    def submit(self, begin: Callable[["Worker"], Steps]) -> Command:
+        """Have something done between cycles."""
+        command = Command(lambda: begin(self), self._loop.create_future())
+        self._waiting.put(command)
+        return command
+
+    def run(self) -> None:
+        """The thread."""
+        try:
+            if self._connect():
+                self._cycle_on()
+        finally:
+            self._drop_commands()
+            self._port.closePort()
+            self._deliver(self.ended)
+
+    def _connect(self) -> bool:
+        try:
+            self._port.open()
+            warning = latency_warning(self._config.port)
+            if warning is not None:
+                LOG.warning("%s", warning)
+                self.warnings = (warning,)
+            inspect(self._chain, self._config, self._stop.is_set)
+            self.status = self._status()
+        except ArmError as error:
+            self._deliver(self.connected, error)
+        except PortGoneError as error:
+            self._deliver(self.connected, ArmError(f"{self._config.port} failed while connecting: {error}"))
+        except Exception as error:
+            LOG.exception("connecting to the arms failed")
+            self._deliver(self.connected, ArmError(f"connecting to the arms failed unexpectedly: {error!r}"))
+        else:
+            self._deliver(self.connected)
+            return True
+        return False
+
+    def _cycle_on(self) -> None:
+        period_s = 1.0 / self._config.rate_hz
+        due_s = self._clock.now_s()
+        while not self._stop.is_set():
+            self._guarded_cycle()
+            due_s = max(due_s + period_s, self._clock.now_s())
+            self._stop.wait(due_s - self._clock.now_s())
+
+    def _guarded_cycle(self) -> None:
+        """Nothing that goes wrong ends the thread: it becomes a fault of the bus."""
+        begun_s = self._clock.now_s()
+        try:
+            self._step_command()
+            if not self._faults.bus_is_down:
+                self._obey()
+                self._chain.cycle(begun_s)
+                self._cycles, self._cycle_s = self._cycles + 1, self._clock.now_s() - begun_s
+        except PortGoneError as error:
+            self._faults.latch_bus(
+                f"the arms' port {self._config.port} is gone ({error}): plug its cable in again, then clear the faults"
+            )
+        except Exception as error:
+            LOG.exception("a cycle of the arms' bus failed")
+            self._faults.latch_bus(f"the arms' bus driver failed ({error!r}): see the log, then clear the faults")
+        self.status = self._status()
+
+    def _obey(self) -> None:
+        """Turn the newest order into the joints' wanted angles; none counts while torque is being switched on."""
+        goals = self.goals
+        if goals is None or goals is self._obeyed or self._switching_on:
+            return
+        self._obeyed = goals
+        for joint in self._chain.joints:
+            if not joint.driven or joint.reading is None:
+                continue
+            if goals.position_rad is None:
+                reading, accel = joint.reading, joint.limit.max_accel_radps2
+                joint.wanted_rad = joint.clipped(stopping_point(reading.position_rad, reading.velocity_radps, accel))
+            elif np.isfinite(goals.position_rad[joint.place]):
+                joint.wanted_rad = joint.clipped(goals.position_rad[joint.place])
+
+    def _step_command(self) -> None:
+        """One step of what was ordered; a bus that is down refuses all but what repairs it."""
+        if self._command is None:
+            self._command = self._next_command()
+        command = self._command
+        if command is None:
+            return
+        try:
+            if command.steps is None:
+                command.steps = command.begin()
+            if command.abandoned:
+                command.steps.close()
+            else:
+                next(command.steps)
+                return
+        except StopIteration:
+            self._deliver(command.done)
+        except ArmError as error:
+            self._deliver(command.done, error)
+        except Exception as error:
+            self._deliver(command.done, ArmError(f"the arms' bus failed: {error}"))
+            self._command = None
+            raise
+        self._command = None
+
+    def _next_command(self) -> Command | None:
+        try:
+            return self._waiting.get_nowait()
+        except queue.Empty:
+            return None
+
+    def _drop_commands(self) -> None:
+        command = self._command or self._next_command()
+        while command is not None:
+            self._deliver(command.done, ArmError("the arms' bus was closed before the command was done"))
+            command = self._next_command()
+
+    def switch_on(self) -> Steps:
+        """Torque on; forgets the goals that were given before."""
+        self._refuse_when_down()
+        self._switching_on = True
+        try:
+            yield from torque_on(self._chain)
+        finally:
+            self._switching_on, self._obeyed = False, self.goals
+
+    def switch_off(self) -> Steps:
+        """Torque off."""
+        self._refuse_when_down()
+        yield from torque_off(self._chain)
+
+    def clear(self) -> Steps:
+        """Clear faults; opens the port anew when it was gone."""
+        if self._faults.bus_is_down:
+            self._reopen()
+            yield
+        yield from clear_faults(self._chain, self._clock)
+
+    def _refuse_when_down(self) -> None:
+        if self._faults.bus_is_down:
+            raise ArmError("\n  ".join(fault.text for fault in self._faults.faults))
+
+    def _reopen(self) -> None:
+        """What the servos went through meanwhile is unknown, so nothing is driven until torque is switched on again."""
+        self._port.closePort()
+        self._port.open()
+        self._faults.forget_bus()
+        for joint in self._chain.joints:
+            joint.driven = False
+            if not self._chain.first_look(joint):
+                self._faults.silent(joint, self._clock.now_s() - joint.heard_s)
+
+    def _deliver(self, future: "asyncio.Future[None]", error: ArmError | None = None) -> None:
+        """Into the event loop, if anybody still waits there."""
+
+        def put() -> None:
+            if future.done():
+                return
+            if error is None:
+                future.set_result(None)
+            else:
+                future.set_exception(error)
+
+        if not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(put)
+
+    def _status(self) -> ArmStatus:
+        joints = self._chain.joints
+        columns: Array = np.array([_numbers(joint.reading) for joint in joints]).T
+        return ArmStatus(
+            read_s=np.array([joint.heard_s for joint in joints]),
+            position_rad=columns[0],
+            velocity_radps=columns[1],
+            effort=columns[2],
+            temperature_c=columns[3],
+            voltage_v=columns[4],
+            torque_on=np.array([joint.torque_on for joint in joints]),
+            faults=self._faults.faults,
+            cycles=self._cycles,
+            cycle_s=self._cycle_s,
+            bad_packets=self._wire.bad_packets,
+        )
+
+
+def _numbers(reading: Reading | None) -> tuple[float, ...]:
+    if reading is None:
+        return (math.nan,) * 5
+    r = reading
+    return r.position_rad, r.velocity_radps, r.effort, r.temperature_c, r.voltage_v
