@@ -1,0 +1,227 @@
+"""From a wish to a motion that may be run: limits kept, nothing touched; or ArmError with the reason, before a move."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.arms.clearance import distances
+from companion.arms.inverse import reach_both_rad
+from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
+from companion.arms.sampling import Samples, TooNear, first_too_near, samples
+from companion.arms.trajectory import Hold, InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
+from companion.ports import ArmError
+from companion.types import Array, JointMotion
+
+OWN_PACE = 0.5
+"""Share of the velocity and acceleration limits that motions take which are not a file's: a gentler push in flight."""
+_IN_HAND = 1.01
+"""A motion is slowed by so much more than its samples ask for."""
+_LEAST_S = 0.3
+"""Shortest motion of our own, however near its end."""
+_LONGEST_S = 3600.0
+_ROUNDING_RAD = 1e-6
+_LEAVING_M = 0.0005
+"""A pair that begins inside the margin may come nearer by so much, not more, on its way out."""
+
+Start = JointMotion | Array
+"""Where the joints are, (8,) rad, or how they move."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A motion that begins where the joints are, and what to tell the user."""
+
+    trajectory: JointTrajectory
+    slowed_by: float = 1.0
+    """1 when it runs at its own speed."""
+    approach_s: float = 0.0
+    """How long it takes to reach the motion's own start."""
+    notes: tuple[str, ...] = ()
+
+
+def plan(
+    model: ArmModel,
+    trajectory: JointTrajectory,
+    start: Start,
+    via_rad: Iterable[Array] = (),
+    floor_z_m: float | None = None,
+) -> Plan:
+    """`trajectory`, reached from `start` and slowed as a whole until velocity and acceleration limits hold.
+
+    The way to its start is straight in the joints, or through one of the poses `via_rad` (8,) when that would collide;
+    `floor_z_m` is the floor's height in the body frame. Raises ArmError, naming the joint or the pair and the time,
+    when an angle is beyond its limit or something comes too near.
+    """
+    begin = _motion(start)
+    looked = _finite_samples(trajectory)
+    _check_angles(model, looked)
+    factor, notes = _slowing(model, looked)
+    slowed = trajectory if factor == 1.0 else Slowed(trajectory, factor)
+    near = first_too_near(model, slowed, model.margin_m, floor_z_m)
+    if near is not None:
+        raise ArmError(f"{near.time_s:.2f} s into the motion {_meeting(near)}")
+    parts, note = _way(model, begin, looked.motion.position_rad[0], via_rad, floor_z_m)
+    approach_s = sum(part.duration_s for part in parts)
+    if approach_s > 0.0:
+        notes = (*notes, f"the arms first move to its start, {approach_s:.1f} s{', ' + note if note else ''}")
+    return Plan(InTurn((*parts, slowed)), factor, approach_s, notes)
+
+
+def to_pose(
+    model: ArmModel,
+    start: Start,
+    goal_rad: Array,
+    via_rad: Iterable[Array] = (),
+    floor_z_m: float | None = None,
+) -> Plan:
+    """To a pose (8,), straight in the joints, or through one of the poses `via_rad` when that would collide.
+
+    Raises ArmError when the pose is beyond a limit or touches something, or when no way to it is free.
+    """
+    begin = _motion(start)
+    _check_pose(model, goal_rad, "in the pose asked for")
+    parts, note = _way(model, begin, goal_rad, via_rad, floor_z_m)
+    return Plan(InTurn(parts or (MinimumJerk(begin, goal_rad, _LEAST_S),)), notes=(note,) if note else ())
+
+
+def grip(model: ArmModel, start: Start, claw_rad: float) -> Plan:
+    """Both claws to an angle; nothing else moves."""
+    goal_rad = _motion(start).position_rad.copy()
+    goal_rad[list(CLAWS)] = claw_rad
+    return to_pose(model, start, goal_rad)
+
+
+def reach(
+    model: ArmModel,
+    start: Start,
+    tips_flu_m: Mapping[Side, Array],
+    via_rad: Iterable[Array] = (),
+    floor_z_m: float | None = None,
+) -> Plan:
+    """Tips to points of body FLU (m) by the joint angles nearest to the present ones; an arm not named stays."""
+    goal_rad = reach_both_rad(model, tips_flu_m, _motion(start).position_rad)
+    return to_pose(model, start, goal_rad, via_rad, floor_z_m)
+
+
+def _motion(start: Start) -> JointMotion:
+    motion = at_rest(start) if isinstance(start, np.ndarray) else start
+    unknown = np.flatnonzero(~np.isfinite(motion.position_rad))
+    if unknown.size:
+        raise ArmError(f"where {JOINT_NAMES[unknown[0]]} is, is not known: read the servos before moving them")
+    return motion
+
+
+def _finite_samples(trajectory: JointTrajectory) -> Samples:
+    if not 0.0 <= trajectory.duration_s <= _LONGEST_S:
+        raise ArmError(f"a motion of {trajectory.duration_s:g} s cannot be checked: at most {_LONGEST_S:g} s")
+    looked = samples(trajectory)
+    motion = looked.motion
+    if not all(np.isfinite(part).all() for part in (motion.position_rad, motion.velocity_radps)):
+        raise ArmError("the motion holds values that are not numbers")
+    return looked
+
+
+def _check_angles(model: ArmModel, looked: Samples) -> None:
+    low, high, _, _ = model.limit_arrays()
+    angles = looked.motion.position_rad
+    beyond = (angles < low - _ROUNDING_RAD) | (angles > high + _ROUNDING_RAD)
+    if beyond.any():
+        row = int(np.argmax(beyond.any(axis=1)))
+        _check_pose(model, angles[row], f"{looked.time_s[row]:.2f} s into the motion")
+
+
+def _check_pose(model: ArmModel, angles_rad: Array, where: str) -> None:
+    low, high, _, _ = model.limit_arrays()
+    beyond = np.maximum(low - angles_rad, angles_rad - high)
+    joint = int(np.argmax(beyond))
+    if beyond[joint] > _ROUNDING_RAD:
+        raise ArmError(
+            f"{where} {JOINT_NAMES[joint]} would be at {_angle(angles_rad[joint])}, "
+            f"allowed is {_angle(low[joint])} to {_angle(high[joint])}"
+        )
+
+
+def _angle(angle_rad: float) -> str:
+    return f"{angle_rad:.3f} rad ({math.degrees(angle_rad):.1f} deg)"
+
+
+def _slowing(model: ArmModel, looked: Samples) -> tuple[float, tuple[str, ...]]:
+    """By which factor the motion has to take longer, and why."""
+    _, _, speed, accel = model.limit_arrays()
+    quickest = np.abs(looked.motion.velocity_radps).max(axis=0)
+    sharpest = np.abs(looked.motion.acceleration_radps2).max(axis=0)
+    by_speed, by_accel = _IN_HAND * quickest / speed, np.sqrt(_IN_HAND * sharpest / accel)
+    factor = float(max(by_speed.max(), by_accel.max()))
+    if factor <= 1.0:
+        return 1.0, ()
+    if by_speed.max() >= by_accel.max():
+        joint = int(np.argmax(by_speed))
+        why = f"{JOINT_NAMES[joint]} would turn at {quickest[joint]:.2f} rad/s, allowed is {speed[joint]:g} rad/s"
+    else:
+        joint = int(np.argmax(by_accel))
+        why = f"{JOINT_NAMES[joint]} would take {sharpest[joint]:.1f} rad/s^2, allowed is {accel[joint]:g} rad/s^2"
+    took_s = float(looked.time_s[-1])
+    return factor, (f"slowed down {factor:.2f} times, {took_s * factor:.1f} s instead of {took_s:.1f} s: {why}",)
+
+
+def _way(
+    model: ArmModel, begin: JointMotion, goal_rad: Array, via_rad: Iterable[Array], floor_z_m: float | None
+) -> tuple[tuple[JointTrajectory, ...], str]:
+    """Moves from `begin` to rest at the goal, none if it is there already; and a note when they are not straight."""
+    if np.abs(goal_rad - begin.position_rad).max() < _ROUNDING_RAD and not np.any(begin.velocity_radps):
+        return (), ""
+    _check_goal(model, begin, goal_rad, floor_z_m)
+    keep_m = _leaving_m(model, begin, floor_z_m)
+    straight = _move(model, begin, goal_rad)
+    near = first_too_near(model, straight, keep_m, floor_z_m)
+    if near is None:
+        return (straight,), ""
+    for via in via_rad:
+        bent = (_move(model, begin, via), _move(model, at_rest(via), goal_rad))
+        if first_too_near(model, InTurn(bent), keep_m, floor_z_m) is None:
+            return bent, f"round about, because straight there {_meeting(near)}"
+    raise ArmError(f"{near.time_s:.2f} s into the way there {_meeting(near)}")
+
+
+def _check_goal(model: ArmModel, begin: JointMotion, goal_rad: Array, floor_z_m: float | None) -> None:
+    near = first_too_near(model, Hold(goal_rad), _leaving_m(model, begin, floor_z_m), floor_z_m)
+    if near is not None:
+        raise ArmError(f"in the pose asked for {_meeting(near)}")
+
+
+def _move(model: ArmModel, begin: JointMotion, goal_rad: Array) -> MinimumJerk:
+    """Straight in the joints; as long as the pace asks for, and a motion that is already under way needs."""
+    _, _, speed, accel = model.limit_arrays()
+    way = np.abs(goal_rad - begin.position_rad)
+    by_speed, by_accel = 1.875 * way / (OWN_PACE * speed), np.sqrt(5.7735 * way / (OWN_PACE * accel))
+    duration_s = max(_LEAST_S, float(by_speed.max()), float(by_accel.max()))
+    if not np.any(begin.velocity_radps) and not np.any(begin.acceleration_radps2):
+        return MinimumJerk(begin, goal_rad, duration_s)
+    moves = [MinimumJerk(begin, goal_rad, duration_s * longer) for longer in (1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)]
+    return min(moves, key=lambda move: _excess(model, move))
+
+
+def _excess(model: ArmModel, move: MinimumJerk) -> float:
+    """How far beyond its limits a move would go, as a share; 0 within."""
+    low, high, speed, accel = model.limit_arrays()
+    motion = move.at(np.linspace(0.0, move.duration_s, 33))
+    outside = np.maximum(low - motion.position_rad, motion.position_rad - high).max()
+    return max(
+        0.0,
+        float(outside),
+        float((np.abs(motion.velocity_radps) / speed).max()) - 1.0,
+        float((np.abs(motion.acceleration_radps2) / accel).max()) - 1.0,
+    )
+
+
+def _leaving_m(model: ArmModel, begin: JointMotion, floor_z_m: float | None) -> Array:
+    """Distance that each pair has to keep: the margin, or what it has where the way begins if that is less."""
+    at = distances(model, begin.position_rad, floor_z_m).distance_m
+    return np.minimum(model.margin_m, at - _LEAVING_M)
+
+
+def _meeting(near: TooNear) -> str:
+    apart = "would touch" if near.distance_m <= 0.0 else f"would come within {near.distance_m:.3f} m"
+    return f"{near.what} {apart}, {max(near.keep_m, 0.0):.3f} m is to be kept"
