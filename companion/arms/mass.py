@@ -10,12 +10,11 @@ links' directions u, e, f of `kinematics`, an arm's first moment of mass is
 and its first and second derivatives are the momentum and minus the force on the vehicle.
 """
 
-import math
-
 import numpy as np
 
 from companion.arms.kinematics import OUTWARD, by_arm, link_directions
-from companion.arms.model import JOINTS_PER_ARM, ArmModel
+from companion.arms.model import ArmModel
+from companion.arms.one_motion import one_force_b_n, one_torque_b_nm
 from companion.types import Array, JointMotion
 
 
@@ -58,6 +57,8 @@ def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
 
     Their weight is not in it: that is `com_shift_flu_m` times the thrust.
     """
+    if motion.position_rad.ndim == 1:
+        return one_torque_b_nm(model, motion)
     place, _, accel = link_com_motion(model, motion)
     return np.asarray(-(_masses(model)[:, None] * np.cross(place, accel)).sum((-3, -2)))
 
@@ -65,39 +66,12 @@ def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
 def reaction_force_b_n(model: ArmModel, motion: JointMotion) -> Array:
     """Force of the moving links on the vehicle, - d/dt of their momentum, (..., 3), N, body FLU.
 
-    Minus the paper's F_m in the body frame. One motion (8,) is worked out in plain floats: this runs in the tick.
+    Minus the paper's F_m in the body frame.
     """
     if motion.position_rad.ndim == 1:
-        return _one_force(model, motion)
+        return one_force_b_n(model, motion)
     _, _, accel = link_com_motion(model, motion)
     return np.asarray(-(_masses(model)[:, None] * accel).sum((-3, -2)))
-
-
-def _one_force(model: ArmModel, motion: JointMotion) -> Array:
-    """As above for (8,): the second derivative of k_1 u + (k_2 + k_3 cos r) e + k_3 o sin r y, written out."""
-    one, two, three = model.links
-    k1 = one.mass_kg * one.com_m + (two.mass_kg + three.mass_kg) * one.length_m
-    k2 = two.mass_kg * two.com_m + three.mass_kg * two.length_m
-    k3 = three.mass_kg * three.com_m
-    angle, rate, accel = (
-        motion.position_rad.tolist(),
-        motion.velocity_radps.tolist(),
-        motion.acceleration_radps2.tolist(),
-    )
-    x = y = z = 0.0
-    for first, outward in ((0, -1.0), (JOINTS_PER_ARM, 1.0)):
-        a, b, r, _ = angle[first : first + JOINTS_PER_ARM]
-        a1, b1, r1, _ = rate[first : first + JOINTS_PER_ARM]
-        a2, b2, r2, _ = accel[first : first + JOINTS_PER_ARM]
-        s1, s2 = a1 + b1, a2 + b2
-        sin_a, cos_a, sin_s, cos_s = math.sin(a), math.cos(a), math.sin(a + b), math.cos(a + b)
-        sin_r, cos_r = math.sin(r), math.cos(r)
-        g, g1, g2 = k2 + k3 * cos_r, -2.0 * k3 * sin_r * r1, -k3 * (cos_r * r1 * r1 + sin_r * r2)
-        along, across = g2 - g * s1 * s1, g1 * s1 + g * s2
-        x += k1 * (cos_a * a2 - sin_a * a1 * a1) + along * sin_s + across * cos_s
-        y += outward * k3 * (cos_r * r2 - sin_r * r1 * r1)
-        z += k1 * (sin_a * a2 + cos_a * a1 * a1) - along * cos_s + across * sin_s
-    return np.array([-x, -y, -z])
 
 
 def _masses(model: ArmModel) -> Array:

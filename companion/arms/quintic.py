@@ -54,18 +54,20 @@ class Quintics:
         return JointMotion(out[..., 0, :], out[..., 1, :], out[..., 2, :])
 
 
-def between(start: JointMotion, end: JointMotion, duration_s: float) -> Array:
-    """Coefficients (6, 8) of the one quintic that meets place, velocity and acceleration at both ends."""
+def between(start: JointMotion, end: JointMotion, duration_s: float | Array) -> Array:
+    """Coefficients (..., 6, 8) of the one quintic that meets place, velocity and acceleration (..., 8) at both ends.
+
+    The duration (s) is one for all, or (..., 1).
+    """
     p0, v0, a0 = start.position_rad, start.velocity_radps * duration_s, start.acceleration_radps2 * duration_s**2
     p1, v1, a1 = end.position_rad, end.velocity_radps * duration_s, end.acceleration_radps2 * duration_s**2
     way = p1 - p0
-    return np.stack(
-        (
-            p0,
-            v0,
-            0.5 * a0,
-            10.0 * way - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1,
-            -15.0 * way + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1,
-            6.0 * way - 3.0 * (v0 + v1) - 0.5 * (a0 - a1),
-        )
+    terms = (
+        p0,
+        v0,
+        0.5 * a0,
+        10.0 * way - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1,
+        -15.0 * way + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1,
+        6.0 * way - 3.0 * (v0 + v1) - 0.5 * (a0 - a1),
     )
+    return np.stack(terms, axis=-2)

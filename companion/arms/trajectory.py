@@ -81,10 +81,11 @@ class MinimumJerk:
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Through poses (n, 8) at times (n,) from 0 (s), by minimum-jerk pieces.
+    """Through poses (n, 8) at times (n,) from 0 (s), a quintic between each two, at rest at both ends.
 
-    `stop` rests at each pose. Otherwise a joint that goes on in the same direction passes with the mean of the speeds
-    before and after (Craig, Introduction to Robotics, section 7.3) and no acceleration; one that turns back stops.
+    `stop` rests at each pose: minimum-jerk steps. Otherwise a pose is passed with the velocity and acceleration of the
+    parabola through it and its neighbours, which follows densely sampled motions closely and swings out a little
+    beyond sharp corners.
     """
 
     times_s: Array
@@ -107,20 +108,23 @@ class Waypoints:
 
     @cached_property
     def _curve(self) -> Quintics:
-        spans, poses, passing = np.diff(self.times_s), self.positions_rad, self._passing_radps()
-        nothing = np.zeros(poses.shape[1])
-        motions = [JointMotion(pose, velocity, nothing) for pose, velocity in zip(poses, passing, strict=True)]
-        pieces = zip(motions[:-1], motions[1:], spans, strict=True)
-        coefficients = np.stack([between(start, end, float(span)) for start, end, span in pieces])
-        return Quintics(tuple(self.times_s.tolist()), coefficients)
+        poses, passing = self.positions_rad, self._passing()
+        starts, ends = (
+            JointMotion(poses[cut], passing.velocity_radps[cut], passing.acceleration_radps2[cut])
+            for cut in (slice(None, -1), slice(1, None))
+        )
+        return Quintics(tuple(self.times_s.tolist()), between(starts, ends, np.diff(self.times_s)[:, None]))
 
-    def _passing_radps(self) -> Array:
-        out = np.zeros_like(self.positions_rad)
+    def _passing(self) -> JointMotion:
+        """The motion at each pose, (n, 8)."""
+        poses, spans = self.positions_rad, np.diff(self.times_s)[:, None]
+        velocity, acceleration = np.zeros_like(poses), np.zeros_like(poses)
         if not self.stop:
-            slope = np.diff(self.positions_rad, axis=0) / np.diff(self.times_s)[:, None]
-            same_way = slope[:-1] * slope[1:] > 0.0
-            out[1:-1] = np.where(same_way, 0.5 * (slope[:-1] + slope[1:]), 0.0)
-        return out
+            before, after = spans[:-1], spans[1:]
+            slope = np.diff(poses, axis=0) / spans
+            velocity[1:-1] = (before * slope[1:] + after * slope[:-1]) / (before + after)
+            acceleration[1:-1] = 2.0 * (slope[1:] - slope[:-1]) / (before + after)
+        return JointMotion(poses, velocity, acceleration)
 
 
 @dataclass(frozen=True)

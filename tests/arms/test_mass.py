@@ -95,13 +95,11 @@ def test_the_reaction_torque_is_minus_the_change_of_angular_momentum(motion: Joi
 
 
 @given(motion=MOTIONS)
-def test_one_motion_and_many_give_the_same_force(motion: JointMotion) -> None:
-    many = JointMotion(
-        *(np.stack((v, -v)) for v in (motion.position_rad, motion.velocity_radps, motion.acceleration_radps2))
-    )
-    np.testing.assert_allclose(
-        mass.reaction_force_b_n(MODEL, many)[0], mass.reaction_force_b_n(MODEL, motion), atol=1e-12
-    )
+def test_one_motion_and_many_give_the_same_force_and_torque(motion: JointMotion) -> None:
+    parts = (motion.position_rad, motion.velocity_radps, motion.acceleration_radps2)
+    many = JointMotion(*(np.stack((part, -part)) for part in parts))
+    for of in (mass.reaction_force_b_n, mass.reaction_torque_b_nm):
+        np.testing.assert_allclose(of(MODEL, many)[0], of(MODEL, motion), atol=1e-12)
 
 
 def test_claws_move_no_mass() -> None:

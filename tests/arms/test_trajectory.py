@@ -109,11 +109,23 @@ def test_stopping_waypoints_rest_at_each_pose() -> None:
     np.testing.assert_allclose(STOPS.at(STOPS.times_s).velocity_radps, 0.0, atol=1e-12)
 
 
-def test_passing_waypoints_go_on_with_the_mean_speed_and_stop_only_where_a_joint_turns_back() -> None:
+def test_passing_waypoints_move_as_the_parabola_through_the_neighbours() -> None:
     poses = np.zeros((4, 8))
     poses[:, 0] = (0.0, 1.0, 3.0, 2.0)
     course = Waypoints(np.array([0.0, 1.0, 2.0, 3.0]), poses, stop=False)
-    np.testing.assert_allclose(course.at(course.times_s).velocity_radps[:, 0], [0.0, 1.5, 0.0, 0.0], atol=1e-12)
+    found = course.at(course.times_s)
+    np.testing.assert_allclose(found.velocity_radps[:, 0], [0.0, 1.5, 0.5, 0.0], atol=1e-12)
+    inside = course.at(np.array([1.0, 2.0]))
+    np.testing.assert_allclose(inside.acceleration_radps2[:, 0], [1.0, -3.0], atol=1e-12)
+
+
+def test_passing_waypoints_follow_a_parabola_exactly_whatever_their_spacing() -> None:
+    times = np.array([0.0, 0.7, 1.0, 1.9, 2.2, 3.0])
+    course = Waypoints(times, A + B * times[:, None] ** 2, stop=False)
+    inside = np.linspace(0.7, 2.2, 50)
+    found = course.at(inside)
+    np.testing.assert_allclose(found.position_rad, A + B * inside[:, None] ** 2, atol=1e-12)
+    np.testing.assert_allclose(found.acceleration_radps2, np.tile(2.0 * B, (50, 1)), atol=1e-9)
 
 
 def test_a_swing_between_its_fades_is_the_sinusoid_by_hand() -> None:
