@@ -1,0 +1,183 @@
+"""Motions of the arms in files: which file a name means, and TOML into a description. CSV is in `arm_csv`."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field, model_validator
+
+from companion.arm_csv import LEAST_GAP_S, LONGEST_S, MAX_ROWS, read_csv
+from companion.arms.described import Described, Poses, Swing, Tips
+from companion.arms.model import CHAIN, JOINTS_PER_ARM
+from companion.config_files import Section, project_root, read_toml, validate
+from companion.ports import ConfigError
+from companion.types import Array
+
+MAX_BYTES = 1_000_000
+_Unit = Literal["deg", "rad"]
+
+
+def motion_named(name: str, duration_s: float | None = None) -> Described:
+    """The motion of a file ending in .toml or .csv, or of a name in config/arms/; `duration_s` (s) is for sinusoids.
+
+    A motion through poses takes as long as its file says. Raises ConfigError, one sentence a mistake.
+    """
+    path = _path(name)
+    try:
+        size = path.stat().st_size
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: there is no such file") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    if size > MAX_BYTES:
+        raise ConfigError(f"{path}: is {size / 1e6:.1f} MB, a motion has at most {MAX_BYTES / 1e6:g} MB")
+    return read_csv(path) if path.suffix.lower() == ".csv" else _read_toml(path, duration_s)
+
+
+def _path(name: str) -> Path:
+    path = Path(name)
+    if path.suffix.lower() in {".toml", ".csv"}:
+        return path
+    folder = project_root() / "config" / "arms"
+    known = sorted(file.stem for file in folder.glob("*.toml"))
+    if name in known:
+        return folder / f"{name}.toml"
+    raise ConfigError(f"unknown arm motion {name!r}: give {', '.join(known)}, or a file that ends in .toml or .csv")
+
+
+def _three_or_four(angles: list[float]) -> list[float]:
+    if len(angles) not in {CHAIN, JOINTS_PER_ARM}:
+        raise ValueError("must be three angles (shoulder pitch, elbow pitch, elbow roll) or four (the claw)")
+    return angles
+
+
+def _three(point: list[float]) -> list[float]:
+    if len(point) != 3:
+        raise ValueError("must be three coordinates (x forward, y left, z up)")
+    return point
+
+
+_Angles = Annotated[list[float], AfterValidator(_three_or_four)]
+_Point = Annotated[list[float], AfterValidator(_three)]
+
+
+class _Timed(Section):
+    t_s: float = Field(ge=0.0, le=LONGEST_S)
+
+
+class _Pose(_Timed):
+    right: _Angles | None = None
+    left: _Angles | None = None
+
+
+class _Tip(_Timed):
+    right: _Point | None = None
+    left: _Point | None = None
+
+
+def _check_times(points: Sequence[_Timed], table: str) -> None:
+    if not 2 <= len(points) <= MAX_ROWS:
+        raise ValueError(f"{table}: 2 to {MAX_ROWS} are needed, there are {len(points)}")
+    if points[0].t_s != 0.0:
+        raise ValueError(f"{table}.0.t_s = {points[0].t_s:g}: must be 0")
+    for number, (before, after) in enumerate(pairwise(point.t_s for point in points), start=1):
+        if after < before + LEAST_GAP_S - 1e-9:
+            raise ValueError(f"{table}.{number}.t_s = {after:g}: must be at least {LEAST_GAP_S:g} s after {before:g}")
+
+
+class _Waypoints(Section):
+    kind: Literal["waypoints"]
+    unit: _Unit
+    stop: bool = True
+    waypoints: list[_Pose]
+
+    @model_validator(mode="after")
+    def _times(self) -> "_Waypoints":
+        _check_times(self.waypoints, "waypoints")
+        return self
+
+    def described(self) -> Poses:
+        rows = [np.concatenate([_joints(pose.right), _joints(pose.left)]) for pose in self.waypoints]
+        return Poses(np.array([pose.t_s for pose in self.waypoints]), _rad(np.stack(rows), self.unit), self.stop)
+
+
+class _Swinging(Section):
+    centre: _Angles
+    amplitude: _Angles
+    phase: _Angles = Field([0.0, 0.0, 0.0])
+    period_s: float = Field(ge=0.2, le=120.0)
+
+
+class _Sinusoid(Section):
+    kind: Literal["sinusoid"]
+    unit: _Unit
+    duration_s: float = Field(gt=0.0, le=LONGEST_S)
+    fade_s: float = Field(2.0, ge=0.1, le=60.0)
+    right: _Swinging | None = None
+    left: _Swinging | None = None
+
+    @model_validator(mode="after")
+    def _some_arm(self) -> "_Sinusoid":
+        if self.right is None and self.left is None:
+            raise ValueError("a sinusoid needs a table [right] or [left], or both")
+        return self
+
+    def described(self, duration_s: float | None) -> Swing:
+        arms = (self.right, self.left)
+        centre, amplitude, phase = (
+            _rad(np.concatenate([_joints(getattr(arm, name) if arm else None) for arm in arms]), self.unit)
+            for name in ("centre", "amplitude", "phase")
+        )
+        return Swing(
+            centre_rad=centre,
+            amplitude_rad=np.nan_to_num(amplitude),
+            period_s=np.repeat([arm.period_s if arm else LONGEST_S for arm in arms], JOINTS_PER_ARM),
+            phase_rad=np.nan_to_num(phase),
+            duration_s=self.duration_s if duration_s is None else duration_s,
+            fade_s=self.fade_s,
+        )
+
+
+class _Tips(Section):
+    kind: Literal["tips"]
+    unit: Literal["m"]
+    stop: bool = True
+    tips: list[_Tip]
+
+    @model_validator(mode="after")
+    def _times(self) -> "_Tips":
+        _check_times(self.tips, "tips")
+        return self
+
+    def described(self) -> Tips:
+        stays = [math.nan] * 3
+        points = np.array([[point.right or stays, point.left or stays] for point in self.tips])
+        return Tips(np.array([point.t_s for point in self.tips]), points, self.stop)
+
+
+def _read_toml(path: Path, duration_s: float | None) -> Described:
+    data: dict[str, Any] = read_toml(path)
+    match data.get("kind"):
+        case "waypoints":
+            return validate(_Waypoints, data, path).described()
+        case "sinusoid":
+            return validate(_Sinusoid, data, path).described(duration_s)
+        case "tips":
+            return validate(_Tips, data, path).described()
+        case None:
+            raise ConfigError(f"{path}: kind: is missing; give waypoints, sinusoid or tips")
+        case other:
+            raise ConfigError(f"{path}: kind = {other!r}: must be waypoints, sinusoid or tips")
+
+
+def _joints(angles: _Angles | None) -> Array:
+    """One arm's joints (4,), NaN where nothing is said."""
+    given = angles or []
+    return np.array([*given, *[math.nan] * (JOINTS_PER_ARM - len(given))])
+
+
+def _rad(angles: Array, unit: _Unit) -> Array:
+    return np.asarray(np.radians(angles) if unit == "deg" else angles)
