@@ -4,6 +4,7 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
+from companion.arms.feedforward import Airframe
 from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
@@ -26,6 +27,12 @@ class VehicleConfig(Section):
         0.04, ge=0.0, le=0.2, description="setpoint sent to the attitude's first movement, s"
     )
     thrust_delay_s: float = Field(0.01, ge=0.0, le=0.2, description="setpoint sent to the thrust's first change, s")
+    inertia_kgm2: tuple[float, float, float] = Field(
+        (0.11, 0.10, 0.13), description="of the whole vehicle about body x, y, z, kg m^2"
+    )
+    rate_integrator_s: float = Field(
+        0.75, gt=0.0, le=100.0, description="time in which a lasting torque is trimmed out, MC_PITCHRATE_P / _I, s"
+    )
 
     def thrust_model(self) -> ThrustModel:
         """For the conversion of force to thrust."""
@@ -108,6 +115,11 @@ class CompanionConfig(Section):
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
     arms: ArmsConfig | None = None
+
+    def airframe(self) -> Airframe:
+        """What the arms' forces and torques meet."""
+        v = self.vehicle
+        return Airframe(v.mass_kg, v.gravity_mps2, v.inertia_kgm2, v.attitude_bandwidth_radps, v.rate_integrator_s)
 
     def vehicle_model(self) -> VehicleModel:
         """What a law may know of the vehicle."""

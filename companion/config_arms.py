@@ -1,11 +1,14 @@
 """The [arms] table: the servos of both arms, their bus, and what the arms are."""
 
 import math
+from typing import Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from companion.arms.model import JOINT_NAMES, KINDS, ArmModel, JointLimit, Link, Propellers
 from companion.config_files import Section
+from companion.types import Array
 
 MODELS = ("AX-12A", "XM430-W350", "XM430-W210")
 BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
@@ -126,7 +129,11 @@ class ArmsConfig(Section):
     stowed_within_rad: float = Field(0.1, gt=0.0, le=0.5, description="a joint so near its stow angle is stowed, rad")
     torque_off_after_landing: bool = Field(False, description="let the arms go limp once the vehicle is disarmed")
     land_on_fault: bool = Field(True, description="land on a servo fault in flight; false: only stop the arms")
-    feedforward: bool = Field(True, description="tell the law the reaction force of the commanded joint motion")
+    feedforward: Literal["off", "force", "full"] = Field(
+        "full",
+        description="what the law is told of the commanded motion: nothing, the reaction force, the tilt as well",
+    )
+    servo_lag_s: float = Field(0.03, ge=0.0, le=0.5, description="how late the joints follow their goals, s")
     servos: dict[str, ServoConfig] = Field(default_factory=_default_servos, description="by joint")
     limits: dict[str, JointLimitConfig] = Field(default_factory=_default_limits, description="by kind of joint")
     links: tuple[LinkConfig, LinkConfig, LinkConfig] = Field(
@@ -164,6 +171,14 @@ class ArmsConfig(Section):
     def _all_limits(cls, value: dict[str, JointLimitConfig]) -> dict[str, JointLimitConfig]:
         _exactly(set(value), set(KINDS), "kind of joint")
         return value
+
+    def stow_rad(self) -> Array:
+        """The pose for take-off and landing, (8,), claws closed."""
+        return np.array([*self.poses.stow_rad, self.poses.claw_closed_rad] * 2)
+
+    def home_rad(self) -> Array:
+        """The pose to work from, (8,), claws closed."""
+        return np.array([*self.poses.home_rad, self.poses.claw_closed_rad] * 2)
 
     def model(self) -> ArmModel:
         """For the pure rooms."""

@@ -13,6 +13,7 @@ from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 YAW_STEP_RAD = 0.02
 """The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
+_NOTHING = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,10 @@ class ControlStage:
         """A level setpoint within the limits, at once and whatever was sent before."""
         return gate(idle_setpoint(yaw_rad, thrust), idle_setpoint(yaw_rad, thrust), self._limits, 1.0).setpoint
 
-    def fly(self, vehicle: VehicleState, age_s: float, ahead: Reference, dt_s: float) -> Asked:
-        """One cycle of the law; `ahead` is the reference `preview_s` from now.
+    def fly(
+        self, vehicle: VehicleState, age_s: float, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
+    ) -> Asked:
+        """One cycle of the law; `ahead` is the reference `preview_s` on, `known_accel_w_mps2` (3,) the arms' push.
 
         Between events the wanted setpoint stays, and the gate goes on towards it as fast as it may.
         """
@@ -95,6 +98,7 @@ class ControlStage:
             ahead,
             accel_of_setpoint(self.sent, self._model),
             dt_s,
+            known_accel_w_mps2,
         )
         output = self._decide(now)
         if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:

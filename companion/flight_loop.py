@@ -9,14 +9,16 @@ from typing import Protocol
 
 import numpy as np
 
+from companion.arm_stage import ArmStage, ArmTick
 from companion.config import CompanionConfig
+from companion.config_arms import ArmsConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.limits import Gated
 from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
-from companion.ports import Autopilot, Clock, CompanionError, MocapSource
+from companion.ports import ArmBus, Autopilot, Clock, CompanionError, MocapSource
 from companion.supervisor import phases
 from companion.supervisor.flight import (
     COMMANDED,
@@ -41,6 +43,7 @@ _SINKING = 0.97
 """Share of hover thrust with which the vehicle comes down gently while nobody steers it."""
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
+_NOTHING = np.zeros(3)
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 
@@ -64,6 +67,7 @@ class Tick:
     gated: Gated | None
     late_signals: dict[str, Array]
     """Inner values of the law that it worked out after the setpoint had left."""
+    arms: ArmTick | None
 
 
 class TickSink(Protocol):
@@ -80,6 +84,7 @@ class Devices:
     mocap: MocapSource
     autopilot: Autopilot
     clock: Clock
+    arms: ArmBus | None = None
 
 
 class FlightLoop:
@@ -92,6 +97,8 @@ class FlightLoop:
         self._period_s = 1.0 / config.control.rate_hz
         self._rules = rules_of(config)
         self._stage = ControlStage(controller, config.vehicle.thrust_model(), config.limits.limits())
+        self.arms = _arm_stage(devices.arms, config)
+        """The arms' part; None for a vehicle without."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._vision_period_s = 1.0 / config.px4.vision_rate_hz if config.px4.vision_rate_hz > 0.0 else math.inf
         self._vision_due_s = 0.0
@@ -173,6 +180,8 @@ class FlightLoop:
         """One control cycle at `now_s`, begun `late_s` late."""
         frame_received_s = self._read()
         self._judge_estimate()
+        if self.arms is not None:
+            self.arms.read(now_s, self._flight)
         facts = self._facts(now_s)
         self._enter(phases.advance(self._flight, facts, self._rules))
         asked, gated = self._control_or_hand_over(facts)
@@ -194,6 +203,7 @@ class FlightLoop:
                 asked,
                 gated,
                 late_signals,
+                self.arms.tick(now_s, self._flight) if self.arms is not None else None,
             )
         )
 
@@ -210,10 +220,15 @@ class FlightLoop:
         status, vehicle = self._autopilot.status(), self._estimate.vehicle
         if vehicle is None:
             nowhere = np.full(3, np.nan)
-            return Facts(now_s, nowhere, nowhere, 0.0, math.inf, status.armed, status.mode)
+            return Facts(now_s, nowhere, nowhere, 0.0, math.inf, status.armed, status.mode, *self._of_the_arms())
         yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
         age_s = now_s - vehicle.time_s
-        return Facts(now_s, vehicle.position_w_m, vehicle.velocity_w_mps, yaw_rad, age_s, status.armed, status.mode)
+        position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
+        return Facts(now_s, position, velocity, yaw_rad, age_s, status.armed, status.mode, *self._of_the_arms())
+
+    def _of_the_arms(self) -> tuple[bool, str]:
+        """Whether they are stowed, and what is wrong with them."""
+        return (True, "") if self.arms is None else (not self.arms.off_stow, self.arms.fault)
 
     def _judge_estimate(self) -> None:
         """A filter that had to begin anew in the air means that motion capture jumped: nothing known before holds."""
@@ -267,7 +282,8 @@ class FlightLoop:
             thrust = phases.ground_thrust(flight, facts.time_s, self._rules)
             return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
         ahead = phases.reference_at(flight, facts.time_s + self._stage.preview_s)
-        asked = self._stage.fly(vehicle, facts.mocap_age_s, ahead, dt_s)
+        known = self.arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz) if self.arms is not None else _NOTHING
+        asked = self._stage.fly(vehicle, facts.mocap_age_s, ahead, dt_s, known)
         return asked, asked.gated
 
     def _send(self, gated: Gated | None) -> float:
@@ -328,11 +344,19 @@ class FlightLoop:
 
 def rules_of(config: CompanionConfig) -> FlightRules:
     """The phase machine's numbers from the configuration."""
-    f = config.flight
+    f, arms = config.flight, config.arms or ArmsConfig()
     return FlightRules(
         hover_thrust=config.vehicle.hover_thrust,
         climb_speed_mps=f.climb_speed_mps,
         spool_up_s=f.spool_up_s,
         descent_speed_mps=f.descent_speed_mps,
         mocap_timeout_s=f.mocap_timeout_s,
+        stow_time_s=arms.stow_time_s,
+        land_on_arm_fault=arms.land_on_fault,
     )
+
+
+def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
+    if bus is None or config.arms is None:
+        return None
+    return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

@@ -5,11 +5,15 @@ import gc
 import logging
 import math
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 
 from companion.adapters.clock import MonotonicClock
+from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
+from companion.arms.machine import ArmPhase
+from companion.arms.planning import to_pose
+from companion.arms.trajectory import JointTrajectory
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
@@ -30,6 +34,8 @@ _FIRST_STATES_S = 1.2
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
+_TORQUE_S = 2.0
+"""For a joint to show its torque, or to come to rest at the end of a motion."""
 
 
 class FlightError(CompanionError):
@@ -40,11 +46,15 @@ class FlightError(CompanionError):
 async def open_service(config: CompanionConfig, law: Controller, sink: TickSink) -> AsyncIterator["Service"]:
     """Devices connected and the loop ticking.
 
-    Raises MocapError or AutopilotError when a device cannot be reached or fails later, and whatever the law raises.
+    Raises MocapError, AutopilotError or ArmError when a device cannot be reached or the first two fail later, and
+    whatever the law raises.
     """
     clock = MonotonicClock()
-    async with open_qualisys(config.mocap, clock) as mocap, open_px4(config.px4, clock) as autopilot:
-        loop = FlightLoop(Devices(mocap, autopilot, clock), law, config, sink)
+    async with AsyncExitStack() as devices:
+        mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
+        autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
+        arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
+        loop = FlightLoop(Devices(mocap, autopilot, clock, arms), law, config, sink)
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
@@ -109,6 +119,7 @@ class Service:
             where = "in the air" if status.in_air else "armed"
             raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
         await self._headings_agree()
+        self._arms_are_ready()
         self._ask(Prepare(), "arm")
         asked = False
         try:
@@ -147,6 +158,51 @@ class Service:
                 "EKF take the heading from vision (EKF2_EV_CTRL), and is the body's x axis its nose in QTM?"
             )
 
+    def _arms_are_ready(self) -> None:
+        """Hanging arms would meet the floor, and limp ones would swing."""
+        arms = self.loop.arms
+        if arms is None:
+            return
+        if arms.fault:
+            raise FlightError(f"cannot arm: {arms.fault}")
+        if arms.state.phase is not ArmPhase.HOLDING:
+            raise FlightError(f"cannot arm: the arms are {arms.state.phase}, they must hold their stowed pose")
+        if arms.off_stow:
+            raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
+
+    async def prepare_arms(self) -> None:
+        """On the ground: torque on, without a jump, and fold. Does nothing for a vehicle without arms.
+
+        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there.
+        """
+        arms, config = self.loop.arms, self._config.arms
+        if arms is None or config is None:
+            return
+        await arms.torque_on()
+        await self._arms_reach(ArmPhase.HOLDING, _TORQUE_S)
+        if arms.off_stow:
+            there = to_pose(
+                config.model(), arms.status.position_rad, config.stow_rad(), (config.home_rad(),)
+            ).trajectory
+            await self.move_arms(there)
+            await self._arms_reach(ArmPhase.HOLDING, there.duration_s + _TORQUE_S)
+        if not await self._until(lambda: not arms.off_stow, _TORQUE_S):
+            raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
+
+    async def move_arms(self, motion: JointTrajectory) -> None:
+        """Begin a motion that was planned from where the joints are held; returns at once."""
+        arms = self.loop.arms
+        if arms is None:
+            raise FlightError("this vehicle has no arms: its configuration has no [arms]")
+        if not arms.play(motion):
+            raise FlightError(f"the arms cannot move: they are {arms.state.phase} in flight phase {self.phase}")
+
+    async def _arms_reach(self, phase: ArmPhase, timeout_s: float) -> None:
+        arms = self.loop.arms
+        assert arms is not None
+        if not await self._until(lambda: arms.state.phase is phase or bool(arms.fault), timeout_s) or arms.fault:
+            raise FlightError(f"the arms are {arms.state.phase} and should be {phase}: {arms.fault or 'time is up'}")
+
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold."""
         self._ask(TakeOff(height_m), "take off")
@@ -179,7 +235,8 @@ class Service:
             over = self._ticking.done() or self.phase is Phase.DISARMED
             return not status.connected or (over and not status.armed)
 
-        landed = await self._until(down, down_s + _LANDING_MARGIN_S, although_failed=True)
+        stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
+        landed = await self._until(down, stow_s + down_s + _LANDING_MARGIN_S, although_failed=True)
         if not self._autopilot.status().connected:
             raise FlightError("the autopilot is not heard any more: look at the vehicle")
         if not landed:

@@ -15,12 +15,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
-from mock_autopilot.dynamixel_firmware import Answer
+from mock_autopilot.dynamixel_instructions import Answer
 from mock_autopilot.dynamixel_packets import Parser
 from mock_autopilot.servo_rack import ServoRack
 
 BITS_PER_BYTE = 10
 """Eight bits, start and stop."""
+PLUG_EVERY_S = 0.02
+"""How often it looks whether the port is to go or to come back."""
 LONGEST_GAP_S = 0.1
 """A packet that stops for longer in the middle is forgotten."""
 MANY_BYTES = 4096
@@ -56,6 +58,7 @@ class ServoBus:
         self._parser = Parser()
         self._heard_s = 0.0
         self._wire_free_s = 0.0
+        self._watch: asyncio.TimerHandle | None = None
         self._pending: set[asyncio.TimerHandle] = set()
 
     @property
@@ -70,13 +73,16 @@ class ServoBus:
         if self._link is not None:
             self._link.claim()
         try:
-            self._plug_in()
+            self._watch_plug()
         except BaseException:
             self.close()
             raise
 
     def close(self) -> None:
         """Take the port away, and the link to it."""
+        if self._watch is not None:
+            self._watch.cancel()
+            self._watch = None
         self._unplug()
         if self._link is not None:
             self._link.release()
@@ -84,15 +90,19 @@ class ServoBus:
     def inject(self, fault: Fault) -> None:
         """Add a fault from now on, its `at_s` counted from now; ValueError when it names a servo that is not there."""
         self.servos.inject(fault)
-        self.mind_plug()
+        self._mind_plug()
 
     def clear(self, kind: FaultKind | None = None, servo_id: int | None = None) -> None:
         """End faults, all or those of a kind or a servo; what the servos have latched stays latched."""
         self.servos.clear(kind, servo_id)
-        self.mind_plug()
+        self._mind_plug()
 
-    def mind_plug(self) -> None:
-        """Let the port go or come back as the faults say; call it whenever `servos` have been stepped."""
+    def _watch_plug(self) -> None:
+        self._mind_plug()
+        self._watch = asyncio.get_running_loop().call_later(PLUG_EVERY_S, self._watch_plug)
+
+    def _mind_plug(self) -> None:
+        """Let the port go or come back as the faults say."""
         gone = self.servos.holding(FaultKind.PORT_GONE)
         if gone and self._port is not None:
             self._unplug()
@@ -118,7 +128,7 @@ class ServoBus:
     def _on_bytes(self) -> None:
         if self._catch_up is not None:
             self._catch_up()
-            self.mind_plug()
+            self._mind_plug()
         if self._port is None:
             return
         data, now_s = self._port.read(), asyncio.get_running_loop().time()

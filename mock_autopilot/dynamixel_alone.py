@@ -54,5 +54,4 @@ class BusAlone:
     async def _run(self) -> None:
         while True:
             self.catch_up()
-            self.bus.mind_plug()
             await asyncio.sleep(0.01)

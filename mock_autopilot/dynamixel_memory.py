@@ -58,10 +58,10 @@ class ControlTable:
         for register in self._covered(address, len(data)):
             if register is None:
                 return Refusal.NO_SUCH_ADDRESS
-            if register.end > address + len(data):
-                return Refusal.CUT_SHORT
             if not register.writable:
                 return Refusal.READ_ONLY
+            if register.end > address + len(data):
+                return Refusal.CUT_SHORT
             raw = data[register.address - address : register.end - address]
             value = int.from_bytes(raw, "little", signed=register.signed)
             if not register.minimum <= value <= register.maximum:

@@ -122,6 +122,7 @@ class Motor:
             self.powered = True
             self.go_to(self._goal_rad)
         self.powered = on
+        self._moving_profile = self._moving_profile and on
 
     def step(self, dt_s: float, load_nm: float) -> None:
         """Let `dt_s` pass under a load (positive towards greater angles)."""
@@ -157,16 +158,19 @@ class Motor:
     def _advance_profile(self, dt_s: float) -> None:
         """Trapezoid: as fast as allowed, and as fast as still lets it stop at the goal."""
         distance = self._goal_rad - self._profile_rad
-        limit, accel = self.profile_limit_radps, self.profile_accel_radps2
-        if accel == math.inf:
-            wanted = math.copysign(min(limit, abs(distance) / dt_s), distance)
-        else:
-            change = accel * dt_s
+        limit, change = self.profile_limit_radps, self.profile_accel_radps2 * dt_s
+        if distance == 0.0 and abs(self._profile_radps) <= change:
+            self._profile_radps, self._moving_profile = 0.0, False
+            return
+        wanted = min(limit, abs(distance) / dt_s)
+        if change < math.inf:
             # Speed from which whole steps of this deceleration end at the goal.
-            stopping = math.sqrt(change * change / 4 + 2 * accel * abs(distance)) - change / 2
-            wanted = math.copysign(min(limit, stopping, abs(distance) / dt_s), distance)
+            wanted = min(wanted, math.sqrt(change * change / 4 + 2 * change * abs(distance) / dt_s) - change / 2)
+            wanted = math.copysign(wanted, distance)
             wanted = min(max(wanted, self._profile_radps - change), self._profile_radps + change)
+        else:
+            wanted = math.copysign(wanted, distance)
         self._profile_radps = wanted
         self._profile_rad += wanted * dt_s
-        if abs(self._goal_rad - self._profile_rad) < 1e-9 and abs(wanted) <= max(accel, 1.0) * dt_s:
-            self._profile_rad, self._profile_radps, self._moving_profile = self._goal_rad, 0.0, False
+        if abs(self._goal_rad - self._profile_rad) < 1e-12:
+            self._profile_rad = self._goal_rad

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind, ServoConfig
-from mock_autopilot.dynamixel_firmware import Answer, answer
+from mock_autopilot.dynamixel_instructions import Answer
 from mock_autopilot.dynamixel_packets import Packet
+from mock_autopilot.dynamixel_protocol1 import answers1
+from mock_autopilot.dynamixel_protocol2 import answers2
 from mock_autopilot.quaternion import Array
 from mock_autopilot.servo import Servo
 from mock_autopilot.servo_ax import AxServo
@@ -38,13 +40,12 @@ class ServoRack:
         self._tended_s = 0.0
         self._faults = list(config.faults)
         self._next_fault_s = 0.0
-        self._rebooted: set[int] = set()
         self._answers = 0
 
     def step(self, dt_s: float, load_nm: Sequence[float] | None = None) -> None:
         """Let `dt_s` pass under these loads, one for each servo (N m, positive towards greater angles)."""
         self.time_s += dt_s
-        for motor, load in zip(self._motors, load_nm or self._still, strict=True):
+        for motor, load in zip(self._motors, self._still if load_nm is None else load_nm, strict=True):
             motor.step(dt_s, load)
         since_s = self.time_s - self._tended_s
         if since_s >= TEND_EVERY_S - 1e-9:
@@ -89,8 +90,11 @@ class ServoRack:
         """Let the servos act on a packet that came at `baud` (None: whatever theirs is); what they put on the wire."""
         if self.holding(FaultKind.SILENT_BUS):
             return []
-        hearing = [servo for servo in self.servos if self._hears(servo, baud)]
-        return [self._spoilt(said) for said in answer(packet, hearing, self.time_s)]
+        hearing = [s for s in self.servos if s.model.protocol == packet.protocol and self._hears(s, baud)]
+        for servo in hearing:
+            servo.heard_s = self.time_s
+        said = answers1(packet, hearing) if packet.protocol == 1 else answers2(packet, hearing, self.time_s)
+        return [self._spoilt(one) for one in said]
 
     def _hears(self, servo: Servo, baud: int | None) -> bool:
         return (
@@ -139,13 +143,11 @@ class ServoRack:
     def _turn_faults(self) -> None:
         """Begin and end what is due, and note when the next of it is."""
         now_s = self.time_s
-        for fault in self._faults:
-            if fault.kind is FaultKind.REBOOT and fault.at_s <= now_s and id(fault) not in self._rebooted:
-                self._rebooted.add(id(fault))
-                for servo in self.servos:
-                    if fault.concerns(servo.id):
-                        servo.restart(now_s)
+        reboots = [fault for fault in self._faults if fault.kind is FaultKind.REBOOT and fault.at_s <= now_s]
+        self._faults = [fault for fault in self._faults if fault not in reboots]
         for servo in self.servos:
+            if any(fault.concerns(servo.id) for fault in reboots):
+                servo.restart(now_s)
             servo.overloaded = self._fault(FaultKind.OVERLOAD, servo.id) is not None
             servo.overheated = self._fault(FaultKind.HOT, servo.id) is not None
             low = self._fault(FaultKind.VOLTAGE, servo.id)

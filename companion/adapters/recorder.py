@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.arms.model import JOINT_COUNT
 from companion.flight_loop import Tick
 from companion.types import Array
 
 _NOWHERE = np.full(3, np.nan)
 _NO_ATTITUDE = np.full(4, np.nan)
+_NO_JOINTS = np.full(JOINT_COUNT, np.nan)
 
 
 class _Rows:
@@ -69,6 +71,17 @@ class Recorder:
             "accel_w_mps2": asked.output.accel_w_mps2 if asked else _NOWHERE,
             "setpoint_q_w_flu_wxyz": gated.setpoint.q_w_flu_wxyz if gated else _NO_ATTITUDE,
         }
+        if tick.arms is not None:
+            goal, status = tick.arms.goal, tick.arms.status
+            scalars |= {"arm_phase": str(tick.arms.phase), "arm_bus_cycle_s": status.cycle_s}
+            vectors |= {
+                "joint_goal_rad": goal.position_rad if goal else _NO_JOINTS,
+                "joint_position_rad": status.position_rad,
+                "joint_velocity_radps": status.velocity_radps,
+                "joint_effort": status.effort,
+                "joint_temperature_c": status.temperature_c,
+                "arms_known_accel_w_mps2": tick.arms.known_accel_w_mps2,
+            }
         signals = (asked.output.signals if asked else {}) | tick.late_signals
         for name, value in scalars.items():
             self._columns.setdefault(name, []).append(value)

@@ -18,7 +18,7 @@ def tick(number: int, seen: bool) -> Tick:
     vehicle = VehicleState(number * 0.01, where, 0.0 * where, LEVEL, 0.0 * where) if seen else None
     late = {"f_hat": where} if number >= 1500 else {}
     return Tick(
-        number * 0.01, 0.0, np.nan, np.nan, vehicle, 0.01, STATUS, Flight(Phase.STANDBY), None, None, None, late
+        number * 0.01, 0.0, np.nan, np.nan, vehicle, 0.01, STATUS, Flight(Phase.STANDBY), None, None, None, late, None
     )
 
 

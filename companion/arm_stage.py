@@ -1,0 +1,215 @@
+"""The arms' part of a tick: bus status in, state machine, joint goals out, and the push the law may know of."""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.arms import machine
+from companion.arms.feedforward import (
+    Airframe,
+    force_accel_b_mps2,
+    tilt_accel_b_mps2,
+    trimmed_b_radps2,
+    turning_b_radps2,
+)
+from companion.arms.machine import ArmAction, ArmFacts, ArmPhase, ArmRules, ArmState, goal_at
+from companion.arms.model import CLAWS, JOINT_NAMES
+from companion.arms.planning import to_pose
+from companion.arms.trajectory import JointTrajectory
+from companion.config_arms import ArmsConfig
+from companion.control.controller import VehicleModel
+from companion.control.frames import matrix_from_quat
+from companion.ports import ArmBus, CompanionError
+from companion.supervisor.flight import Flight
+from companion.types import ArmStatus, Array, JointMotion
+
+LOG = logging.getLogger(__name__)
+
+_STALE_S = 0.5
+"""Every joint unread for so long: the bus thread itself hangs, whatever it last said."""
+
+
+@dataclass(frozen=True)
+class ArmTick:
+    """What the arms did in one cycle; for the record and for whoever looks on."""
+
+    phase: ArmPhase
+    reason: str
+    goal: JointMotion | None
+    status: ArmStatus
+    known_accel_w_mps2: Array
+
+
+class ArmStage:
+    """Holds the arms' state and their bus. Call `read`, then `known_accel_w_mps2`, then `tick`, once a cycle."""
+
+    def __init__(
+        self, bus: ArmBus, config: ArmsConfig, vehicle: VehicleModel, airframe: Airframe, period_s: float
+    ) -> None:
+        self._bus, self._config, self._model = bus, config, config.model()
+        self._airframe, self._period_s = airframe, period_s
+        self._leads = _leads(vehicle, config.servo_lag_s)
+        self._stow_rad = config.stow_rad()
+        self._rules = ArmRules(self._way_to_stow, config.torque_off_after_landing)
+        self._state = ArmState()
+        self._status = bus.status()
+        self._facts: ArmFacts | None = None
+        self._known_b = self._trimmed_b = np.zeros(3)
+        self._known = np.zeros(3)
+        self._broken = ""
+        """What is wrong with this side of the bus; latched."""
+        self._releasing: asyncio.Task[None] | None = None
+
+    @property
+    def state(self) -> ArmState:
+        """Phase and goal."""
+        return self._state
+
+    @property
+    def status(self) -> ArmStatus:
+        """What the bus last said."""
+        return self._status
+
+    @property
+    def fault(self) -> str:
+        """What is wrong with the arms, naming the joint; empty when nothing is."""
+        texts = [fault.text for fault in self._status.faults]
+        return "; ".join([*texts, self._broken] if self._broken else texts)
+
+    @property
+    def off_stow(self) -> str:
+        """The joint farthest from its stowed angle, in words; empty when the arms are stowed. Claws may be anywhere."""
+        off = np.abs(self._status.position_rad - self._stow_rad)
+        off[list(CLAWS)] = 0.0
+        worst = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
+        if off[worst] <= self._config.stowed_within_rad:
+            return ""
+        if math.isnan(off[worst]):
+            return f"{JOINT_NAMES[worst]} was never read"
+        return f"{JOINT_NAMES[worst]} is {math.degrees(off[worst]):.0f} degrees from its stowed angle"
+
+    def read(self, now_s: float, flight: Flight) -> None:
+        """Take in what the bus says; never waits."""
+        self._status = self._bus.status()
+        unread_s = now_s - float(self._status.read_s.max())
+        if unread_s > _STALE_S and math.isfinite(unread_s) and not self._broken:
+            self._broken = f"bus: no servo was read for {unread_s:.1f} s"
+        self._facts = ArmFacts(
+            now_s,
+            self._status.position_rad,
+            bool(self._status.torque_on.all()),
+            self.fault,
+            not self.off_stow,
+            flight.phase,
+            flight.touched_down,
+        )
+
+    def known_accel_w_mps2(self, q_w_flu_wxyz: Array) -> Array:
+        """What the commanded motion does to the vehicle when a setpoint sent now acts; (3,) in W, 0 unless told."""
+        self._known = np.asarray(matrix_from_quat(q_w_flu_wxyz) @ self._known_b)
+        return self._known
+
+    def tick(self, now_s: float, flight: Flight) -> ArmTick:
+        """Advance the state machine, send the joints' goals, and work out the push of the next cycle.
+
+        A mistake in here stops the arms and is a fault like a servo's; the flight loop goes on.
+        """
+        try:
+            return self._tick(now_s, flight)
+        except Exception as error:
+            LOG.exception("arms: the stage failed")
+            self._broken = self._broken or f"the arms' software failed: {type(error).__name__}: {error}"
+            self._bus.hold()
+            self._known_b = np.zeros(3)
+            return ArmTick(ArmPhase.FAULT, self._broken, None, self._status, self._known)
+
+    def _tick(self, now_s: float, flight: Flight) -> ArmTick:
+        assert self._facts is not None
+        before = self._state
+        self._state = machine.advance(before, replace(self._facts, flight=flight.phase), self._rules)
+        self._announce(before)
+        self._act(self._state.action)
+        goal = goal_at(self._state, now_s)
+        if goal is not None:
+            self._bus.move(goal.position_rad)
+        self._known_b = self._push_of_next_cycle(now_s + self._period_s, flight)
+        return ArmTick(self._state.phase, self._state.reason, goal, self._status, self._known)
+
+    def play(self, motion: JointTrajectory) -> bool:
+        """Begin a planned motion; False where the flight or the arms' own phase does not allow it."""
+        if self._facts is None or not machine.can_play(self._state, self._facts.flight):
+            return False
+        self._state = machine.play(self._state, motion, self._facts)
+        return True
+
+    def stop(self, reason: str) -> None:
+        """Bring a motion to rest on its way."""
+        if self._facts is not None:
+            self._state = machine.stop(self._state, self._facts, reason)
+
+    async def torque_on(self) -> None:
+        """Hold where the joints are; ArmError naming the joints that refuse."""
+        await self._bus.torque_on()
+
+    async def close(self) -> None:
+        """Wait for what was begun."""
+        if self._releasing is not None:
+            await asyncio.gather(self._releasing, return_exceptions=True)
+
+    def _way_to_stow(self, now: JointMotion) -> JointTrajectory:
+        return to_pose(self._model, now, self._stow_rad, via_rad=(self._config.home_rad(),)).trajectory
+
+    def _push_of_next_cycle(self, time_s: float, flight: Flight) -> Array:
+        """Acceleration (3,), body frame, that the arms give the vehicle when a setpoint of `time_s` has its effect."""
+        if not flight.airborne or self._config.feedforward == "off":
+            self._trimmed_b = np.zeros(3)
+            return np.zeros(3)
+        across, upward, turning = (goal_at(self._state, time_s + lead_s) for lead_s in self._leads)
+        if across is None or upward is None or turning is None:
+            return np.zeros(3)
+        ahead, above = (force_accel_b_mps2(self._model, self._airframe, motion) for motion in (across, upward))
+        tilt = self._tilt(turning) if self._config.feedforward == "full" else np.zeros(3)
+        return np.array((ahead[0] + tilt[0], ahead[1] + tilt[1], above[2]))
+
+    def _tilt(self, motion: JointMotion) -> Array:
+        """Acceleration by the tilt that the motion causes, less what the autopilot has trimmed out by then."""
+        turning = turning_b_radps2(self._model, self._airframe, motion)
+        self._trimmed_b = trimmed_b_radps2(self._trimmed_b, turning, self._airframe, self._period_s)
+        return tilt_accel_b_mps2(turning - self._trimmed_b, self._airframe)
+
+    def _announce(self, before: ArmState) -> None:
+        if self._state.phase is before.phase and self._state.reason == before.reason:
+            return
+        say = LOG.error if self._state.phase is ArmPhase.FAULT else LOG.info
+        why = f": {self._state.reason}" if self._state.reason else ""
+        say("arms: %s -> %s%s", before.phase, self._state.phase, why)
+
+    def _act(self, action: ArmAction | None) -> None:
+        if action is ArmAction.HOLD:
+            self._bus.hold()
+        elif action is ArmAction.TORQUE_OFF and self._releasing is None:
+            self._releasing = asyncio.get_running_loop().create_task(
+                _attempt(self._bus.torque_off()), name="companion.arms_torque_off"
+            )
+
+
+async def _attempt(call: Awaitable[None]) -> None:
+    try:
+        await call
+    except CompanionError as error:
+        LOG.error("arms: %s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
+
+
+def _leads(vehicle: VehicleModel, servo_lag_s: float) -> tuple[float, float, float]:
+    """How much later than now a setpoint acts, less what the servos are late themselves: across, upward, as a torque.
+
+    Across it goes through the attitude loop, a second-order lag, late by 2 zeta / omega; upward through the rotors'
+    first-order lag. A torque meets the same attitude loop as the setpoint that is to counter it: only the delay counts.
+    """
+    across = vehicle.setpoint_delay_s + 2.0 * vehicle.attitude_damping / vehicle.attitude_bandwidth_radps
+    upward = vehicle.thrust_delay_s + vehicle.thrust_lag_s
+    return across - servo_lag_s, upward - servo_lag_s, vehicle.setpoint_delay_s - servo_lag_s

@@ -1,0 +1,53 @@
+"""What the arms' commanded motion will do to the vehicle, as an acceleration the law can take off its command.
+
+Two things: the links' reaction force, and the tilt that their torque and the shifted centre of mass cause. The attitude
+loop answers a torque like a setpoint, so a tilt of d / omega_n^2 is to be expected from an angular acceleration d; the
+autopilot's own integrator trims a lasting torque out, which is a high-pass on d.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.arms.mass import com_shift_flu_m, reaction_force_b_n, reaction_torque_b_nm
+from companion.arms.model import ArmModel
+from companion.types import Array, JointMotion
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """What the vehicle makes of forces and torques."""
+
+    mass_kg: float
+    gravity_mps2: float
+    inertia_kgm2: tuple[float, float, float]
+    attitude_bandwidth_radps: float
+    integrator_s: float
+    """Time constant with which the autopilot trims out a lasting torque."""
+
+
+def turning_b_radps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -> Array:
+    """Angular acceleration that the arms cause before anything answers it, (3,), body FLU.
+
+    The links' reaction, and the thrust, which in a hover is the weight, beside the centre of mass.
+    """
+    x, y, _ = com_shift_flu_m(model, motion.position_rad, airframe.mass_kg).tolist()
+    weight_n = airframe.mass_kg * airframe.gravity_mps2
+    lever = np.array((-weight_n * y, weight_n * x, 0.0))  # - r x m g e_3: what hangs in front pulls the nose down
+    return np.asarray((reaction_torque_b_nm(model, motion) + lever) / np.array(airframe.inertia_kgm2))
+
+
+def trimmed_b_radps2(trimmed: Array, turning: Array, airframe: Airframe, dt_s: float) -> Array:
+    """What the autopilot's integrator has taken over of `turning` after another `dt_s`."""
+    return np.asarray(trimmed + (turning - trimmed) * -np.expm1(-dt_s / airframe.integrator_s))
+
+
+def tilt_accel_b_mps2(untrimmed_b_radps2: Array, airframe: Airframe) -> Array:
+    """Horizontal acceleration (3,) of the tilt that a torque holds against the attitude loop: g (phi x e_3)."""
+    roll, pitch, _ = (untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2).tolist()
+    return np.array((airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0))
+
+
+def force_accel_b_mps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -> Array:
+    """Acceleration (3,) that the links' reaction force gives the vehicle."""
+    return np.asarray(reaction_force_b_n(model, motion) / airframe.mass_kg)
