@@ -4,8 +4,9 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
+from companion.adapters.dynamixel.orders import Goals
 from companion.adapters.dynamixel.torque import Steps
-from companion.adapters.dynamixel.worker import Goals, Worker
+from companion.adapters.dynamixel.worker import Worker
 from companion.arms.model import JOINT_COUNT
 from companion.config_arms import ArmsConfig
 from companion.ports import ArmError, Clock
@@ -72,21 +73,21 @@ class DynamixelBus:
 
         While any fault is latched, none is switched on. Goals given before do not count.
         """
-        await self._done("torque on", Worker.switch_on, TORQUE_TIMEOUT_S)
+        await self._done("torque on", self._worker.switch_on, TORQUE_TIMEOUT_S)
 
     async def torque_off(self) -> None:
         """Let every joint go limp; ArmError naming the joints that do not answer."""
-        await self._done("torque off", Worker.switch_off, TORQUE_TIMEOUT_S)
+        await self._done("torque off", self._worker.switch_off, TORQUE_TIMEOUT_S)
 
     async def clear_faults(self) -> None:
         """Forget latched faults, rebooting XMs with a hardware error and opening a lost port anew.
 
         What was at fault has no torque afterwards, until `torque_on`. ArmError naming what is still wrong.
         """
-        await self._done("clear faults", Worker.clear, CLEAR_TIMEOUT_S)
+        await self._done("clear faults", self._worker.clear, CLEAR_TIMEOUT_S)
 
-    async def _done(self, what: str, begin: Callable[[Worker], Steps], timeout_s: float) -> None:
-        command = self._worker.submit(begin)
+    async def _done(self, what: str, begin: Callable[[], Steps], timeout_s: float) -> None:
+        command = self._worker.commands.submit(begin)
         try:
             async with asyncio.timeout(timeout_s):
                 await command.done

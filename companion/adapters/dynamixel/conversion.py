@@ -7,7 +7,7 @@ counter-clockwise as the manuals draw it.
 import math
 from dataclasses import dataclass
 
-from companion.adapters.dynamixel.registers import MODELS, XM_RATED_CURRENT_A, Ax, Model, Register, Xm
+from companion.adapters.dynamixel.registers import MODELS, OVERLOAD, XM_RATED_CURRENT_A, Ax, Model, Register, Xm
 from companion.config_arms import ServoConfig
 
 _SIGN_BIT = 0x400
@@ -34,9 +34,16 @@ class Health:
 
     torque_on: bool
     errors: int
-    """XM: Hardware Error Status. AX: the error byte's bits that speak of the servo, and overload for no torque left."""
+    """XM: Hardware Error Status. AX: the error byte's bits that speak of the servo."""
     moving_speed: int | None = None
     """AX only: a reboot sets it back."""
+    spent: bool = False
+    """AX only: its shutdown has set Torque Limit to 0, which stays after the alarm itself is over."""
+
+    @property
+    def trouble(self) -> int:
+        """Errors, and overload as the likeliest reason of a shutdown that shows none any more."""
+        return self.errors or (OVERLOAD if self.spent else 0)
 
 
 @dataclass(frozen=True)

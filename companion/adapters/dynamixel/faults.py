@@ -51,8 +51,9 @@ class FaultLog:
     def judge(self, joint: Joint, health: Health) -> None:
         """Compare what a servo says with what it was told."""
         joint.torque_on = health.torque_on
-        if health.errors:
-            self._latch_errors(joint, health)
+        errors = health.errors if joint.faults else health.trouble
+        if errors:
+            self._latch_errors(joint, errors, health.torque_on and not health.spent)
         elif joint.driven and not joint.faults and _has_rebooted(joint, health):
             self.latch(
                 joint,
@@ -62,12 +63,12 @@ class FaultLog:
         if joint.faults:
             joint.driven = False
 
-    def _latch_errors(self, joint: Joint, health: Health) -> None:
-        torque = "still holds" if health.torque_on and joint.protocol == 2 else "has no torque"
-        if health.errors & OVERLOAD:
+    def _latch_errors(self, joint: Joint, errors: int, torque_on: bool) -> None:
+        torque = "still holds" if torque_on else "has no torque"
+        if errors & OVERLOAD:
             self.latch(joint, ArmFaultKind.OVERLOAD, f"is overloaded and {torque}: take the load away, {_AGAIN}")
-        if health.errors & ~OVERLOAD:
-            said = described(health.errors & ~OVERLOAD, joint.protocol)
+        if errors & ~OVERLOAD:
+            said = described(errors & ~OVERLOAD, joint.protocol)
             self.latch(joint, ArmFaultKind.HARDWARE, f"reports {said} and {torque}: remove the cause, {_AGAIN}")
 
     def silent(self, joint: Joint, age_s: float) -> None:

@@ -36,7 +36,7 @@ def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool]) -> No
 
 
 def _found(chain: Chain, joint: Joint) -> Found | None:
-    number = next((n for n in (_ping(chain, joint) for _ in range(_ATTEMPTS)) if n is not None), None)
+    number = _ping(chain, joint, joint.protocol)
     if number is None:
         return None
     if number != joint.scale.model.number:
@@ -47,11 +47,12 @@ def _found(chain: Chain, joint: Joint) -> Found | None:
     identity, state = _read(chain, joint, Ax.IDENTITY), _read(chain, joint, Ax.STATE)
     if identity is None or state is None:
         return None
-    return found_ax(identity[0], state[0], joint.health_of(*state).errors)
+    return found_ax(identity[0], state[0], joint.health_of(*state).trouble)
 
 
-def _ping(chain: Chain, joint: Joint) -> int | None:
-    return chain.wire.ping(joint.protocol, joint.servo_id)
+def _ping(chain: Chain, joint: Joint, protocol: int) -> int | None:
+    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(_ATTEMPTS))
+    return next((number for number in answers if number is not None), None)
 
 
 def _read(chain: Chain, joint: Joint, block: Block) -> tuple[bytes, int] | None:
@@ -89,7 +90,7 @@ def _strangers(chain: Chain) -> list[str]:
 
 def _other_protocol(chain: Chain, joint: Joint) -> str | None:
     other = 3 - joint.protocol
-    number = chain.wire.ping(other, joint.servo_id)
+    number = _ping(chain, joint, other)
     if number is None:
         return None
     return (
@@ -109,7 +110,7 @@ def _other_bauds(
                 break
             chain.wire.port.change_baud(baud)
             for joint in lost:
-                if _ping(chain, joint) is not None:
+                if chain.wire.ping(joint.protocol, joint.servo_id) is not None:
                     hints[joint.place] = f"it answers at {baud}, so set its Baud Rate with DYNAMIXEL Wizard 2.0"
     finally:
         chain.wire.port.change_baud(config.baud)

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from companion.adapters.dynamixel.conversion import Health, JointScale, Reading, at_least_one
-from companion.adapters.dynamixel.registers import AX_ALARMS, OVERLOAD, Ax, Xm
+from companion.adapters.dynamixel.registers import AX_ALARMS, Ax, Xm
 from companion.arms.model import JOINT_NAMES, KINDS, JointLimit
 from companion.config_arms import ArmsConfig
 from companion.types import ArmFaultKind
@@ -76,10 +76,12 @@ class Joint:
             start = Xm.HEALTH.start
             return Health(bool(Xm.TORQUE_ENABLE.raw(data, start)), Xm.HARDWARE_ERROR.raw(data, start))
         start = Ax.STATE.start
-        alarms = error & sum(AX_ALARMS)
-        if not alarms and not Ax.TORQUE_LIMIT.raw(data, start):
-            alarms = OVERLOAD  # a shutdown leaves this mark after the alarm itself is over
-        return Health(bool(Ax.TORQUE_ENABLE.raw(data, start)), alarms, Ax.MOVING_SPEED.raw(data, start))
+        return Health(
+            bool(Ax.TORQUE_ENABLE.raw(data, start)),
+            error & sum(AX_ALARMS),
+            Ax.MOVING_SPEED.raw(data, start),
+            not Ax.TORQUE_LIMIT.raw(data, start),
+        )
 
     def begin_driving(self) -> None:
         """From now on goals are sent, starting where it is."""

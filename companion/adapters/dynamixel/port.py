@@ -44,7 +44,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         except (OSError, ValueError, termios.error) as error:
             raise ArmError(_cannot_open(self.port_name, self.baudrate, error)) from error
         self._fd = self.ser.fileno()
-        self.is_open = True
+        self.is_open, self.is_using = True, False  # a lost port leaves the second one set
         self.change_baud(self.baudrate)
 
     def change_baud(self, baud: int) -> None:

@@ -18,6 +18,8 @@ REBOOT_S = 2.0
 _FIRST_LOOK_S = 0.3
 """It may still answer just before it goes."""
 _LOOK_EVERY_S = 0.05
+_SETTLE_S = 0.2
+"""An alarm may outlive its repair a little."""
 _SILENT = "does not answer: look at its cable and its supply"
 _REFUSALS = {1: 0x5A, 2: 0x7F}
 """Bits of the error field that say that the instruction itself was not taken."""
@@ -141,10 +143,18 @@ def _repaired(chain: Chain, joint: Joint, clock: Clock) -> Repair:
         problem = _restore_torque_limit(chain, joint)
         if problem:
             return problem
-    errors = _errors(chain, joint)
+    errors = yield from _errors_left(chain, joint, clock)
     if errors is None:
         return _SILENT
     return f"still reports {described(errors, joint.protocol)}: remove the cause and try again" if errors else None
+
+
+def _errors_left(chain: Chain, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
+    """Its errors, once they are gone or have had time to go."""
+    begun_s = clock.now_s()
+    while (errors := _errors(chain, joint)) and clock.now_s() - begun_s < _SETTLE_S:
+        yield
+    return errors
 
 
 def _errors(chain: Chain, joint: Joint) -> int | None:
@@ -152,7 +162,7 @@ def _errors(chain: Chain, joint: Joint) -> int | None:
     for _ in range(3):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
-            return joint.health_of(answer.data, answer.error).errors
+            return joint.health_of(answer.data, answer.error).trouble
     return None
 
 

@@ -3,10 +3,7 @@
 import asyncio
 import logging
 import math
-import queue
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,6 +13,7 @@ from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import inspect
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.limiter import stopping_point
+from companion.adapters.dynamixel.orders import Commands, Goals, deliver
 from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning
 from companion.adapters.dynamixel.torque import Steps, clear_faults, torque_off, torque_on
 from companion.adapters.dynamixel.wire import Wire
@@ -26,75 +24,48 @@ from companion.types import ArmStatus, Array
 LOG = logging.getLogger(__name__)
 
 THREAD_NAME = "arms-bus"
-HOLD = None
-"""In the slot for goals: stop where you are."""
-
-
-@dataclass(frozen=True)
-class Goals:
-    """What the slot holds; a new object is a new order."""
-
-    position_rad: tuple[float, ...] | None = HOLD
-
-
-@dataclass
-class Command:
-    """Something to be done between cycles, and who waits for it."""
-
-    begin: Callable[[], Steps]
-    done: "asyncio.Future[None]"
-    abandoned: bool = False
-    steps: Steps | None = field(default=None, init=False)
 
 
 class Worker:
-    """Everything below `run` happens on the thread; the rest may be called from the event loop."""
+    """`goals`, `status`, `commands.submit`, `start` and `close` are for the event loop, the rest is the thread's."""
 
     def __init__(self, config: ArmsConfig, clock: Clock) -> None:
         self._config, self._clock = config, clock
         self._loop = asyncio.get_running_loop()
         self.connected: asyncio.Future[None] = self._loop.create_future()
-        self.ended: asyncio.Future[None] = self._loop.create_future()
+        self._ended: asyncio.Future[None] = self._loop.create_future()
         self.warnings: tuple[str, ...] = ()
+        self.commands = Commands(self._loop)
         self.goals: Goals | None = None
         self._obeyed: Goals | None = None
-        self._stop = threading.Event()
-        self._waiting: queue.SimpleQueue[Command] = queue.SimpleQueue()
-        self._command: Command | None = None
         self._switching_on = False
+        self._stop = threading.Event()
         self._faults = FaultLog()
         self._port = BusPort(config.port, config.baud)
         self._wire = Wire(self._port)
         self._chain = Chain(joints_of(config), self._wire, self._faults, config, clock)
         self._cycles, self._cycle_s = 0, 0.0
         self.status = self._status()
-        self._thread = threading.Thread(target=self.run, name=THREAD_NAME)
+        self._thread = threading.Thread(target=self._run, name=THREAD_NAME)
 
     def start(self) -> None:
-        """Begin to connect."""
+        """Begin to connect; `connected` tells when it is done, or the ArmError."""
         self._thread.start()
 
     async def close(self) -> None:
         """End after the present cycle and close the port; torque stays as it is."""
         self._stop.set()
-        await asyncio.shield(self.ended)
+        await asyncio.shield(self._ended)
         self._thread.join()
 
-    def submit(self, begin: Callable[["Worker"], Steps]) -> Command:
-        """Have something done between cycles."""
-        command = Command(lambda: begin(self), self._loop.create_future())
-        self._waiting.put(command)
-        return command
-
-    def run(self) -> None:
-        """The thread."""
+    def _run(self) -> None:
         try:
             if self._connect():
                 self._cycle_on()
         finally:
-            self._drop_commands()
+            self.commands.drop_all()
             self._port.closePort()
-            self._deliver(self.ended)
+            deliver(self._loop, self._ended)
 
     def _connect(self) -> bool:
         try:
@@ -106,14 +77,14 @@ class Worker:
             inspect(self._chain, self._config, self._stop.is_set)
             self.status = self._status()
         except ArmError as error:
-            self._deliver(self.connected, error)
+            deliver(self._loop, self.connected, error)
         except PortGoneError as error:
-            self._deliver(self.connected, ArmError(f"{self._config.port} failed while connecting: {error}"))
+            deliver(self._loop, self.connected, ArmError(f"{self._config.port} failed while connecting: {error}"))
         except Exception as error:
             LOG.exception("connecting to the arms failed")
-            self._deliver(self.connected, ArmError(f"connecting to the arms failed unexpectedly: {error!r}"))
+            deliver(self._loop, self.connected, ArmError(f"connecting to the arms failed unexpectedly: {error!r}"))
         else:
-            self._deliver(self.connected)
+            deliver(self._loop, self.connected)
             return True
         return False
 
@@ -129,7 +100,7 @@ class Worker:
         """Nothing that goes wrong ends the thread: it becomes a fault of the bus."""
         begun_s = self._clock.now_s()
         try:
-            self._step_command()
+            self.commands.step()
             if not self._faults.bus_is_down:
                 self._obey()
                 self._chain.cycle(begun_s)
@@ -155,45 +126,8 @@ class Worker:
             if goals.position_rad is None:
                 reading, accel = joint.reading, joint.limit.max_accel_radps2
                 joint.wanted_rad = joint.clipped(stopping_point(reading.position_rad, reading.velocity_radps, accel))
-            elif np.isfinite(goals.position_rad[joint.place]):
+            elif math.isfinite(goals.position_rad[joint.place]):
                 joint.wanted_rad = joint.clipped(goals.position_rad[joint.place])
-
-    def _step_command(self) -> None:
-        """One step of what was ordered; a bus that is down refuses all but what repairs it."""
-        if self._command is None:
-            self._command = self._next_command()
-        command = self._command
-        if command is None:
-            return
-        try:
-            if command.steps is None:
-                command.steps = command.begin()
-            if command.abandoned:
-                command.steps.close()
-            else:
-                next(command.steps)
-                return
-        except StopIteration:
-            self._deliver(command.done)
-        except ArmError as error:
-            self._deliver(command.done, error)
-        except Exception as error:
-            self._deliver(command.done, ArmError(f"the arms' bus failed: {error}"))
-            self._command = None
-            raise
-        self._command = None
-
-    def _next_command(self) -> Command | None:
-        try:
-            return self._waiting.get_nowait()
-        except queue.Empty:
-            return None
-
-    def _drop_commands(self) -> None:
-        command = self._command or self._next_command()
-        while command is not None:
-            self._deliver(command.done, ArmError("the arms' bus was closed before the command was done"))
-            command = self._next_command()
 
     def switch_on(self) -> Steps:
         """Torque on; forgets the goals that were given before."""
@@ -229,20 +163,6 @@ class Worker:
             joint.driven = False
             if not self._chain.first_look(joint):
                 self._faults.silent(joint, self._clock.now_s() - joint.heard_s)
-
-    def _deliver(self, future: "asyncio.Future[None]", error: ArmError | None = None) -> None:
-        """Into the event loop, if anybody still waits there."""
-
-        def put() -> None:
-            if future.done():
-                return
-            if error is None:
-                future.set_result(None)
-            else:
-                future.set_exception(error)
-
-        if not self._loop.is_closed():
-            self._loop.call_soon_threadsafe(put)
 
     def _status(self) -> ArmStatus:
         joints = self._chain.joints
