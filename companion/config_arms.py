@@ -133,7 +133,7 @@ class ArmsConfig(Section):
         "full",
         description="what the law is told of the commanded motion: nothing, the reaction force, the tilt as well",
     )
-    servo_lag_s: float = Field(0.03, ge=0.0, le=0.5, description="how late the joints follow their goals, s")
+    servo_lag_s: float = Field(0.06, ge=0.0, le=0.5, description="how late the joints follow their goals, s")
     servos: dict[str, ServoConfig] = Field(default_factory=_default_servos, description="by joint")
     limits: dict[str, JointLimitConfig] = Field(default_factory=_default_limits, description="by kind of joint")
     links: tuple[LinkConfig, LinkConfig, LinkConfig] = Field(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mock_autopilot.config import MockConfig, MockConfigError
+from mock_autopilot.dynamixel import BusStartError
 from mock_autopilot.mavlink import LinkError
 from mock_autopilot.qualisys import ServerStartError
 from mock_autopilot.simulator import Simulator
@@ -25,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
         config = _configure(options)
         with asyncio.Runner(loop_factory=_fast_loop()) as runner:
             runner.run(_serve(config, options))
-    except (MockConfigError, LinkError, ServerStartError) as error:
+    except (MockConfigError, LinkError, ServerStartError, BusStartError) as error:
         print(f"mock autopilot: {error}", file=sys.stderr)
         return BAD_INPUT
     return 0
@@ -41,6 +42,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--gcs", action="store_true", help="a second link for a ground station, 18570 to 14550")
     parser.add_argument("--qualisys-port", type=int, help="TCP port of the Qualisys server (default 22223)")
     parser.add_argument("--no-qualisys", action="store_true", help="MAVLink only")
+    parser.add_argument("--servo-link", metavar="PATH", help="arms' servo bus: link to its pseudo-terminal")
     parser.add_argument("--exit-with-stdin", action="store_true", help="end when standard input is closed")
     return parser
 
@@ -69,6 +71,8 @@ def _configure(options: argparse.Namespace) -> MockConfig:
     ):
         if option is not None:
             values[section][key] = option
+    if options.servo_link is not None:
+        values["arms"]["bus"]["link"] = options.servo_link
     values["gcs"]["enabled"] = values["gcs"]["enabled"] or options.gcs
     return MockConfig.from_dict(values)
 
@@ -114,6 +118,8 @@ def _ready_line(simulator: Simulator, seed: int) -> str:
     ends = [f"MAVLink udp {link.local_port} -> {link.remote[0]}:{link.remote[1]}" for link in simulator.links]
     if simulator.qualisys is not None:
         ends.append(f"Qualisys tcp {simulator.qualisys.port}")
+    if simulator.servo_bus is not None:
+        ends.append(f"servos {simulator.servo_bus.path}")
     return f"mock autopilot ready: {', '.join(ends)}, seed {seed}"
 
 

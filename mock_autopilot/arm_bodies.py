@@ -5,7 +5,6 @@ the physics at 500 Hz, hence written out instead of numpy on small vectors.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 Three = tuple[float, float, float]
@@ -56,22 +55,27 @@ class _Direction:
     accel: Three
 
 
-NOTHING = Moving((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-
 def arm_motion(bodies: ArmBodies, joints: JointState, outward: float) -> Moving:
     """One arm's sums; `outward` is +1 for the right arm (FRD y points right) and -1 for the left one."""
     (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
     upper, elbow, fore = _directions(joints, outward)
     x, y, z = bodies.shoulder_frd_m
     shoulder = (x, outward * y, z)
-    total = NOTHING
-    for mass, (a, b, c) in ((m1, (c1, 0.0, 0.0)), (m2, (l1, c2, 0.0)), (m3, (l1, l2, c3))):
-        place = _plus(shoulder, _mix(a, upper.at, b, elbow.at, c, fore.at))
-        velocity = _mix(a, upper.rate, b, elbow.rate, c, fore.rate)
-        accel = _mix(a, upper.accel, b, elbow.accel, c, fore.accel)
-        total = add(total, Moving(*(_times(mass, v) for v in (place, velocity, accel, cross(place, accel)))))
-    return total
+    a, b, c = m1 * c1 + (m2 + m3) * l1, m2 * c2 + m3 * l2, m3 * c3  # first moments along the three directions
+    mass = m1 + m2 + m3
+    moment = _mix(a, upper.at, b, elbow.at, c, fore.at)
+    tx = ty = tz = 0.0
+    for m, (i, j, k) in ((m1, (c1, 0.0, 0.0)), (m2, (l1, c2, 0.0)), (m3, (l1, l2, c3))):
+        place = _mix(i, upper.at, j, elbow.at, k, fore.at)
+        accel = _mix(i, upper.accel, j, elbow.accel, k, fore.accel)
+        px, py, pz = cross((shoulder[0] + place[0], shoulder[1] + place[1], shoulder[2] + place[2]), accel)
+        tx, ty, tz = tx + m * px, ty + m * py, tz + m * pz
+    return Moving(
+        (moment[0] + mass * shoulder[0], moment[1] + mass * shoulder[1], moment[2] + mass * shoulder[2]),
+        _mix(a, upper.rate, b, elbow.rate, c, fore.rate),
+        _mix(a, upper.accel, b, elbow.accel, c, fore.accel),
+        (tx, ty, tz),
+    )
 
 
 def gravity_load_nm(bodies: ArmBodies, angle: Three) -> Three:
@@ -103,10 +107,11 @@ def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direct
     c, s = math.cos(r), math.sin(r)
     c1, s1 = -s * r1, c * r1
     c2, s2 = -c * r1 * r1 - s * r2, -s * r1 * r1 + c * r2
+    (ex, _, ez), (fx, _, fz), (gx, _, gz) = elbow.at, elbow.rate, elbow.accel
     fore = _Direction(
-        _plus(_times(c, elbow.at), (0.0, outward * s, 0.0)),
-        _plus(_mix(c1, elbow.at, c, elbow.rate, 0.0, elbow.at), (0.0, outward * s1, 0.0)),
-        _plus(_mix(c2, elbow.at, 2.0 * c1, elbow.rate, c, elbow.accel), (0.0, outward * s2, 0.0)),
+        (c * ex, outward * s, c * ez),
+        (c1 * ex + c * fx, outward * s1, c1 * ez + c * fz),
+        (c2 * ex + 2.0 * c1 * fx + c * gx, outward * s2, c2 * ez + 2.0 * c1 * fz + c * gz),
     )
     return upper, elbow, fore
 
@@ -120,10 +125,6 @@ def _in_plane(angle: float, rate: float, accel: float) -> _Direction:
 
 def _plus(a: Three, b: Three) -> Three:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def _times(k: float, a: Sequence[float]) -> Three:
-    return k * a[0], k * a[1], k * a[2]
 
 
 def _mix(i: float, a: Three, j: float, b: Three, k: float, c: Three) -> Three:

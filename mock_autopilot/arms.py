@@ -11,7 +11,6 @@ from typing import Protocol
 
 import numpy as np
 
-from mock_autopilot import quaternion as quat
 from mock_autopilot.arm_bodies import (
     JOINTS_PER_ARM,
     ArmBodies,
@@ -50,8 +49,9 @@ class Assembly:
     """Whether each servo turns as its joint's sign says."""
     zero_rad: tuple[float, ...] = ((math.pi,) * 3 + (math.radians(150.0),)) * 2
     """Each servo's own angle at its joint's zero."""
-    inertia_kgm2: Three = (0.06, 0.06, 0.10)
-    """Of the whole vehicle about its body axes."""
+    inertia_kgm2: Three = (0.11, 0.10, 0.13)
+    """Of the whole vehicle about its body axes. Added up from parts, not measured: four motors with propellers of 0.2 kg
+    at 0.33 m, a box of 2.5 kg, booms, and the arms' 0.8 kg hanging 0.2 m low."""
 
 
 class Arms:
@@ -70,11 +70,11 @@ class Arms:
         angle, rate, accel = self.servos.motion()
         right, left = (
             JointState(
-                _three(sign[i + k] * (angle[i + k] - zero[i + k]) for k in range(3)),
-                _three(sign[i + k] * rate[i + k] for k in range(3)),
-                _three(sign[i + k] * accel[i + k] for k in range(3)),
+                (sign[i] * (angle[i] - zero[i]), sign[j] * (angle[j] - zero[j]), sign[k] * (angle[k] - zero[k])),
+                (sign[i] * rate[i], sign[j] * rate[j], sign[k] * rate[k]),
+                (sign[i] * accel[i], sign[j] * accel[j], sign[k] * accel[k]),
             )
-            for i in (0, JOINTS_PER_ARM)
+            for i, j, k in ((0, 1, 2), (4, 5, 6))
         )
         return right, left
 
@@ -93,8 +93,8 @@ class Arms:
         )
         moving = add(right, left)
         force_frd = self._force(moving, _three(vehicle.rate_frd_radps.tolist()), dt_s)
-        force_ned = quat.to_matrix(vehicle.q_ned_frd_wxyz) @ np.array(force_frd)
-        return Wrench(force_ned, np.array(self._push(moving, vehicle, dt_s)))
+        force_ned = _turned(vehicle.q_ned_frd_wxyz, force_frd)
+        return Wrench(np.array(force_ned), np.array(self._push(moving, vehicle, dt_s)))
 
     def _loads(self) -> tuple[float, ...]:
         loads: list[float] = []
@@ -122,6 +122,19 @@ class Arms:
         push = _three(raw[i] - self._trimmed[i] for i in range(3))
         self._trimmed = _three(self._trimmed[i] + push[i] * dt_s / self._trim_time_s[i] for i in range(3))
         return push
+
+
+def _turned(q_wxyz: Array, v: Three) -> Three:
+    """A body vector in world axes: v + 2 w (u x v) + 2 u x (u x v)."""
+    w, x, y, z = q_wxyz.tolist()
+    u = (x, y, z)
+    once = cross(u, v)
+    twice = cross(u, once)
+    return (
+        v[0] + 2.0 * (w * once[0] + twice[0]),
+        v[1] + 2.0 * (w * once[1] + twice[1]),
+        v[2] + 2.0 * (w * once[2] + twice[2]),
+    )
 
 
 def _three(values: Iterable[float]) -> Three:

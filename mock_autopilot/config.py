@@ -5,9 +5,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from mock_autopilot.arm_bodies import ArmBodies
+from mock_autopilot.arms import JOINT_COUNT, Assembly
 from mock_autopilot.disturbance import Forces, Sinusoid
+from mock_autopilot.dynamixel_config import DynamixelConfig
 from mock_autopilot.params import ParamTable, UnknownParamError
 from mock_autopilot.plant import PlantParams
 from mock_autopilot.qualisys_config import QualisysConfig
@@ -82,6 +85,36 @@ class DisturbanceConfig(_Strict):
         return Forces(self.constant_ned_n, self.sinusoids, self.noise_n, self.noise_time_s)
 
 
+class ArmsConfig(_Strict):
+    """Two arms with their servos; a vehicle without them unless enabled."""
+
+    enabled: bool = False
+    bodies: Annotated[ArmBodies, _no_unknown_keys(ArmBodies)] = Field(default_factory=ArmBodies)
+    direction: tuple[int, ...] = Field(
+        (1,) * JOINT_COUNT, description="1 or -1 for each joint: whether its servo turns as the joint's sign says."
+    )
+    zero_rad: tuple[float, ...] = Field(Assembly().zero_rad, description="Each servo's angle at its joint's zero.")
+    inertia_kgm2: Triple = Field(Assembly().inertia_kgm2, description="Of the whole vehicle about body x, y, z.")
+    bus: DynamixelConfig = Field(default_factory=lambda: DynamixelConfig.model_validate({}))
+
+    @model_validator(mode="after")
+    def _eight_of_each(self) -> Self:
+        for name, count in (
+            ("direction", len(self.direction)),
+            ("zero_rad", len(self.zero_rad)),
+            ("bus.servos", len(self.bus.servos)),
+        ):
+            if count != JOINT_COUNT:
+                raise ValueError(f"{name} must have one entry for each of {JOINT_COUNT} joints, it has {count}")
+        if any(sign not in {1, -1} for sign in self.direction):
+            raise ValueError("every direction must be 1 or -1")
+        return self
+
+    def assembly(self) -> Assembly:
+        """As the world uses it."""
+        return Assembly(self.bodies, self.direction, self.zero_rad, self.inertia_kgm2)
+
+
 class Px4Config(_Strict):
     """Parameters that differ from the recorded defaults."""
 
@@ -103,6 +136,7 @@ class MockConfig(_Strict):
     vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
     plant: Annotated[PlantParams, _no_unknown_keys(PlantParams)] = Field(default_factory=PlantParams)
     disturbance: DisturbanceConfig = Field(default_factory=DisturbanceConfig)
+    arms: ArmsConfig = Field(default_factory=lambda: ArmsConfig.model_validate({}))
     px4: Px4Config = Field(default_factory=Px4Config)
     mavlink: LinkConfig = Field(default_factory=LinkConfig)
     gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)

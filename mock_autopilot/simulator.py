@@ -5,6 +5,7 @@ import contextlib
 import time
 
 from mock_autopilot.config import MockConfig
+from mock_autopilot.dynamixel import ServoBus
 from mock_autopilot.mavlink import MavlinkLink
 from mock_autopilot.qualisys import QualisysServer
 from mock_autopilot.streams import TICK_S
@@ -25,6 +26,9 @@ class Simulator:
         self.qualisys = QualisysServer(config.qualisys, seed) if with_qualisys else None
         if self.qualisys is not None:
             self.world.observers.append(self.qualisys.publish)
+        self.servo_bus: ServoBus | None = None
+        if self.world.servos is not None:
+            self.servo_bus = ServoBus(config.arms.bus, self.catch_up, self.world.servos)
         self._boot_s = 0.0
         self._ticks = 0
         self._running: asyncio.Task[None] | None = None
@@ -33,6 +37,8 @@ class Simulator:
         try:
             for link in self.links:
                 link.open()
+            if self.servo_bus is not None:
+                self.servo_bus.open()
             if self.qualisys is not None:
                 await self.qualisys.start()
         except BaseException:
@@ -60,6 +66,8 @@ class Simulator:
     def _close_links(self) -> None:
         for link in self.links:
             link.close()
+        if self.servo_bus is not None:
+            self.servo_bus.close()
 
     async def wait(self) -> None:
         """Until cancelled; raises what broke the simulation."""

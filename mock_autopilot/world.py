@@ -12,11 +12,13 @@ import numpy as np
 from mock_autopilot import plant, plant_one
 from mock_autopilot import quaternion as quat
 from mock_autopilot.airframe import Demand, Felt
-from mock_autopilot.config import MockConfig
+from mock_autopilot.arms import Arms
+from mock_autopilot.config import ArmsConfig, MockConfig
 from mock_autopilot.disturbance import Disturbance
 from mock_autopilot.estimator import Motion
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
+from mock_autopilot.servo_rack import ServoRack
 from mock_autopilot.truth import Truth
 from mock_autopilot.vehicle import Vehicle
 
@@ -43,9 +45,22 @@ class World:
         self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
         self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
         self.external_wrench: Wrench = plant.no_wrench()
-        """Force and push from outside, for a payload or an arm; stays until it is changed."""
+        """Force and push from outside, for a payload or a gust; stays until it is changed."""
+        self.servos: ServoRack | None = None
+        self.arms: Arms | None = None
+        """Both arms, if the vehicle has them."""
+        if config.arms.enabled:
+            self._fit_arms(config.arms)
         self.observers: list[Callable[[Truth], None]] = []
         """Called with the truth of every step, in order."""
+
+    def _fit_arms(self, config: ArmsConfig) -> None:
+        px4 = self.vehicle.params
+        roll_s, pitch_s, yaw_s = (
+            px4[f"MC_{axis}RATE_P"] / px4[f"MC_{axis}RATE_I"] for axis in ("ROLL", "PITCH", "YAW")
+        )
+        self.servos = ServoRack(config.bus)
+        self.arms = Arms(config.assembly(), self.servos, self._params.mass_kg, (roll_s, pitch_s, yaw_s))
 
     @property
     def time_s(self) -> float:
@@ -81,8 +96,9 @@ class World:
         self._steps += 1
         demand = self.vehicle.step(self.time_s, self._felt(), STEP_S)
         actuation = self._delayed(demand)
-        force = self._disturbance.step(self.time_s) + self.external_wrench.force_ned_n
-        wrench = Wrench(force, self.external_wrench.angular_frd_radps2)
+        pushes = [self.external_wrench] + ([self.arms.step(self._state, STEP_S)] if self.arms is not None else [])
+        force = self._disturbance.step(self.time_s) + sum(push.force_ned_n for push in pushes)
+        wrench = Wrench(force, np.asarray(sum(push.angular_frd_radps2 for push in pushes)))
         self._state = plant_one.step(self._state, actuation, wrench, self._params, STEP_S)
 
     def _delayed(self, demand: Demand) -> Actuation:

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,6 +17,8 @@ import uvloop
 from rich.console import Console
 
 from companion.adapters.recorder import Recorder
+from companion.arms.planning import Plan
+from companion.cli.arm_motion import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
 from companion.cli.progress import FlightDisplay
@@ -33,6 +36,14 @@ FAILED = 1
 INTERRUPTED = 130
 
 
+class Feedforward(StrEnum):
+    """As in the configuration's [arms]."""
+
+    OFF = "off"
+    FORCE = "force"
+    FULL = "full"
+
+
 @dataclass(frozen=True)
 class DemoFlight:
     """One flight to be flown."""
@@ -41,6 +52,8 @@ class DemoFlight:
     controller: LoadedController
     trajectory_name: str
     trajectory: Trajectory
+    arms: Plan | None
+    """How the arms move meanwhile, from their stowed pose; None to leave them stowed."""
     mock_config: Path
     ports: MockPorts
     seed: int
@@ -61,6 +74,12 @@ def demo(
     trajectory: Annotated[str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.")] = "ellipse",
     controller: Annotated[
         str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
+    ] = None,
+    arms: Annotated[
+        str, typer.Option(help="swing, off, another name in config/arms/, or a file of joint motion.")
+    ] = "swing",
+    feedforward: Annotated[
+        Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")
     ] = None,
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
     period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
@@ -86,7 +105,7 @@ def demo(
     if verbose:
         logging.getLogger("companion").setLevel(logging.DEBUG)
     console = Console()
-    settings = load_config(config or default_config_path("demo.toml"))
+    settings = _with_feedforward(load_config(config or default_config_path("demo.toml")), feedforward)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flights = [
@@ -95,6 +114,7 @@ def demo(
             load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz),
             trajectory,
             trajectory_named(trajectory, curve),
+            plan_arms(arms, settings, trajectory_named(trajectory, curve)),
             mock_config or default_config_path("mock.toml"),
             ports,
             seed,
@@ -127,13 +147,20 @@ def demo(
     raise typer.Exit(max(result.code for result in results))
 
 
+def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> CompanionConfig:
+    if wanted is None or config.arms is None:
+        return config
+    return config.model_copy(update={"arms": config.arms.model_copy(update={"feedforward": wanted.value})})
+
+
 def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
     """The configuration, with the ports that were chosen for it."""
     if ports.client is None or ports.qualisys is None:
         return config
     px4 = config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"})
     mocap = config.mocap.model_copy(update={"port": ports.qualisys})
-    return config.model_copy(update={"px4": px4, "mocap": mocap})
+    arms = config.arms.model_copy(update={"port": ports.servo_link}) if config.arms else None
+    return config.model_copy(update={"px4": px4, "mocap": mocap, "arms": arms})
 
 
 def _check_folder(out: Path, summary: Path | None) -> None:
@@ -220,9 +247,14 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
 
 async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
     await service.ready()
+    if flight.config.arms is not None:
+        display.say("torque on, arms stowed")
+        await service.prepare_arms()
     display.say("offboard mode, then arming")
     await service.arm()
     await service.take_off(flight.config.flight.takeoff_height_m)
+    if flight.arms is not None:
+        await service.move_arms(flight.arms.trajectory)
     await service.fly(flight.trajectory)
 
 

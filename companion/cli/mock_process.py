@@ -3,6 +3,7 @@
 import asyncio
 import socket
 import sys
+import tempfile
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -25,11 +26,18 @@ class MockPorts:
     client: int | None = None
     autopilot: int | None = None
     qualisys: int | None = None
+    servo_link: str | None = None
+    """Path under which the servo bus is found."""
 
     def arguments(self) -> list[str]:
         """For the mocks' command line."""
-        named = (("--port", self.client), ("--listen", self.autopilot), ("--qualisys-port", self.qualisys))
-        return [text for name, port in named if port is not None for text in (name, str(port))]
+        named = (
+            ("--port", self.client),
+            ("--listen", self.autopilot),
+            ("--qualisys-port", self.qualisys),
+            ("--servo-link", self.servo_link),
+        )
+        return [text for name, value in named if value is not None for text in (name, str(value))]
 
 
 def free_ports() -> MockPorts:
@@ -39,7 +47,9 @@ def free_ports() -> MockPorts:
     try:
         for end in (*udp, tcp):
             end.bind(("127.0.0.1", 0))
-        return MockPorts(udp[0].getsockname()[1], udp[1].getsockname()[1], tcp.getsockname()[1])
+        client, autopilot, qualisys = (end.getsockname()[1] for end in (*udp, tcp))
+        link = Path(tempfile.gettempdir()) / f"dauam-servo-bus-{client}"
+        return MockPorts(client, autopilot, qualisys, str(link))
     finally:
         for end in (*udp, tcp):
             end.close()

@@ -14,6 +14,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import CompanionConfig
+from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
 from companion.control.frames import flip_quat, flip_yz
@@ -26,6 +27,7 @@ from mock_autopilot.qtm_packets import Frame
 from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
+from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import NO_GPS, Bench, Sent
 
 _MODES = {0x00060000: FlightMode.OFFBOARD, 0x03040000: FlightMode.HOLD, 0x06040000: FlightMode.LAND}
@@ -42,9 +44,10 @@ class Room:
         plant: dict[str, Any] | None = None,
         mocap: dict[str, Any] | None = None,
         start: dict[str, Any] | None = None,
+        arms: dict[str, Any] | None = None,
     ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        self.bench = Bench(NO_GPS | {"COM_OBL_RC_ACT": 4}, heavy | (plant or {}), seed=seed, vehicle=start)
+        self.bench = Bench(NO_GPS | {"COM_OBL_RC_ACT": 4}, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms)
         self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
         self._camera = Camera(QualisysConfig.model_validate(mocap or {}), seed)
         self.frame: MocapFrame | None = None
@@ -191,6 +194,7 @@ class Flight:
     room: Room
     autopilot: SimulatedAutopilot
     loop: FlightLoop
+    servos: SimulatedServos | None
     ticks: list[Tick] = field(default_factory=list)
     truths_w_m: list[Array] = field(default_factory=list)
     """Where the vehicle really was at each tick."""
@@ -221,14 +225,15 @@ async def fly(
     plant: dict[str, Any] | None = None,
     mocap: dict[str, Any] | None = None,
     start: dict[str, Any] | None = None,
+    arms: dict[str, Any] | None = None,
     lost_land_commands: int = 0,
     raise_in_sink_at_s: float = math.inf,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises."""
-    config = config or CompanionConfig()
+    config = config or CompanionConfig(arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
-    room = Room(seed, plant, mocap, start)
+    room = Room(seed, plant, mocap, start, arms)
     done = asyncio.Event()
     steps = list(script)
 
@@ -248,8 +253,9 @@ async def fly(
 
     autopilot = SimulatedAutopilot(room)
     autopilot.deaf_to_land = lost_land_commands
-    loop = FlightLoop(Devices(SimulatedMocap(room, every_tick), autopilot, room), law, config, sink)
-    flight = Flight(room, autopilot, loop)
+    servos = SimulatedServos(room) if arms is not None else None
+    loop = FlightLoop(Devices(SimulatedMocap(room, every_tick), autopilot, room, servos), law, config, sink)
+    flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     waiting = asyncio.create_task(done.wait(), name="script")
     try:

@@ -69,8 +69,14 @@ class Bench:
         gcs: bool = True,
         seed: int = 1,
         vehicle: Mapping[str, Any] | None = None,
+        arms: Mapping[str, Any] | None = None,
     ) -> None:
-        config = {"px4": {"params": dict(params or {})}, "plant": dict(plant or {}), "vehicle": dict(vehicle or {})}
+        config = {
+            "px4": {"params": dict(params or {})},
+            "plant": dict(plant or {}),
+            "vehicle": dict(vehicle or {}),
+            "arms": dict(arms or {}),
+        }
         self.world = World(MockConfig.from_dict(config), seed)
         self.link = OfflineLink(self.world)
         self.client = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)

@@ -1,0 +1,79 @@
+"""The arms' bus in simulated time: the mock's servos behind the port, without a pseudo-terminal."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from companion.arms.model import JOINT_COUNT, JOINT_NAMES
+from companion.config_arms import ArmsConfig
+from companion.types import ArmFault, ArmFaultKind, ArmStatus, Array
+
+if TYPE_CHECKING:
+    from tests.flights.simulated import Room
+
+
+class SimulatedServos:
+    """ports.ArmBus."""
+
+    def __init__(self, room: "Room") -> None:
+        assert room.bench.world.arms is not None
+        assert room.bench.world.servos is not None
+        self._room, self._rack = room, room.bench.world.servos
+        self._arms = room.bench.world.arms
+        servos = [ArmsConfig().servos[name] for name in JOINT_NAMES]
+        self._sign = np.array([servo.direction for servo in servos])
+        self._zero_rad = np.array([servo.zero_rad for servo in servos])
+        self._faults: tuple[ArmFault, ...] = ()
+        self._read_s = -np.inf
+        self.hung = False
+        """Nothing is read or sent any more."""
+        self.holds = 0
+        """How often everything was told to stop."""
+        self.goals_rad: list[Array] = []
+        self._last: ArmStatus | None = None
+
+    def fail(self, joint: str) -> None:
+        """Report an overload of this joint from now on."""
+        self._faults = (ArmFault(joint, ArmFaultKind.OVERLOAD, f"{joint} (servo 6): overload"),)
+
+    def status(self) -> ArmStatus:
+        if self.hung and self._last is not None:
+            return self._last
+        angle, rate, _ = self._rack.motion()
+        nothing, now_s = np.zeros(JOINT_COUNT), self._room.now_s()
+        self._last = ArmStatus(
+            np.full(JOINT_COUNT, now_s),
+            self._sign * (np.array(angle) - self._zero_rad),
+            self._sign * np.array(rate),
+            nothing,
+            nothing,
+            nothing,
+            np.array([servo.motor.powered for servo in self._rack.servos]),
+            self._faults,
+            len(self.goals_rad),
+            0.003,
+            0,
+        )
+        return self._last
+
+    def move(self, position_rad: Array) -> None:
+        self.goals_rad.append(position_rad)
+        for servo, goal in zip(self._rack.servos, self._sign * position_rad + self._zero_rad, strict=True):
+            servo.motor.go_to(float(goal))
+
+    def hold(self) -> None:
+        self.holds += 1
+        for servo in self._rack.servos:
+            servo.motor.go_to(servo.motor.angle_rad)
+
+    async def torque_on(self) -> None:
+        for servo in self._rack.servos:
+            servo.motor.go_to(servo.motor.angle_rad)
+            servo.motor.power(on=True)
+
+    async def torque_off(self) -> None:
+        for servo in self._rack.servos:
+            servo.motor.power(on=False)
+
+    async def clear_faults(self) -> None:
+        self._faults = ()
