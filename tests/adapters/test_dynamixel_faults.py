@@ -40,10 +40,11 @@ async def test_a_missing_servo_costs_the_others_no_cycle_once_it_is_known() -> N
         rig.fault(FaultKind.MISSING, 2)
         await fault_of(bus, "right.elbow_pitch")
         await cycles(bus, 2)
-        bad, asked_s = bus.status().bad_packets, CLOCK.now_s()
+        rig.packets.clear()
+        asked_s = CLOCK.now_s()
         await cycles(bus, 60)
-        tries = bus.status().bad_packets - bad
-        assert tries <= (CLOCK.now_s() - asked_s) / 0.5 + 1
+        asked = sum(packet.id == 2 for packet in rig.packets)
+        assert asked <= (CLOCK.now_s() - asked_s) / 0.5 + 1
 
 
 async def test_a_claw_that_is_missing_is_latched_too() -> None:
@@ -95,10 +96,7 @@ async def test_a_short_absence_is_no_fault() -> None:
         rig.bus.clear()
         read_s = bus.status().read_s[1]
         await until(lambda: bus.status().read_s[1] > read_s)
-        bad = bus.status().bad_packets
-        await cycles(bus, 20)
         assert bus.status().faults == ()
-        assert bus.status().bad_packets == bad
 
 
 async def test_broken_answers_now_and_then_are_counted_and_asked_for_again() -> None:

@@ -21,8 +21,11 @@ LOG = logging.getLogger(__name__)
 
 RETRY_S = 0.5
 """How often a silent servo is asked again."""
-_ASKED = 2
-"""So many times by itself before a servo is called silent: a worker that was asleep has not asked."""
+_ASKED = 4
+"""So many times by itself, and over the whole time, before a servo is called silent: a computer that was busy, with
+the worker or with whatever answers, is no reason to stop the arms."""
+_QUESTION_S = 0.0045
+"""What one unanswered question takes."""
 _DOUBTS = 10
 """Group reads that failed although every servo answered alone, until the next simpler way is taken."""
 _LONGEST_STEP_S = 0.05
@@ -53,12 +56,12 @@ class Chain:
         self._goals_s = clock.now_s()
 
     def cycle(self, begun_s: float) -> None:
-        """Goals out, state in; no more than one unanswered question, but for the cycle in which servos fall silent."""
+        """Goals out, state in; then, in the time that is left, whoever did not answer lately."""
         self.send_goals(begun_s)
         self._read_group()
         self._read_one_ax()
         self._read_one_health()
-        self._try_one_missing()
+        self._try_missing(begun_s + 1.0 / self._config.rate_hz)
 
     def send_goals(self, now_s: float) -> None:
         """One sync write a protocol, to every joint that is driven and sound."""
@@ -132,10 +135,9 @@ class Chain:
         if self.read_joint(joint):
             return True
         now_s = self._clock.now_s()
-        joint.in_group, joint.missed = False, joint.missed + 1
-        age_s = now_s - joint.heard_s
-        if joint.missed >= _ASKED and age_s > self._config.silent_s:
-            self.faults.silent(joint, age_s)
+        joint.in_group, joint.missed, joint.missed_s = False, joint.missed + 1, min(joint.missed_s, now_s)
+        if joint.missed >= _ASKED and now_s - joint.missed_s > self._config.silent_s:
+            self.faults.silent(joint, now_s - joint.heard_s)
         if ArmFaultKind.SILENT in joint.faults:
             joint.next_try_s = now_s + RETRY_S
         return False
@@ -153,12 +155,15 @@ class Chain:
         if joint is not None and self.read_health(joint):
             self._alerted = [other for other in self._alerted if other is not joint]
 
-    def _try_one_missing(self) -> None:
-        now_s = self._clock.now_s()
-        away = (j for j in self.joints if not j.in_group and not j.paused and now_s >= j.next_try_s)
-        joint = self._next("missing", away)
-        if joint is not None:
-            self._ask_alone(joint)
+    def _try_missing(self, end_s: float) -> None:
+        """Those that do not answer, one by one: one at least, more while the cycle has time."""
+        due = [j for j in self.joints if not j.in_group and not j.paused and self._clock.now_s() >= j.next_try_s]
+        for _ in due:
+            joint = self._next("missing", due)
+            if joint is not None:
+                self._ask_alone(joint)
+            if self._clock.now_s() + _QUESTION_S > end_s:
+                return
 
     def _next(self, turn: str, joints: Iterable[Joint]) -> Joint | None:
         """Round robin by place: the first one behind the last one served."""

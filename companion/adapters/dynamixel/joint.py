@@ -29,6 +29,8 @@ class Joint:
     heard_s: float = -math.inf
     missed: int = 0
     """Times in a row that it was asked by itself and did not answer."""
+    missed_s: float = math.inf
+    """When that began."""
     in_group: bool = True
     """Read together with the others; otherwise asked by itself."""
     next_try_s: float = -math.inf
@@ -68,7 +70,7 @@ class Joint:
     def hear(self, state: bytes, now_s: float) -> None:
         """Take a state block that has just come."""
         self.reading = self.scale.reading(state)
-        self.heard_s, self.missed, self.in_group = now_s, 0, True
+        self.heard_s, self.missed, self.missed_s, self.in_group = now_s, 0, math.inf, True
 
     def health_of(self, data: bytes, error: int) -> Health:
         """From the block that carries it: XM's health, AX's state."""

@@ -34,6 +34,8 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
     def __init__(self, path: str, baud: int) -> None:
         super().__init__(path)
         self.baudrate = baud
+        self.patience_ms = 0.0
+        """Added to every time-out: outside the cycles there is time to wait for a computer that is busy."""
         self._unread = b""
         self._fd = -1
 
@@ -91,6 +93,11 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         if not received:
             raise PortGoneError("the port is readable but empty: the device is gone")
         return received
+
+    def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
+        """Begin to wait for an answer of so many bytes."""
+        super().setPacketTimeout(packet_length)
+        self.packet_timeout += self.patience_ms
 
     def writePort(self, packet: list[int]) -> int:  # noqa: N802
         """Send; returns how many bytes."""

@@ -53,6 +53,10 @@ class Block:
         return self.end - self.start
 
 
+MODEL_NUMBER = Block(0, 2)
+"""The same in both."""
+
+
 class Xm:
     """XM430-W350 and XM430-W210."""
 

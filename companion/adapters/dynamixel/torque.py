@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from companion.adapters.dynamixel.chain import Chain
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
-from companion.adapters.dynamixel.registers import Ax, Xm
+from companion.adapters.dynamixel.registers import Ax, Block, Xm
 from companion.ports import ArmError, Clock
 
 Steps = Generator[None, None, None]
@@ -107,13 +107,19 @@ def _switch_off(chain: Chain, joint: Joint) -> str | None:
 
 
 def _write(chain: Chain, joint: Joint, address: int, data: bytes) -> str | None:
-    """What went wrong, if anything; all our writes may be repeated."""
+    """What went wrong, if anything; all our writes may be repeated.
+
+    Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
+    """
+    wire, block = chain.wire, Block(address, address + len(data))
     for _ in range(3):
-        error = chain.wire.write(joint.protocol, joint.servo_id, address, data)
-        if error is not None:
-            refused = error & _REFUSALS[joint.protocol]
-            return f"refuses {data.hex(' ')} for register {address} (error 0x{error:02x})" if refused else None
-    return _SILENT
+        error = wire.write(joint.protocol, joint.servo_id, address, data)
+        if error is not None and error & _REFUSALS[joint.protocol]:
+            return f"refuses {data.hex(' ')} for register {address} (error 0x{error:02x})"
+        written = wire.read(joint.protocol, joint.servo_id, block) if error is not None else None
+        if written is not None and written.data == data:
+            return None
+    return f"does not keep {data.hex(' ')} in register {address}, or does not answer: look at its cable and its supply"
 
 
 def _cleared(chain: Chain, joint: Joint, clock: Clock) -> Repair:

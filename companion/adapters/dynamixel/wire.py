@@ -11,7 +11,7 @@ from typing import Any
 from dynamixel_sdk import COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
 from companion.adapters.dynamixel.port import BusPort
-from companion.adapters.dynamixel.registers import Block, Register
+from companion.adapters.dynamixel.registers import MODEL_NUMBER, Block, Register
 
 BROADCAST_ID = 0xFE
 _ERROR_AND_ID = 2
@@ -38,9 +38,16 @@ class Wire:
         self._handlers: dict[int, Any] = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
 
     def ping(self, protocol: int, servo_id: int) -> int | None:
-        """Its model number, if it answers."""
-        number, result, _ = self._handlers[protocol].ping(self.port, servo_id)
-        return int(number) if result == COMM_SUCCESS else None
+        """Its model number, if it answers.
+
+        Read once more after the SDK's ping, which believes any answer of that ID, also a late one to another question.
+        """
+        try:
+            _, result, _ = self._handlers[protocol].ping(self.port, servo_id)
+        except IndexError:  # and takes two bytes of it that may not be there
+            return None
+        answer = self.read(protocol, servo_id, MODEL_NUMBER) if result == COMM_SUCCESS else None
+        return int.from_bytes(answer.data, "little") if answer else None
 
     def broadcast_ping(self) -> dict[int, int]:
         """Model number by ID of all that speak Protocol 2.0; takes about a second."""

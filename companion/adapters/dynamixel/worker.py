@@ -24,6 +24,9 @@ from companion.types import ArmStatus, Array
 LOG = logging.getLogger(__name__)
 
 THREAD_NAME = "arms-bus"
+CONNECT_PATIENCE_MS = 20.0
+COMMAND_PATIENCE_MS = 5.0
+"""Less: the healthy joints wait meanwhile."""
 
 
 class Worker:
@@ -70,6 +73,7 @@ class Worker:
     def _connect(self) -> bool:
         try:
             self._port.open()
+            self._port.patience_ms = CONNECT_PATIENCE_MS
             warning = latency_warning(self._config.port)
             if warning is not None:
                 LOG.warning("%s", warning)
@@ -100,7 +104,9 @@ class Worker:
         """Nothing that goes wrong ends the thread: it becomes a fault of the bus."""
         begun_s = self._clock.now_s()
         try:
+            self._port.patience_ms = COMMAND_PATIENCE_MS
             self.commands.step()
+            self._port.patience_ms = 0.0
             if not self._faults.bus_is_down:
                 self._obey()
                 self._chain.cycle(begun_s)
