@@ -1,0 +1,219 @@
+"""Whole flights with both arms moving, in simulated time: what they do to the flight, and the flight to them."""
+
+import asyncio
+import tomllib
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.arm_files import motion_named
+from companion.arms.machine import ArmPhase
+from companion.arms.model import JOINT_NAMES
+from companion.arms.planning import Plan, plan
+from companion.config import CompanionConfig
+from companion.config_arms import ArmsConfig
+from companion.control.reference import Ellipse, LapTiming
+from companion.supervisor.flight import Fly, Phase
+from companion.types import Array
+from tests.flights.command import ROOT
+from tests.flights.simulated import Flight, Step, fly
+from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
+
+LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
+ARMS = ArmsConfig()
+STEP_RAD = 3.0 * 0.01
+"""No joint may be asked to go faster than its 3 rad/s."""
+
+
+def mock_arms() -> dict[str, Any]:
+    """As in config/mock.toml, stowed at boot, without a pseudo-terminal."""
+    table: dict[str, Any] = tomllib.loads((ROOT / "config" / "mock.toml").read_text(encoding="utf-8"))["arms"]
+    del table["bus"]["link"]
+    return table
+
+
+def swing(for_s: float = 60.0) -> Plan:
+    motion = motion_named("swing", for_s).trajectory(ARMS.model(), ARMS.stow_rad())
+    return plan(ARMS.model(), motion, ARMS.stow_rad())
+
+
+def torque(flight: Flight) -> bool:
+    assert flight.servos is not None
+    asyncio.get_running_loop().create_task(flight.servos.torque_on(), name="torque")
+    return True
+
+
+def play(motion: Plan) -> Step:
+    def step(flight: Flight) -> bool:
+        assert flight.loop.arms is not None
+        assert flight.loop.arms.play(motion.trajectory)
+        return True
+
+    return step
+
+
+def arm_phases(flight: Flight) -> list[ArmPhase]:
+    seen: list[ArmPhase] = []
+    for tick in flight.ticks:
+        assert tick.arms is not None
+        if not seen or tick.arms.phase is not seen[-1]:
+            seen.append(tick.arms.phase)
+    return seen
+
+
+def error_w_m(flight: Flight) -> Array:
+    return np.array(
+        [
+            truth - tick.reference.position_w_m
+            for tick, truth in zip(flight.ticks, flight.truths_w_m, strict=True)
+            if tick.flight.phase is Phase.TRACK and tick.reference is not None
+        ]
+    )
+
+
+FLOWN: dict[str, Flight] = {}
+"""The same flight is flown once for all who look at it: it would be the same again, bit by bit."""
+
+
+async def lap(*, swinging: bool = True, mock: dict[str, Any] | None = None, **changes: Any) -> Flight:
+    """One lap of the ellipse; `mock` changes the simulated arms, `changes` the companion's [arms]."""
+    key = repr((swinging, mock, changes))
+    if key not in FLOWN:
+        config = CompanionConfig(arms=ARMS.model_copy(update=changes))
+        begin = [play(swing())] if swinging else []
+        there = [torque, wait(0.5), *UP, *begin, ask(Fly(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD), wait(0.5)]
+        FLOWN[key] = await fly([wait(0.2), *there, *DOWN], config=config, arms=mock_arms() | (mock or {}))
+    return FLOWN[key]
+
+
+async def test_a_flight_with_swinging_arms_stows_them_and_lands() -> None:
+    flight = await lap()
+    assert flight.phases()[-5:] == [Phase.TRACK, Phase.HOLD, Phase.STOW, Phase.LAND, Phase.DISARMED]
+    assert arm_phases(flight) == [
+        ArmPhase.OFF, ArmPhase.HOLDING, ArmPhase.MOVING, ArmPhase.STOWING, ArmPhase.HOLDING
+    ]  # fmt: skip
+    assert flight.loop.flight.reason == ""
+    landing = next(tick for tick in flight.ticks if tick.flight.phase is Phase.LAND)
+    assert landing.arms is not None
+    assert np.abs(landing.arms.status.position_rad - ARMS.stow_rad())[:3].max() < ARMS.stowed_within_rad
+    error = np.abs(error_w_m(flight))
+    assert error.mean(axis=0).max() < 0.05
+    assert error.max() < 0.20
+
+
+async def test_the_arms_really_disturb_the_flight_and_the_feed_forward_takes_most_of_it_away() -> None:
+    still, told, untold = [
+        float(np.abs(error_w_m(flight)).mean(axis=0)[0])
+        for flight in (await lap(swinging=False), await lap(), await lap(feedforward="off"))
+    ]
+    assert untold > 3.0 * still, "swinging arms shift the centre of mass: without being told, the law is off along x"
+    assert told < 0.5 * untold
+
+
+@pytest.mark.parametrize("inertia_kgm2", [(0.077, 0.07, 0.091), (0.143, 0.13, 0.169)])
+async def test_the_feed_forward_still_helps_when_the_inertia_is_wrong_by_a_third(
+    inertia_kgm2: tuple[float, float, float],
+) -> None:
+    other = {"inertia_kgm2": inertia_kgm2}
+    told, untold = [
+        float(np.abs(error_w_m(flight)).mean(axis=0)[0])
+        for flight in (await lap(mock=other), await lap(mock=other, feedforward="off"))
+    ]
+    assert told < 0.7 * untold
+
+
+async def test_goals_never_jump() -> None:
+    flight = await lap()
+    assert flight.servos is not None
+    goals = np.array(flight.servos.goals_rad)
+    assert np.abs(np.diff(goals, axis=0)).max() < STEP_RAD
+    start = mock_arms()["bus"]["servos"][1]["start_position_rad"] - np.pi
+    assert goals[0][1] == pytest.approx(start, abs=1e-2), "the first goal is where the joint was"
+
+
+async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
+    failed_at: list[int] = []
+
+    def fail(flight: Flight) -> bool:
+        assert flight.servos is not None
+        flight.servos.fail("left.elbow_pitch")
+        failed_at.append(len(flight.ticks))
+        return True
+
+    script = [torque, wait(0.5), *UP, play(swing()), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(4.0), fail]
+    flight = await fly([*script, until(Phase.DISARMED)], arms=mock_arms())
+    assert flight.phases()[-3:] == [Phase.TRACK, Phase.LAND, Phase.DISARMED], "no stowing with a broken servo"
+    assert flight.loop.flight.reason == "left.elbow_pitch (servo 6): overload"
+    assert flight.loop.flight.touched_down
+    assert arm_phases(flight)[-1] is ArmPhase.FAULT
+    assert flight.servos is not None
+    assert flight.servos.holds == 1
+    after = [tick.arms for tick in flight.ticks[failed_at[0] + 1 :]]
+    assert all(arms is not None and arms.goal is None for arms in after), "no goal is sent any more"
+    later = np.array([arms.status.position_rad for arms in after if arms is not None][100:])
+    assert np.ptp(later, axis=0).max() < 0.02, "the arms hold still all the way down"
+    assert bool(after[-1] and after[-1].status.torque_on.all()), "and do not go limp"
+
+
+async def test_a_servo_fault_may_leave_the_flight_alone() -> None:
+    def fail(flight: Flight) -> bool:
+        assert flight.servos is not None
+        flight.servos.fail("left.elbow_pitch")
+        return True
+
+    config = CompanionConfig(arms=ARMS.model_copy(update={"land_on_fault": False}))
+    flight = await fly(
+        [torque, wait(0.5), *UP, play(swing()), wait(3.0), fail, wait(5.0)], arms=mock_arms(), config=config
+    )
+    assert flight.phase is Phase.HOLD
+    assert arm_phases(flight)[-1] is ArmPhase.FAULT
+
+
+async def test_a_bus_thread_that_hangs_is_a_fault_though_it_says_nothing() -> None:
+    def hang(flight: Flight) -> bool:
+        assert flight.servos is not None
+        flight.servos.hung = True
+        return True
+
+    flight = await fly([torque, wait(0.5), *UP, wait(1.0), hang, until(Phase.DISARMED)], arms=mock_arms())
+    assert flight.loop.flight.reason == "bus: no servo was read for 0.5 s"
+    assert flight.loop.flight.touched_down
+
+
+async def test_handed_over_arms_are_folded_before_the_autopilot_lands() -> None:
+    mocap = {"silences": [{"start_s": 26.0, "for_s": 100.0}]}
+    flight = await fly(
+        [torque, wait(0.5), *UP, play(swing()), until(Phase.HANDED_OVER), wait(4.0)], arms=mock_arms(), mocap=mocap
+    )
+    assert ArmPhase.STOWING in arm_phases(flight)
+    assert flight.loop.arms is not None
+    assert flight.loop.arms.off_stow == ""
+
+
+async def test_limp_arms_are_let_be_and_the_torque_goes_after_landing_only_if_configured() -> None:
+    flight = await lap(swinging=False, torque_off_after_landing=True)
+    assert arm_phases(flight)[-1] is ArmPhase.OFF
+    kept = await lap(swinging=False)
+    assert arm_phases(kept)[-1] is ArmPhase.HOLDING
+
+
+async def test_where_a_joint_is_not_stowed_is_said() -> None:
+    table = mock_arms()
+    table["bus"]["servos"][5]["start_position_rad"] = 4.2
+    flight = await fly([torque, wait(0.2)], arms=table)
+    assert flight.loop.arms is not None
+    assert flight.loop.arms.off_stow.startswith(f"{JOINT_NAMES[5]} is 7")
+
+
+async def test_a_mistake_in_the_arms_software_lands_the_vehicle() -> None:
+    def break_it(flight: Flight) -> bool:
+        assert flight.loop.arms is not None
+        state = flight.loop.arms.state
+        flight.loop.arms._state = replace(state, motion=object())  # type: ignore[arg-type]
+        return True
+
+    flight = await fly([torque, wait(0.5), *UP, wait(1.0), break_it, until(Phase.DISARMED)], arms=mock_arms())
+    assert flight.loop.flight.reason.startswith("the arms' software failed: AttributeError")
+    assert flight.loop.flight.touched_down
