@@ -85,7 +85,7 @@ class Waypoints:
 
     `stop` rests at each pose: minimum-jerk steps. Otherwise a pose is passed with the velocity and acceleration of the
     parabola through it and its neighbours, which follows densely sampled motions closely and swings out a little
-    beyond sharp corners.
+    beyond sharp corners; where a short step meets a long one both are bounded, or the long one would swing out far.
     """
 
     times_s: Array
@@ -121,9 +121,13 @@ class Waypoints:
         velocity, acceleration = np.zeros_like(poses), np.zeros_like(poses)
         if not self.stop:
             before, after = spans[:-1], spans[1:]
-            slope = np.diff(poses, axis=0) / spans
-            velocity[1:-1] = (before * slope[1:] + after * slope[:-1]) / (before + after)
-            acceleration[1:-1] = 2.0 * (slope[1:] - slope[:-1]) / (before + after)
+            steps = np.diff(poses, axis=0)
+            slope, longer = steps / spans, np.maximum(before, after)
+            most = 2.0 * (np.abs(steps[:-1]) + np.abs(steps[1:])) / longer
+            weighted = (before * slope[1:] + after * slope[:-1]) / (before + after)
+            bend = 2.0 * (slope[1:] - slope[:-1]) / (before + after)
+            velocity[1:-1] = np.clip(weighted, -most, most)
+            acceleration[1:-1] = np.clip(bend, -most / longer, most / longer)
         return JointMotion(poses, velocity, acceleration)
 
 

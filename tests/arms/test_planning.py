@@ -21,7 +21,7 @@ MODEL = ArmModel()
 LOW, HIGH, SPEED, ACCEL = MODEL.limit_arrays()
 
 
-def both(chain: tuple[float, float, float], claw: float = 0.3) -> Array:
+def both(chain: tuple[float, float, float], claw: float = 0.5) -> Array:
     return np.array([*chain, claw, *chain, claw])
 
 
@@ -42,7 +42,7 @@ swings = st.builds(
 @st.composite
 def courses(draw: st.DrawFn) -> JointTrajectory:
     """Waypoints near home, some of them in a great hurry."""
-    poses = np.stack([HOME + draw(vectors(0.2)) for _ in range(draw(st.integers(2, 6)))])
+    poses = np.stack([HOME + draw(vectors(0.15)) for _ in range(draw(st.integers(2, 6)))])
     spans = draw(st.lists(st.floats(0.05, 2.0), min_size=len(poses) - 1, max_size=len(poses) - 1))
     return Waypoints(np.append(0.0, np.cumsum(spans)), poses, draw(st.booleans()))
 

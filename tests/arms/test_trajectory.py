@@ -1,6 +1,7 @@
 """Joint trajectories: derivatives are derivatives, ends are at rest, one time is as many."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -126,6 +127,22 @@ def test_passing_waypoints_follow_a_parabola_exactly_whatever_their_spacing() ->
     found = course.at(inside)
     np.testing.assert_allclose(found.position_rad, A + B * inside[:, None] ** 2, atol=1e-12)
     np.testing.assert_allclose(found.acceleration_radps2, np.tile(2.0 * B, (50, 1)), atol=1e-9)
+
+
+@given(angles=st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=6), data=st.data())
+def test_passing_waypoints_swing_out_by_less_than_the_steps_around_them(
+    angles: list[float], data: st.DataObject
+) -> None:
+    spans = data.draw(st.lists(st.floats(0.01, 5.0), min_size=len(angles) - 1, max_size=len(angles) - 1))
+    times, poses = np.append(0.0, np.cumsum(spans)), np.outer(angles, np.ones(8))
+    course = Waypoints(times, poses, stop=False)
+    steps = np.abs(np.diff(angles))
+    for place, (begin, end) in enumerate(pairwise(times.tolist())):
+        around = steps[max(place - 1, 0) : place + 2].sum()
+        found = course.at(np.linspace(begin, end, 101)).position_rad[:, 0]
+        low, high = sorted(angles[place : place + 2])
+        assert found.max() <= high + around + 1e-9
+        assert found.min() >= low - around - 1e-9
 
 
 def test_a_swing_between_its_fades_is_the_sinusoid_by_hand() -> None:
