@@ -98,11 +98,13 @@ class ServoBus:
         self._mind_plug()
 
     def _watch_plug(self) -> None:
-        self._mind_plug()
         self._watch = asyncio.get_running_loop().call_later(PLUG_EVERY_S, self._watch_plug)
+        self._mind_plug()
 
     def _mind_plug(self) -> None:
-        """Let the port go or come back as the faults say."""
+        """Let the port go or come back as the faults say, while the bus is open."""
+        if self._watch is None:
+            return
         gone = self.servos.holding(FaultKind.PORT_GONE)
         if gone and self._port is not None:
             self._unplug()

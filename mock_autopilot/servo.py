@@ -144,3 +144,8 @@ class Servo:
         """What its sensor says."""
         hot = self.table.get("temperature_limit") + 5.0
         return max(self.temperature_c, hot) if self.overheated else self.temperature_c
+
+    @property
+    def raw_temperature(self) -> int:
+        """What its register holds, degrees C."""
+        return min(max(round(self.felt_temperature_c), 0), 255)

@@ -109,7 +109,7 @@ class AxServo(Servo):
             _with_direction(motor.rate_radps / unit),
             _with_direction(motor.pwm_share * FULL_LOAD),
             round(10.0 * self.voltage_v),
-            round(max(self.felt_temperature_c, 0.0)),
+            self.raw_temperature,
             int(self.registered is not None),
         )
         under_way = abs(motor.goal_rad - motor.angle_rad) > 2 * motor.margin_rad and abs(motor.rate_radps) > unit

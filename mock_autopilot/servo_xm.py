@@ -184,7 +184,7 @@ class XmServo(Servo):
             round(speed / model.velocity_unit_radps),
             round(place / model.position_unit_rad) + offset,
             round(10.0 * self.voltage_v),
-            round(max(self.felt_temperature_c, 0.0)),
+            self.raw_temperature,
         )
 
     def _moving_status(self) -> int:

@@ -1,6 +1,10 @@
 """What the servos answer, without a port: the manuals' examples byte for byte, errors, and who keeps silent."""
 
+import math
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind, ServoConfig
 from mock_autopilot.dynamixel_packets import ALERT, Error1, Error2, Instruction, Packet, Parser, pack1, pack2
@@ -247,6 +251,53 @@ def test_the_alert_bit_comes_with_every_answer_while_there_is_a_hardware_error()
     assert ask2(servos, 1, Instruction.PING)[0] == ALERT
     assert ask2(servos, 1, Instruction.WRITE, 0, 0, 1)[0] == ALERT | Error2.ACCESS
     assert ask2(servos, 1, Instruction.READ, 70, 0, 1, 0) == (ALERT, b"\x04")
+
+
+instructions = st.sampled_from(list(Instruction))
+parameters = st.one_of(
+    st.binary(max_size=12),
+    st.builds(
+        lambda address, width, data: address.to_bytes(width, "little") + data,
+        st.integers(0, 255),
+        st.sampled_from([1, 2]),
+        st.binary(max_size=8),
+    ),
+)
+
+
+@given(
+    st.lists(
+        st.tuples(st.sampled_from([1, 2]), st.sampled_from([1, 2, 3, 0xFE]), instructions, parameters),
+        max_size=20,
+    )
+)
+def test_no_instruction_breaks_the_servos_or_what_is_read_only(sent: list[tuple[int, int, int, bytes]]) -> None:
+    servos = rack(xm(1), ax(2))
+    for protocol, servo_id, instruction, params in sent:
+        for said in servos.answer(Packet(protocol, servo_id, instruction, params)):
+            [packet] = Parser().feed(said.data)
+            assert packet.intact
+            assert packet.protocol == protocol
+        servos.step(0.01)
+    assert [servo.table.get("model_number") for servo in servos.servos] == [1030, 12]
+    assert all(math.isfinite(value) for values in servos.motion() for value in values)
+
+
+@given(st.data())
+def test_what_a_register_takes_it_gives_back(data: st.DataObject) -> None:
+    servos = rack(xm(1), ax(2))
+    servo = data.draw(st.sampled_from(servos.servos))
+    free = [
+        register
+        for register in servo.model.registers
+        if register.writable and register.name not in {"id", "lock"} and not register.name.startswith("indirect")
+    ]
+    register = data.draw(st.sampled_from(free))
+    value = data.draw(st.integers(register.minimum, register.maximum))
+    raw = (value & (1 << 8 * register.size) - 1).to_bytes(register.size, "little")
+    before = servo.read(register.address, register.size)
+    refusal = servo.write(register.address, raw)
+    assert servo.read(register.address, register.size) == (raw if refusal is None else before)
 
 
 def test_an_answer_that_the_host_echoes_means_nothing() -> None:

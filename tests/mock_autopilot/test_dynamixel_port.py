@@ -168,6 +168,18 @@ async def test_a_gone_port_comes_back_by_itself(link: Path) -> None:
         bus.close()
 
 
+async def test_faults_may_be_injected_before_the_bus_is_open(link: Path) -> None:
+    bus = linked(link)
+    bus.inject(Fault(kind=FaultKind.SILENT_BUS))
+    bus.inject(Fault(kind=FaultKind.PORT_GONE))
+    assert target(link) is None
+    bus.open()
+    assert target(link) is None
+    bus.clear()
+    assert is_device(target(link))
+    bus.close()
+
+
 async def test_answers_that_nobody_reads_do_not_stop_the_bus(link: Path) -> None:
     bus = linked(link)
     bus.open()
