@@ -1,6 +1,7 @@
 """The host's end in the tests of the servo bus: the real SDK, one worker thread, on a bus in this process."""
 
 import asyncio
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass
@@ -12,6 +13,10 @@ from mock_autopilot.dynamixel_alone import BusAlone
 from mock_autopilot.dynamixel_config import DynamixelConfig
 
 Result = TypeVar("Result")
+
+XM_IDS, AX_IDS = (1, 2, 3, 5, 6, 7), (4, 8)
+"""Of the default bus."""
+TORQUE, AX_TORQUE = 64, 24
 
 OK, NO_ANSWER, BROKEN = dxl.COMM_SUCCESS, dxl.COMM_RX_TIMEOUT, dxl.COMM_RX_CORRUPT
 
@@ -54,3 +59,25 @@ async def talk(bus: BusAlone, what: Callable[[Host], Result], baud: int = 1_000_
             return what(host)
 
     return await asyncio.to_thread(work)
+
+
+async def within(bus: BusAlone, what: Callable[[Host], bool], for_s: float = 10.0) -> bool:
+    """Ask again until it is so."""
+
+    def patiently(host: Host) -> bool:
+        end_s = time.monotonic() + for_s
+        while not what(host):
+            if time.monotonic() > end_s:
+                return False
+            time.sleep(0.02)
+        return True
+
+    return await talk(bus, patiently)
+
+
+def torque_on(host: Host) -> None:
+    """Switch the torque of every default servo on."""
+    for servo in XM_IDS:
+        assert host.two.write1ByteTxRx(host.port, servo, TORQUE, 1) == (OK, 0)
+    for servo in AX_IDS:
+        assert host.one.write1ByteTxRx(host.port, servo, AX_TORQUE, 1) == (OK, 0)
