@@ -110,7 +110,9 @@ class PosesConfig(Section):
     """Named poses of one arm: shoulder pitch, elbow pitch, elbow roll (rad); both arms take the same."""
 
     home_rad: tuple[float, float, float] = Field((0.35, 0.7, 0.0), description="ready to work")
-    stow_rad: tuple[float, float, float] = Field((-0.9, 2.3, 0.0), description="folded for take-off and landing")
+    stow_rad: tuple[float, float, float] = Field(
+        (-0.47, 2.27, 0.0), description="folded for take-off and landing, best with the mass under the middle"
+    )
     claw_open_rad: float = Field(0.8, ge=0.0, le=2.0, description="claw open, rad")
     claw_closed_rad: float = Field(0.05, ge=0.0, le=2.0, description="claw closed, rad")
 

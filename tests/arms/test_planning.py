@@ -196,7 +196,7 @@ def test_arms_that_begin_too_near_to_something_may_leave_it_but_not_go_nearer() 
 
 
 def test_arms_that_sag_beyond_a_limit_may_come_back() -> None:
-    sagged = STOW + joints(right_shoulder_pitch=-0.8)
+    sagged = STOW + joints(right_shoulder_pitch=-1.2)
     assert sagged[0] < LOW[0]
     way = to_pose(MODEL, sagged, STOW).trajectory
     np.testing.assert_allclose(way.at(0.0).position_rad, sagged)
