@@ -24,7 +24,7 @@ from companion.config_arms import ArmsConfig
 from companion.control.controller import VehicleModel
 from companion.control.frames import matrix_from_quat
 from companion.ports import ArmBus, CompanionError
-from companion.supervisor.flight import Flight
+from companion.supervisor.flight import Flight, Phase
 from companion.types import ArmStatus, Array, JointMotion
 
 LOG = logging.getLogger(__name__)
@@ -130,7 +130,8 @@ class ArmStage:
     def _tick(self, now_s: float, flight: Flight) -> ArmTick:
         assert self._facts is not None
         before = self._state
-        self._state = machine.advance(before, replace(self._facts, flight=flight.phase), self._rules)
+        self._facts = replace(self._facts, flight=flight.phase, touched_down=flight.touched_down)
+        self._state = machine.advance(before, self._facts, self._rules)
         self._announce(before)
         self._act(self._state.action)
         goal = goal_at(self._state, now_s)
@@ -139,11 +140,11 @@ class ArmStage:
         self._known_b = self._push_of_next_cycle(now_s + self._period_s, flight)
         return ArmTick(self._state.phase, self._state.reason, goal, self._status, self._known)
 
-    def play(self, motion: JointTrajectory) -> bool:
-        """Begin a planned motion; False where the flight or the arms' own phase does not allow it."""
-        if self._facts is None or not machine.can_play(self._state, self._facts.flight):
+    def play(self, motion: JointTrajectory, flight: Phase) -> bool:
+        """Begin a planned motion; False where the flight's present phase or the arms' own does not allow it."""
+        if self._facts is None or not machine.can_play(self._state, flight):
             return False
-        self._state = machine.play(self._state, motion, self._facts)
+        self._state = machine.play(self._state, motion, replace(self._facts, flight=flight))
         return True
 
     def stop(self, reason: str) -> None:

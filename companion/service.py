@@ -194,7 +194,7 @@ class Service:
         arms = self.loop.arms
         if arms is None:
             raise FlightError("this vehicle has no arms: its configuration has no [arms]")
-        if not arms.play(motion):
+        if not arms.play(motion, self.phase):
             raise FlightError(f"the arms cannot move: they are {arms.state.phase} in flight phase {self.phase}")
 
     async def _arms_reach(self, phase: ArmPhase, timeout_s: float) -> None:

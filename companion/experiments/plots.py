@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from companion.arms.model import JOINTS_PER_ARM, KINDS
 from companion.experiments.summary import Columns, Summary, tracking_error_w_m
 from companion.supervisor.flight import Phase
 from companion.types import Array
@@ -16,29 +17,27 @@ mpl.use("Agg")  # pictures are files; no display is wanted or needed
 
 _AXES = ("x", "y", "z")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73")  # told apart by colour-blind readers, too
-_PHASE_SHADES = {"takeoff": "#e8f1fa", "hold": "#f7f7f7", "track": "#fff3d9", "land": "#f5e6f0"}
+_PHASE_SHADES = {"takeoff": "#e8f1fa", "hold": "#f7f7f7", "track": "#fff3d9", "stow": "#e9f5ec", "land": "#f5e6f0"}
 
 
 def plot_flight(columns: Columns, summary: Summary | None, title: str, path: Path) -> None:
     """One page: path from above, position and error over time, thrust and updates. Written as PNG (or by suffix)."""
-    figure = Figure(figsize=(12.0, 8.0), layout="constrained")
-    grid = figure.add_gridspec(4, 2, width_ratios=(1.0, 1.35))
+    panels = [_positions, _errors, _setpoints, _updates, *([_arms] if "joint_position_rad" in columns else [])]
+    figure = Figure(figsize=(12.0, 2.0 * len(panels)), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))
+    above, words = left.subplots(2, 1, height_ratios=(len(panels) - 1, 1))
     time = _since_takeoff(columns)
-    _from_above(figure.add_subplot(grid[:3, 0]), columns)
-    _words(figure.add_subplot(grid[3, 0]), summary)
-    position, error, force, events = (figure.add_subplot(grid[row, 1]) for row in range(4))
-    _positions(position, time, columns)
-    _errors(error, time, columns)
-    _setpoints(force, time, columns)
-    _updates(events, time, columns)
-    for axes in (position, error, force, events):
+    _from_above(above, columns)
+    _words(words, summary)
+    for row, (axes, panel) in enumerate(zip(right.subplots(len(panels), 1), panels, strict=True)):
+        panel(axes, time, columns)
         _shade_phases(axes, time, columns)
         axes.set_xlim(max(time[0], -2.0), time[-1])
         axes.grid(alpha=0.3)
-    _name_phases(position, time, columns)
-    for axes in (position, error, force):
-        axes.tick_params(labelbottom=False)
-    events.set_xlabel("time since takeoff (s)")
+        if row == 0:
+            _name_phases(axes, time, columns)
+        axes.tick_params(labelbottom=row == len(panels) - 1)
+    axes.set_xlabel("time since takeoff (s)")
     figure.suptitle(title)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -117,6 +116,17 @@ def _updates(axes: Axes, time: Array, columns: Columns) -> None:
         axes.plot(sent[1:], gap_ms, ".", ms=2.5, color="0.25")
         axes.set_yscale("log")
     axes.set_ylabel("gap between\nupdates (ms)")
+
+
+def _arms(axes: Axes, time: Array, columns: Columns) -> None:
+    """Pitches and rolls in degrees: right arm as lines, left one dashed."""
+    joints = np.degrees(_floats(columns, "joint_position_rad"))
+    for first, style in ((0, "-"), (JOINTS_PER_ARM, "--")):
+        for joint, colour in enumerate(_COLOURS):
+            name = KINDS[joint].replace("_", " ") if first == 0 else None
+            axes.plot(time, joints[:, first + joint], style, color=colour, lw=0.9, label=name)
+    axes.set_ylabel("joints (°)\nleft dashed")
+    axes.legend(loc="upper left", fontsize=8)
 
 
 def _stretches(columns: Columns) -> list[tuple[int, int, str]]:

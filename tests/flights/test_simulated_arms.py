@@ -48,7 +48,7 @@ def torque(flight: Flight) -> bool:
 def play(motion: Plan) -> Step:
     def step(flight: Flight) -> bool:
         assert flight.loop.arms is not None
-        assert flight.loop.arms.play(motion.trajectory)
+        assert flight.loop.arms.play(motion.trajectory, flight.phase)
         return True
 
     return step
