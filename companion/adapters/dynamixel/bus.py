@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
+from companion.adapters.dynamixel.inspection import Inspected
 from companion.adapters.dynamixel.orders import Goals
 from companion.adapters.dynamixel.torque import Steps
 from companion.adapters.dynamixel.worker import Worker
@@ -18,14 +19,15 @@ CLEAR_TIMEOUT_S = 20.0
 
 
 @asynccontextmanager
-async def open_dynamixel(config: ArmsConfig, clock: Clock) -> AsyncIterator["DynamixelBus"]:
+async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) -> AsyncIterator["DynamixelBus"]:
     """Open the port, look at every servo, start cycling, and yield the bus.
 
-    Raises one ArmError that names all that is missing or wrong. Nothing is changed in the servos by connecting. On
-    leaving, the port is closed and the torque stays as it is, on or off: arms that go limp in the air are a danger,
-    so whoever wants that says `torque_off`.
+    Raises one ArmError that names all that is missing or wrong; not `strict`, for looking, letting go and clearing,
+    only when no servo answers: what else is missing or in error then begins as a latched fault. Nothing is changed in
+    the servos by connecting. On leaving, the port is closed and the torque stays as it is, on or off: arms that go
+    limp in the air are a danger, so whoever wants that says `torque_off`.
     """
-    worker = Worker(config, clock)
+    worker = Worker(config, clock, strict)
     worker.start()
     try:
         await worker.connected
@@ -44,6 +46,11 @@ class DynamixelBus:
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what works but should be better: the adapter's latency timer."""
         return self._worker.warnings
+
+    @property
+    def inspected(self) -> Inspected:
+        """What connecting found."""
+        return self._worker.inspected
 
     def status(self) -> ArmStatus:
         """The last known state; never waits."""

@@ -1,6 +1,7 @@
 """Connecting: ask every servo who and how it is, change nothing, and raise one error with all that is wrong."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 from companion.adapters.dynamixel.chain import Chain
 from companion.adapters.dynamixel.checks import Found, complaints, found_ax, found_xm, model_name
@@ -8,31 +9,52 @@ from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import FACTORY_BAUDS, Ax, Block, Xm
 from companion.config_arms import ArmsConfig
 from companion.ports import ArmError
+from companion.types import ArmFaultKind
 
 _ATTEMPTS = 3
 
 
-def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool]) -> None:
+@dataclass(frozen=True)
+class Inspected:
+    """What connecting found."""
+
+    found: tuple[Found | None, ...] = ()
+    """By joint; None for a servo that did not answer."""
+    complaints: tuple[str, ...] = ()
+    """All that is missing or wrong."""
+
+
+def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
     """Look at every servo and take its first state; ArmError when any is missing or wrong.
 
+    Not `strict`: only when none answers; one that is missing or reports an error begins with its fault latched.
     `stopped` is asked between questions, so that an interrupted connect ends soon.
     """
-    lines: list[str] = []
-    missing: list[Joint] = []
+    found: list[Found | None] = []
     for joint in chain.joints:
         if stopped():
-            return
-        found = _found(chain, joint)
-        if found is None:
-            missing.append(joint)
-        else:
-            lines += complaints(joint, found, config)
-    lines += _absent(chain, missing, config, stopped)
-    if lines:
-        raise ArmError(f"the arms on {config.port} cannot be used:\n  " + "\n  ".join(lines))
-    for joint in chain.joints:
-        if not chain.first_look(joint):
+            return Inspected()
+        found.append(_found(chain, joint))
+    missing = [joint for joint, one in zip(chain.joints, found, strict=True) if one is None]
+    lines = [
+        line for joint, one in zip(chain.joints, found, strict=True) if one for line in complaints(joint, one, config)
+    ]
+    absent = _absent(chain, missing, config, stopped)
+    if (lines or absent) and (strict or len(missing) == len(chain.joints)):
+        raise ArmError(f"the arms on {config.port} cannot be used:\n  " + "\n  ".join([*lines, *absent]))
+    for joint, line in zip(missing, absent, strict=False):  # what comes after them speaks of strangers
+        joint.in_group = False
+        chain.faults.latch(joint, ArmFaultKind.SILENT, line.removeprefix(f"{joint.label} "))
+    for joint, one in zip(chain.joints, found, strict=True):
+        if one is not None and not _first_look(chain, joint, one):
             raise ArmError(f"the arms on {config.port} cannot be used: {joint.label} stopped answering")
+    return Inspected(tuple(found), (*lines, *absent))
+
+
+def _first_look(chain: Chain, joint: Joint, found: Found) -> bool:
+    """A servo of another model is not read: its registers may mean something else."""
+    joint.paused = found.model_number != joint.scale.model.number
+    return joint.paused or chain.first_look(joint)
 
 
 def _found(chain: Chain, joint: Joint) -> Found | None:

@@ -10,7 +10,7 @@ import numpy as np
 from companion.adapters.dynamixel.chain import Chain
 from companion.adapters.dynamixel.conversion import Reading
 from companion.adapters.dynamixel.faults import FaultLog
-from companion.adapters.dynamixel.inspection import inspect
+from companion.adapters.dynamixel.inspection import Inspected, inspect
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.limiter import stopping_point
 from companion.adapters.dynamixel.orders import Commands, Goals, deliver
@@ -32,12 +32,13 @@ COMMAND_PATIENCE_MS = 5.0
 class Worker:
     """`goals`, `status`, `commands.submit`, `start` and `close` are for the event loop, the rest is the thread's."""
 
-    def __init__(self, config: ArmsConfig, clock: Clock) -> None:
-        self._config, self._clock = config, clock
+    def __init__(self, config: ArmsConfig, clock: Clock, strict: bool = True) -> None:
+        self._config, self._clock, self._strict = config, clock, strict
         self._loop = asyncio.get_running_loop()
         self.connected: asyncio.Future[None] = self._loop.create_future()
         self._ended: asyncio.Future[None] = self._loop.create_future()
         self.warnings: tuple[str, ...] = ()
+        self.inspected = Inspected()
         self.commands = Commands(self._loop)
         self.goals: Goals | None = None
         self._obeyed: Goals | None = None
@@ -78,7 +79,7 @@ class Worker:
             if warning is not None:
                 LOG.warning("%s", warning)
                 self.warnings = (warning,)
-            inspect(self._chain, self._config, self._stop.is_set)
+            self.inspected = inspect(self._chain, self._config, self._stop.is_set, self._strict)
             self.status = self._status()
         except ArmError as error:
             deliver(self._loop, self.connected, error)
