@@ -10,7 +10,7 @@ from companion.arms.clearance import distances
 from companion.arms.inverse import reach_both_rad
 from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
-from companion.arms.trajectory import Hold, InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
+from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
 from companion.ports import ArmError
 from companion.types import Array, JointMotion
 
@@ -172,8 +172,7 @@ def _way(
     """Moves from `begin` to rest at the goal, none if it is there already; and a note when they are not straight."""
     if np.abs(goal_rad - begin.position_rad).max() < _ROUNDING_RAD and not np.any(begin.velocity_radps):
         return (), ""
-    _check_goal(model, begin, goal_rad, floor_z_m)
-    keep_m = _leaving_m(model, begin, floor_z_m)
+    keep_m = _kept_m(model, begin, goal_rad, floor_z_m)
     straight = _move(model, begin, goal_rad)
     near = first_too_near(model, straight, keep_m, floor_z_m)
     if near is None:
@@ -185,10 +184,19 @@ def _way(
     raise ArmError(f"{near.time_s:.2f} s into the way there {_meeting(near)}")
 
 
-def _check_goal(model: ArmModel, begin: JointMotion, goal_rad: Array, floor_z_m: float | None) -> None:
-    near = first_too_near(model, Hold(goal_rad), _leaving_m(model, begin, floor_z_m), floor_z_m)
-    if near is not None:
+def _kept_m(model: ArmModel, begin: JointMotion, goal_rad: Array, floor_z_m: float | None) -> Array:
+    """Distance that each pair keeps on the way: the margin, or what it has at the beginning if that is less.
+
+    Raises ArmError when it is not kept at the goal.
+    """
+    found = distances(model, np.stack((begin.position_rad, goal_rad)), floor_z_m)
+    leaving_m, there_m = found.distance_m
+    keep_m = np.minimum(model.margin_m, leaving_m - _LEAVING_M)
+    pair = int(np.argmin(there_m - keep_m))
+    if there_m[pair] < keep_m[pair]:
+        near = TooNear(0.0, found.what[pair], float(there_m[pair]), float(keep_m[pair]))
         raise ArmError(f"in the pose asked for {_meeting(near)}")
+    return np.asarray(keep_m)
 
 
 def _move(model: ArmModel, begin: JointMotion, goal_rad: Array) -> MinimumJerk:
@@ -214,12 +222,6 @@ def _excess(model: ArmModel, move: MinimumJerk) -> float:
         float((np.abs(motion.velocity_radps) / speed).max()) - 1.0,
         float((np.abs(motion.acceleration_radps2) / accel).max()) - 1.0,
     )
-
-
-def _leaving_m(model: ArmModel, begin: JointMotion, floor_z_m: float | None) -> Array:
-    """Distance that each pair has to keep: the margin, or what it has where the way begins if that is less."""
-    at = distances(model, begin.position_rad, floor_z_m).distance_m
-    return np.minimum(model.margin_m, at - _LEAVING_M)
 
 
 def _meeting(near: TooNear) -> str:

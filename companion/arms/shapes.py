@@ -6,8 +6,9 @@ import numpy as np
 
 from companion.types import Array
 
-_HALVINGS = 22
-"""Of a segment, when the point nearest to a shape is looked for: a link is then known to less than a micrometre."""
+_HALVINGS = 16
+"""Of a segment, when the point nearest to a shape is looked for: a few micrometres on a link. The distance is known far
+better: it is flat about its least, and a segment's own ends are hit exactly."""
 
 
 def between_segments_m(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
@@ -56,7 +57,7 @@ def _least_to_convex(start: Array, end: Array, beyond: Callable[[Array], Array])
         middle = 0.5 * (low + high)
         falls = _dot(beyond(start + middle[..., None] * along), along) < 0.0
         low, high = np.where(falls, middle, low), np.where(falls, high, middle)
-    return _length(beyond(start + (0.5 * (low + high))[..., None] * along))
+    return np.minimum(*(_length(beyond(start + share[..., None] * along)) for share in (low, high)))
 
 
 def _dot(a: Array, b: Array) -> Array:

@@ -74,7 +74,7 @@ def test_a_plan_runs_the_motion_itself_after_an_approach_from_where_the_arms_are
         np.testing.assert_allclose(made.trajectory.at(time_s).position_rad, wanted, atol=1e-6)
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(amplitude=vectors(1.2), centre=vectors(0.6))
 def test_what_is_accepted_keeps_its_distance_and_what_is_refused_would_not(amplitude: Array, centre: Array) -> None:
     free = replace(MODEL, limits=(JointLimit(-3.0, 3.0, 3.0, 20.0),) * 4)
