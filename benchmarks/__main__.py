@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: latency beside a bare relay, control steps, CPU and memory; `--help` for the options."""
+"""`python -m benchmarks`: latency beside a bare relay, steps, CPU and memory, the arms' bus; `--help` for options."""
 
 import json
 from enum import StrEnum
@@ -10,6 +10,7 @@ import uvloop
 from rich.console import Console
 from rich.status import Status
 
+from benchmarks.arms import measure_arms
 from benchmarks.flights import measure_footprint, measure_latency
 from benchmarks.machine import this_machine
 from benchmarks.results import Results, as_markdown, print_results
@@ -27,6 +28,7 @@ class Part(StrEnum):
     LATENCY = "latency"
     STEPS = "steps"
     PROCESS = "process"
+    ARMS = "arms"
 
 
 def bench(
@@ -61,6 +63,8 @@ def _measure(console: Console, quick: bool, parts: set[Part]) -> Results:
             _latency(results, status)
         if Part.PROCESS in parts:
             _process(results, status)
+        if Part.ARMS in parts:
+            _arms(results, status)
     return results
 
 
@@ -89,6 +93,11 @@ def _process(results: Results, status: Status) -> None:
     results.footprints.append(
         uvloop.run(measure_footprint(RATES_HZ[0], 20.0, lambda what: status.update(f"CPU and memory: {what}")))
     )
+
+
+def _arms(results: Results, status: Status) -> None:
+    turns, for_s = (2, 1.0) if results.quick else (6, 5.0)
+    results.arms.append(uvloop.run(measure_arms(turns, for_s, lambda what: status.update(f"arms: {what}"))))
 
 
 if __name__ == "__main__":

@@ -150,8 +150,8 @@ def _mock_config(plan: FlightPlan, ports: MockPorts) -> MockConfig:
 @asynccontextmanager
 async def _subject(task: Task) -> AsyncIterator[asyncio.subprocess.Process]:
     """The service in its own process, hovering."""
-    async with _python("benchmarks.subject", task.model_dump_json()) as process:
-        if await _line(process) != "flying":
+    async with python_process("benchmarks.subject", task.model_dump_json()) as process:
+        if await first_line(process) != "flying":
             assert process.stderr is not None
             raise BenchError(f"the service did not fly: {(await process.stderr.read()).decode()[-2000:]}")
         yield process
@@ -162,13 +162,13 @@ async def _relay(plan: FlightPlan) -> AsyncIterator[RelayEnd | None]:
     if not plan.with_relay:
         yield None
         return
-    async with relay_end(World()) as end, _python("benchmarks.relay", str(end.port)) as process:
-        end.address = (LOOPBACK, int(await _line(process)))
+    async with relay_end(World()) as end, python_process("benchmarks.relay", str(end.port)) as process:
+        end.address = (LOOPBACK, int(await first_line(process)))
         yield end
 
 
 @asynccontextmanager
-async def _python(module: str, argument: str) -> AsyncIterator[asyncio.subprocess.Process]:
+async def python_process(module: str, argument: str) -> AsyncIterator[asyncio.subprocess.Process]:
     """A module as a process of its own, killed at the end if it has not ended."""
     pipe = asyncio.subprocess.PIPE
     process = await asyncio.create_subprocess_exec(
@@ -194,7 +194,8 @@ async def _end(process: asyncio.subprocess.Process) -> bytes:
     return said
 
 
-async def _line(process: asyncio.subprocess.Process) -> str:
+async def first_line(process: asyncio.subprocess.Process) -> str:
+    """The next line that it says; BenchError when none comes."""
     assert process.stdout is not None
     try:
         async with asyncio.timeout(_START_S):

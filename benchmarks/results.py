@@ -6,10 +6,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
 from benchmarks.machine import Machine
 from benchmarks.steps import StageCost, StepCost
-from benchmarks.targets import Target, footprint_targets, latency_targets, step_targets
+from benchmarks.targets import Target, arms_targets, footprint_targets, latency_targets, step_targets
 
 Row = tuple[str, ...]
 Section = tuple[str, Row, list[Row]]
@@ -26,6 +27,7 @@ class Results:
     steps: list[StepCost] = field(default_factory=list)
     stages: list[StageCost] = field(default_factory=list)
     footprints: list[Footprint] = field(default_factory=list)
+    arms: list[ArmsCost] = field(default_factory=list)
 
     def targets(self) -> list[Target]:
         """Every target that this run can speak of."""
@@ -33,6 +35,7 @@ class Results:
             *(target for latency in self.latencies for target in latency_targets(latency)),
             *step_targets(self.steps),
             *(target for footprint in self.footprints for target in footprint_targets(footprint)),
+            *(target for cost in self.arms for target in arms_targets(cost)),
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -43,7 +46,7 @@ class Results:
 
     def sections(self) -> list[Section]:
         """The tables, as text."""
-        tables = (self._targets(), self._latencies(), self._steps(), self._stages(), self._footprints())
+        tables = (self._targets(), self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
         return [table for table in tables if table[2]]
 
     def _targets(self) -> Section:
@@ -82,6 +85,20 @@ class Results:
             for f in self.footprints
         ]
         return "The service's process in flight", ("loop", "of a core", "memory", "setpoints a second"), rows
+
+    def _arms(self) -> Section:
+        rows = [
+            (name, *(f"{scale * value:.0f}" for value in (s.least, s.median, s.p90, s.p99, s.most)))
+            for cost in self.arms
+            for name, scale, s in (
+                (f"bus cycle, {cost.rate_hz:.0f} Hz, {100 * cost.cpu_share:.0f} % of a core", 1e3, cost.cycle_ms),
+                ("frame sent to tick begun, without arms", 1.0, cost.late_without_us),
+                ("  with arms", 1.0, cost.late_us),
+                ("frame sent to tick done, without arms", 1.0, cost.done_without_us),
+                ("  with arms", 1.0, cost.done_us),
+            )
+        ]
+        return "The arms' bus, and the tick beside it, us", ("", "least", "median", "p90", "p99", "most"), rows
 
 
 def _number(value: float, unit: str) -> str:
@@ -136,5 +153,8 @@ _NOTES = """## How it is measured
 - **Steps and stages**: median of single calls, of the calmest of several rounds, in a loop with nothing else: caches
   are warm and the clock is up. A control loop sleeps most of its period; what that costs is in the rows "asleep", and
   in every latency here. It depends on the machine more than on the code (virtual machines and power saving are worst).
+- **Arms**: eight simulated servos (6 XM, 2 AX) on a pty, in another process that sends the frames, too. The tick is
+  law, conversion and gate; with arms, their status and new goals, too. Turns with the bus and without alternate. The
+  servos' simulation shares the two cores, which real servos do not.
 - **Process**: `psutil` over a hover under `practical.toml`; the mocks are not in it.
 """.splitlines()

@@ -85,7 +85,7 @@ def stage_costs(config: CompanionConfig, rounds: int) -> Iterator[StageCost]:
         "conversion to attitude and thrust": lambda c: setpoint_of_accel(inputs[c].sent_accel_w_mps2, 0.3, model),
         "gate": lambda c: gate(setpoints[c + 1], setpoints[c], limits, period_s),
         "Euler angles for MAVSDK": lambda c: euler_ned_frd_deg(setpoints[c].q_w_flu_wxyz),
-        STAGE: _flying(moving, config),
+        STAGE: flying(moving, config),
     }
     for name, call in stages.items():
         yield StageCost(name, calmest_median_us(call, CYCLES, rounds))
@@ -106,7 +106,8 @@ def _estimating(moving: Motion, config: CompanionConfig) -> Callable[[int], None
     return step
 
 
-def _flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
+def flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
+    """Law, conversion and gate for one vehicle; call it with a number below CYCLES."""
     period_s = 1.0 / config.control.rate_hz
     law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
     stage = ControlStage(law, config.vehicle.thrust_model(), config.limits.limits())

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
 from benchmarks.steps import StepCost
 
@@ -11,6 +12,8 @@ STEP_US = 250.0
 BATCH_GAIN = 100.0
 CPU_SHARE = 0.25
 MEMORY_MB = 200.0
+ARMS_CYCLE_MS = 5.0
+ARMS_LATE_RATIO = 1.0
 
 
 @dataclass(frozen=True)
@@ -64,4 +67,12 @@ def footprint_targets(footprint: Footprint) -> list[Target]:
     return [
         Target(f"CPU in flight {at}", 100.0 * footprint.cpu_share, 100.0 * CPU_SHARE, "% of a core"),
         Target(f"memory in flight {at}", footprint.memory_mb, MEMORY_MB, "MB"),
+    ]
+
+
+def arms_targets(cost: ArmsCost) -> list[Target]:
+    """A bus cycle, and the tick beside it."""
+    return [
+        Target("arms' bus, one cycle of 8 servos, median", cost.cycle_ms.median, ARMS_CYCLE_MS, "ms"),
+        Target("tick at 100 Hz begins, times as late with arms", cost.late_ratio, ARMS_LATE_RATIO),
     ]

@@ -19,6 +19,8 @@ from companion.types import ArmFaultKind
 
 LOG = logging.getLogger(__name__)
 
+ATTEMPTS = 5
+"""How often a question or a write outside the cycles is repeated before its servo counts as not answering."""
 RETRY_S = 0.5
 """How often a silent servo is asked again."""
 _ASKED = 4
@@ -89,7 +91,7 @@ class Chain:
         self.faults.judge(joint, joint.health_of(answer.data, answer.error))
         return True
 
-    def insist(self, question: Callable[[], bool], times: int = 3) -> bool:
+    def insist(self, question: Callable[[], bool], times: int = ATTEMPTS) -> bool:
         """Ask until it is answered, a few times; `wire` counts those that were not."""
         return any(question() for _ in range(times))
 

@@ -3,15 +3,13 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
 from companion.adapters.dynamixel.checks import Found, complaints, found_ax, found_xm, model_name
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import FACTORY_BAUDS, Ax, Block, Xm
 from companion.config_arms import ArmsConfig
 from companion.ports import ArmError
 from companion.types import ArmFaultKind
-
-_ATTEMPTS = 3
 
 
 @dataclass(frozen=True)
@@ -73,12 +71,12 @@ def _found(chain: Chain, joint: Joint) -> Found | None:
 
 
 def _ping(chain: Chain, joint: Joint, protocol: int) -> int | None:
-    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(_ATTEMPTS))
+    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
     return next((number for number in answers if number is not None), None)
 
 
 def _read(chain: Chain, joint: Joint, block: Block) -> tuple[bytes, int] | None:
-    for _ in range(_ATTEMPTS):
+    for _ in range(ATTEMPTS):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
             return answer.data, answer.error

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
@@ -112,7 +112,7 @@ def _write(chain: Chain, joint: Joint, address: int, data: bytes) -> str | None:
     Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
     """
     wire, block = chain.wire, Block(address, address + len(data))
-    for _ in range(3):
+    for _ in range(ATTEMPTS):
         error = wire.write(joint.protocol, joint.servo_id, address, data)
         if error is not None and error & _REFUSALS[joint.protocol]:
             return f"refuses {data.hex(' ')} for register {address} (error 0x{error:02x})"
@@ -165,7 +165,7 @@ def _errors_left(chain: Chain, joint: Joint, clock: Clock) -> Generator[None, No
 
 def _errors(chain: Chain, joint: Joint) -> int | None:
     block = Ax.STATE if joint.protocol == 1 else Xm.HEALTH
-    for _ in range(3):
+    for _ in range(ATTEMPTS):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
             return joint.health_of(answer.data, answer.error).trouble

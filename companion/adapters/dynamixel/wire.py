@@ -16,6 +16,7 @@ from companion.adapters.dynamixel.registers import MODEL_NUMBER, Block, Register
 BROADCAST_ID = 0xFE
 _ERROR_AND_ID = 2
 _CRC = 2
+_ID_AND_ERROR = 2
 _LENGTH_END = 7
 _FIRST = 8
 """Place of the error field in a status packet of Protocol 2.0."""
@@ -55,12 +56,16 @@ class Wire:
         return {int(servo_id): int(number) for servo_id, (number, _) in found.items()}
 
     def read(self, protocol: int, servo_id: int, block: Block) -> Answer | None:
-        """One servo's block; None when nothing useful came back."""
-        data, result, error = self._handlers[protocol].readTxRx(self.port, servo_id, block.start, block.length)
-        if result != COMM_SUCCESS or len(data) != block.length:
-            self.bad_packets += 1
+        """One servo's block; None when it did not come.
+
+        The SDK's own read takes the beginning of a longer, late answer to another question for its own.
+        """
+        if self._handlers[protocol].readTx(self.port, servo_id, block.start, block.length) != COMM_SUCCESS:
             return None
-        return Answer(bytes(data), int(error))
+        while (packet := self._received(protocol)) is not None:
+            if packet[:1] == bytes([servo_id]) and len(packet) == _ID_AND_ERROR + block.length:
+                return Answer(packet[_ID_AND_ERROR:], packet[1])
+        return None
 
     def write(self, protocol: int, servo_id: int, address: int, data: bytes) -> int | None:
         """The answer's error field, or None without an answer."""
@@ -87,15 +92,9 @@ class Wire:
             != COMM_SUCCESS
         ):
             return answers
-        while len(answers) < len(servo_ids):
-            packet, result = handler.rxPacket(self.port, False)
-            if result != COMM_SUCCESS:
-                self.bad_packets += 1
-                break
-            end = _LENGTH_END + int.from_bytes(bytes(packet[5:7]), "little") - _CRC  # behind it the SDK leaves stuffing
-            data = bytes(packet[_FIRST + 1 : end])
-            if packet[4] in servo_ids and len(data) == block.length:
-                answers[packet[4]] = Answer(data, packet[_FIRST])
+        while len(answers) < len(servo_ids) and (packet := self._received(2)) is not None:
+            if packet[0] in servo_ids and len(packet) == _ID_AND_ERROR + block.length:
+                answers[packet[0]] = Answer(packet[_ID_AND_ERROR:], packet[1])
         return answers
 
     def fast_sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
@@ -115,6 +114,20 @@ class Wire:
                     return answers
         self.bad_packets += 1
         return {}
+
+    def _received(self, protocol: int) -> bytes | None:
+        """ID, error field and data of the next status packet; None when time is up or it is broken."""
+        if protocol == 1:
+            packet, result = self._handlers[1].rxPacket(self.port)
+            cut = [packet[2], packet[4], *packet[5 : packet[3] + 3]] if result == COMM_SUCCESS else None
+        else:
+            packet, result = self._handlers[2].rxPacket(self.port, False)
+            # its length counts from behind itself; what stands behind its end is left from the stuffing
+            end = _LENGTH_END + packet[5] + 256 * packet[6] - _CRC if result == COMM_SUCCESS else 0
+            cut = [packet[4], *packet[_FIRST:end]] if result == COMM_SUCCESS else None
+        if cut is None:
+            self.bad_packets += 1
+        return bytes(cut) if cut is not None else None
 
 
 def fast_answers(params: bytes, length: int) -> dict[int, Answer]:

@@ -98,8 +98,11 @@ class Worker:
         due_s = self._clock.now_s()
         while not self._stop.is_set():
             self._guarded_cycle()
-            due_s = max(due_s + period_s, self._clock.now_s())
-            self._stop.wait(due_s - self._clock.now_s())
+            due_s += period_s
+            now_s = self._clock.now_s()
+            if now_s - due_s > period_s:
+                due_s = now_s  # what was missed is missed: no bursts
+            self._stop.wait(max(0.0, due_s - now_s))
 
     def _guarded_cycle(self) -> None:
         """Nothing that goes wrong ends the thread: it becomes a fault of the bus."""
