@@ -13,7 +13,8 @@ BATCH_GAIN = 100.0
 CPU_SHARE = 0.25
 MEMORY_MB = 200.0
 ARMS_CYCLE_MS = 5.0
-ARMS_LATE_RATIO = 1.0
+ARMS_LATE_RATIO = 1.1
+"""No later. Two halves of a run without arms differ by up to 8 % on a busy machine."""
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ async def test_a_run_measures_the_bus_and_the_tick_with_and_without_it() -> None
     said: list[str] = []
     cost = await asyncio.wait_for(measure_arms(1, 0.5, said.append), 60.0)
     assert cost.cycle_ms.count > 10
-    assert 0.0 < cost.cycle_ms.median
+    assert cost.cycle_ms.median > 0.0
     assert cost.late_us.count > 10
     assert cost.late_without_us.count > 10
     assert cost.late_us.median < cost.done_us.median

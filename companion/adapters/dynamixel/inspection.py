@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
+from companion.adapters.dynamixel.chain import Chain
 from companion.adapters.dynamixel.checks import Found, complaints, found_ax, found_xm, model_name
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import FACTORY_BAUDS, Ax, Block, Xm
@@ -20,6 +20,11 @@ class Inspected:
     """By joint; None for a servo that did not answer."""
     complaints: tuple[str, ...] = ()
     """All that is missing or wrong."""
+
+
+_ATTEMPTS = 3
+_HINT_PATIENCE_MS = 5.0
+"""Where a missing servo may be instead is only a hint: eight of them at six other baud rates must not take long."""
 
 
 def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
@@ -71,12 +76,12 @@ def _found(chain: Chain, joint: Joint) -> Found | None:
 
 
 def _ping(chain: Chain, joint: Joint, protocol: int) -> int | None:
-    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
+    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(_ATTEMPTS))
     return next((number for number in answers if number is not None), None)
 
 
 def _read(chain: Chain, joint: Joint, block: Block) -> tuple[bytes, int] | None:
-    for _ in range(ATTEMPTS):
+    for _ in range(_ATTEMPTS):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
             return answer.data, answer.error
@@ -88,6 +93,7 @@ def _absent(chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Cal
     if not missing:
         return []
     strangers = _strangers(chain)
+    chain.wire.port.patience_ms = _HINT_PATIENCE_MS
     hints = {joint.place: _other_protocol(chain, joint) for joint in missing}
     hints |= _other_bauds(chain, [joint for joint in missing if not hints[joint.place]], config, stopped)
     lines = [
