@@ -56,8 +56,14 @@ class BusRig:
         while self._time_s < now_s:
             self._time_s += _STEP_S
             self.bus.servos.step(_STEP_S, self.load_nm)
-            self.strayed_rad = np.maximum(self.strayed_rad, abs(self.bus.servos.positions_rad - self.began_rad))
-            self.fastest_radps = np.maximum(self.fastest_radps, abs(self.bus.servos.velocities_radps))
+        self.strayed_rad = np.maximum(self.strayed_rad, abs(self.bus.servos.positions_rad - self.began_rad))
+        self.fastest_radps = np.maximum(self.fastest_radps, abs(self.bus.servos.velocities_radps))
+
+    async def keep_up(self) -> None:
+        """Let time pass also while nobody asks, or the first answer afterwards is a late one."""
+        while True:
+            await asyncio.sleep(0.005)
+            self.catch_up()
 
     @property
     def joints_rad(self) -> Array:
@@ -93,9 +99,12 @@ async def mock_bus(**settings: Any) -> AsyncIterator[BusRig]:
     """The mock alone, on a pty."""
     rig = BusRig(DynamixelConfig.model_validate(settings))
     rig.bus.open()
+    keeping_up = asyncio.create_task(rig.keep_up())
     try:
         yield rig
     finally:
+        keeping_up.cancel()
+        await asyncio.gather(keeping_up, return_exceptions=True)
         rig.bus.close()
 
 
