@@ -6,9 +6,9 @@ import numpy as np
 
 from companion.types import Array
 
-_HALVINGS = 16
-"""Of a segment, when the point nearest to a shape is looked for: a few micrometres on a link. The distance is known far
-better: it is flat about its least, and a segment's own ends are hit exactly."""
+HALVINGS = 16
+"""Of a segment, when its point nearest to a shape is looked for. The distance is too large by at most the segment's
+length / 2^16, 3 micrometres on a link, where it pierces the shape's edge or face; elsewhere it is far better."""
 
 
 def between_segments_m(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
@@ -53,7 +53,7 @@ def _least_to_convex(start: Array, end: Array, beyond: Callable[[Array], Array])
     """
     along = end - start
     low, high = np.zeros(along.shape[:-1]), np.ones(along.shape[:-1])
-    for _ in range(_HALVINGS):
+    for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         falls = _dot(beyond(start + middle[..., None] * along), along) < 0.0
         low, high = np.where(falls, middle, low), np.where(falls, high, middle)
@@ -69,5 +69,5 @@ def _length(vector: Array) -> Array:
 
 
 def _share(part: Array, whole: Array) -> Array:
-    """part / whole, and 0 where the whole is nothing: parallel segments, a segment without length."""
+    """part / whole, and 0 where the whole is nothing: parallel segments, a segment of less than 32 nm."""
     return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 1e-15))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from companion.arms.clearance import clearance, distances
 from companion.arms.kinematics import points_flu_m
 from companion.arms.model import ArmModel, Propellers
-from companion.arms.shapes import between_segments_m, to_box_m, to_discs_m
+from companion.arms.shapes import HALVINGS, between_segments_m, to_box_m, to_discs_m
 from companion.config_arms import PosesConfig
 from companion.types import Array
 from tests.arms.poses import joints, vectors
@@ -22,6 +22,9 @@ SHARES = np.linspace(0.0, 1.0, 201)[:, None]
 STEP = math.sqrt(3.0) / 200.0
 """Largest gap between samples of a segment within a cube of 1 m."""
 
+SHORT_M = 1e-7
+"""Segments shorter than this may be taken for points."""
+
 
 def both(chain: tuple[float, float, float]) -> Array:
     return np.array([*chain, 0.0, *chain, 0.0])
@@ -31,23 +34,28 @@ def _samples(start: Array, end: Array) -> Array:
     return np.asarray(start + SHARES * (end - start))
 
 
-def _agrees(found: float, sampled: float, gap: float) -> None:
-    assert found <= sampled + 1e-7
-    assert found >= sampled - gap
+def _agrees(found: float, sampled: float, known_to_m: float = SHORT_M) -> None:
+    assert found <= sampled + known_to_m
+    assert found >= sampled - STEP
+
+
+def _halved_m(start: Array, end: Array) -> float:
+    """How well the halving of a segment knows a distance."""
+    return float(np.linalg.norm(end - start)) * 0.5**HALVINGS + SHORT_M
 
 
 @settings(max_examples=60)
 @given(a=POINT, b=POINT, c=POINT, d=POINT)
 def test_distance_of_segments_is_the_least_between_their_points(a: Array, b: Array, c: Array, d: Array) -> None:
     apart = np.linalg.norm(_samples(a, b)[:, None] - _samples(c, d)[None], axis=-1).min()
-    _agrees(float(between_segments_m(a, b, c, d)), float(apart), STEP)
+    _agrees(float(between_segments_m(a, b, c, d)), float(apart))
 
 
 @given(a=POINT, b=POINT)
 def test_distance_to_the_box_is_the_least_of_the_segments_points(a: Array, b: Array) -> None:
     half = np.array([0.14, 0.09, 0.06])
     beyond = np.maximum(np.abs(_samples(a, b)) - half, 0.0)
-    _agrees(float(to_box_m(a, b, half)), float(np.linalg.norm(beyond, axis=1).min()), STEP)
+    _agrees(float(to_box_m(a, b, half)), float(np.linalg.norm(beyond, axis=1).min()), _halved_m(a, b))
 
 
 @given(a=POINT, b=POINT)
@@ -55,7 +63,8 @@ def test_distance_to_a_disc_is_the_least_of_the_segments_points(a: Array, b: Arr
     centre = np.array([0.1, -0.1, 0.05])
     points = _samples(a, b) - centre
     outside = np.maximum(np.hypot(points[:, 0], points[:, 1]) - 0.17, 0.0)
-    _agrees(float(to_discs_m(a, b, centre[None], 0.17)[0]), float(np.hypot(outside, points[:, 2]).min()), STEP)
+    sampled = float(np.hypot(outside, points[:, 2]).min())
+    _agrees(float(to_discs_m(a, b, centre[None], 0.17)[0]), sampled, _halved_m(a, b))
 
 
 def test_crossing_parallel_and_pointlike_segments_by_hand() -> None:
