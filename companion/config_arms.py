@@ -1,6 +1,7 @@
 """The [arms] table: the servos of both arms, their bus, and what the arms are."""
 
 import math
+from collections.abc import Mapping
 from typing import Literal
 
 import numpy as np
@@ -148,10 +149,19 @@ class ArmsConfig(Section):
     propellers: PropellerConfig = PropellerConfig()
     poses: PosesConfig = PosesConfig()
 
+    @field_validator("servos", mode="before")
+    @classmethod
+    def _servos_over_defaults(cls, value: object) -> object:
+        return _over(value, _default_servos(), "joint")
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _limits_over_defaults(cls, value: object) -> object:
+        return _over(value, _default_limits(), "kind of joint")
+
     @field_validator("servos")
     @classmethod
-    def _all_servos(cls, value: dict[str, ServoConfig]) -> dict[str, ServoConfig]:
-        _exactly(set(value), set(JOINT_NAMES), "joint")
+    def _ids_differ(cls, value: dict[str, ServoConfig]) -> dict[str, ServoConfig]:
         owner: dict[int, str] = {}
         for name, servo in value.items():
             if servo.id in owner:
@@ -167,12 +177,6 @@ class ArmsConfig(Section):
             choice = ", ".join(map(str, known))
             raise ValueError(f"baud = {self.baud} is none that all these servos have; there are {choice}")
         return self
-
-    @field_validator("limits")
-    @classmethod
-    def _all_limits(cls, value: dict[str, JointLimitConfig]) -> dict[str, JointLimitConfig]:
-        _exactly(set(value), set(KINDS), "kind of joint")
-        return value
 
     def stow_rad(self) -> Array:
         """The pose for take-off and landing, (8,), claws closed."""
@@ -197,9 +201,14 @@ class ArmsConfig(Section):
         )
 
 
-def _exactly(given: set[str], wanted: set[str], what: str) -> None:
-    missing, unknown = sorted(wanted - given), sorted(given - wanted)
-    if unknown:
-        raise ValueError(f"unknown {what} {unknown[0]!r}; there are {', '.join(sorted(wanted))}")
-    if missing:
-        raise ValueError(f"{what} {missing[0]!r} is missing")
+def _over(given: object, defaults: Mapping[str, Section], what: str) -> object:
+    """What a file says of some joints, over the defaults of all of them."""
+    if not isinstance(given, dict):
+        return given
+    for name in given:
+        if name not in defaults:
+            raise ValueError(f"unknown {what} {name!r}; there are {', '.join(defaults)}")
+    said = {
+        name: defaults[name].model_dump() | some if isinstance(some, dict) else some for name, some in given.items()
+    }
+    return {name: value.model_dump() for name, value in defaults.items()} | said

@@ -1,6 +1,7 @@
 """TOML files into strict models, and what is wrong with them into sentences."""
 
 import difflib
+import json
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
@@ -37,9 +38,12 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = "") -> Model:
-    """`data` as `model`; ConfigError naming file, key, value and what would be right, for every mistake."""
+    """`data` as `model`; ConfigError naming file, key, value and what would be right, for every mistake.
+
+    By way of JSON, because there a strict model takes an array for a tuple; TOML has no tuples either.
+    """
     try:
-        return model.model_validate(data)
+        return model.model_validate_json(json.dumps(data, default=str))
     except ValidationError as error:
         lines = [_sentence(detail, model, under) for detail in error.errors()]
         raise ConfigError("\n".join(f"{path}: {line}" for line in lines)) from error
@@ -56,7 +60,9 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:
         return f"{key} = {detail['input']!r}: must be a table [{key}]"
     said = detail["msg"].removeprefix("Value error, ")
     said = said[0].lower() + said[1:]
-    return f"{key} = {detail['input']!r}: {said}" if key and not isinstance(detail["input"], dict) else said
+    if not key:
+        return said
+    return f"{key}: {said}" if isinstance(detail["input"], dict) else f"{key} = {detail['input']!r}: {said}"
 
 
 def _suggestion(model: type[BaseModel], parts: list[str]) -> str:

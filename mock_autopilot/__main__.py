@@ -11,6 +11,7 @@ from typing import Any
 
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.dynamixel import BusStartError
+from mock_autopilot.dynamixel_config import Fault
 from mock_autopilot.mavlink import LinkError
 from mock_autopilot.qualisys import ServerStartError
 from mock_autopilot.simulator import Simulator
@@ -43,7 +44,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--qualisys-port", type=int, help="TCP port of the Qualisys server (default 22223)")
     parser.add_argument("--no-qualisys", action="store_true", help="MAVLink only")
     parser.add_argument("--servo-link", metavar="PATH", help="arms' servo bus: link to its pseudo-terminal")
-    parser.add_argument("--exit-with-stdin", action="store_true", help="end when standard input is closed")
+    parser.add_argument("--exit-with-stdin", action="store_true", help="take orders on standard input, end with it")
     return parser
 
 
@@ -92,8 +93,10 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     if options.exit_with_stdin:
-        loop.add_reader(sys.stdin.fileno(), _watch_stdin, loop, stop)
+        os.set_blocking(sys.stdin.fileno(), False)
     async with Simulator(config, options.seed, with_qualisys=not options.no_qualisys) as simulator:
+        if options.exit_with_stdin:
+            loop.add_reader(sys.stdin.fileno(), _Orders(simulator, stop).read)
         print(_ready_line(simulator, options.seed), flush=True)
         ended = [
             asyncio.create_task(simulator.wait(), name="mock_autopilot.wait"),
@@ -108,10 +111,34 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
             task.result()
 
 
-def _watch_stdin(loop: asyncio.AbstractEventLoop, stop: asyncio.Event) -> None:
-    if not os.read(sys.stdin.fileno(), 4096):  # end of file: whoever started us is gone
-        loop.remove_reader(sys.stdin.fileno())
-        stop.set()
+class _Orders:
+    """Lines on standard input, from whoever started this process; its end is ours."""
+
+    def __init__(self, simulator: Simulator, stop: asyncio.Event) -> None:
+        self._simulator, self._stop = simulator, stop
+        self._begun = b""
+
+    def read(self) -> None:
+        """Act on whole lines; what is no order is answered on standard error and changes nothing."""
+        data = os.read(sys.stdin.fileno(), 4096)
+        if not data:
+            asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
+            self._stop.set()
+            return
+        *lines, self._begun = (self._begun + data).split(b"\n")
+        for line in lines:
+            try:
+                self._obey(line.decode().strip())
+            except ValueError as error:
+                print(f"mock autopilot: {line.decode(errors='replace')!r}: {error}", file=sys.stderr, flush=True)
+
+    def _obey(self, order: str) -> None:
+        """`servo-fault {"kind": "overload", "id": 6}`: a fault of the servo bus, from now on."""
+        word, _, text = order.partition(" ")
+        bus = self._simulator.servo_bus
+        if word != "servo-fault" or bus is None:
+            raise ValueError("orders are: servo-fault {json}" if bus is not None else "there are no arms here")
+        bus.inject(Fault.model_validate_json(text))
 
 
 def _ready_line(simulator: Simulator, seed: int) -> str:

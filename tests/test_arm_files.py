@@ -189,7 +189,7 @@ MISTAKES = {
     WAYPOINTS.replace("deg", "grad") + TWO: "unit = 'grad': input should be 'deg' or 'rad'",
     WAYPOINTS: "waypoints: is missing",
     WAYPOINTS + "waypoints = []": "waypoints: 2 to 2000 are needed, there are 0",
-    WAYPOINTS + "waypoints = 3": "waypoints = 3: input should be a valid list",
+    WAYPOINTS + "waypoints = 3": "waypoints = 3: input should be a valid array",
     WAYPOINTS + TWO.replace("[1, 2, 3]", "[1, 2]"): (
         "waypoints.0.left = [1, 2]: must be three angles (shoulder pitch, elbow pitch, elbow roll) or four (the claw)"
     ),

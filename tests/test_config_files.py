@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.arms.model import JOINT_NAMES
 from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config_arms import ArmsConfig
 from companion.config_controller import controller_path, load_controller
 from companion.control.controller import VehicleModel
 from companion.control.etnn import Etnn
@@ -44,7 +46,7 @@ def refusal(path: Path) -> str:
         ("[vehicle]\nmas_kg = 4.0", "vehicle.mas_kg: unknown key, did you mean 'mass_kg'?"),
         ("[flight]\ntakeoff_heigth_m = 1.0", "flight.takeoff_heigth_m: unknown key, did you mean 'takeoff_height_m'?"),
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
-        ("[zzz]\na = 1", "zzz: unknown key; known here are control, flight, limits, mocap, px4, room, vehicle"),
+        ("[zzz]\na = 1", "zzz: unknown key; known here are arms, control, flight, limits, mocap, px4, room, vehicle"),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
         ("[vehicle]\nmass_kg = nan", "vehicle.mass_kg = nan: input should be a finite number"),
@@ -54,12 +56,44 @@ def refusal(path: Path) -> str:
         ("[mocap]\nport = 22223.0", "mocap.port = 22223.0: input should be a valid integer"),
         ("[px4]\nurl = 14540", "px4.url = 14540: input should be a valid string"),
         ('[mocap]\ntransport = "usb"', "mocap.transport = 'usb': input should be 'tcp' or 'udp'"),
-        ("[limits]\nmin_thrust = 0.4\nmax_thrust = 0.3", "min_thrust = 0.4 must be below max_thrust = 0.3"),
+        ("[limits]\nmin_thrust = 0.4\nmax_thrust = 0.3", "limits: min_thrust = 0.4 must be below max_thrust = 0.3"),
+        ("[room]\nx_m = [2, -2]", "room: x_m = [2.0, -2.0]: the first must be below the second"),
+        ("[arms]\nfeedforward = 'on'", "arms.feedforward = 'on': input should be 'off', 'force' or 'full'"),
+        ("[arms.poses]\nhome_rad = [0.1, 0.2]", "arms.poses.home_rad.2: is missing"),
+        ("[arms.servos.'right.claw']\nid = 1", "arms.servos: right.shoulder_pitch and right.claw both have ID 1"),
+        (
+            "[arms.servos.'right.claw']\nmodel = 'AX-18'",
+            "arms.servos.right.claw.model = 'AX-18': must be one of AX-12A, XM430-W350, XM430-W210",
+        ),
+        (
+            "[arms.servos.'right.clow']\nid = 1",
+            f"arms.servos: unknown joint 'right.clow'; there are {', '.join(JOINT_NAMES)}",
+        ),
+        ("[arms.limits.claw]\nmin_rad = 2", "arms.limits.claw: min_rad = 2.0 must be below max_rad = 1.0"),
     ],
 )
 def test_a_mistake_is_one_sentence_with_file_and_key(tmp_path: Path, text: str, said: str) -> None:
     path = written(tmp_path, text)
-    assert complaint(path) == f"{path}: {said}" or complaint(path) == f"{path}: limits: {said}"
+    assert complaint(path) == f"{path}: {said}"
+
+
+def test_what_a_file_says_of_one_joint_leaves_the_others_and_its_other_values_alone(tmp_path: Path) -> None:
+    text = (
+        "[arms.servos.'right.claw']\nid = 14\n[arms.limits.claw]\nmax_rad = 0.5\n[arms.poses]\nhome_rad = [0.1, 0.2, 0]"
+    )
+    arms = load_config(written(tmp_path, text)).arms
+    assert arms is not None
+    assert arms.servos == ArmsConfig().servos | {
+        "right.claw": ArmsConfig().servos["right.claw"].model_copy(update={"id": 14})
+    }
+    assert (arms.limits["claw"].max_rad, arms.limits["claw"].max_velocity_radps) == (0.5, 4.0)
+    assert arms.poses.home_rad == (0.1, 0.2, 0.0)
+
+
+def test_pairs_and_triples_can_be_set_from_a_file(tmp_path: Path) -> None:
+    config = load_config(written(tmp_path, "[room]\nx_m = [-1, 1.5]\n[vehicle]\ninertia_kgm2 = [0.1, 0.2, 0.3]"))
+    assert config.room.x_m == (-1.0, 1.5)
+    assert config.vehicle.inertia_kgm2 == (0.1, 0.2, 0.3)
 
 
 def test_a_table_that_is_none_is_told(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from companion.cli.arms_plan import Wish
 from companion.cli.arms_table import REFRESH_HZ, CycleMeter, state_table
 from companion.ports import ArmError
 from companion.supervisor.flight import Flight
-from companion.types import Array
+from companion.types import ArmFaultKind, Array
 
 MOVED_RAD = 0.05
 """A joint that is so far from where the plan was made makes it another motion than the one that was agreed to."""
@@ -144,7 +144,9 @@ class _Mover:
         self._shown = self._stage.tick(CLOCK.now_s(), _ON_THE_GROUND)
 
     async def _until_still(self, look: Callable[[], object]) -> None:
-        """Until what was ordered last has gone out and all that answer stand still."""
+        """Until what was ordered last has gone out and all that answer stand still, if the bus is still there."""
+        if any(fault.kind is ArmFaultKind.BUS for fault in self._bus.status().faults):
+            return
         await cycles(self._bus, 3, _SETTLE_S)
         end_s = CLOCK.now_s() + _SETTLE_S
         while CLOCK.now_s() < end_s:

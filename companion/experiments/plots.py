@@ -24,7 +24,7 @@ def plot_flight(columns: Columns, summary: Summary | None, title: str, path: Pat
     """One page: path from above, position and error over time, thrust and updates. Written as PNG (or by suffix)."""
     panels = [_positions, _errors, _setpoints, _updates, *([_arms] if "joint_position_rad" in columns else [])]
     figure = Figure(figsize=(12.0, 2.0 * len(panels)), layout="constrained")
-    left, right = figure.subfigures(1, 2, width_ratios=(1.0, 1.35))
+    left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.35))[0]
     above, words = left.subplots(2, 1, height_ratios=(len(panels) - 1, 1))
     time = _since_takeoff(columns)
     _from_above(above, columns)

@@ -28,15 +28,21 @@ START_NED_M = (0.8, -0.5, 0.0)
 START_YAW_NED_RAD = -1.0
 
 
-@asynccontextmanager
-async def linked(arm_timeout_s: float = 15.0) -> AsyncIterator[tuple[Px4, Simulator]]:
-    """The adapter and a mock that stands off the origin and looks to the left."""
+def standing_off_the_origin() -> tuple[Simulator, str]:
+    """A mock without cameras and arms, and where to hear it."""
     ports = free_ports()
     config = MockConfig.load(ROOT / "config" / "mock.toml").model_dump()
     config["mavlink"] |= {"local_port": ports.autopilot, "remote_port": ports.client}
     config["vehicle"] |= {"start_position_ned_m": START_NED_M, "start_yaw_rad": START_YAW_NED_RAD}
-    px4 = Px4Config(url=f"udpin://127.0.0.1:{ports.client}", answer_timeout_s=2.0, arm_timeout_s=arm_timeout_s)
-    simulator = Simulator(MockConfig.from_dict(config), 1, with_qualisys=False)
+    config["arms"]["enabled"] = False
+    return Simulator(MockConfig.from_dict(config), 1, with_qualisys=False), f"udpin://127.0.0.1:{ports.client}"
+
+
+@asynccontextmanager
+async def linked(arm_timeout_s: float = 15.0) -> AsyncIterator[tuple[Px4, Simulator]]:
+    """The adapter and a mock that stands off the origin and looks to the left."""
+    simulator, url = standing_off_the_origin()
+    px4 = Px4Config(url=url, answer_timeout_s=2.0, arm_timeout_s=arm_timeout_s)
     async with simulator as mock, open_px4(px4, MonotonicClock()) as autopilot:
         yield autopilot, mock
 
@@ -96,11 +102,8 @@ async def test_a_setpoint_leaning_forward_brings_the_nose_down_at_the_autopilot(
 
 
 async def test_an_autopilot_that_falls_silent_ends_every_wait() -> None:
-    ports = free_ports()
-    config = MockConfig.load(ROOT / "config" / "mock.toml").model_dump()
-    config["mavlink"] |= {"local_port": ports.autopilot, "remote_port": ports.client}
-    px4 = Px4Config(url=f"udpin://127.0.0.1:{ports.client}", answer_timeout_s=1.0, arm_timeout_s=1.0)
-    mock = Simulator(MockConfig.from_dict(config), 1, with_qualisys=False)
+    mock, url = standing_off_the_origin()
+    px4 = Px4Config(url=url, answer_timeout_s=1.0, arm_timeout_s=1.0)
     await mock.__aenter__()
     async with open_px4(px4, MonotonicClock()) as autopilot:
         await mock.__aexit__()  # the cable is pulled

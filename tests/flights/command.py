@@ -49,7 +49,11 @@ class Running:
 
     def interrupt(self) -> None:
         """Ctrl-C."""
-        self._process.send_signal(signal.SIGINT)
+        self.send(signal.SIGINT)
+
+    def send(self, number: signal.Signals) -> None:
+        """Any signal."""
+        self._process.send_signal(number)
 
     async def ended(self) -> Ran:
         """Wait for its end."""

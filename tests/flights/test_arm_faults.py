@@ -1,0 +1,170 @@
+"""Every fault of the servo bus, injected in flight: over the real MAVSDK, qtm-rt and dynamixel-sdk.
+
+The table is docs/arms.md's; a test compares the two.
+"""
+
+import asyncio
+import json
+import logging
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.adapters.recorder import Recorder
+from companion.arm_files import motion_named
+from companion.arms.machine import ArmPhase
+from companion.arms.planning import plan
+from companion.cli.mock_process import free_ports, mock_process
+from companion.config import CompanionConfig, load_config
+from companion.config_controller import load_controller
+from companion.service import Service, open_service
+from companion.supervisor.flight import Phase
+from tests.flights.command import ROOT
+
+pytestmark = pytest.mark.realtime
+
+HEIGHT_M = 0.5
+BRISK = {"climb_speed_mps": 1.0, "descent_speed_mps": 0.4, "spool_up_s": 0.5}
+"""A dozen flights are to be short."""
+STILL_RAD = 0.02
+LANDS, FLIES_ON = "lands", "flies on"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One fault and how it ends."""
+
+    name: str
+    """As in the table of the docs."""
+    fault: dict[str, Any]
+    flight: str
+    says: str
+    """What the reason, and the log, must contain; a regular expression."""
+
+
+ROWS = [
+    Row("a servo does not answer", {"kind": "missing", "id": 6}, LANDS, r"left\.elbow_pitch.*not answered"),
+    Row("a servo is overloaded", {"kind": "overload", "id": 6}, LANDS, r"left\.elbow_pitch.*overloaded"),
+    Row("a claw is overloaded", {"kind": "overload", "id": 4}, LANDS, r"right\.claw.*overloaded"),
+    Row("a servo is too hot", {"kind": "hot", "id": 1}, LANDS, r"right\.shoulder_pitch.*overheating"),
+    Row("the supply is low", {"kind": "voltage"}, LANDS, r"right\.shoulder_pitch.*input voltage"),
+    Row("a servo reboots", {"kind": "reboot", "id": 3}, LANDS, r"right\.elbow_roll.*(rebooted|not answered)"),
+    Row(
+        "every answer of a servo is late",
+        {"kind": "late", "id": 5, "late_s": 0.3},
+        LANDS,
+        r"left\.shoulder_pitch.*not answered",
+    ),
+    Row("every answer of a servo is broken", {"kind": "corrupt", "id": 7}, LANDS, r"left\.elbow_roll.*not answered"),
+    Row("the bus falls silent", {"kind": "silent_bus"}, LANDS, r"not answered"),
+    Row("the adapter is pulled", {"kind": "port_gone"}, LANDS, r"bus"),
+    Row("answers are late for a moment", {"kind": "late", "id": 5, "for_s": 0.1}, FLIES_ON, ""),
+    Row("an answer now and then is broken", {"kind": "corrupt", "id": 2, "every": 3}, FLIES_ON, ""),
+]
+
+
+@dataclass
+class Stack:
+    """Service, mocks and record of one flight."""
+
+    service: Service
+    mocks: asyncio.subprocess.Process
+    config: CompanionConfig
+    recorder: Recorder
+
+
+@asynccontextmanager
+async def stack() -> AsyncIterator[Stack]:
+    """The service here, the mocks in a process of their own, as in the demo."""
+    ports = free_ports()
+    config = load_config(ROOT / "config" / "demo.toml")
+    assert config.arms is not None
+    config = config.model_copy(
+        update={
+            "px4": config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"}),
+            "mocap": config.mocap.model_copy(update={"port": ports.qualisys}),
+            "arms": config.arms.model_copy(update={"port": ports.servo_link}),
+            "flight": config.flight.model_copy(update=BRISK),
+        }
+    )
+    law = load_controller("etnn", config.vehicle_model(), 0.01).law
+    recorder = Recorder()
+    async with (
+        mock_process(ROOT / "config" / "mock.toml", 1, ports) as mocks,
+        open_service(config, law, recorder) as service,
+    ):
+        yield Stack(service, mocks, config, recorder)
+
+
+async def up_and_swinging(flying: Stack) -> None:
+    """Hover with both arms in motion."""
+    assert flying.config.arms is not None
+    model, stowed = flying.config.arms.model(), flying.config.arms.stow_rad()
+    swing = plan(model, motion_named("swing", 60.0).trajectory(model, stowed), stowed)
+    await flying.service.ready()
+    await flying.service.prepare_arms()
+    await flying.service.arm()
+    await flying.service.take_off(HEIGHT_M)
+    await flying.service.move_arms(swing.trajectory)
+    await asyncio.sleep(0.5 * swing.approach_s)
+
+
+def break_it(flying: Stack, fault: dict[str, Any]) -> None:
+    """From now on."""
+    assert flying.mocks.stdin is not None
+    flying.mocks.stdin.write(f"servo-fault {json.dumps(fault)}\n".encode())
+
+
+async def until_phase(flying: Stack, phase: Phase, within_s: float) -> None:
+    async with asyncio.timeout(within_s):
+        while flying.service.phase is not phase:  # noqa: ASYNC110 - the phase has no event
+            await asyncio.sleep(0.02)
+
+
+def assert_healthy_joints_hold_still(flying: Stack) -> None:
+    """Joints that are read and have torque to the end have not moved since half a second into the landing."""
+    columns = flying.recorder.arrays()
+    landing = np.flatnonzero(columns["phase"] == "land")
+    joints = columns["joint_position_rad"][landing[50] :]
+    assert flying.service.loop.arms is not None
+    status = flying.service.loop.arms.status
+    sound = status.torque_on & np.isfinite(joints).all(axis=0)
+    assert np.ptp(joints[:, sound], axis=0).max(initial=0.0) < STILL_RAD, "all the way down"
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.flight == LANDS], ids=lambda row: row.name)
+async def test_a_fault_that_ends_the_flight(row: Row, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    async with stack() as flying:
+        await up_and_swinging(flying)
+        break_it(flying, row.fault)
+        await until_phase(flying, Phase.LAND, 3.0)
+        await until_phase(flying, Phase.DISARMED, 20.0)
+        flight = flying.service.loop.flight
+        assert re.search(row.says, flight.reason), flight.reason
+        assert flight.touched_down
+        assert flying.service.loop.arms is not None
+        assert flying.service.loop.arms.state.phase is ArmPhase.FAULT
+    assert any(re.search(row.says, record.message) for record in caplog.records), "the log names the joint"
+    assert_healthy_joints_hold_still(flying)
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.flight == FLIES_ON], ids=lambda row: row.name)
+async def test_a_fault_that_the_bus_gets_over(row: Row) -> None:
+    async with stack() as flying:
+        await up_and_swinging(flying)
+        break_it(flying, row.fault)
+        await asyncio.sleep(2.0)
+        assert flying.service.phase is Phase.HOLD
+        arms = flying.service.loop.arms
+        assert arms is not None
+        assert arms.state.phase is ArmPhase.MOVING
+        assert arms.status.bad_packets > 0, "it was noticed"
+        await flying.service.land()
+        assert flying.service.loop.flight.reason == ""
+    assert "stow" in set(flying.recorder.arrays()["phase"])
