@@ -145,6 +145,12 @@ class ArmsConfig(Section):
     shoulder_flu_m: tuple[float, float, float] = Field((0.0, 0.13, -0.08), description="left shoulder, body FLU, m")
     link_radius_m: float = Field(0.025, gt=0.0, le=0.2, description="thickness of the arms, m")
     body_half_flu_m: tuple[float, float, float] = Field((0.14, 0.09, 0.06), description="half the body's box, m")
+    stands_at_m: float | None = Field(
+        None,
+        gt=0.0,
+        le=3.0,
+        description="height of the body's origin over the floor it stands on, m; without: unchecked",
+    )
     margin_m: float = Field(0.02, ge=0.0, le=0.2, description="distance the arms keep from all else, m")
     propellers: PropellerConfig = PropellerConfig()
     poses: PosesConfig = PosesConfig()
@@ -181,6 +187,11 @@ class ArmsConfig(Section):
     def stow_rad(self) -> Array:
         """The pose for take-off and landing, (8,), claws closed."""
         return np.array([*self.poses.stow_rad, self.poses.claw_closed_rad] * 2)
+
+    @property
+    def floor_z_m(self) -> float | None:
+        """The floor's height in the body frame while the vehicle stands; None when it is not known."""
+        return None if self.stands_at_m is None else -self.stands_at_m
 
     def home_rad(self) -> Array:
         """The pose to work from, (8,), claws closed."""

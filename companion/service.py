@@ -54,6 +54,8 @@ async def open_service(config: CompanionConfig, law: Controller, sink: TickSink)
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
+        for warning in arms.warnings if arms is not None else ():
+            LOG.warning("%s", warning)
         loop = FlightLoop(Devices(mocap, autopilot, clock, arms), law, config, sink)
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
@@ -181,9 +183,9 @@ class Service:
         await arms.torque_on()
         await self._arms_reach(ArmPhase.HOLDING, _TORQUE_S)
         if arms.off_stow:
-            there = to_pose(
-                config.model(), arms.status.position_rad, config.stow_rad(), (config.home_rad(),)
-            ).trajectory
+            via = (config.home_rad(),)
+            fold = to_pose(config.model(), arms.status.position_rad, config.stow_rad(), via, config.floor_z_m)
+            there = fold.trajectory
             await self.move_arms(there)
             await self._arms_reach(ArmPhase.HOLDING, there.duration_s + _TORQUE_S)
         if not await self._until(lambda: not arms.off_stow, _TORQUE_S):

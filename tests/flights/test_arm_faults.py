@@ -168,3 +168,10 @@ async def test_a_fault_that_the_bus_gets_over(row: Row) -> None:
         await flying.service.land()
         assert flying.service.loop.flight.reason == ""
     assert "stow" in set(flying.recorder.arrays()["phase"])
+
+
+def test_the_table_in_the_docs_has_these_rows_and_no_other() -> None:
+    text = (ROOT / "docs" / "arms.md").read_text(encoding="utf-8")
+    section = text[text.index("| fault | how it is noticed") :].split("\n\n")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()[2:]]
+    assert [(row[0], row[-1]) for row in rows] == [(row.name, row.flight) for row in ROWS]
