@@ -153,6 +153,8 @@ class FlightLoop:
             for task in list(self._tasks):
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
+            if self.arms is not None:
+                await self.arms.close()
 
     async def close(self) -> None:
         """Leave no vehicle in the air to a stream that goes on by itself."""

@@ -73,7 +73,11 @@ class Recorder:
         }
         if tick.arms is not None:
             goal, status = tick.arms.goal, tick.arms.status
-            scalars |= {"arm_phase": str(tick.arms.phase), "arm_bus_cycle_s": status.cycle_s}
+            scalars |= {
+                "arm_phase": str(tick.arms.phase),
+                "arm_bus_cycle_s": status.cycle_s,
+                "arm_bad_packets": status.bad_packets,
+            }
             vectors |= {
                 "joint_goal_rad": goal.position_rad if goal else _NO_JOINTS,
                 "joint_position_rad": status.position_rad,

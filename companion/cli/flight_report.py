@@ -1,12 +1,14 @@
 """The end of a flight in numbers: a table for people, JSON for programs."""
 
+import math
+from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
 from companion.config_controller import ErrorLimits, LoadedController
-from companion.experiments.summary import Summary
+from companion.experiments.summary import ArmSummary, Summary
 
 
 def within_limits(summary: Summary | None, limits: ErrorLimits) -> bool:
@@ -33,6 +35,7 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
         "capture_to_setpoint_ms": summary.capture_to_setpoint_ms.as_dict(),
         "landed": summary.landed,
         "disarmed": summary.disarmed,
+        "arms": None if summary.arms is None else asdict(summary.arms),
     }
 
 
@@ -43,6 +46,8 @@ def print_report(
     if summary is not None:
         console.print(_error_table(controller, summary))
         console.print(_timing_table(summary))
+        if summary.arms is not None:
+            console.print(_arms_line(summary.arms), highlight=False, soft_wrap=True)
     verdict = "[yellow]interrupted[/]; " if interrupted else ""
     console.print(verdict + _verdict(controller, summary, failure), highlight=False, soft_wrap=True)
 
@@ -91,6 +96,15 @@ def _timing_table(summary: Summary) -> Table:
     ):
         table.add_row(name, f"{spread.median:.2f}", f"{spread.p99:.2f}")
     return table
+
+
+def _arms_line(arms: ArmSummary) -> str:
+    did = "moving" if arms.moving_share > 0.0 else "still"
+    off_deg = math.degrees(arms.largest_off_goal_rad)
+    return (
+        f"arms {did}, joints within {off_deg:.1f}° of their goals; bus cycle {arms.bus_cycle_ms.median:.1f} ms "
+        f"(p99 {arms.bus_cycle_ms.p99:.1f}), {arms.bad_packets} answers asked for again"
+    )
 
 
 def _verdict(controller: LoadedController, summary: Summary | None, failure: str) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.arms.machine import ArmPhase
 from companion.supervisor.flight import Phase
 from companion.types import Array
 
@@ -43,6 +44,21 @@ class Summary:
     cycles_without_frame: int
     landed: bool
     disarmed: bool
+    arms: "ArmSummary | None" = None
+    """None for a vehicle without arms."""
+
+
+@dataclass(frozen=True)
+class ArmSummary:
+    """How the arms and their bus did, over the same cycles."""
+
+    moving_share: float
+    """Cycles in which a motion was run."""
+    largest_off_goal_rad: float
+    """Largest distance of a joint from where it was asked to be."""
+    bus_cycle_ms: Spread
+    bad_packets: int
+    """Late, broken or missing answers that were asked for again."""
 
 
 def summarise(columns: Columns) -> Summary | None:
@@ -70,6 +86,19 @@ def summarise(columns: Columns) -> Summary | None:
         int((tracking & ~np.isfinite(_floats(columns["frame_received_s"]))).sum()),
         last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
         not bool(columns["armed"][-1]),
+        _summarise_arms(columns, tracking) if "arm_phase" in columns else None,
+    )
+
+
+def _summarise_arms(columns: Columns, tracking: NDArray[np.bool_]) -> ArmSummary:
+    off_rad = np.abs(_floats(columns["joint_position_rad"]) - _floats(columns["joint_goal_rad"]))[tracking]
+    known = off_rad[np.isfinite(off_rad).all(axis=1)]
+    bad = _floats(columns["arm_bad_packets"])[tracking]
+    return ArmSummary(
+        float((columns["arm_phase"][tracking] == str(ArmPhase.MOVING)).mean()),
+        float(known.max()) if known.size else float("nan"),
+        spread_ms(_floats(columns["arm_bus_cycle_s"])[tracking]),
+        int(bad[-1] - bad[0]),
     )
 
 
