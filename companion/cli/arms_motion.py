@@ -104,7 +104,7 @@ class _Mover:
             gap_s = await self._tick()
             if gap_s > LONGEST_GAP_S:
                 return await self._stopped(f"this program stood still for {gap_s:.1f} s in the middle of it", FAILED)
-        return await self._end()
+        return await self._end(stopped=asked > 0)
 
     async def _tick(self) -> float:
         """One cycle; returns how long after the last one it was, s."""
@@ -121,19 +121,17 @@ class _Mover:
         await self._until_still(self._look)
         return Ended(code, f"{why}: the arms hold where they are, torque is on; {_RELEASE}")
 
-    async def _end(self) -> Ended:
-        state = self._stage.state
-        if state.phase is ArmPhase.FAULT:
-            await self._until_still(self._look)
+    async def _end(self, stopped: bool) -> Ended:
+        holding = self._stage.state.phase is ArmPhase.HOLDING
+        await self._until_still(self._look_and_tick if holding else self._look)
+        if self._stage.fault:
             cure = "`companion arms read` shows them, `companion arms clear` comes before the next motion"
             return Ended(FAILED, f"{self._stage.fault}\n  the arms were stopped and hold where they can; {cure}")
-        if state.phase is not ArmPhase.HOLDING:
+        if self._stage.state.phase is not ArmPhase.HOLDING:
             return Ended(FAILED, "the arms have lost their torque in the middle of it")
-        await self._until_still(self._look_and_tick)
-        if self._interrupts:
-            return Ended(
-                INTERRUPTED, f"interrupted: the arms came to rest on their way and hold, torque is on; {_RELEASE}"
-            )
+        if stopped:
+            text = f"interrupted: the arms came to rest on their way and hold, torque is on; {_RELEASE}"
+            return Ended(INTERRUPTED, text)
         return Ended(0, f"done: the arms hold, torque is on{self._off_goal()}; {_RELEASE}")
 
     def _look(self) -> None:

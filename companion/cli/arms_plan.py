@@ -14,10 +14,13 @@ from companion.arms.described import Swing
 from companion.arms.model import JOINT_NAMES, ArmModel
 from companion.arms.planning import Plan, grip, plan, to_pose
 from companion.arms.trajectory import InTurn
+from companion.cli.arms_table import narrow_table
 from companion.config_arms import ArmsConfig
 from companion.experiments.arm_motion import MotionNumbers, numbers_of
 from companion.ports import ConfigError
 from companion.types import Array
+
+_PLAN_COLUMNS = ("joint", "from", "to", "lowest", "highest", "largest\nrad/s", "largest\nrad/s^2")
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,7 @@ def preview(console: Console, wish: Wish, planned: Plan, model: ArmModel, floor_
 def _limits_table(model: ArmModel, numbers: MotionNumbers) -> Table:
     low, high, speed, accel = model.limit_arrays()
     angles = numbers.motion.position_rad
-    table = Table(box=None, pad_edge=False, caption="angles in degrees; in brackets what is allowed")
-    for title in ("joint", "from", "to", "lowest", "highest", "largest rad/s", "largest rad/s^2"):
-        table.add_column(title, justify="left" if title == "joint" else "right", no_wrap=True)
+    table = narrow_table(_PLAN_COLUMNS, "angles in degrees; in brackets what is allowed")
     for place, name in enumerate(JOINT_NAMES):
         column = angles[:, place]
         table.add_row(

@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from rich.table import Table
+from rich.text import Text
 
 from companion.adapters.dynamixel import Found, model_name
 from companion.arms.model import JOINT_NAMES
@@ -13,6 +14,24 @@ from companion.types import ArmStatus, Array
 REFRESH_HZ = 5.0
 """Of live tables."""
 _RATE_OVER_S = 0.5
+
+
+_STATE_COLUMNS = (
+    "joint", "ID", "deg", "rad", "deg/s", "load\n%", "deg\nC", "V", "torque", "age\nms", "fault",
+)  # fmt: skip
+_MOVING_COLUMNS = (*_STATE_COLUMNS[:3], "off\ngoal", *_STATE_COLUMNS[4:])
+_FOUND_COLUMNS = (
+    "joint", "ID", "model", "firm-\nware", "proto-\ncol", "bits/s", "delay\nus", "V", "deg\nC", "deg",
+)  # fmt: skip
+
+
+def narrow_table(titles: tuple[str, ...], caption: str | None = None) -> Table:
+    """Columns of words to the left, of numbers to the right; nothing is wasted, a terminal may have 80 columns."""
+    table = Table(box=None, pad_edge=False, padding=(0, 0, 0, 1), caption=caption, caption_justify="left")
+    for title in titles:
+        left = title in {"joint", "model", "torque", "fault"}
+        table.add_column(title, justify="left" if left else "right", no_wrap=title != "fault")
+    return table
 
 
 class CycleMeter:
@@ -33,27 +52,22 @@ class CycleMeter:
 
 def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: float, goal_rad: Array | None) -> Table:
     """All that the servos say of themselves; with goals (8,), how far each joint is off its own."""
-    table = Table(box=None, pad_edge=False, caption=bus_line(status, rate_hz), caption_justify="left")
-    for title in ("joint", "ID", "deg", "rad", "off goal deg", "deg/s", "load %", "deg C", "V", "torque", "age ms"):
-        if title != "off goal deg" or goal_rad is not None:
-            table.add_column(title, justify="left" if title in {"joint", "torque"} else "right", no_wrap=True)
-    table.add_column("fault", style="bold red")
+    table = narrow_table(_STATE_COLUMNS if goal_rad is None else _MOVING_COLUMNS, bus_line(status, rate_hz))
     for place, name in enumerate(JOINT_NAMES):
         angle_rad = float(status.position_rad[place])
-        off = [] if goal_rad is None else [_number(math.degrees(angle_rad - goal_rad[place]), "+.1f")]
+        off_rad = math.nan if goal_rad is None else angle_rad - float(goal_rad[place])
         table.add_row(
             name,
             str(arms.servos[name].id),
             _number(math.degrees(angle_rad), "+.1f"),
-            _number(angle_rad, "+.3f"),
-            *off,
+            _number(angle_rad, "+.3f") if goal_rad is None else _number(math.degrees(off_rad), "+.1f"),
             _number(math.degrees(status.velocity_radps[place]), "+.1f"),
             _number(100.0 * status.effort[place], "+.0f"),
             _number(status.temperature_c[place], ".0f"),
             _number(status.voltage_v[place], ".1f"),
             "on" if status.torque_on[place] else "off",
             _number(1e3 * (now_s - status.read_s[place]), ".0f"),
-            ", ".join(fault.kind for fault in status.faults if fault.joint == name),
+            Text(", ".join(fault.kind for fault in status.faults if fault.joint == name), style="bold red"),
         )
     return table
 
@@ -66,9 +80,7 @@ def bus_line(status: ArmStatus, rate_hz: float) -> str:
 
 def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmStatus) -> Table:
     """Who answered, and how it is set."""
-    table = Table(box=None, pad_edge=False)
-    for title in ("joint", "ID", "model", "firmware", "protocol", "bits/s", "delay us", "V", "deg C", "deg", "torque"):
-        table.add_column(title, justify="left" if title in {"joint", "model", "torque"} else "right", no_wrap=True)
+    table = narrow_table(_FOUND_COLUMNS)
     for place, (name, one) in enumerate(zip(JOINT_NAMES, found, strict=True)):
         if one is not None:
             table.add_row(
@@ -82,7 +94,6 @@ def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmSt
                 f"{one.voltage_v:.1f}",
                 f"{one.temperature_c:.0f}",
                 _number(math.degrees(status.position_rad[place]), "+.1f"),
-                "on" if status.torque_on[place] else "off",
             )
     return table
 

@@ -1,6 +1,9 @@
 """Simulated servos on a pseudo-terminal, and `companion arms` as a process of its own at the other end."""
 
 import asyncio
+import os
+import signal
+import sys
 import tomllib
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -18,6 +21,7 @@ from mock_autopilot.servo import Servo
 from tests.flights.command import ROOT, Ran, Running, run, start
 
 PATIENCE_S = 60.0
+_STILL_RADPS = 0.05
 ARMS = ArmsConfig()
 _ZERO_RAD = np.array([ARMS.servos[name].zero_rad for name in ARMS.servos])
 
@@ -44,9 +48,9 @@ class ArmsRig:
         return np.asarray(self.alone.bus.servos.positions_rad - _ZERO_RAD)
 
     @property
-    def speeds_radps(self) -> Array:
-        """How fast the joints really turn, (8,)."""
-        return np.abs(self.alone.bus.servos.velocities_radps)
+    def stands_still(self) -> bool:
+        """Whether no joint really turns."""
+        return bool((np.abs(self.alone.bus.servos.velocities_radps) < _STILL_RADPS).all())
 
     @property
     def powered(self) -> list[bool]:
@@ -84,3 +88,69 @@ async def arms_rig(folder: Path, **changes: dict[str, Any]) -> AsyncIterator[Arm
         config = folder / "bench.toml"
         config.write_text(f'[arms]\nport = "{alone.path}"\n', encoding="utf-8")
         yield ArmsRig(alone, config)
+
+
+class OnTerminal:
+    """`companion arms` on a terminal of its own."""
+
+    def __init__(self, process: asyncio.subprocess.Process, master: int) -> None:
+        self._process, self._master = process, master
+        self._seen = b""
+        asyncio.get_running_loop().add_reader(master, self._take)
+
+    @property
+    def seen(self) -> str:
+        """Everything that was on the screen."""
+        return self._seen.decode(errors="replace")
+
+    def _take(self) -> None:
+        try:
+            self._seen += os.read(self._master, 65536)
+        except OSError:  # the other end is closed
+            asyncio.get_running_loop().remove_reader(self._master)
+
+    async def until(self, text: str) -> None:
+        """Wait until this was on the screen."""
+        await until(lambda: text in self.seen)
+
+    def type_in(self, text: str) -> None:
+        """Press these keys."""
+        os.write(self._master, text.encode())
+
+    def interrupt(self) -> None:
+        """Ctrl-C."""
+        self._process.send_signal(signal.SIGINT)
+
+    async def ended(self) -> int:
+        """Its exit code, once it has ended."""
+        async with asyncio.timeout(PATIENCE_S):
+            code = await self._process.wait()
+        self._take()
+        return code
+
+    def close(self) -> None:
+        """Take the terminal away."""
+        asyncio.get_running_loop().remove_reader(self._master)
+        os.close(self._master)
+        if self._process.returncode is None:
+            self._process.kill()
+
+
+@asynccontextmanager
+async def on_terminal(rig: ArmsRig, *arguments: str) -> AsyncIterator[OnTerminal]:
+    """Run `companion arms ARGUMENTS` where a person sits."""
+    master, slave = os.openpty()
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "companion.cli.main", "arms", *arguments, "--config", str(rig.config)),
+        cwd=ROOT,
+        env={**os.environ, "COLUMNS": "200", "TERM": "xterm-256color"},
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+    )
+    os.close(slave)
+    terminal = OnTerminal(process, master)
+    try:
+        yield terminal
+    finally:
+        terminal.close()

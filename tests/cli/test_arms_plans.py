@@ -143,6 +143,12 @@ def test_the_plan_can_be_drawn(typed: Type, tmp_path: Path) -> None:
         (["play", "reach", "--duration", "9", "--dry-run"], "--duration is for sinusoids"),
         (["home", "--dry-run", "--plot", "nowhere/plan.png"], "--plot nowhere/plan.png: cannot be written"),
         (["home", "--from", "home", "--yes"], "--from is for --dry-run"),
+        (["home"], "home moves the arms, and there is no terminal to ask at: add --yes"),
+        (["ping", "--port", "nowhere"], "no serial port nowhere (arms.port): plug in"),
+        (
+            ["ping", "--port", "nowhere"],
+            "start `python -m mock_autopilot --config config/mock.toml`",
+        ),
         (["home", "--config", "BARE"], "has no table [arms], so this vehicle has no arms"),
         (["ping", "--config", "BARE"], "has no table [arms], so this vehicle has no arms"),
         (["ping", "--config", "BAUD"], "arms.baud = 42: "),
