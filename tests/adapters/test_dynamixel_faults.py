@@ -44,7 +44,7 @@ async def test_a_missing_servo_costs_the_others_no_cycle_once_it_is_known() -> N
         await cycles(bus, 2)
         rig.packets.clear()
         asked_s = CLOCK.now_s()
-        await cycles(bus, 60)
+        await cycles(bus, 40)
         asked = sum(packet.id == 2 for packet in rig.packets)
         assert asked <= (CLOCK.now_s() - asked_s) / 0.5 + 1
 
@@ -140,7 +140,6 @@ async def test_answers_that_come_late_are_counted_and_trouble_nobody_else() -> N
             ArmFaultKind.HARDWARE,
             "input voltage out of range and still holds",
         ),
-        (4, "right.claw", FaultKind.VOLTAGE, ArmFaultKind.HARDWARE, "reports input voltage out of range"),
     ],
 )
 async def test_what_a_servo_reports_is_latched_alone_and_cleared_on_command(

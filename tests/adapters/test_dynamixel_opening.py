@@ -15,7 +15,7 @@ from companion.adapters.dynamixel.wire import Wire
 from companion.config_arms import ArmsConfig
 from companion.ports import ArmError
 from mock_autopilot.dynamixel_config import FaultKind
-from tests.adapters.dynamixel_rig import connected, mock_bus, refusal, servos
+from tests.adapters.dynamixel_rig import connected, mock_bus, refusal, servos, until
 
 pytestmark = pytest.mark.realtime
 
@@ -99,23 +99,13 @@ async def test_one_error_names_all_that_is_missing_or_wrong() -> None:
     assert "right.elbow_roll (ID 3) does not answer at 1000000 bits/s: look at its cable" in lines[3]
 
 
-async def test_a_servo_from_the_factory_is_found_at_its_other_baud_rate() -> None:
-    async with mock_bus(servos=servos(id2={"baud": 57_600})) as rig:
+async def test_missing_servos_are_looked_for_at_other_baud_rates_ids_and_protocols() -> None:
+    elsewhere = servos(id1={"baud": 57_600}, id2={"model": "AX-12A"}, id3={"id": 12})
+    async with mock_bus(servos=elsewhere) as rig:
         said = await refusal(rig)
-    assert f"{XM} does not answer at 1000000 bits/s: it answers at 57600, so set its Baud Rate" in said
-
-
-async def test_a_servo_with_another_id_is_found() -> None:
-    async with mock_bus(servos=servos(id2={"id": 12})) as rig:
-        said = await refusal(rig)
-    assert f"{XM} does not answer" in said
+    assert "(ID 1) does not answer at 1000000 bits/s: it answers at 57600, so set its Baud Rate" in said
+    assert f"{XM} does not answer at 1000000 bits/s: AX-12A answers there by Protocol 1.0, and it should be" in said
     assert "ID 12 answers, XM430-W350, but no joint has that ID" in said
-
-
-async def test_a_servo_of_the_other_protocol_is_found() -> None:
-    async with mock_bus(servos=servos(id2={"model": "AX-12A"})) as rig:
-        said = await refusal(rig)
-    assert "AX-12A answers there by Protocol 1.0, and it should be XM430-W350 by Protocol 2.0" in said
 
 
 async def test_a_bus_without_power_names_every_joint() -> None:
@@ -128,7 +118,7 @@ async def test_an_interrupted_connect_ends_soon() -> None:
     async with mock_bus() as rig:
         rig.fault(FaultKind.SILENT_BUS)
         opening = asyncio.create_task(refusal(rig))
-        await asyncio.sleep(0.02)
+        await until(lambda: rig.packets)
         opening.cancel()
         with pytest.raises(asyncio.CancelledError):
             await opening
