@@ -18,7 +18,7 @@ from rich.console import Console
 
 from companion.adapters.recorder import Recorder
 from companion.arms.planning import Plan
-from companion.cli.arm_motion import plan_arms
+from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
 from companion.cli.progress import FlightDisplay
