@@ -1,7 +1,8 @@
 """The arms' bus: how long a cycle of eight servos takes, and whether the 100 Hz tick beside it begins any later.
 
-A tick is the greater part of what the flight loop does with a frame: law, conversion, gate; with arms, their status and
-new goals, too. Turns with the bus open and without it alternate, so both see the same machine.
+A tick is what the flight loop does with a frame, less estimator and flight phases: law, conversion, gate; with arms, the
+whole of their stage, both swinging, feed-forward on. Turns with the bus open and without it alternate, so both see the
+same machine.
 """
 
 import asyncio
@@ -22,13 +23,18 @@ from benchmarks.synthetic import motion
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
 from companion.adapters.dynamixel.worker import THREAD_NAME
-from companion.arms.model import JOINT_COUNT
+from companion.arm_files import motion_named
+from companion.arm_stage import ArmStage
+from companion.arms.planning import plan
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
+from companion.supervisor.flight import Flight, Phase
+from companion.types import ArmStatus
 
 SETTLE_S = 0.3
-SWING_RAD = 0.3
-SWING_S = 4.0
+LONGEST_S = 60.0
+_HOVERING = Flight(phase=Phase.HOLD, airborne=True)
+_LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 Progress = Callable[[str], None]
 
@@ -77,24 +83,27 @@ class _Ticking(asyncio.DatagramProtocol):
         self._count = 0
         self.turn = _Turn()
         self.bus: DynamixelBus | None = None
+        self.stage: ArmStage | None = None
         self._last_cycle = 0
 
     def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002
         """A frame has come."""
         (sent_s,) = STAMP.unpack(data)
         self.turn.late_s.append(time.monotonic() - sent_s)
+        if self.stage is not None:
+            self.stage.read(time.monotonic(), _HOVERING)
+            self.stage.known_accel_w_mps2(_LEVEL)
         self._fly(self._count % CYCLES)
         self._count += 1
-        if self.bus is not None:
-            self._move(self.bus, sent_s)
+        if self.stage is not None:
+            self.stage.tick(time.monotonic(), _HOVERING)
+            self._note(self.stage.status)
         self.turn.done_s.append(time.monotonic() - sent_s)
 
-    def _move(self, bus: DynamixelBus, time_s: float) -> None:
-        status = bus.status()
+    def _note(self, status: ArmStatus) -> None:
         if status.cycles != self._last_cycle:
             self._last_cycle = status.cycles
             self.turn.cycles_s.append(status.cycle_s)
-        bus.move(np.full(JOINT_COUNT, SWING_RAD * (1.2 + np.sin(2.0 * np.pi * time_s / SWING_S))))
 
 
 async def measure_arms(turns: int, for_s: float, say: Progress) -> ArmsCost:
@@ -134,16 +143,27 @@ async def _take(ticking: _Ticking, turn: _Turn, for_s: float) -> None:
 @asynccontextmanager
 async def _swinging(path: str, ticking: _Ticking) -> AsyncIterator[None]:
     """The bus open, torque on, goals with every tick."""
-    async with open_dynamixel(ArmsConfig(port=path), MonotonicClock()) as bus:
+    arms, config = ArmsConfig(port=path), CompanionConfig()
+    async with open_dynamixel(arms, MonotonicClock()) as bus:
         await bus.torque_on()
-        ticking.bus = bus
+        stage = ArmStage(bus, arms, config.vehicle_model(), config.airframe(), 1.0 / RATE_HZ)
+        ticking.bus, ticking.stage = bus, stage
         try:
+            await asyncio.sleep(0.1)  # a few ticks, until the stage holds the joints
+            _swing(stage, arms)
             yield
         finally:
-            ticking.bus = None
+            ticking.bus = ticking.stage = None
         faults = bus.status().faults
         if faults:
             raise BenchError(f"the arms failed: {faults[0].text}")
+
+
+def _swing(stage: ArmStage, arms: ArmsConfig) -> None:
+    present_rad = stage.status.position_rad
+    swing = motion_named("swing", LONGEST_S).trajectory(arms.model(), present_rad)
+    if not stage.play(plan(arms.model(), swing, present_rad).trajectory, Phase.HOLD):
+        raise BenchError(f"the arms do not move: they are {stage.state.phase} {stage.state.reason}")
 
 
 def _worker_cpu_s() -> float:

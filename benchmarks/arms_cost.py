@@ -6,7 +6,7 @@ python -m benchmarks.arms_cost --seeds 1    # one seed only
 
 import argparse
 import json
-import subprocess  # noqa: S404 - the flights are run as a user runs them
+import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -87,10 +87,11 @@ def _page(rows: list[str], seeds: list[int], laps: int) -> str:
         [
             "# What moving arms cost, and what feed-forward saves",
             "",
-            f"`python -m benchmarks.arms_cost`, {machine.date}, {machine.cpu}, {machine.cores} cores. Demo flights in real time over MAVSDK, qtm-rt and",
-            f"dynamixel-sdk: {laps} laps of the ellipse, seeds {', '.join(map(str, seeds))}, arms as in",
-            "`config/arms/swing.toml`. Mean over the seeds, and in brackets the largest of all, of the absolute error per",
-            "axis in metres as motion capture sees it; the 99th percentile of how late a tick began, ms.",
+            f"`python -m benchmarks.arms_cost`, {machine.date}, {machine.cpu}, {machine.cores} cores.",
+            "Demo flights in real time over MAVSDK, qtm-rt and dynamixel-sdk:",
+            f"{laps} laps of the ellipse, seeds {', '.join(map(str, seeds))}, arms as in `config/arms/swing.toml`.",
+            "Mean over the seeds, and in brackets the largest of all, of the absolute error per axis in metres, as motion",
+            "capture sees it; the 99th percentile of how late a tick began, in ms.",
             "",
             "| flight | x | y | z | updates | tick late |",
             "| --- | --- | --- | --- | --- | --- |",
