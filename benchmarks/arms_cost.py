@@ -90,7 +90,7 @@ def _page(rows: list[str], seeds: list[int], laps: int) -> str:
             f"`python -m benchmarks.arms_cost`, {machine.date}, {machine.cpu}, {machine.cores} cores.",
             "Demo flights in real time over MAVSDK, qtm-rt and dynamixel-sdk:",
             f"{laps} laps of the ellipse, seeds {', '.join(map(str, seeds))}, arms as in `config/arms/swing.toml`.",
-            "Mean over the seeds, and in brackets the largest of all, of the absolute error per axis in metres, as motion",
+            "Mean over the seeds, and in brackets the largest, of the absolute error per axis in metres, as motion",
             "capture sees it; the 99th percentile of how late a tick began, in ms.",
             "",
             "| flight | x | y | z | updates | tick late |",
