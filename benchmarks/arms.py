@@ -1,8 +1,8 @@
 """The arms' bus: how long a cycle of eight servos takes, and whether the 100 Hz tick beside it begins any later.
 
-A tick is what the flight loop does with a frame, less estimator and flight phases: law, conversion, gate; with
-arms the whole of their stage, both swinging, feed-forward on. Turns with the bus open and without it alternate, so both see the
-same machine.
+A tick is what the flight loop does with a frame, less estimator and flight phases: law, conversion, gate; with arms
+the whole of their stage, both swinging, feed-forward on. Turns with the bus open and without it alternate, so both
+see the same machine.
 """
 
 import asyncio
