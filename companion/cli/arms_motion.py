@@ -52,7 +52,7 @@ async def move_arms(bench: Bench, wish: Wish, agreed_rad: Array, console: Consol
         mover = _Mover(bus, bench, interrupts)
         try:
             held_rad = await mover.hold_here()
-            _check_still_there(held_rad, agreed_rad)
+            _check_still_there(bus.status().position_rad, agreed_rad)
             motion = wish.plan_from(held_rad).trajectory
             console.print("torque is on, the arms move; Ctrl-C stops them", highlight=False)
             with mover.display(console, wish.name):
@@ -77,21 +77,22 @@ class _Mover:
         self._shown: ArmTick | None = None
 
     async def hold_here(self) -> Array:
-        """Torque on where the joints are; returns that, (8,)."""
-        await self._stage.torque_on()
+        """Torque on where the joints are; returns the goals that hold them there, (8,)."""
+        await self._bus.torque_on()
         end_s = CLOCK.now_s() + _READY_S
-        while self._stage.state.phase is not ArmPhase.HOLDING:
+        while not self._bus.status().torque_on.all() or self._bus.status().faults:
             if CLOCK.now_s() > end_s:
-                raise ArmError(f"the arms did not get ready: {self._stage.fault or 'not every joint has torque'}")
-            await self._tick()
-        assert self._stage.state.hold_rad is not None
-        return self._stage.state.hold_rad
+                said = [fault.text for fault in self._bus.status().faults]
+                raise ArmError("; ".join(said) or "the arms did not get ready: not every joint has torque")
+            await asyncio.sleep(self._period_s)
+        return self._bus.held_rad
 
     async def run(self, motion: JointTrajectory) -> Ended:
-        """The motion to its end, to its stop, or to a fault."""
-        self._stage.read(CLOCK.now_s(), _ON_THE_GROUND)
+        """The motion, which begins at the goals that hold the joints now, to its end, to its stop, or to a fault."""
+        self._look_and_tick()
         if not self._stage.play(motion, _ON_THE_GROUND.phase):
             raise ArmError(f"nothing was moved: the arms are in phase {self._stage.state.phase}")
+        self._look_and_tick()  # at once: until then the stage's goals are where the joints were seen
         self._tick_s = self._began_s = CLOCK.now_s()
         self._duration_s = motion.duration_s
         asked = 0
@@ -185,8 +186,8 @@ class _Mover:
         return f"{min(now_s - self._began_s, self._duration_s):.1f} of {self._duration_s:.1f} s"
 
 
-def _check_still_there(held_rad: Array, agreed_rad: Array) -> None:
-    moved = np.abs(held_rad - agreed_rad)
+def _check_still_there(present_rad: Array, agreed_rad: Array) -> None:
+    moved = np.abs(present_rad - agreed_rad)
     worst = int(np.argmax(moved))
     if moved[worst] > MOVED_RAD:
         raise ArmError(

@@ -109,6 +109,37 @@ async def test_torque_on_moves_nothing_although_a_far_goal_was_left_in_the_servo
             assert (rig.strayed_rad < TICKS_RAD).all()
 
 
+async def test_joints_that_are_held_already_keep_their_goals_so_that_loads_do_not_bend_them_further() -> None:
+    async with mock_bus() as rig:
+        async with connected(rig) as bus:
+            await bus.torque_on()
+            bus.move(REACH_RAD)
+            await until(lambda: at(rig, REACH_RAD))
+        rig.load_nm = (-0.4,) * 8
+        async with connected(rig) as bus:
+            await until(lambda: np.all((REACH_RAD - bus.status().position_rad)[:3] > 3.0 * TICK_RAD))
+        goals = [servo.table.get("goal_position") for servo in rig.bus.servos.servos]
+        async with connected(rig) as bus:
+            await bus.torque_on()
+            await cycles(bus, 10)
+            assert bus.held_rad == pytest.approx(REACH_RAD, abs=max(TICKS_RAD))
+        assert [servo.table.get("goal_position") for servo in rig.bus.servos.servos] == goals
+
+
+async def test_a_goal_that_is_far_away_is_given_up_but_not_by_a_claw_which_grips() -> None:
+    async with mock_bus() as rig:
+        async with connected(rig) as bus:
+            await bus.torque_on()
+        for servo in (rig.servo(1), rig.servo(4)):
+            servo.table.put("goal_position", servo.table.get("goal_position") + 200)
+        async with connected(rig) as bus:
+            assert np.isnan(bus.held_rad).all()
+            await bus.torque_on()
+            assert bus.held_rad[0] == pytest.approx(rig.joints_rad[0], abs=0.1)
+            await until(lambda: abs(rig.joints_rad[3] - 200 * AX_TICK_RAD) < 3.0 * AX_TICK_RAD)
+            assert rig.joints_rad[0] < 0.5 * 200 * TICK_RAD
+
+
 async def test_a_goal_given_before_torque_on_is_never_sent() -> None:
     async with mock_bus() as rig, connected(rig) as bus:
         bus.move(REACH_RAD)

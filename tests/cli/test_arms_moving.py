@@ -56,6 +56,17 @@ async def test_home_grip_and_stow_get_there_say_so_and_leave_the_arms_holding(tm
             assert all(rig.powered)
 
 
+async def test_loaded_arms_do_not_sink_from_command_to_command(tmp_path: Path) -> None:
+    async with arms_rig(tmp_path) as rig:
+        rig.alone.load_nm = (-0.6, -0.4, 0.0, 0.0, -0.6, -0.4, 0.0, 0.0)
+        assert (await rig.run("torque", "on")).code == 0
+        bent_rad = rig.joints_rad
+        for claws in ("open", "close", "open"):
+            assert (await rig.run("grip", claws, "--yes")).code == 0
+        links = [0, 1, 2, 4, 5, 6]
+        np.testing.assert_allclose(rig.joints_rad[links], bent_rad[links], atol=0.004)
+
+
 async def test_a_file_is_played_from_where_the_arms_are_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "lift.csv"
     path.write_text("t_s,right.elbow_pitch_deg\n0,130\n0.5,120\n1,110\n", encoding="utf-8")

@@ -85,11 +85,10 @@ class Joint:
             not Ax.TORQUE_LIMIT.raw(data, start),
         )
 
-    def begin_driving(self) -> None:
-        """From now on goals are sent, starting where it is."""
-        assert self.reading is not None
+    def begin_driving(self, goal_rad: float) -> None:
+        """From now on goals are sent, starting with the one that it has."""
         self.driven = self.torque_on = True
-        self.sent_rad = self.wanted_rad = self.reading.position_rad
+        self.sent_rad = self.wanted_rad = goal_rad
 
     def clipped(self, joint_rad: float) -> float:
         """Inside the joint's limits."""

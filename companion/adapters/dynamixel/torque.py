@@ -6,6 +6,7 @@ from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
+from companion.arms.model import CLAWS
 from companion.ports import ArmError, Clock
 
 Steps = Generator[None, None, None]
@@ -20,6 +21,8 @@ _FIRST_LOOK_S = 0.3
 _LOOK_EVERY_S = 0.05
 _SETTLE_S = 0.2
 """An alarm may outlive its repair a little."""
+_BENT_RAD = 0.1
+"""So far a load may hold a joint from its goal; farther off, the goal is some other one. Not so a claw's: it grips."""
 _SILENT = "does not answer: look at its cable and its supply"
 _REFUSALS = {1: 0x5A, 2: 0x7F}
 """Bits of the error field that say that the instruction itself was not taken."""
@@ -65,20 +68,37 @@ def _each(chain: Chain, act: Action, headline: str) -> Steps:
 
 
 def _switch_on(chain: Chain, joint: Joint) -> str | None:
-    """Goal := present position before the torque, so that whatever goal was left there is never gone to."""
+    """Goal := present position before the torque, so that whatever goal was left there is never gone to.
+
+    One that has torque and stands near its goal keeps that: its load bends it away, and to begin where it stands would
+    let it sink a little further every time somebody connects, and a claw drop what it holds.
+    """
     if joint.driven:
         return None
     if not chain.first_look(joint):
         return _SILENT
     if joint.faults:
         return "has a fault: clear it first"
-    assert joint.reading is not None
-    goal = joint.scale.model.goal.encoded(joint.reading.counts)
+    counts = _first_goal(chain, joint)
+    goal = joint.scale.model.goal.encoded(counts)
     problem = next(filter(None, (_write(chain, joint, *order) for order in _switching_on(joint, goal))), None)
     problem = problem or _not_shown(chain, joint, on=True)
     if problem is None:
-        joint.begin_driving()
+        joint.begin_driving(joint.scale.joint_rad(counts))
     return problem
+
+
+def _first_goal(chain: Chain, joint: Joint) -> int:
+    """In counts."""
+    assert joint.reading is not None
+    register = joint.scale.model.goal
+    block = Block(register.address, register.address + register.size)
+    held = chain.wire.read(joint.protocol, joint.servo_id, block) if joint.torque_on else None
+    if held is None:
+        return joint.reading.counts
+    counts = register.raw(held.data, register.address)
+    bent_rad = abs(joint.scale.joint_rad(counts) - joint.reading.position_rad)
+    return counts if bent_rad < _BENT_RAD or joint.place in CLAWS else joint.reading.counts
 
 
 def _not_shown(chain: Chain, joint: Joint, on: bool) -> str | None:
