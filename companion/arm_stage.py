@@ -75,6 +75,11 @@ class ArmStage:
         return self._status
 
     @property
+    def held_rad(self) -> Array | None:
+        """The joint angles (8,) that are asked for while nothing moves; None at all other times."""
+        return self._state.hold_rad if self._state.phase is ArmPhase.HOLDING and self._state.motion is None else None
+
+    @property
     def fault(self) -> str:
         """What is wrong with the arms, naming the joint; empty when nothing is."""
         texts = [fault.text for fault in self._status.faults]

@@ -21,6 +21,7 @@ from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop, TickSink
 from companion.ports import Autopilot, AutopilotError, CompanionError, MocapError
 from companion.supervisor.flight import Fly, Land, Phase, Prepare, Request, TakeOff
+from companion.types import Array
 
 LOG = logging.getLogger(__name__)
 
@@ -34,6 +35,7 @@ _FIRST_STATES_S = 1.2
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
+_NO_ARMS = "this vehicle has no arms: its configuration has no [arms]"
 _TORQUE_S = 2.0
 """For a joint to show its torque, or to come to rest at the end of a motion."""
 
@@ -172,38 +174,41 @@ class Service:
         if arms.off_stow:
             raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
 
-    async def prepare_arms(self) -> None:
-        """On the ground: torque on, without a jump, and fold. Does nothing for a vehicle without arms.
+    async def prepare_arms(self) -> Array:
+        """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
 
         Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there.
         """
         arms, config = self.loop.arms, self._config.arms
         if arms is None or config is None:
-            return
+            raise FlightError(_NO_ARMS)
         await arms.torque_on()
-        await self._arms_reach(ArmPhase.HOLDING, _TORQUE_S)
+        held_rad = await self._arms_hold(_TORQUE_S)
         if arms.off_stow:
             via = (config.home_rad(),)
-            fold = to_pose(config.model(), arms.status.position_rad, config.stow_rad(), via, config.floor_z_m)
-            there = fold.trajectory
-            await self.move_arms(there)
-            await self._arms_reach(ArmPhase.HOLDING, there.duration_s + _TORQUE_S)
+            fold = to_pose(config.model(), held_rad, config.stow_rad(), via, config.floor_z_m).trajectory
+            await self.move_arms(fold)
+            held_rad = await self._arms_hold(fold.duration_s + _TORQUE_S)
         if not await self._until(lambda: not arms.off_stow, _TORQUE_S):
             raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
+        return held_rad
 
     async def move_arms(self, motion: JointTrajectory) -> None:
         """Begin a motion that was planned from where the joints are held; returns at once."""
         arms = self.loop.arms
         if arms is None:
-            raise FlightError("this vehicle has no arms: its configuration has no [arms]")
+            raise FlightError(_NO_ARMS)
         if not arms.play(motion, self.phase):
             raise FlightError(f"the arms cannot move: they are {arms.state.phase} in flight phase {self.phase}")
 
-    async def _arms_reach(self, phase: ArmPhase, timeout_s: float) -> None:
+    async def _arms_hold(self, timeout_s: float) -> Array:
+        """Wait until they stand still; the joint angles (8,) that they are held at."""
         arms = self.loop.arms
         assert arms is not None
-        if not await self._until(lambda: arms.state.phase is phase or bool(arms.fault), timeout_s) or arms.fault:
-            raise FlightError(f"the arms are {arms.state.phase} and should be {phase}: {arms.fault or 'time is up'}")
+        await self._until(lambda: arms.held_rad is not None or bool(arms.fault), timeout_s)
+        if arms.held_rad is None or arms.fault:
+            raise FlightError(f"the arms are {arms.state.phase} and should be holding: {arms.fault or 'time is up'}")
+        return arms.held_rad
 
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold."""

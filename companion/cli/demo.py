@@ -17,7 +17,6 @@ import uvloop
 from rich.console import Console
 
 from companion.adapters.recorder import Recorder
-from companion.arms.planning import Plan
 from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
@@ -52,8 +51,8 @@ class DemoFlight:
     controller: LoadedController
     trajectory_name: str
     trajectory: Trajectory
-    arms: Plan | None
-    """How the arms move meanwhile, from their stowed pose; None to leave them stowed."""
+    arms: str
+    """What they do meanwhile, as in --arms."""
     mock_config: Path
     ports: MockPorts
     seed: int
@@ -114,7 +113,7 @@ def demo(
             load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz),
             trajectory,
             trajectory_named(trajectory, curve),
-            plan_arms(arms, settings, trajectory_named(trajectory, curve)),
+            arms,
             mock_config or default_config_path("mock.toml"),
             ports,
             seed,
@@ -124,6 +123,8 @@ def demo(
     ]
     for flight in flights:
         check_trajectory(flight.trajectory, settings.room, trajectory)
+        for note in _check_arms(flight):
+            console.print(f"  [dim]arms: {note}[/]", highlight=False)
     _check_folder(out, summary)
     results = []
     for flight in flights:
@@ -161,6 +162,12 @@ def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
     mocap = config.mocap.model_copy(update={"port": ports.qualisys})
     arms = config.arms.model_copy(update={"port": ports.servo_link}) if config.arms else None
     return config.model_copy(update={"px4": px4, "mocap": mocap, "arms": arms})
+
+
+def _check_arms(flight: DemoFlight) -> tuple[str, ...]:
+    """What cannot be run is refused before anything starts; what the user should know of the rest."""
+    planned = plan_arms(flight.arms, flight.config, flight.trajectory)
+    return planned.notes if planned is not None else ()
 
 
 def _check_folder(out: Path, summary: Path | None) -> None:
@@ -247,14 +254,16 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
 
 async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
     await service.ready()
+    motion = None
     if flight.config.arms is not None:
         display.say("torque on, arms stowed")
-        await service.prepare_arms()
+        held_rad = await service.prepare_arms()
+        motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
     display.say("offboard mode, then arming")
     await service.arm()
     await service.take_off(flight.config.flight.takeoff_height_m)
-    if flight.arms is not None:
-        await service.move_arms(flight.arms.trajectory)
+    if motion is not None:
+        await service.move_arms(motion.trajectory)
     await service.fly(flight.trajectory)
 
 

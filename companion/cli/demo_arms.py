@@ -5,19 +5,25 @@ from companion.arms.planning import Plan, plan
 from companion.config import CompanionConfig
 from companion.control.reference import Trajectory
 from companion.ports import ConfigError
+from companion.types import Array
 
 _AROUND_S = 30.0
 """The way to the trajectory's start and the pauses: the arms swing on until they are stowed for the landing."""
 
 
-def plan_arms(name: str, config: CompanionConfig, trajectory: Trajectory) -> Plan | None:
-    """A motion for the whole flight, from the stowed pose; None for `off`. Raises ArmError or ConfigError."""
+def plan_arms(
+    name: str, config: CompanionConfig, trajectory: Trajectory, start_rad: Array | None = None
+) -> Plan | None:
+    """A motion for the whole flight, from `start_rad` (8,) or the stowed pose; None for `off`.
+
+    Raises ArmError or ConfigError with the reason why it cannot be run.
+    """
     if config.arms is None:
         if name not in {"off", "swing"}:
             raise ConfigError(f"--arms {name}: this vehicle has no arms, its configuration has no [arms]")
         return None
     if name == "off":
         return None
-    model, stowed_rad = config.arms.model(), config.arms.stow_rad()
-    motion = motion_named(name, trajectory.duration_s + _AROUND_S).trajectory(model, stowed_rad)
-    return plan(model, motion, stowed_rad, via_rad=(config.arms.home_rad(),))
+    model, start = config.arms.model(), config.arms.stow_rad() if start_rad is None else start_rad
+    motion = motion_named(name, trajectory.duration_s + _AROUND_S).trajectory(model, start)
+    return plan(model, motion, start, via_rad=(config.arms.home_rad(),))

@@ -104,10 +104,10 @@ async def stack() -> AsyncIterator[Stack]:
 async def up_and_swinging(flying: Stack) -> None:
     """Hover with both arms in motion."""
     assert flying.config.arms is not None
-    model, stowed = flying.config.arms.model(), flying.config.arms.stow_rad()
-    swing = plan(model, motion_named("swing", 60.0).trajectory(model, stowed), stowed)
+    model = flying.config.arms.model()
     await flying.service.ready()
-    await flying.service.prepare_arms()
+    held_rad = await flying.service.prepare_arms()
+    swing = plan(model, motion_named("swing", 60.0).trajectory(model, held_rad), held_rad)
     await flying.service.arm()
     await flying.service.take_off(HEIGHT_M)
     await flying.service.move_arms(swing.trajectory)
