@@ -73,12 +73,12 @@ async def cycles(bus: DynamixelBus, count: int, timeout_s: float = 1.0) -> None:
         await asyncio.sleep(0.005)
 
 
-def run(work: Coroutine[None, None, T]) -> T:
-    """Run it; Ctrl-C, where it is not minded otherwise, ends with a sentence and exit code 130."""
+def run(work: Coroutine[None, None, T], interrupted: str = "interrupted") -> T:
+    """Run it; Ctrl-C, where it is not minded otherwise, ends with that sentence and exit code 130."""
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
-        typer.echo("interrupted: nothing was moved", err=True)
+        typer.echo(interrupted, err=True)
         raise typer.Exit(INTERRUPTED) from None
 
 

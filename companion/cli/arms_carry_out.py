@@ -11,8 +11,11 @@ from rich.console import Console
 from companion.cli.arms_bench import FAILED, INTERRUPTED, Bench, open_bus, run
 from companion.cli.arms_motion import move_arms
 from companion.cli.arms_plan import Wish, draw, preview
+from companion.cli.arms_table import torque_words
 from companion.ports import ConfigError
 from companion.types import ArmStatus, Array
+
+_UNMOVED = "interrupted: nothing was moved"
 
 
 class From(StrEnum):
@@ -44,14 +47,14 @@ def carry_out(bench: Bench, wish: Wish, how: How) -> None:
         raise ConfigError("--from is for --dry-run: a real motion begins where the arms are")
     if not how.yes and not sys.stdin.isatty():
         raise ConfigError(f"{wish.name} moves the arms, and there is no terminal to ask at: add --yes")
-    status = run(_look(bench))
+    status = run(_look(bench), _UNMOVED)
     _show(console, bench, wish, status.position_rad, how)
-    limp = [] if status.torque_on.all() else ["torque is off; it is switched on where the arms are, without a jump"]
-    console.print(*limp, "at the end the arms hold", sep="; ", highlight=False, soft_wrap=True)
+    limp = "" if status.torque_on.all() else "; it is switched on where the arms are, without a jump"
+    console.print(f"{torque_words(status)}{limp}; at the end the arms hold", highlight=False, soft_wrap=True)
     if not how.yes and not _agreed():
         console.print("nothing was moved")
         raise typer.Exit(FAILED)
-    ended = run(move_arms(bench, wish, status.position_rad, console))
+    ended = run(move_arms(bench, wish, status.position_rad, console), _UNMOVED)
     typer.echo(ended.text if ended.code == 0 else f"companion: {ended.text}", err=ended.code != 0)
     raise typer.Exit(ended.code)
 
@@ -73,5 +76,5 @@ def _agreed() -> bool:
     try:
         return typer.confirm("move?", default=False)
     except typer.Abort:
-        typer.echo("\ninterrupted: nothing was moved", err=True)
+        typer.echo(f"\n{_UNMOVED}", err=True)
         raise typer.Exit(INTERRUPTED) from None

@@ -10,9 +10,8 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.adapters.dynamixel import DynamixelBus
-from companion.arms.model import JOINT_NAMES
 from companion.cli.arms_bench import CLOCK, FAILED, Bench, cycles, failed, open_bus
-from companion.cli.arms_table import REFRESH_HZ, CycleMeter, found_table, state_json, state_table
+from companion.cli.arms_table import REFRESH_HZ, CycleMeter, found_table, state_json, state_table, torque_words
 from companion.ports import ArmError
 from companion.types import ArmStatus
 
@@ -93,16 +92,10 @@ async def clear_servos(bench: Bench) -> None:
         except ArmError as error:
             raise failed(error) from error
         await cycles(bus, 2)
-        limp = [name for name, on in zip(JOINT_NAMES, bus.status().torque_on, strict=True) if not on]
+        torque = torque_words(bus.status())
     try:
         async with open_bus(bench.arms):
             pass
     except ArmError as error:
         raise failed(error) from error
-    typer.echo(f"all 8 servos are well; {_torque_of(limp)}")
-
-
-def _torque_of(limp: list[str]) -> str:
-    if len(limp) == len(JOINT_NAMES):
-        return "torque is off"
-    return f"without torque: {', '.join(limp)}" if limp else "torque is on"
+    typer.echo(f"all 8 servos are well; {torque}")

@@ -72,6 +72,14 @@ def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: floa
     return table
 
 
+def torque_words(status: ArmStatus) -> str:
+    """Who has torque."""
+    limp = [name for name, on in zip(JOINT_NAMES, status.torque_on, strict=True) if not on]
+    if len(limp) == len(JOINT_NAMES):
+        return "torque is off"
+    return f"without torque: {', '.join(limp)}" if limp else "torque is on"
+
+
 def bus_line(status: ArmStatus, rate_hz: float) -> str:
     """How the bus itself does."""
     rate = "" if math.isnan(rate_hz) else f"{rate_hz:.0f} cycles/s, "
