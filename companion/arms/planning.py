@@ -65,7 +65,7 @@ def plan(
     parts, note = _way(model, begin, looked.motion.position_rad[0], via_rad, floor_z_m)
     approach_s = sum(part.duration_s for part in parts)
     if approach_s > 0.0:
-        notes = (*notes, f"the arms first move to its start, {approach_s:.1f} s{', ' + note if note else ''}")
+        notes = (*notes, f"the way to the motion's start takes {approach_s:.1f} s{', ' + note if note else ''}")
     return Plan(InTurn((*parts, slowed)), factor, approach_s, notes)
 
 

@@ -230,7 +230,7 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
 
     def on_interrupt() -> None:
         nonlocal interrupted
-        landing = interrupted or service.phase is Phase.LAND
+        landing = interrupted or service.phase in {Phase.STOW, Phase.LAND}
         display.say("interrupted: already landing" if landing else "interrupted: landing")
         if not interrupted:
             work.cancel()

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
+from companion.arms.machine import ArmPhase
 from companion.flight_loop import Tick
 from companion.supervisor.flight import Phase
 from companion.types import Array
@@ -30,6 +31,8 @@ class FlightDisplay:
         self._title = f"{trajectory}, {controller}"
         self._tick: Tick | None = None
         self._phase: Phase | None = None
+        self._arms: ArmPhase | None = None
+        self._reason = ""
         self._note = ""
         self._started_s = math.nan
         self._sent: deque[bool] = deque(maxlen=_WINDOW)
@@ -67,8 +70,14 @@ class FlightDisplay:
             self._started_s = tick.time_s
         if tick.flight.phase is not self._phase:
             self._phase = tick.flight.phase
-            why = f": {tick.flight.reason}" if tick.flight.reason else ""
+            news = tick.flight.reason not in {"", self._reason}
+            why = f": {tick.flight.reason}" if news else ""
+            self._reason = tick.flight.reason
             self._lines.put(f"{self._clock(tick):>8}  [bold]{self._phase}[/]{why}")
+        if tick.arms is not None and tick.arms.phase is not self._arms:
+            self._arms = tick.arms.phase
+            if self._arms is ArmPhase.FAULT and tick.arms.reason != self._reason:
+                self._lines.put(f"{self._clock(tick):>8}  [red]arms: fault[/]: {tick.arms.reason}")
 
     def _clock(self, tick: Tick) -> str:
         return "" if math.isnan(self._started_s) else f"{tick.time_s - self._started_s:.1f} s"
@@ -78,6 +87,8 @@ class FlightDisplay:
         if tick is None:
             return Text(self._note)
         parts = [f"{self._title}  {self._clock(tick):>8}  {tick.flight.phase:<9}"]
+        if tick.arms is not None:
+            parts.append(f"arms {tick.arms.phase:<8}")
         error = _error_w_m(tick)
         if error is not None:
             parts.append("error " + " ".join(f"{100.0 * value:+5.1f}" for value in error) + " cm")

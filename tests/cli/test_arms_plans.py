@@ -119,7 +119,7 @@ def test_repeating_plays_the_motion_again_from_its_end(typed: Type) -> None:
 
 def test_a_swing_lasts_as_long_as_asked(typed: Type) -> None:
     out = typed("play", "swing", "--duration", "10", "--dry-run", "--from", "home", "--config", DEMO).out
-    found = re.search(r"^play swing: (\S+) s$.*first move to its start, (\S+) s", out, re.M | re.S)
+    found = re.search(r"^play swing: (\S+) s$.*motion's start takes (\S+) s", out, re.M | re.S)
     assert found
     assert float(found[1]) - float(found[2]) == pytest.approx(10.0, abs=0.11)
 
