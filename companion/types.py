@@ -147,6 +147,8 @@ class ArmStatus:
     temperature_c: Array
     voltage_v: Array
     torque_on: NDArray[np.bool_]
+    held_rad: Array
+    """The goals that hold the joints, which their loads keep them a little from; NaN where one is limp or has none."""
     faults: tuple[ArmFault, ...]
     cycles: int
     """Bus cycles completed."""

@@ -80,18 +80,19 @@ class _Mover:
         """Torque on where the joints are; returns the goals that hold them there, (8,)."""
         await self._bus.torque_on()
         end_s = CLOCK.now_s() + _READY_S
-        while not self._bus.status().torque_on.all() or self._bus.status().faults:
+        status = self._bus.status()
+        while np.isnan(status.held_rad).any() or status.faults:
             if CLOCK.now_s() > end_s:
-                said = [fault.text for fault in self._bus.status().faults]
+                said = [fault.text for fault in status.faults]
                 raise ArmError("; ".join(said) or "the arms did not get ready: not every joint has torque")
             await asyncio.sleep(self._period_s)
-        return self._bus.held_rad
+            status = self._bus.status()
+        return status.held_rad
 
     async def run(self, motion: JointTrajectory) -> Ended:
         """The motion, which begins at the goals that hold the joints now, to its end, to its stop, or to a fault."""
         self._look_and_tick()
-        if not self._stage.play(motion, _ON_THE_GROUND.phase):
-            raise ArmError(f"nothing was moved: the arms are in phase {self._stage.state.phase}")
+        self._stage.play(motion, _ON_THE_GROUND.phase)
         self._look_and_tick()  # at once: until then the stage's goals are where the joints were seen
         self._tick_s = self._began_s = CLOCK.now_s()
         self._duration_s = motion.duration_s

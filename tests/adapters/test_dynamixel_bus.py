@@ -122,7 +122,7 @@ async def test_joints_that_are_held_already_keep_their_goals_so_that_loads_do_no
         async with connected(rig) as bus:
             await bus.torque_on()
             await cycles(bus, 10)
-            assert bus.held_rad == pytest.approx(REACH_RAD, abs=max(TICKS_RAD))
+            assert bus.status().held_rad == pytest.approx(REACH_RAD, abs=max(TICKS_RAD))
         assert [servo.table.get("goal_position") for servo in rig.bus.servos.servos] == goals
 
 
@@ -133,9 +133,9 @@ async def test_a_goal_that_is_far_away_is_given_up_but_not_by_a_claw_which_grips
         for servo in (rig.servo(1), rig.servo(4)):
             servo.table.put("goal_position", servo.table.get("goal_position") + 200)
         async with connected(rig) as bus:
-            assert np.isnan(bus.held_rad).all()
+            assert np.isnan(bus.status().held_rad).all()
             await bus.torque_on()
-            assert bus.held_rad[0] == pytest.approx(rig.joints_rad[0], abs=0.1)
+            assert bus.status().held_rad[0] == pytest.approx(rig.joints_rad[0], abs=0.1)
             await until(lambda: abs(rig.joints_rad[3] - 200 * AX_TICK_RAD) < 3.0 * AX_TICK_RAD)
             assert rig.joints_rad[0] < 0.5 * 200 * TICK_RAD
 

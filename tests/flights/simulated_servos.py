@@ -41,6 +41,8 @@ class SimulatedServos:
             return self._last
         angle, rate, _ = self._rack.motion()
         nothing, now_s = np.zeros(JOINT_COUNT), self._room.now_s()
+        powered = np.array([servo.motor.powered for servo in self._rack.servos])
+        goal = np.array([servo.motor.goal_rad for servo in self._rack.servos])
         self._last = ArmStatus(
             np.full(JOINT_COUNT, now_s),
             self._sign * (np.array(angle) - self._zero_rad),
@@ -48,7 +50,8 @@ class SimulatedServos:
             nothing,
             nothing,
             nothing,
-            np.array([servo.motor.powered for servo in self._rack.servos]),
+            powered,
+            np.where(powered, self._sign * (goal - self._zero_rad), np.nan),
             self._faults,
             len(self.goals_rad),
             0.003,

@@ -56,11 +56,6 @@ class DynamixelBus:
         """The last known state; never waits."""
         return self._worker.status
 
-    @property
-    def held_rad(self) -> Array:
-        """The goals that hold the joints, (8,), which their loads keep them a little from; NaN where one is limp."""
-        return self._worker.held_rad()
-
     def move(self, position_rad: Array) -> None:
         """Take new goals, (8,); never waits, the latest wins.
 

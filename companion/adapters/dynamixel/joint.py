@@ -42,7 +42,7 @@ class Joint:
     driven: bool = False
     """We have switched its torque on, and send it goals."""
     sent_rad: float = math.nan
-    """Last goal sent."""
+    """Last goal sent; NaN when it is not known which one the servo has."""
     wanted_rad: float = math.nan
     faults: set[ArmFaultKind] = field(default_factory=set)
 
@@ -55,6 +55,11 @@ class Joint:
     def label(self) -> str:
         """For sentences."""
         return f"{self.name} (ID {self.servo_id})"
+
+    @property
+    def held_rad(self) -> float:
+        """The goal that holds it; NaN while it is limp, or held by one that is not ours."""
+        return self.sent_rad if self.torque_on else math.nan
 
     @property
     def profile(self) -> bytes:

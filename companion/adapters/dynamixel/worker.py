@@ -174,10 +174,6 @@ class Worker:
             if not self._chain.first_look(joint):
                 self._faults.silent(joint, self._clock.now_s() - joint.heard_s)
 
-    def held_rad(self) -> Array:
-        """Goals sent last, (8,); NaN where none are sent."""
-        return np.array([joint.sent_rad if joint.driven else math.nan for joint in self._chain.joints])
-
     def _status(self) -> ArmStatus:
         joints = self._chain.joints
         columns: Array = np.array([_numbers(joint.reading) for joint in joints]).T
@@ -189,6 +185,7 @@ class Worker:
             temperature_c=columns[3],
             voltage_v=columns[4],
             torque_on=np.array([joint.torque_on for joint in joints]),
+            held_rad=np.array([joint.held_rad for joint in joints]),
             faults=self._faults.faults,
             cycles=self._cycles,
             cycle_s=self._cycle_s,
