@@ -1,4 +1,4 @@
-"""The driver over a pty against simulated servos: connecting, moving, holding, torque on and off, closing."""
+"""The driver over a pty against simulated servos: connecting, moving, torque on and off, closing."""
 
 import threading
 from itertools import pairwise
@@ -174,34 +174,6 @@ async def test_goals_of_another_shape_are_refused() -> None:
     async with mock_bus() as rig, connected(rig) as bus:
         with pytest.raises(ValueError, match="shape"):
             bus.move(np.zeros(7))
-
-
-async def test_hold_stops_a_moving_arm_and_stays() -> None:
-    async with mock_bus() as rig, connected(rig) as bus:
-        await bus.torque_on()
-        bus.move(np.full(8, 1.0))
-        await until(lambda: rig.joints_rad[:2].min() > 0.3)
-        bus.hold()
-        await until(lambda: not bus.status().velocity_radps.any())
-        stopped_rad = rig.joints_rad
-        assert (stopped_rad[[0, 1]] < 0.8).all()
-        bus.hold()
-        await cycles(bus, 20)
-        assert rig.joints_rad == pytest.approx(stopped_rad, abs=3 * max(TICKS_RAD))
-        assert bus.status().torque_on.all()
-
-
-async def test_holding_again_and_again_does_not_let_a_loaded_joint_creep() -> None:
-    async with mock_bus() as rig, connected(rig) as bus:
-        rig.load_nm = (-0.8,) * 3 + (-0.1,) + (-0.8,) * 3 + (-0.1,)
-        await bus.torque_on()
-        bus.hold()
-        await cycles(bus, 25)
-        sagged_rad = rig.joints_rad
-        for _ in range(12):
-            bus.hold()
-            await cycles(bus, 2)
-        assert rig.joints_rad == pytest.approx(sagged_rad, abs=2 * max(TICKS_RAD))
 
 
 async def test_torque_off_is_limp_and_stays_limp_although_goals_come() -> None:

@@ -1,4 +1,4 @@
-"""Counts and SI values, goals that cannot jump, and answers taken apart: against the manuals' own numbers."""
+"""Counts and SI values, and answers taken apart: against the manuals' own numbers."""
 
 import math
 
@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from companion.adapters.dynamixel.conversion import JointScale, at_least_one
 from companion.adapters.dynamixel.joint import joints_of
-from companion.adapters.dynamixel.limiter import next_goal, stopping_point
 from companion.adapters.dynamixel.registers import MODELS, XM_BAUDS, Ax, Register, Xm, ax_baud
 from companion.adapters.dynamixel.wire import fast_answers
 from companion.config_arms import BAUDS, ArmsConfig
@@ -116,33 +115,6 @@ def test_profiles_of_all_joints_leave_room_for_their_limits() -> None:
             accel_radps2 = int.from_bytes(joint.profile[:4], "little") * 214.577 * 2.0 * math.pi / 3600.0
             assert accel_radps2 == pytest.approx(3.0 * joint.limit.max_accel_radps2, rel=0.02)
         assert speed_radps == pytest.approx(1.5 * joint.limit.max_velocity_radps, rel=0.02)
-
-
-angles = st.floats(-3.0, 3.0)
-
-
-@given(angles, angles, st.floats(0.01, 10.0), st.floats(0.0, 0.1))
-def test_goals_never_jump_and_never_overshoot(sent: float, wanted: float, fastest: float, dt_s: float) -> None:
-    goal = next_goal(sent, wanted, fastest, dt_s)
-    assert abs(goal - sent) <= fastest * dt_s + 1e-12
-    assert min(sent, wanted) - 1e-12 <= goal <= max(sent, wanted) + 1e-12
-
-
-@given(angles, angles, st.floats(0.5, 10.0))
-def test_goals_arrive(sent: float, wanted: float, fastest: float) -> None:
-    for _ in range(1 + math.ceil(abs(wanted - sent) / (fastest * 0.01))):
-        sent = next_goal(sent, wanted, fastest, 0.01)
-    assert sent == pytest.approx(wanted, abs=1e-9)
-
-
-def test_a_clock_that_goes_back_moves_nothing() -> None:
-    assert next_goal(0.3, 1.0, 3.0, -0.01) == 0.3
-
-
-def test_a_joint_stops_where_braking_ends() -> None:
-    assert stopping_point(0.5, 3.0, 20.0) == pytest.approx(0.5 + 9.0 / 40.0)
-    assert stopping_point(0.5, -3.0, 20.0) == pytest.approx(0.5 - 9.0 / 40.0)
-    assert stopping_point(0.5, 0.0, 20.0) == 0.5
 
 
 def test_the_manuals_example_of_a_fast_sync_read() -> None:

@@ -67,9 +67,9 @@ class DynamixelBus:
         self._worker.goals = Goals(tuple(position_rad.tolist()))
 
     def hold(self) -> None:
-        """Stop every joint where it can come to rest from where it was last seen; never waits. Torque stays on.
+        """Bring every joint's goals to rest from the last ones that were sent; never waits. Torque stays on.
 
-        Said again while holding it changes nothing, so that a loaded joint does not creep.
+        Goals that stand stay: a loaded joint does not creep, a claw keeps its grip.
         """
         goals = self._worker.goals
         if goals is None or goals.position_rad is not None:

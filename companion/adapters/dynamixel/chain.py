@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum
 
 from companion.adapters.dynamixel.faults import FaultLog
-from companion.adapters.dynamixel.joint import LIMITER_HEADROOM, Joint
-from companion.adapters.dynamixel.limiter import next_goal
+from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import ALERT, Xm
 from companion.adapters.dynamixel.wire import Answer, Wire
 from companion.config_arms import ArmsConfig
@@ -69,7 +68,8 @@ class Chain:
         """One sync write a protocol, to every joint that is driven and sound."""
         dt_s, self._goals_s = min(now_s - self._goals_s, _LONGEST_STEP_S), now_s
         for protocol, joints in ((2, self._xm), (1, self._ax)):
-            counts = {joint.servo_id: _advanced(joint, dt_s) for joint in joints if joint.driven and not joint.faults}
+            driven = [joint for joint in joints if joint.driven and not joint.faults]
+            counts = {joint.servo_id: joint.scale.counts(joint.advance(dt_s)) for joint in driven}
             if counts:
                 self.wire.sync_write(protocol, joints[0].scale.model.goal, counts)
 
@@ -176,10 +176,3 @@ class Chain:
         chosen = next((joint for joint in waiting if joint.place > last), waiting[0])
         self._turns[turn] = chosen.place
         return chosen
-
-
-def _advanced(joint: Joint, dt_s: float) -> int:
-    """Move the goal on towards the wanted one, and give it in counts."""
-    fastest = LIMITER_HEADROOM * joint.limit.max_velocity_radps
-    joint.sent_rad = next_goal(joint.sent_rad, joint.wanted_rad, fastest, dt_s)
-    return joint.scale.counts(joint.sent_rad)

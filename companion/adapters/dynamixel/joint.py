@@ -1,9 +1,11 @@
 """What the worker knows of one joint; belongs to the worker's thread."""
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 from companion.adapters.dynamixel.conversion import Health, JointScale, Reading, at_least_one
+from companion.adapters.dynamixel.limiter import braking_velocity, goal_velocity, next_goal, stopping_point
 from companion.adapters.dynamixel.registers import AX_ALARMS, Ax, Xm
 from companion.arms.model import JOINT_NAMES, KINDS, JointLimit
 from companion.config_arms import ArmsConfig
@@ -14,6 +16,8 @@ LIMITER_HEADROOM = 1.2
 PROFILE_VELOCITY_HEADROOM = 1.5
 PROFILE_ACCEL_HEADROOM = 3.0
 """The servo's own profile is the second guard. Its lag behind streamed goals is v^2 / 2a, so it gets room."""
+_STEPS = 5
+"""Cycles from which the speed of the goals is told."""
 
 
 @dataclass
@@ -44,6 +48,10 @@ class Joint:
     sent_rad: float = math.nan
     """Last goal sent; NaN when it is not known which one the servo has."""
     wanted_rad: float = math.nan
+    stopping: bool = False
+    """The goals are being brought to rest, where they were going."""
+    steps: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_STEPS))
+    """How the goals sent last went on, each (s, rad)."""
     faults: set[ArmFaultKind] = field(default_factory=set)
 
     @property
@@ -94,10 +102,33 @@ class Joint:
         """From now on goals are sent, starting with the one that it has."""
         self.driven = self.torque_on = True
         self.sent_rad = self.wanted_rad = goal_rad
+        self.steps.clear()
 
-    def clipped(self, joint_rad: float) -> float:
-        """Inside the joint's limits."""
-        return min(max(joint_rad, self.limit.min_rad), self.limit.max_rad)
+    def order(self, goal_rad: float) -> None:
+        """Where to go from now on, kept inside the limits; one that is held beyond them is never moved further out.
+
+        Nor is it moved in until a goal leads there: it would be the joint's first move, and nobody asked for it.
+        """
+        low, high = min(self.limit.min_rad, self.sent_rad), max(self.limit.max_rad, self.sent_rad)
+        self.wanted_rad, self.stopping = min(max(goal_rad, low), high), False
+
+    def stop(self) -> None:
+        """Bring the goals to rest from where and how they move, or leave the one that stands.
+
+        Never from where the joint was seen: that is behind its goal, long behind when it was read a while ago, or far
+        from it under a load, and an arm would run back, a claw open.
+        """
+        self.order(stopping_point(self.sent_rad, goal_velocity(tuple(self.steps)), self.limit.max_accel_radps2))
+        self.stopping = True
+
+    def advance(self, dt_s: float) -> float:
+        """The goal to send `dt_s` after the last one, rad."""
+        fastest = LIMITER_HEADROOM * self.limit.max_velocity_radps
+        if self.stopping:
+            fastest = min(fastest, braking_velocity(self.wanted_rad - self.sent_rad, self.limit.max_accel_radps2))
+        before, self.sent_rad = self.sent_rad, next_goal(self.sent_rad, self.wanted_rad, fastest, dt_s)
+        self.steps.append((dt_s, self.sent_rad - before))
+        return self.sent_rad
 
 
 def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:

@@ -14,7 +14,7 @@ class Goals:
     """What the slot holds; a new object is a new order."""
 
     position_rad: tuple[float, ...] | None = None
-    """By joint; None: stop where you are."""
+    """By joint; None: come to rest."""
 
 
 @dataclass

@@ -12,7 +12,6 @@ from companion.adapters.dynamixel.conversion import Reading
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
 from companion.adapters.dynamixel.joint import joints_of
-from companion.adapters.dynamixel.limiter import stopping_point
 from companion.adapters.dynamixel.orders import Commands, Goals, deliver
 from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning
 from companion.adapters.dynamixel.torque import Steps, clear_faults, torque_off, torque_on
@@ -131,13 +130,12 @@ class Worker:
             return
         self._obeyed = goals
         for joint in self._chain.joints:
-            if not joint.driven or joint.reading is None:
+            if not joint.driven:
                 continue
             if goals.position_rad is None:
-                reading, accel = joint.reading, joint.limit.max_accel_radps2
-                joint.wanted_rad = joint.clipped(stopping_point(reading.position_rad, reading.velocity_radps, accel))
+                joint.stop()
             elif math.isfinite(goals.position_rad[joint.place]):
-                joint.wanted_rad = joint.clipped(goals.position_rad[joint.place])
+                joint.order(goals.position_rad[joint.place])
 
     def switch_on(self) -> Steps:
         """Torque on; forgets the goals that were given before."""
