@@ -160,10 +160,11 @@ async def _swinging(path: str, ticking: _Ticking) -> AsyncIterator[None]:
 
 
 def _swing(stage: ArmStage, arms: ArmsConfig) -> None:
-    present_rad = stage.status.position_rad
-    swing = motion_named("swing", LONGEST_S).trajectory(arms.model(), present_rad)
-    if not stage.play(plan(arms.model(), swing, present_rad).trajectory, Phase.HOLD):
-        raise BenchError(f"the arms do not move: they are {stage.state.phase} {stage.state.reason}")
+    held_rad = stage.held_rad
+    if held_rad is None:
+        raise BenchError(f"the arms do not hold still: they are {stage.state.phase} {stage.fault}")
+    swing = motion_named("swing", LONGEST_S).trajectory(arms.model(), held_rad)
+    stage.play(plan(arms.model(), swing, held_rad).trajectory, Phase.HOLD)
 
 
 def _worker_cpu_s() -> float:

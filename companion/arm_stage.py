@@ -19,11 +19,11 @@ from companion.arms.feedforward import (
 from companion.arms.machine import ArmAction, ArmFacts, ArmPhase, ArmRules, ArmState, goal_at
 from companion.arms.model import CLAWS, JOINT_NAMES
 from companion.arms.planning import to_pose
-from companion.arms.trajectory import JointTrajectory
-from companion.config_arms import ArmsConfig
+from companion.arms.trajectory import JointTrajectory, at_rest
+from companion.config_arms import ArmsConfig, Feedforward
 from companion.control.controller import VehicleModel
 from companion.control.frames import matrix_from_quat
-from companion.ports import ArmBus, CompanionError
+from companion.ports import ArmBus, ArmError, CompanionError
 from companion.supervisor.flight import Flight, Phase
 from companion.types import ArmStatus, Array, JointMotion
 
@@ -54,7 +54,7 @@ class ArmStage:
         self._airframe, self._period_s = airframe, period_s
         self._leads = _leads(vehicle, config.servo_lag_s)
         self._stow_rad = config.stow_rad()
-        self._rules = ArmRules(self._way_to_stow, config.torque_off_after_landing)
+        self._rules = ArmRules(self.way_to_stow, config.torque_off_after_landing)
         self._state = ArmState()
         self._status = bus.status()
         self._facts: ArmFacts | None = None
@@ -62,7 +62,7 @@ class ArmStage:
         self._known = np.zeros(3)
         self._broken = ""
         """What is wrong with this side of the bus; latched."""
-        self._releasing: asyncio.Task[None] | None = None
+        self._releasing: set[asyncio.Task[None]] = set()
 
     @property
     def state(self) -> ArmState:
@@ -73,6 +73,17 @@ class ArmStage:
     def status(self) -> ArmStatus:
         """What the bus last said."""
         return self._status
+
+    @property
+    def stowed(self) -> bool:
+        """Folded, and at rest: a motion that passes the stowed pose is not there."""
+        return self._state.motion is None and not self.off_stow
+
+    def is_busy(self, flight: Flight) -> bool:
+        """Whether a motion is run, or a fold is due and possible."""
+        due = flight.phase in machine.MUST_STOW and bool(self.off_stow) and not self._state.no_way
+        able = not self.fault and self._state.phase is not ArmPhase.OFF
+        return able and (due or self._state.motion is not None)
 
     @property
     def held_rad(self) -> Array | None:
@@ -103,15 +114,9 @@ class ArmStage:
         unread_s = now_s - float(self._status.read_s.max())
         if unread_s > _STALE_S and math.isfinite(unread_s) and not self._broken:
             self._broken = f"bus: no servo was read for {unread_s:.1f} s"
-        self._facts = ArmFacts(
-            now_s,
-            self._status.position_rad,
-            bool(self._status.torque_on.all()),
-            self.fault,
-            not self.off_stow,
-            flight.phase,
-            flight.touched_down,
-        )
+        held_rad = np.where(np.isnan(self._status.held_rad), self._status.position_rad, self._status.held_rad)
+        torque_on = bool(self._status.torque_on.all())
+        self._facts = ArmFacts(now_s, held_rad, torque_on, self.fault, self.stowed, flight.phase, flight.touched_down)
 
     def known_accel_w_mps2(self, q_w_flu_wxyz: Array) -> Array:
         """What the commanded motion does to the vehicle when a setpoint sent now acts; (3,) in W, 0 unless told."""
@@ -145,12 +150,12 @@ class ArmStage:
         self._known_b = self._push_of_next_cycle(now_s + self._period_s, flight)
         return ArmTick(self._state.phase, self._state.reason, goal, self._status, self._known)
 
-    def play(self, motion: JointTrajectory, flight: Phase) -> bool:
-        """Begin a planned motion; False where the flight's present phase or the arms' own does not allow it."""
-        if self._facts is None or not machine.can_play(self._state, flight):
-            return False
+    def play(self, motion: JointTrajectory, flight: Phase) -> None:
+        """Begin a motion that was planned from `held_rad`; ArmError with the reason why it may not begin now."""
+        refusal = machine.refusal(self._state, motion, flight)
+        if refusal or self._facts is None:
+            raise ArmError(refusal or "the arms have not been read yet")
         self._state = machine.play(self._state, motion, replace(self._facts, flight=flight))
-        return True
 
     def stop(self, reason: str) -> None:
         """Bring a motion to rest on its way."""
@@ -161,25 +166,42 @@ class ArmStage:
         """Hold where the joints are; ArmError naming the joints that refuse."""
         await self._bus.torque_on()
 
+    async def clear_faults(self) -> None:
+        """Forget what is latched, on this side, too; ArmError naming what is still wrong."""
+        await self._bus.clear_faults()
+        self._broken = ""
+
     async def close(self) -> None:
         """Wait for what was begun."""
-        if self._releasing is not None:
-            await asyncio.gather(self._releasing, return_exceptions=True)
+        await asyncio.gather(*self._releasing, return_exceptions=True)
 
-    def _way_to_stow(self, now: JointMotion) -> JointTrajectory:
-        return to_pose(self._model, now, self._stow_rad, via_rad=(self._config.home_rad(),)).trajectory
+    def way_to_stow(self, held_rad: Array, floor_z_m: float | None = None) -> JointTrajectory | None:
+        """From where the joints are held (8,) to the stowed pose; None where the goals are there already.
+
+        Claws keep what they hold. `floor_z_m` is the floor's height in the body frame, for a vehicle that stands.
+        Raises ArmError when there is no way.
+        """
+        claws = list(CLAWS)
+        goal_rad, home_rad = self._stow_rad.copy(), self._config.home_rad()
+        goal_rad[claws] = home_rad[claws] = held_rad[claws]
+        if np.allclose(goal_rad, held_rad):
+            return None
+        return to_pose(self._model, held_rad, goal_rad, (home_rad,), floor_z_m).trajectory
 
     def _push_of_next_cycle(self, time_s: float, flight: Flight) -> Array:
         """Acceleration (3,), body frame, that the arms give the vehicle when a setpoint of `time_s` has its effect."""
-        if not flight.airborne or self._config.feedforward == "off":
+        if not flight.airborne or self._config.feedforward is Feedforward.OFF:
             self._trimmed_b = np.zeros(3)
             return np.zeros(3)
-        across, upward, turning = (goal_at(self._state, time_s + lead_s) for lead_s in self._leads)
-        if across is None or upward is None or turning is None:
-            return np.zeros(3)
+        across, upward, turning = (self._motion_at(time_s + lead_s) for lead_s in self._leads)
         ahead, above = (force_accel_b_mps2(self._model, self._airframe, motion) for motion in (across, upward))
-        tilt = self._tilt(turning) if self._config.feedforward == "full" else np.zeros(3)
+        tilt = self._tilt(turning) if self._config.feedforward is Feedforward.FULL else np.zeros(3)
         return np.array((ahead[0] + tilt[0], ahead[1] + tilt[1], above[2]))
+
+    def _motion_at(self, time_s: float) -> JointMotion:
+        """What is asked for; without a goal, standing where the joints are: what tilts the vehicle is still there."""
+        goal = goal_at(self._state, time_s)
+        return at_rest(self._status.position_rad) if goal is None else goal
 
     def _tilt(self, motion: JointMotion) -> Array:
         """Acceleration by the tilt that the motion causes, less what the autopilot has trimmed out by then."""
@@ -197,10 +219,11 @@ class ArmStage:
     def _act(self, action: ArmAction | None) -> None:
         if action is ArmAction.HOLD:
             self._bus.hold()
-        elif action is ArmAction.TORQUE_OFF and self._releasing is None:
-            self._releasing = asyncio.get_running_loop().create_task(
-                _attempt(self._bus.torque_off()), name="companion.arms_torque_off"
-            )
+        elif action is ArmAction.TORQUE_OFF:
+            call = _attempt(self._bus.torque_off())
+            task = asyncio.get_running_loop().create_task(call, name="companion.arms_torque_off")
+            self._releasing.add(task)
+            task.add_done_callback(self._releasing.discard)
 
 
 async def _attempt(call: Awaitable[None]) -> None:

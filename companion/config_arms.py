@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal
+from enum import StrEnum
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
@@ -15,6 +15,16 @@ MODELS = ("AX-12A", "XM430-W350", "XM430-W210")
 BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """An XM's, https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#baud-rate; an AX has the first four of them."""
 AX_FASTEST_BAUD = 1_000_000
+
+
+class Feedforward(StrEnum):
+    """What the law is told of the arms' commanded motion."""
+
+    OFF = "off"
+    FORCE = "force"
+    """The links' reaction force."""
+    FULL = "full"
+    """And the tilt that the arms cause."""
 
 
 class ServoConfig(Section):
@@ -132,8 +142,8 @@ class ArmsConfig(Section):
     stowed_within_rad: float = Field(0.1, gt=0.0, le=0.5, description="a joint so near its stow angle is stowed, rad")
     torque_off_after_landing: bool = Field(False, description="let the arms go limp once the vehicle is disarmed")
     land_on_fault: bool = Field(True, description="land on a servo fault in flight; false: only stop the arms")
-    feedforward: Literal["off", "force", "full"] = Field(
-        "full",
+    feedforward: Feedforward = Field(
+        Feedforward.FULL,
         description="what the law is told of the commanded motion: nothing, the reaction force, the tilt as well",
     )
     servo_lag_s: float = Field(0.06, ge=0.0, le=0.5, description="how late the joints follow their goals, s")

@@ -43,10 +43,15 @@ def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = 
     By way of JSON, because there a strict model takes an array for a tuple; TOML has no tuples either.
     """
     try:
-        return model.model_validate_json(json.dumps(data, default=str))
+        return model.model_validate_json(json.dumps(data, default=_no_such_value))
     except ValidationError as error:
         lines = [_sentence(detail, model, under) for detail in error.errors()]
         raise ConfigError("\n".join(f"{path}: {line}" for line in lines)) from error
+
+
+def _no_such_value(value: object) -> dict[str, str]:
+    """TOML's dates and times, which nothing here is: a table, so that no model takes them for text."""
+    return {type(value).__name__: str(value)}
 
 
 def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:

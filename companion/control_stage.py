@@ -35,6 +35,8 @@ class ControlStage:
         self._decided: Any = None
         self._wanted: AttitudeThrust | None = None
         self._yaw_rad = 0.0
+        self._countered_w_mps2 = _NOTHING
+        """The part of what was sent that only counters the arms."""
         self.sent = idle_setpoint(0.0)
         """The last setpoint that went out; whoever sends sets it."""
         self._warm_up()
@@ -47,6 +49,7 @@ class ControlStage:
     def forget(self) -> None:
         """The next `fly` begins with nothing learnt: at lift-off."""
         self._memory, self._decided, self._wanted = None, None, None
+        self._countered_w_mps2 = _NOTHING
 
     def settle(self) -> dict[str, Array]:
         """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
@@ -96,10 +99,11 @@ class ControlStage:
             vehicle.rate_flu_radps,
             age_s,
             ahead,
-            accel_of_setpoint(self.sent, self._model),
+            accel_of_setpoint(self.sent, self._model) + self._countered_w_mps2,
             dt_s,
             known_accel_w_mps2,
         )
+        self._countered_w_mps2 = known_accel_w_mps2
         output = self._decide(now)
         if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:
             self._yaw_rad = ahead.yaw_rad

@@ -107,6 +107,7 @@ class FlightLoop:
         self._frame_number: int | None = None
         self._flight = Flight()
         self._streaming = False
+        self._ticking = False
         self._last_tick_s = -math.inf
         self._tasks: set[asyncio.Task[None]] = set()
         self.missed_cycles = 0
@@ -138,6 +139,7 @@ class FlightLoop:
     async def run(self) -> None:
         """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
         timer = TickTimer(self._period_s, self._clock.now_s() + self._period_s)
+        self._ticking = True
         try:
             while True:
                 frame_arrived_s = await self._next_start(timer)
@@ -147,9 +149,11 @@ class FlightLoop:
         except asyncio.CancelledError:
             raise
         except BaseException as error:
+            self._ticking = False
             await self._abandon(str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}")
             raise
         finally:
+            self._ticking = False
             for task in list(self._tasks):
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -157,7 +161,9 @@ class FlightLoop:
                 await self.arms.close()
 
     async def close(self) -> None:
-        """Leave no vehicle in the air to a stream that goes on by itself."""
+        """Leave no vehicle in the air to a stream that goes on by itself, and no arm in the middle of a motion."""
+        if self.arms is not None:
+            self.arms.stop("the service was closed")
         await self._abandon("the service was closed")
 
     async def _next_start(self, timer: TickTimer) -> float | None:
@@ -228,9 +234,10 @@ class FlightLoop:
         position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
         return Facts(now_s, position, velocity, yaw_rad, age_s, status.armed, status.mode, *self._of_the_arms())
 
-    def _of_the_arms(self) -> tuple[bool, str]:
-        """Whether they are stowed, and what is wrong with them."""
-        return (True, "") if self.arms is None else (not self.arms.off_stow, self.arms.fault)
+    def _of_the_arms(self) -> tuple[bool, str, str]:
+        """Whether they are stowed, what is wrong with them, and why they cannot be stowed."""
+        arms = self.arms
+        return (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
 
     def _judge_estimate(self) -> None:
         """A filter that had to begin anew in the air means that motion capture jumped: nothing known before holds."""
@@ -337,11 +344,24 @@ class FlightLoop:
             LOG.exception("what the loop asked of the autopilot failed")
 
     async def _abandon(self, reason: str) -> None:
-        """The autopilot lands what is still flown, and we send nothing more; waits until it was told."""
-        if self._flight.phase not in COMMANDED:
+        """The autopilot lands what is still flown, and we send nothing more.
+
+        Waits until it has answered, and until the arms have folded.
+        """
+        if self._flight.phase in COMMANDED:
+            self._hand_over(reason)
+        await asyncio.gather(self._settle_arms(), *self._tasks, return_exceptions=True)
+
+    async def _settle_arms(self) -> None:
+        """Let the arms fold, or at least come to rest, for as long as that may take; nothing else is done any more."""
+        if self.arms is None:
             return
-        self._hand_over(reason)
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        end_s = self._clock.now_s() + self._rules.stow_time_s
+        while self.arms.is_busy(self._flight) and self._clock.now_s() < end_s:
+            if not self._ticking:
+                self.arms.read(self._clock.now_s(), self._flight)
+                self.arms.tick(self._clock.now_s(), self._flight)
+            await asyncio.sleep(self._period_s)
 
 
 def rules_of(config: CompanionConfig) -> FlightRules:

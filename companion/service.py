@@ -12,7 +12,6 @@ from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
 from companion.arms.machine import ArmPhase
-from companion.arms.planning import to_pose
 from companion.arms.trajectory import JointTrajectory
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
@@ -56,13 +55,13 @@ async def open_service(config: CompanionConfig, law: Controller, sink: TickSink)
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
-        for warning in arms.warnings if arms is not None else ():
-            LOG.warning("%s", warning)
         loop = FlightLoop(Devices(mocap, autopilot, clock, arms), law, config, sink)
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
-            yield Service(loop, autopilot, config, ticking)
+            service = Service(loop, autopilot, config, ticking)
+            service.warnings = arms.warnings if arms is not None else ()
+            yield service
         finally:
             await loop.close()
             ticking.cancel()
@@ -82,7 +81,14 @@ class Service:
         self, loop: FlightLoop, autopilot: Autopilot, config: CompanionConfig, ticking: "asyncio.Task[None]"
     ) -> None:
         self.loop = loop
+        self.warnings: tuple[str, ...] = ()
+        """What a device would like to have otherwise, for the operator to read."""
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong in this flight, although it may have ended as it should; empty when nothing did."""
+        return self.loop.flight.reason or (self.loop.arms.fault if self.loop.arms is not None else "")
 
     @property
     def phase(self) -> Phase:
@@ -184,9 +190,8 @@ class Service:
             raise FlightError(_NO_ARMS)
         await arms.torque_on()
         held_rad = await self._arms_hold(_TORQUE_S)
-        if arms.off_stow:
-            via = (config.home_rad(),)
-            fold = to_pose(config.model(), held_rad, config.stow_rad(), via, config.floor_z_m).trajectory
+        fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None
+        if fold is not None:
             await self.move_arms(fold)
             held_rad = await self._arms_hold(fold.duration_s + _TORQUE_S)
         if not await self._until(lambda: not arms.off_stow, _TORQUE_S):
@@ -194,12 +199,20 @@ class Service:
         return held_rad
 
     async def move_arms(self, motion: JointTrajectory) -> None:
-        """Begin a motion that was planned from where the joints are held; returns at once."""
+        """Begin a motion that was planned from where the joints are held; returns at once.
+
+        Raises ArmError with the reason why it may not begin, FlightError for a vehicle without arms.
+        """
         arms = self.loop.arms
         if arms is None:
             raise FlightError(_NO_ARMS)
-        if not arms.play(motion, self.phase):
-            raise FlightError(f"the arms cannot move: they are {arms.state.phase} in flight phase {self.phase}")
+        arms.play(motion, self.phase)
+
+    async def clear_arm_faults(self) -> None:
+        """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare_arms` again."""
+        if self.loop.arms is None:
+            raise FlightError(_NO_ARMS)
+        await self.loop.arms.clear_faults()
 
     async def _arms_hold(self, timeout_s: float) -> Array:
         """Wait until they stand still; the joint angles (8,) that they are held at."""

@@ -3,6 +3,7 @@
 Deterministic: the same configuration, seed and timed inputs give the same truth, bit by bit.
 """
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -57,7 +58,8 @@ class World:
     def _fit_arms(self, config: ArmsConfig) -> None:
         px4 = self.vehicle.params
         roll_s, pitch_s, yaw_s = (
-            px4[f"MC_{axis}RATE_P"] / px4[f"MC_{axis}RATE_I"] for axis in ("ROLL", "PITCH", "YAW")
+            px4[f"MC_{axis}RATE_P"] / px4[f"MC_{axis}RATE_I"] if px4[f"MC_{axis}RATE_I"] else math.inf
+            for axis in ("ROLL", "PITCH", "YAW")
         )
         self.servos = ServoRack(config.bus)
         self.arms = Arms(config.assembly(), self.servos, self._params.mass_kg, (roll_s, pitch_s, yaw_s))

@@ -71,6 +71,18 @@ def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
     assert stage.preview_s == 0.07
 
 
+def test_what_counters_the_arms_is_not_told_as_something_that_moves_the_vehicle() -> None:
+    law, arms_mps2 = Script(np.array([0.2, -0.1, 0.3]), event=1.0), np.array([0.15, 0.0, -0.1])
+    stage = stage_of(law)
+    stage.sent = stage.fly(VEHICLE, 0.012, reference(), DT_S, arms_mps2).gated.setpoint
+    stage.fly(VEHICLE, 0.012, reference(), DT_S, 2.0 * arms_mps2)
+    np.testing.assert_allclose(law.seen[1].known_accel_w_mps2, 2.0 * arms_mps2)
+    np.testing.assert_allclose(law.seen[1].sent_accel_w_mps2, law.accel + arms_mps2, atol=1e-9)
+    stage.forget()
+    stage.fly(VEHICLE, 0.012, reference(), DT_S)
+    np.testing.assert_allclose(law.seen[2].sent_accel_w_mps2, law.accel, atol=1e-9)
+
+
 def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> None:
     law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)

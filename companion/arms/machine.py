@@ -3,11 +3,15 @@
 Arms move only where the flight allows it, fold before a landing, and after a fault hold still: neither limp nor moving.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+import numpy as np
+
 from companion.arms.braking import Braked
+from companion.arms.model import JOINT_NAMES
 from companion.arms.trajectory import JointTrajectory, at_rest
 from companion.ports import ArmError
 from companion.supervisor.flight import Phase
@@ -34,7 +38,8 @@ MUST_STOW = frozenset({Phase.STOW, Phase.HANDED_OVER})
 
 
 _BRAKING_S = 0.5
-_NO_WAY = "the arms cannot be stowed"
+_SAME_RAD = 0.02
+"""A motion that begins so near to where the joints are held begins there."""
 
 
 class ArmAction(StrEnum):
@@ -48,8 +53,8 @@ class ArmAction(StrEnum):
 class ArmRules:
     """Numbers of the machine, and the way to the stowed pose."""
 
-    stow_from: Callable[[JointMotion], JointTrajectory]
-    """A motion from here to the stowed pose; ArmError when there is no way."""
+    stow_from: Callable[[Array], JointTrajectory | None]
+    """A motion from a pose (8,) to the stowed one, None if it is that one; ArmError when there is no way."""
     torque_off_after_landing: bool = False
 
 
@@ -58,12 +63,14 @@ class ArmFacts:
     """What is known at a cycle."""
 
     time_s: float
-    position_rad: Array
+    held_rad: Array
+    """What holds the joints (8,): their goals, or where they are."""
     torque_on: bool
     """Every joint has torque."""
     fault: str
     """The first latched fault in words; empty when there is none."""
     stowed: bool
+    """Folded, and at rest."""
     flight: Phase
     touched_down: bool
 
@@ -82,6 +89,10 @@ class ArmState:
     action: ArmAction | None = None
     reason: str = ""
     """Why the last motion was ended before its time; empty when it was not."""
+    no_way: str = ""
+    """Why the arms cannot be folded from where they are; empty when they can, or nobody asked."""
+    released: bool = False
+    """After this landing the torque has been taken off once."""
 
 
 def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
@@ -91,55 +102,72 @@ def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
     return None if arms.hold_rad is None else at_rest(arms.hold_rad)
 
 
-def can_play(arms: ArmState, flight: Phase) -> bool:
-    """Whether a motion may begin."""
-    return arms.phase is ArmPhase.HOLDING and arms.motion is None and flight in MAY_MOVE
+def refusal(arms: ArmState, motion: JointTrajectory, flight: Phase) -> str:
+    """Why a motion may not begin now; empty when it may."""
+    if arms.phase is not ArmPhase.HOLDING or arms.motion is not None or arms.hold_rad is None:
+        return f"the arms must hold still first, they are {arms.phase}"
+    if flight not in MAY_MOVE:
+        return f"the arms may not move in flight phase {flight}"
+    off_rad = np.abs(motion.at(0.0).position_rad - arms.hold_rad)
+    worst = int(np.argmax(off_rad))
+    if off_rad[worst] > _SAME_RAD:
+        return f"the motion begins {math.degrees(off_rad[worst]):.0f} degrees from where {JOINT_NAMES[worst]} is held"
+    return ""
 
 
 def play(arms: ArmState, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
-    """Begin a motion, which has been planned from where the joints are held; ignored where it may not begin."""
-    if not can_play(arms, facts.flight):
+    """Begin a motion that was planned from where the joints are held; ignored where `refusal` has a reason."""
+    if refusal(arms, motion, facts.flight):
         return arms
-    return replace(_enter(arms, ArmPhase.MOVING, facts), motion=motion, started_s=facts.time_s, reason="")
+    return _begin(arms, ArmPhase.MOVING, motion, facts)
 
 
 def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
     """One cycle: what the facts make of the phase."""
     arms = replace(arms, action=None) if arms.action else arms
+    if facts.flight is not Phase.DISARMED and arms.released:
+        arms = replace(arms, released=False)
     if facts.fault:
         return arms if arms.phase is ArmPhase.FAULT else _fail(arms, facts)
     if not facts.torque_on:
         return arms if arms.phase is ArmPhase.OFF else _limp(arms, facts)
     if arms.phase in {ArmPhase.OFF, ArmPhase.FAULT}:
-        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=facts.position_rad, reason="")
-    if facts.flight in MUST_STOW and arms.phase is not ArmPhase.STOWING and not facts.stowed:
-        return _stow(arms, facts, rules)
-    if arms.phase is ArmPhase.MOVING and facts.flight not in MAY_MOVE | MUST_STOW:
+        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=facts.held_rad, reason="")
+    if facts.flight in MUST_STOW and arms.phase is ArmPhase.MOVING:
+        return stop(arms, facts, "")  # the fold begins at rest
+    if arms.phase is ArmPhase.MOVING and facts.flight not in MAY_MOVE:
         return stop(arms, facts, f"arms may not move in flight phase {facts.flight}")
     return _next(arms, facts, rules)
 
 
 def _next(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
-    """A motion that has ended is held; after the landing the torque may go."""
-    if arms.motion is not None and facts.time_s - arms.started_s >= arms.motion.duration_s:
+    """A motion that has ended is held; at rest the arms fold where they must, and may go limp after the landing."""
+    if arms.motion is not None:
+        if facts.time_s - arms.started_s < arms.motion.duration_s:
+            return arms
         end = arms.motion.at(arms.motion.duration_s)
         return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=end.position_rad)
+    if facts.flight in MUST_STOW and not facts.stowed and not arms.no_way:
+        return _stow(arms, facts, rules)
     landed = facts.flight is Phase.DISARMED and facts.touched_down
-    if landed and rules.torque_off_after_landing and arms.phase is ArmPhase.HOLDING:
-        return replace(arms, action=ArmAction.TORQUE_OFF)
+    if landed and rules.torque_off_after_landing and not arms.released:
+        return replace(arms, action=ArmAction.TORQUE_OFF, released=True)
     return arms
 
 
 def _stow(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
-    """Once: if there is no way to fold them, the arms stay as they are and the landing does not wait for ever."""
-    now = goal_at(arms, facts.time_s)
-    if now is None or arms.reason.startswith(_NO_WAY):
-        return _next(arms, facts, rules)
+    """If there is no way to fold them the arms stay as they are, and say so once."""
+    assert arms.hold_rad is not None
     try:
-        motion = rules.stow_from(now)
+        fold = rules.stow_from(arms.hold_rad)
     except ArmError as error:
-        return replace(stop(arms, facts, ""), reason=f"{_NO_WAY}: {error}")
-    return replace(_enter(arms, ArmPhase.STOWING, facts), motion=motion, started_s=facts.time_s, reason="")
+        return replace(arms, no_way=f"the arms cannot be stowed: {error}")
+    return arms if fold is None else _begin(arms, ArmPhase.STOWING, fold, facts)
+
+
+def _begin(arms: ArmState, phase: ArmPhase, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
+    begun = _enter(arms, phase, facts)
+    return replace(begun, motion=motion, started_s=facts.time_s, hold_rad=None, reason="", no_way="")
 
 
 def stop(arms: ArmState, facts: ArmFacts, reason: str) -> ArmState:

@@ -8,7 +8,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +21,7 @@ from companion.cli.flight_report import print_comparison, print_report, summary_
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config_arms import Feedforward
 from companion.config_controller import LoadedController, load_controller
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
@@ -33,14 +33,6 @@ from companion.trajectory_files import Curve, trajectory_named
 
 FAILED = 1
 INTERRUPTED = 130
-
-
-class Feedforward(StrEnum):
-    """As in the configuration's [arms]."""
-
-    OFF = "off"
-    FORCE = "force"
-    FULL = "full"
 
 
 @dataclass(frozen=True)
@@ -151,7 +143,7 @@ def demo(
 def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> CompanionConfig:
     if wanted is None or config.arms is None:
         return config
-    return config.model_copy(update={"arms": config.arms.model_copy(update={"feedforward": wanted.value})})
+    return config.model_copy(update={"arms": config.arms.model_copy(update={"feedforward": wanted})})
 
 
 def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
@@ -249,13 +241,15 @@ async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay)
         failure = str(error)
         display.say(f"{failure}; waiting until the vehicle is down")
     failure = await _land_anyway(service, failure)
-    return interrupted, failure
+    return interrupted, failure or service.trouble
 
 
 async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
     await service.ready()
     motion = None
     if flight.config.arms is not None:
+        for warning in service.warnings:
+            display.say(warning)
         display.say("torque on, arms stowed")
         held_rad = await service.prepare_arms()
         motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)

@@ -39,7 +39,7 @@ class ControlInput:
     reference: Reference
     """What is asked for `Controller.preview_s` from now."""
     sent_accel_w_mps2: Array
-    """u of what was really sent last, after the limits."""
+    """u of what was really sent last, after the limits, without the part that counters the arms."""
     dt_s: float
     known_accel_w_mps2: Array = field(default_factory=lambda: np.zeros(3))
     """The part of Delta that is known beforehand: what the commanded motion of the arms will do to the vehicle when a

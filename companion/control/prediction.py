@@ -51,14 +51,12 @@ class Predictor:
 
     def initial(self, first: ControlInput) -> PredictorMemory:
         """As if the last command had been held for long."""
-        newest = first.sent_accel_w_mps2 + first.known_accel_w_mps2
-        sent = np.repeat(newest[..., None, :], self._weights.commands.shape[0], axis=-2)
-        return PredictorMemory(sent, newest[..., 2:3] + self.vehicle.gravity_mps2)
+        sent = np.repeat(first.sent_accel_w_mps2[..., None, :], self._weights.commands.shape[0], axis=-2)
+        return PredictorMemory(sent, first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2)
 
     def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory]:
         """Predicted position (m) and velocity (m/s), (..., 3) in W, and the memory with the newest command."""
-        newest = now.sent_accel_w_mps2 + now.known_accel_w_mps2  # what the arms take away was added on purpose
-        sent = np.concatenate((memory.sent[..., 1:, :], newest[..., None, :]), axis=-2)
+        sent = np.concatenate((memory.sent[..., 1:, :], now.sent_accel_w_mps2[..., None, :]), axis=-2)
         thrust = self._thrust(memory.thrust_mps2, sent)
         position, velocity = self._propagate(now, sent, thrust)
         return position, velocity, PredictorMemory(sent, thrust)

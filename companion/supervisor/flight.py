@@ -65,6 +65,9 @@ class FlightRules:
     touchdown_m: float = 0.06
     touchdown_speed_mps: float = 0.06
     touchdown_s: float = 0.3
+    stuck_below_m: float = 0.4
+    """The reference is so far below a vehicle that does not move: it stands on something, hanging arms or a crate."""
+    stuck_s: float = 1.5
     disarm_again_s: float = 12.0
     """Ask again when the autopilot is still armed; longer than one attempt takes."""
     land_again_s: float = 2.0
@@ -92,6 +95,8 @@ class Facts:
     """Folded for the landing; True for a vehicle without arms."""
     arm_fault: str = ""
     """What is wrong with the arms, naming the joint; empty when nothing is."""
+    cannot_stow: str = ""
+    """Why the arms cannot be folded; empty when they can."""
 
 
 @dataclass(frozen=True)

@@ -190,9 +190,10 @@ def _stow(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 def _stowing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     """Wait for the arms; a fault or the time ends the waiting, and the arms' fault is the reason that is told."""
     late = facts.time_s - flight.since_s > rules.stow_time_s
-    if not (facts.arms_stowed or facts.arm_fault or late):
+    hindered = facts.arm_fault or facts.cannot_stow or ("the arms were not stowed in time" if late else "")
+    if not (facts.arms_stowed or hindered):
         return _next_leg(flight, facts)
-    why = flight.reason or facts.arm_fault or ("" if facts.arms_stowed else "the arms were not stowed in time")
+    why = flight.reason or ("" if facts.arms_stowed else hindered)
     return replace(_descend(flight, facts, rules), reason=why)
 
 
@@ -220,11 +221,12 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     ground_z = flight.ground_w_m[2] if flight.ground_w_m is not None else 0.0
     low = facts.position_w_m[2] - ground_z < rules.touchdown_m
     slow = abs(float(facts.velocity_w_mps[2])) < rules.touchdown_speed_mps
-    below = reference_at(flight, facts.time_s).position_w_m[2] < facts.position_w_m[2]
-    if not (low and slow and below):
+    below_m = float(facts.position_w_m[2] - reference_at(flight, facts.time_s).position_w_m[2])
+    standing = low and below_m > 0.0
+    if not slow or not (standing or below_m > rules.stuck_below_m):
         return replace(flight, still_since_s=None)
     since = flight.still_since_s if flight.still_since_s is not None else facts.time_s
-    if facts.time_s - since < rules.touchdown_s:
+    if facts.time_s - since < (rules.touchdown_s if standing else rules.stuck_s):
         return replace(flight, still_since_s=since)
     return replace(
         flight, airborne=False, touched_down=True, since_s=facts.time_s, still_since_s=None, yaw_rad=facts.yaw_rad

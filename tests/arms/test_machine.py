@@ -16,26 +16,26 @@ from companion.arms.machine import (
     ArmRules,
     ArmState,
     advance,
-    can_play,
     goal_at,
     play,
+    refusal,
     stop,
 )
-from companion.arms.trajectory import JointTrajectory, MinimumJerk, Sinusoid
+from companion.arms.trajectory import JointTrajectory, MinimumJerk, Sinusoid, at_rest
 from companion.ports import ArmError
 from companion.supervisor.flight import Phase
-from companion.types import Array, JointMotion
+from companion.types import Array
 
 HOME, FOLDED = np.full(8, 0.4), np.full(8, -0.5)
 SWING = Sinusoid(HOME, np.full(8, 0.4), np.full(8, 4.0), np.zeros(8), 20.0)
 DT_S = 0.01
 
 
-def fold(now: JointMotion) -> JointTrajectory:
-    return MinimumJerk(now, FOLDED, 2.0)
+def fold(held_rad: Array) -> JointTrajectory | None:
+    return None if np.allclose(held_rad, FOLDED) else MinimumJerk(at_rest(held_rad), FOLDED, 2.0)
 
 
-def no_way(now: JointMotion) -> JointTrajectory:
+def no_way(held_rad: Array) -> JointTrajectory:
     raise ArmError("the left forearm would meet the body")
 
 
@@ -56,7 +56,7 @@ def moving() -> ArmState:
 
 
 def stowing() -> ArmState:
-    return advance(moving(), facts(8.0, Phase.STOW), RULES)
+    return advance(holding(), facts(8.0, Phase.STOW), RULES)
 
 
 def failed() -> ArmState:
@@ -97,7 +97,7 @@ def test_with_torque_they_hold_where_they_are() -> None:
 
 @pytest.mark.parametrize("flight", Phase)
 def test_a_motion_begins_only_where_the_flight_allows_it(flight: Phase) -> None:
-    assert can_play(holding(), flight) == (flight in MAY_MOVE)
+    assert (refusal(holding(), SWING, flight) == "") == (flight in MAY_MOVE)
     after = play(holding(), SWING, facts(1.0, flight))
     assert (after.phase is ArmPhase.MOVING) == (flight in {Phase.STANDBY, Phase.HOLD, Phase.TRACK, Phase.DISARMED})
 
@@ -105,6 +105,17 @@ def test_a_motion_begins_only_where_the_flight_allows_it(flight: Phase) -> None:
 @pytest.mark.parametrize("state", ["off", "moving", "stowing", "failed"])
 def test_a_motion_begins_only_from_rest_with_torque_and_without_fault(state: str) -> None:
     assert play(STATES[state], SWING, facts(8.0)) is STATES[state]
+    assert refusal(STATES[state], SWING, Phase.HOLD).startswith("the arms must hold still first, they are")
+
+
+def test_a_motion_that_begins_elsewhere_is_refused_by_name() -> None:
+    off = HOME.copy()
+    off[5] += 0.09
+    elsewhere = MinimumJerk(at_rest(off), FOLDED, 2.0)
+    assert play(holding(), elsewhere, facts(1.0)) == holding()
+    assert (
+        refusal(holding(), elsewhere, Phase.HOLD) == "the motion begins 5 degrees from where left.elbow_pitch is held"
+    )
 
 
 @pytest.mark.parametrize("flight", [phase for phase in Phase if phase not in MAY_MOVE | MUST_STOW])
@@ -114,7 +125,7 @@ def test_where_the_flight_allows_no_motion_they_come_to_rest_on_their_way(flight
     assert braking.phase is ArmPhase.HOLDING
     assert isinstance(braking.motion, Braked)
     assert braking.reason == f"arms may not move in flight phase {flight}"
-    assert not can_play(braking, Phase.HOLD), "not before they stand still"
+    assert refusal(braking, SWING, Phase.HOLD), "not before they stand still"
     arms, time_s, last = replace(braking), 8.0, goal_at(braking, 8.0)
     while arms.motion is not None:
         time_s += DT_S
@@ -129,16 +140,23 @@ def test_where_the_flight_allows_no_motion_they_come_to_rest_on_their_way(flight
 
 
 @pytest.mark.parametrize("flight", sorted(MUST_STOW))
-def test_before_the_floor_they_fold_and_then_hold(flight: Phase) -> None:
-    arms, time_s = advance(moving(), facts(8.0, flight), RULES), 8.0
-    while arms.phase is ArmPhase.STOWING:
-        time_s += DT_S
+def test_before_the_floor_they_come_to_rest_fold_and_then_hold(flight: Phase) -> None:
+    arms, time_s = moving(), 8.0
+    seen: list[ArmPhase] = []
+    while time_s < 11.0:
         arms = advance(arms, facts(time_s, flight), RULES)
-    assert time_s == pytest.approx(10.0, abs=2 * DT_S)
+        seen += [] if seen and seen[-1] is arms.phase else [arms.phase]
+        time_s += DT_S
+    assert seen == [ArmPhase.HOLDING, ArmPhase.STOWING, ArmPhase.HOLDING], "brake, fold once, hold"
     goal = goal_at(arms, time_s)
     assert goal is not None
     assert goal.position_rad == pytest.approx(FOLDED)
-    assert advance(arms, facts(time_s + 1.0, flight, stowed=True), RULES).phase is ArmPhase.HOLDING
+
+
+@pytest.mark.parametrize("flight", sorted(MUST_STOW))
+def test_a_motion_that_happens_to_pass_the_stowed_pose_is_ended_all_the_same(flight: Phase) -> None:
+    braking = advance(moving(), facts(8.0, flight, stowed=False), RULES)
+    assert isinstance(braking.motion, Braked)
 
 
 def test_folded_arms_need_not_fold() -> None:
@@ -146,18 +164,19 @@ def test_folded_arms_need_not_fold() -> None:
 
 
 def test_arms_that_find_no_way_to_fold_come_to_rest_and_say_why_once() -> None:
-    asked: list[JointMotion] = []
+    asked: list[Array] = []
 
-    def refuse(now: JointMotion) -> JointTrajectory:
-        asked.append(now)
-        return no_way(now)
+    def refuse(held_rad: Array) -> JointTrajectory:
+        asked.append(held_rad)
+        return no_way(held_rad)
 
     arms, rules = moving(), ArmRules(stow_from=refuse)
     for n in range(200):
         arms = advance(arms, facts(8.0 + n * DT_S, Phase.STOW), rules)
     assert (arms.phase, arms.motion) == (ArmPhase.HOLDING, None)
-    assert arms.reason == "the arms cannot be stowed: the left forearm would meet the body"
+    assert arms.no_way == "the arms cannot be stowed: the left forearm would meet the body"
     assert len(asked) == 1
+    assert play(arms, MinimumJerk(at_rest(asked[0]), HOME, 1.0), facts(11.0)).no_way == "", "elsewhere there may be one"
 
 
 @pytest.mark.parametrize("state", ["off", "holding", "moving", "stowing"])
@@ -174,7 +193,7 @@ def test_a_fault_holds_everything_once_and_stays(state: str) -> None:
 
 def test_only_clearing_leaves_a_fault() -> None:
     there = np.full(8, 0.7)
-    arms = advance(failed(), facts(20.0, position_rad=there), RULES)
+    arms = advance(failed(), facts(20.0, held_rad=there), RULES)
     goal = goal_at(arms, 20.0)
     assert arms.phase is ArmPhase.HOLDING
     assert goal is not None
@@ -193,6 +212,11 @@ def test_after_a_landing_the_torque_goes_only_if_so_configured(wanted: bool) -> 
     rules = replace(RULES, torque_off_after_landing=wanted)
     landed = facts(30.0, Phase.DISARMED, touched_down=True, stowed=True)
     assert (advance(holding(), landed, rules).action is ArmAction.TORQUE_OFF) == wanted
+    if wanted:
+        gone = advance(holding(), landed, rules)
+        assert advance(gone, landed, rules).action is None, "once a landing"
+        again = advance(advance(gone, facts(40.0, Phase.PREFLIGHT, stowed=True), rules), landed, rules)
+        assert again.action is ArmAction.TORQUE_OFF, "and after the next one, too"
     in_the_air = replace(landed, touched_down=False)
     assert advance(holding(), in_the_air, rules).action is None, "disarmed in the air is no landing"
 

@@ -192,18 +192,3 @@ def test_the_modelled_thrust_follows_what_was_asked_for_with_its_lag() -> None:
         _, _, memory = predictor.step(memory, climb)
         cycles = max(0, n + 2 - count)  # cycles in which the step was the oldest command kept
         assert float(memory.thrust_mps2[0]) == pytest.approx(G + 1.0 - math.exp(-0.01 * cycles / 0.05), abs=1e-9)
-
-
-@settings(max_examples=25, deadline=None)
-@given(seed=SEED)
-def test_a_command_that_only_counters_the_arms_predicts_no_motion_of_its_own(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    predictor = Predictor(VehicleModel(), PERIOD_S, 0.07, 0.06)
-    calm = random_input(rng, 0.01)
-    arms = rng.normal(0.0, 0.5, 3)
-    countered = ControlInput(
-        **{**calm.__dict__, "sent_accel_w_mps2": calm.sent_accel_w_mps2 - arms, "known_accel_w_mps2": arms}
-    )
-    one, other = (predictor.step(predictor.initial(now), now) for now in (calm, countered))
-    np.testing.assert_allclose(one[0], other[0], atol=1e-12)
-    np.testing.assert_allclose(one[1], other[1], atol=1e-12)

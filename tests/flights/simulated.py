@@ -19,7 +19,7 @@ from companion.config_controller import load_controller
 from companion.control.controller import Controller
 from companion.control.frames import flip_quat, flip_yz
 from companion.flight_loop import Devices, FlightLoop, Tick
-from companion.ports import AutopilotError
+from companion.ports import AutopilotError, MocapError
 from companion.supervisor.flight import Phase
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
 from mock_autopilot.qtm_camera import Camera
@@ -91,12 +91,16 @@ class SimulatedMocap:
 
     def __init__(self, room: Room, every_tick: Callable[[], None]) -> None:
         self._room, self._every_tick = room, every_tick
+        self.lost_at_s = math.inf
+        """Then the connection breaks, which ends the flight loop."""
 
     def latest(self) -> MocapFrame | None:
         return self._room.frame
 
     async def wait_frame(self, timeout_s: float) -> bool:
         await asyncio.sleep(0)
+        if self._room.now_s() > self.lost_at_s:
+            raise MocapError("the connection to QTM was lost")
         self._every_tick()
         self._room.pass_time(timeout_s)
         fresh, self._room.new_frame = self._room.new_frame, False
@@ -183,6 +187,15 @@ class SimulatedAutopilot:
         self._bench.hear(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
 
 
+async def _time_goes_on(room: Room, cameras: SimulatedMocap) -> None:
+    """Once nobody waits for frames any more, time passes by itself."""
+    while True:
+        await asyncio.sleep(0.01)
+        if room.now_s() > cameras.lost_at_s:
+            room.new_frame = False
+            room.pass_time(0.01)
+
+
 Step = Callable[["Flight"], bool]
 """Called every cycle; True when it is done and the next one begins."""
 
@@ -228,6 +241,7 @@ async def fly(
     arms: dict[str, Any] | None = None,
     lost_land_commands: int = 0,
     raise_in_sink_at_s: float = math.inf,
+    mocap_lost_at_s: float = math.inf,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises."""
@@ -254,16 +268,19 @@ async def fly(
     autopilot = SimulatedAutopilot(room)
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None else None
-    loop = FlightLoop(Devices(SimulatedMocap(room, every_tick), autopilot, room, servos), law, config, sink)
+    cameras = SimulatedMocap(room, every_tick)
+    cameras.lost_at_s = mocap_lost_at_s
+    loop = FlightLoop(Devices(cameras, autopilot, room, servos), law, config, sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     waiting = asyncio.create_task(done.wait(), name="script")
+    clock = asyncio.create_task(_time_goes_on(room, cameras), name="clock")
     try:
         await asyncio.wait({running, waiting}, return_when=asyncio.FIRST_COMPLETED)
         if running.done():
             running.result()
     finally:
-        for task in (running, waiting):
+        for task in (running, waiting, clock):
             task.cancel()
-        await asyncio.gather(running, waiting, return_exceptions=True)
+        await asyncio.gather(running, waiting, clock, return_exceptions=True)
     return flight

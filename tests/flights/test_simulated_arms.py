@@ -13,9 +13,11 @@ from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_NAMES
 from companion.arms.planning import Plan, plan
 from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig
+from companion.config_arms import ArmsConfig, Feedforward
 from companion.control.reference import Ellipse, LapTiming
-from companion.supervisor.flight import Fly, Phase
+from companion.ports import MocapError
+from companion.service import Service
+from companion.supervisor.flight import Fly, Land, Phase
 from companion.types import Array
 from tests.flights.command import ROOT
 from tests.flights.simulated import Flight, Step, fly
@@ -48,7 +50,7 @@ def torque(flight: Flight) -> bool:
 def play(motion: Plan) -> Step:
     def step(flight: Flight) -> bool:
         assert flight.loop.arms is not None
-        assert flight.loop.arms.play(motion.trajectory, flight.phase)
+        flight.loop.arms.play(motion.trajectory, flight.phase)
         return True
 
     return step
@@ -73,6 +75,20 @@ def error_w_m(flight: Flight) -> Array:
     )
 
 
+def fail(flight: Flight) -> bool:
+    assert flight.servos is not None
+    flight.servos.fail("left.elbow_pitch")
+    return True
+
+
+def watch(seen: list[Flight]) -> Step:
+    def step(flight: Flight) -> bool:
+        seen.append(flight)
+        return True
+
+    return step
+
+
 FLOWN: dict[str, Flight] = {}
 """The same flight is flown once for all who look at it: it would be the same again, bit by bit."""
 
@@ -92,7 +108,7 @@ async def test_a_flight_with_swinging_arms_stows_them_and_lands() -> None:
     flight = await lap()
     assert flight.phases()[-5:] == [Phase.TRACK, Phase.HOLD, Phase.STOW, Phase.LAND, Phase.DISARMED]
     assert arm_phases(flight) == [
-        ArmPhase.OFF, ArmPhase.HOLDING, ArmPhase.MOVING, ArmPhase.STOWING, ArmPhase.HOLDING
+        ArmPhase.OFF, ArmPhase.HOLDING, ArmPhase.MOVING, ArmPhase.HOLDING, ArmPhase.STOWING, ArmPhase.HOLDING
     ]  # fmt: skip
     assert flight.loop.flight.reason == ""
     landing = next(tick for tick in flight.ticks if tick.flight.phase is Phase.LAND)
@@ -106,7 +122,7 @@ async def test_a_flight_with_swinging_arms_stows_them_and_lands() -> None:
 async def test_the_arms_really_disturb_the_flight_and_the_feed_forward_takes_most_of_it_away() -> None:
     still, told, untold = [
         float(np.abs(error_w_m(flight)).mean(axis=0)[0])
-        for flight in (await lap(swinging=False), await lap(), await lap(feedforward="off"))
+        for flight in (await lap(swinging=False), await lap(), await lap(feedforward=Feedforward.OFF))
     ]
     assert untold > 3.0 * still, "swinging arms shift the centre of mass: without being told, the law is off along x"
     assert told < 0.5 * untold
@@ -119,7 +135,7 @@ async def test_the_feed_forward_still_helps_when_the_inertia_is_wrong_by_a_third
     other = {"inertia_kgm2": inertia_kgm2}
     told, untold = [
         float(np.abs(error_w_m(flight)).mean(axis=0)[0])
-        for flight in (await lap(mock=other), await lap(mock=other, feedforward="off"))
+        for flight in (await lap(mock=other), await lap(mock=other, feedforward=Feedforward.OFF))
     ]
     assert told < 0.7 * untold
 
@@ -134,14 +150,6 @@ async def test_goals_never_jump() -> None:
 
 
 async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
-    failed_at: list[int] = []
-
-    def fail(flight: Flight) -> bool:
-        assert flight.servos is not None
-        flight.servos.fail("left.elbow_pitch")
-        failed_at.append(len(flight.ticks))
-        return True
-
     script = [torque, wait(0.5), *UP, play(swing()), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(4.0), fail]
     flight = await fly([*script, until(Phase.DISARMED)], arms=mock_arms())
     assert flight.phases()[-3:] == [Phase.TRACK, Phase.LAND, Phase.DISARMED], "no stowing with a broken servo"
@@ -150,7 +158,8 @@ async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
     assert arm_phases(flight)[-1] is ArmPhase.FAULT
     assert flight.servos is not None
     assert flight.servos.holds == 1
-    after = [tick.arms for tick in flight.ticks[failed_at[0] + 1 :]]
+    failed_at = next(n for n, tick in enumerate(flight.ticks) if tick.arms and tick.arms.phase is ArmPhase.FAULT)
+    after = [tick.arms for tick in flight.ticks[failed_at:]]
     assert all(arms is not None and arms.goal is None for arms in after), "no goal is sent any more"
     later = np.array([arms.status.position_rad for arms in after if arms is not None][100:])
     assert np.ptp(later, axis=0).max() < 0.02, "the arms hold still all the way down"
@@ -158,11 +167,6 @@ async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
 
 
 async def test_a_servo_fault_may_leave_the_flight_alone() -> None:
-    def fail(flight: Flight) -> bool:
-        assert flight.servos is not None
-        flight.servos.fail("left.elbow_pitch")
-        return True
-
     config = CompanionConfig(arms=ARMS.model_copy(update={"land_on_fault": False}))
     flight = await fly(
         [torque, wait(0.5), *UP, play(swing()), wait(3.0), fail, wait(5.0)], arms=mock_arms(), config=config
@@ -217,3 +221,60 @@ async def test_a_mistake_in_the_arms_software_lands_the_vehicle() -> None:
     flight = await fly([torque, wait(0.5), *UP, wait(1.0), break_it, until(Phase.DISARMED)], arms=mock_arms())
     assert flight.loop.flight.reason.startswith("the arms' software failed: AttributeError")
     assert flight.loop.flight.touched_down
+
+
+async def test_a_motion_that_has_hardly_left_the_stowed_pose_is_folded_back_before_landing() -> None:
+    script = [torque, wait(0.5), *UP, play(swing()), wait(0.35), *DOWN]
+    flight = await fly([wait(0.2), *script], arms=mock_arms())
+    assert Phase.STOW in flight.phases()
+    assert flight.loop.arms is not None
+    assert flight.loop.arms.stowed
+    assert flight.loop.flight.reason == ""
+
+
+async def test_when_the_flight_loop_itself_ends_the_arms_still_fold() -> None:
+    script = [torque, wait(0.5), *UP, play(swing()), wait(60.0)]
+    seen: list[Flight] = []
+    with pytest.raises(MocapError):
+        await fly([watch(seen), *script], arms=mock_arms(), mocap_lost_at_s=24.0)
+    [flight] = seen
+    assert flight.phase is Phase.HANDED_OVER
+    assert flight.autopilot.land_calls == 1
+    assert flight.loop.arms is not None
+    assert flight.loop.arms.stowed, "the autopilot lands on what hangs below"
+
+
+async def test_a_vehicle_that_comes_down_on_hanging_arms_stops_its_motors() -> None:
+    """The floor of this room holds the body's origin; raised by 0.3 m in flight it is what hanging arms stand on."""
+
+    def raise_the_floor(flight: Flight) -> bool:
+        world = flight.room.bench.world
+        world._params = replace(world._params, ground_z_m=-0.3)
+        return True
+
+    script = [torque, wait(0.5), *UP, play(swing()), wait(3.0), raise_the_floor, fail, until(Phase.DISARMED)]
+    flight = await fly(script, arms=mock_arms())
+    assert flight.loop.flight.touched_down
+    assert flight.loop.flight.reason == "left.elbow_pitch (servo 6): overload"
+    assert flight.truths_w_m[-1][2] == pytest.approx(0.3, abs=0.01)
+
+
+async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
+    flight = await fly([torque, wait(0.5), *UP, play(swing()), wait(3.7), fail, wait(1.0)], arms=mock_arms())
+    told = np.array([tick.arms.known_accel_w_mps2 for tick in flight.ticks if tick.arms is not None])
+    assert np.abs(told).max() > 0.3
+    assert np.abs(np.diff(told, axis=0)).max() < 0.1
+
+
+async def test_a_service_knows_of_a_fault_that_did_not_end_the_flight() -> None:
+    script = [torque, wait(0.5), *UP, wait(0.5), ask(Land()), wait(1.0), fail, until(Phase.DISARMED)]
+    flight = await fly(script, arms=mock_arms())
+    assert flight.loop.flight.reason == "", "it was landing anyway"
+    ticking = asyncio.get_running_loop().create_task(asyncio.sleep(0), name="ticking")
+    service = Service(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking)
+    await ticking
+    assert service.trouble == "left.elbow_pitch (servo 6): overload"
+    assert flight.loop.arms is not None
+    await flight.loop.arms.clear_faults()
+    flight.loop.arms.read(flight.room.now_s(), flight.loop.flight)
+    assert service.trouble == ""

@@ -466,9 +466,37 @@ def test_touchdown_asks_to_disarm_exactly_once() -> None:
 )
 def test_what_is_not_low_and_slow_is_no_touchdown(height_m: float, climb_mps: float, because: str) -> None:
     flight, time_s = descending()
-    for n in range(2000):
-        flight = advance(flight, facts(time_s + n * DT_S, height_m, climb_mps=climb_mps), RULES)
+    while reference_at(flight, time_s).position_w_m[2] > GROUND[2] + height_m - RULES.stuck_below_m:
+        time_s += DT_S
+        flight = advance(flight, facts(time_s, height_m, climb_mps=climb_mps), RULES)
     assert not flight.touched_down, because
+
+
+def test_who_stands_on_hanging_arms_or_a_crate_has_landed_too() -> None:
+    flight, time_s = descending()
+    begun_s = time_s
+    while not flight.touched_down:
+        time_s += DT_S
+        assert time_s < begun_s + 20.0, "the motors would run for ever"
+        reference = reference_at(flight, time_s).position_w_m[2] - GROUND[2]
+        flight = advance(flight, facts(time_s, max(0.35, float(reference))), RULES)
+    below_m = 0.35 - float(reference_at(flight, time_s).position_w_m[2] - GROUND[2])
+    assert below_m == pytest.approx(RULES.stuck_below_m + RULES.stuck_s * RULES.descent_speed_mps, abs=0.02)
+
+
+@pytest.mark.parametrize("climb_mps", [-0.1, 0.1])
+def test_who_moves_is_not_standing_however_far_the_reference_is_below(climb_mps: float) -> None:
+    flight, time_s = descending()
+    for n in range(2000):
+        flight = advance(flight, facts(time_s + n * DT_S, 0.3, climb_mps=climb_mps), RULES)
+    assert not flight.touched_down
+
+
+def test_a_landing_is_not_held_up_by_arms_that_cannot_be_stowed() -> None:
+    flight, time_s = STATES["stowing"]
+    stuck = replace(on_reference(flight, time_s), arms_stowed=False, cannot_stow="the arms cannot be stowed: a cable")
+    landing = advance(flight, stuck, RULES)
+    assert (landing.phase, landing.reason) == (Phase.LAND, "the arms cannot be stowed: a cable")
 
 
 def test_low_and_slow_is_no_touchdown_while_the_reference_is_still_above() -> None:
