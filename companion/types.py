@@ -119,8 +119,6 @@ class ArmFaultKind(StrEnum):
     """It answers, but has lost its torque without being told to."""
     BUS = "bus"
     """The port itself is gone."""
-    STALE = "stale"
-    """The whole bus has not completed a cycle for too long."""
 
 
 @dataclass(frozen=True)

@@ -167,7 +167,9 @@ def test_a_quick_latency_timer_and_ports_without_one_are_fine(tmp_path: Path) ->
     assert latency_warning("/dev/pts/0", tmp_path) is None
 
 
-async def test_the_warning_reaches_whoever_opened_the_bus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_warning_reaches_whoever_opened_the_bus_and_is_theirs_to_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     async with mock_bus() as rig:
         device = tmp_path / Path(rig.bus.path).name
         device.mkdir()
@@ -175,6 +177,7 @@ async def test_the_warning_reaches_whoever_opened_the_bus(tmp_path: Path, monkey
         monkeypatch.setattr(latency_warning, "__defaults__", (tmp_path,))
         async with connected(rig) as bus:
             assert "latency timer is 16 ms" in bus.warnings[0]
+    assert "latency" not in caplog.text
 
 
 def test_an_unanswered_question_costs_little_and_no_processor() -> None:

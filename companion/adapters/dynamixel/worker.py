@@ -75,9 +75,7 @@ class Worker:
             self._port.open()
             self._port.patience_ms = CONNECT_PATIENCE_MS
             warning = latency_warning(self._config.port)
-            if warning is not None:
-                LOG.warning("%s", warning)
-                self.warnings = (warning,)
+            self.warnings = () if warning is None else (warning,)
             self.inspected = inspect(self._chain, self._config, self._stop.is_set, self._strict)
             self.status = self._status()
         except ArmError as error:
