@@ -10,9 +10,9 @@ from companion.arms.clearance import distances
 from companion.arms.inverse import reach_both_rad
 from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
-from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
+from companion.arms.trajectory import Hold, InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
 from companion.ports import ArmError
-from companion.types import Array, JointMotion
+from companion.types import Array
 
 OWN_PACE = 0.5
 """Share of the velocity and acceleration limits that motions take which are not a file's: a gentler push in flight."""
@@ -24,9 +24,6 @@ _LONGEST_S = 3600.0
 _ROUNDING_RAD = 1e-6
 _LEAVING_M = 0.0005
 """A pair that begins inside the margin may come nearer by so much, not more, on its way out."""
-
-Start = JointMotion | Array
-"""Where the joints are, (8,) rad, or how they move."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +41,17 @@ class Plan:
 def plan(
     model: ArmModel,
     trajectory: JointTrajectory,
-    start: Start,
+    start_rad: Array,
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
-    """`trajectory`, reached from `start` and slowed as a whole until velocity and acceleration limits hold.
+    """`trajectory`, reached from rest in the pose `start_rad` (8,), and slowed as a whole until its limits hold.
 
     The way to its start is straight in the joints, or through one of the poses `via_rad` (8,) when that would collide;
     `floor_z_m` is the floor's height in the body frame. Raises ArmError, naming the joint or the pair and the time,
     when an angle is beyond its limit or something comes too near.
     """
-    begin = _motion(start)
+    _check_known(start_rad)
     looked = _finite_samples(trajectory)
     _check_angles(model, looked)
     factor, notes = _slowing(model, looked)
@@ -62,7 +59,7 @@ def plan(
     near = first_too_near(model, slowed, model.margin_m, floor_z_m)
     if near is not None:
         raise ArmError(f"{near.time_s:.2f} s into the motion {_meeting(near)}")
-    parts, note = _way(model, begin, looked.motion.position_rad[0], via_rad, floor_z_m)
+    parts, note = _way(model, start_rad, looked.motion.position_rad[0], via_rad, floor_z_m)
     approach_s = sum(part.duration_s for part in parts)
     if approach_s > 0.0:
         notes = (*notes, f"the way to the motion's start takes {approach_s:.1f} s{', ' + note if note else ''}")
@@ -71,46 +68,45 @@ def plan(
 
 def to_pose(
     model: ArmModel,
-    start: Start,
+    start_rad: Array,
     goal_rad: Array,
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
-    """To a pose (8,), straight in the joints, or through one of the poses `via_rad` when that would collide.
+    """From rest in one pose (8,) to another, straight in the joints, or through one of `via_rad` if that would collide.
 
     Raises ArmError when the pose is beyond a limit or touches something, or when no way to it is free.
     """
-    begin = _motion(start)
+    _check_known(start_rad)
     _check_pose(model, goal_rad, "in the pose asked for")
-    parts, note = _way(model, begin, goal_rad, via_rad, floor_z_m)
-    return Plan(InTurn(parts or (MinimumJerk(begin, goal_rad, _LEAST_S),)), notes=(note,) if note else ())
+    parts, note = _way(model, start_rad, goal_rad, via_rad, floor_z_m)
+    return Plan(InTurn(parts or (Hold(goal_rad, _LEAST_S),)), notes=(note,) if note else ())
 
 
-def grip(model: ArmModel, start: Start, claw_rad: float) -> Plan:
+def grip(model: ArmModel, start_rad: Array, claw_rad: float) -> Plan:
     """Both claws to an angle; nothing else moves."""
-    goal_rad = _motion(start).position_rad.copy()
+    goal_rad = start_rad.copy()
     goal_rad[list(CLAWS)] = claw_rad
-    return to_pose(model, start, goal_rad)
+    return to_pose(model, start_rad, goal_rad)
 
 
 def reach(
     model: ArmModel,
-    start: Start,
+    start_rad: Array,
     tips_flu_m: Mapping[Side, Array],
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
     """Tips to points of body FLU (m) by the joint angles nearest to the present ones; an arm not named stays."""
-    goal_rad = reach_both_rad(model, tips_flu_m, _motion(start).position_rad)
-    return to_pose(model, start, goal_rad, via_rad, floor_z_m)
+    _check_known(start_rad)
+    goal_rad = reach_both_rad(model, tips_flu_m, start_rad)
+    return to_pose(model, start_rad, goal_rad, via_rad, floor_z_m)
 
 
-def _motion(start: Start) -> JointMotion:
-    motion = at_rest(start) if isinstance(start, np.ndarray) else start
-    unknown = np.flatnonzero(~np.isfinite(motion.position_rad))
+def _check_known(start_rad: Array) -> None:
+    unknown = np.flatnonzero(~np.isfinite(start_rad))
     if unknown.size:
         raise ArmError(f"where {JOINT_NAMES[unknown[0]]} is, is not known: read the servos before moving them")
-    return motion
 
 
 def _finite_samples(trajectory: JointTrajectory) -> Samples:
@@ -167,29 +163,29 @@ def _slowing(model: ArmModel, looked: Samples) -> tuple[float, tuple[str, ...]]:
 
 
 def _way(
-    model: ArmModel, begin: JointMotion, goal_rad: Array, via_rad: Iterable[Array], floor_z_m: float | None
+    model: ArmModel, start_rad: Array, goal_rad: Array, via_rad: Iterable[Array], floor_z_m: float | None
 ) -> tuple[tuple[JointTrajectory, ...], str]:
-    """Moves from `begin` to rest at the goal, none if it is there already; and a note when they are not straight."""
-    if np.abs(goal_rad - begin.position_rad).max() < _ROUNDING_RAD and not np.any(begin.velocity_radps):
+    """Moves from rest to rest, none if the joints are there already; and a note when they are not straight."""
+    if np.abs(goal_rad - start_rad).max() < _ROUNDING_RAD:
         return (), ""
-    keep_m = _kept_m(model, begin, goal_rad, floor_z_m)
-    straight = _move(model, begin, goal_rad)
+    keep_m = _kept_m(model, start_rad, goal_rad, floor_z_m)
+    straight = _move(model, start_rad, goal_rad)
     near = first_too_near(model, straight, keep_m, floor_z_m)
     if near is None:
         return (straight,), ""
     for via in via_rad:
-        bent = (_move(model, begin, via), _move(model, at_rest(via), goal_rad))
+        bent = (_move(model, start_rad, via), _move(model, via, goal_rad))
         if first_too_near(model, InTurn(bent), keep_m, floor_z_m) is None:
             return bent, f"round about, because straight there {_meeting(near)}"
     raise ArmError(f"{near.time_s:.2f} s into the way there {_meeting(near)}")
 
 
-def _kept_m(model: ArmModel, begin: JointMotion, goal_rad: Array, floor_z_m: float | None) -> Array:
+def _kept_m(model: ArmModel, start_rad: Array, goal_rad: Array, floor_z_m: float | None) -> Array:
     """Distance that each pair keeps on the way: the margin, or what it has at the beginning if that is less.
 
     Raises ArmError when it is not kept at the goal.
     """
-    found = distances(model, np.stack((begin.position_rad, goal_rad)), floor_z_m)
+    found = distances(model, np.stack((start_rad, goal_rad)), floor_z_m)
     leaving_m, there_m = found.distance_m
     keep_m = np.minimum(model.margin_m, leaving_m - _LEAVING_M)
     pair = int(np.argmin(there_m - keep_m))
@@ -199,29 +195,13 @@ def _kept_m(model: ArmModel, begin: JointMotion, goal_rad: Array, floor_z_m: flo
     return np.asarray(keep_m)
 
 
-def _move(model: ArmModel, begin: JointMotion, goal_rad: Array) -> MinimumJerk:
-    """Straight in the joints; as long as the pace asks for, and a motion that is already under way needs."""
+def _move(model: ArmModel, start_rad: Array, goal_rad: Array) -> MinimumJerk:
+    """Straight in the joints, as long as the pace asks for; never beyond the two ends of any joint's way."""
     _, _, speed, accel = model.limit_arrays()
-    way = np.abs(goal_rad - begin.position_rad)
+    way = np.abs(goal_rad - start_rad)
     by_speed, by_accel = 1.875 * way / (OWN_PACE * speed), np.sqrt(5.7735 * way / (OWN_PACE * accel))
     duration_s = max(_LEAST_S, float(by_speed.max()), float(by_accel.max()))
-    if not np.any(begin.velocity_radps) and not np.any(begin.acceleration_radps2):
-        return MinimumJerk(begin, goal_rad, duration_s)
-    moves = [MinimumJerk(begin, goal_rad, duration_s * longer) for longer in (1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0)]
-    return min(moves, key=lambda move: _excess(model, move))
-
-
-def _excess(model: ArmModel, move: MinimumJerk) -> float:
-    """How far beyond its limits a move would go, as a share; 0 within."""
-    low, high, speed, accel = model.limit_arrays()
-    motion = move.at(np.linspace(0.0, move.duration_s, 33))
-    outside = np.maximum(low - motion.position_rad, motion.position_rad - high).max()
-    return max(
-        0.0,
-        float(outside),
-        float((np.abs(motion.velocity_radps) / speed).max()) - 1.0,
-        float((np.abs(motion.acceleration_radps2) / accel).max()) - 1.0,
-    )
+    return MinimumJerk(at_rest(start_rad), goal_rad, duration_s)
 
 
 def _meeting(near: TooNear) -> str:

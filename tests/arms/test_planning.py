@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from companion.arms.clearance import clearance, distances
 from companion.arms.kinematics import tips_flu_m
 from companion.arms.model import ArmModel, JointLimit, Side
-from companion.arms.planning import Plan, grip, plan, reach, to_pose
+from companion.arms.planning import OWN_PACE, Plan, grip, plan, reach, to_pose
 from companion.arms.trajectory import Hold, JointTrajectory, MinimumJerk, Sinusoid, Slowed, Waypoints, at_rest
 from companion.config_arms import PosesConfig
 from companion.ports import ArmError
@@ -88,17 +88,20 @@ def test_what_is_accepted_keeps_its_distance_and_what_is_refused_would_not(ampli
         assert distances(free, found.position_rad).nearest_m().min() >= 0.75 * free.margin_m
 
 
-@given(start=vectors(0.25), velocity=vectors(1.5), accel=vectors(8.0))
-def test_a_way_from_moving_arms_takes_over_their_motion_and_keeps_the_limits(
-    start: Array, velocity: Array, accel: Array
-) -> None:
-    begin = JointMotion(HOME + start, velocity, accel)
-    way = to_pose(MODEL, begin, STOW, (HOME,)).trajectory
-    np.testing.assert_allclose(way.at(0.0).velocity_radps, velocity, atol=1e-9)
-    np.testing.assert_allclose(way.at(way.duration_s).position_rad, STOW, atol=1e-9)
+within_limits = st.lists(st.floats(0.0, 1.0), min_size=8, max_size=8).map(lambda share: LOW + share * (HIGH - LOW))
+
+
+@given(start=within_limits, goal=within_limits)
+def test_a_way_between_poses_within_the_limits_never_leaves_them(start: Array, goal: Array) -> None:
+    nothing_near = replace(MODEL, shoulder_flu_m=(0.0, 2.0, -2.0))
+    way = to_pose(nothing_near, start, goal).trajectory
     found = at_random_times(way)
-    assert np.all(np.abs(found.velocity_radps) <= SPEED)
-    assert np.all(np.abs(found.acceleration_radps2) <= ACCEL)
+    np.testing.assert_allclose(way.at(0.0).position_rad, start, atol=1e-9)
+    np.testing.assert_allclose(way.at(way.duration_s).position_rad, goal, atol=1e-9)
+    assert np.all(found.position_rad >= np.minimum(start, goal) - 1e-9)
+    assert np.all(found.position_rad <= np.maximum(start, goal) + 1e-9)
+    assert np.all(np.abs(found.velocity_radps) <= OWN_PACE * SPEED * (1.0 + 1e-9))
+    assert np.all(np.abs(found.acceleration_radps2) <= OWN_PACE * ACCEL * (1.0 + 1e-6))
 
 
 def test_what_is_within_the_limits_is_not_slowed_and_has_nothing_to_tell() -> None:
