@@ -10,7 +10,7 @@ from companion.arms.clearance import distances
 from companion.arms.inverse import reach_both_rad
 from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
-from companion.arms.trajectory import Hold, InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
+from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
 from companion.ports import ArmError
 from companion.types import Array
 
@@ -80,7 +80,7 @@ def to_pose(
     _check_known(start_rad)
     _check_pose(model, goal_rad, "in the pose asked for")
     parts, note = _way(model, start_rad, goal_rad, via_rad, floor_z_m)
-    return Plan(InTurn(parts or (Hold(goal_rad, _LEAST_S),)), notes=(note,) if note else ())
+    return Plan(InTurn(parts or (_move(model, start_rad, goal_rad),)), notes=(note,) if note else ())
 
 
 def grip(model: ArmModel, start_rad: Array, claw_rad: float) -> Plan:
