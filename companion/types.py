@@ -146,7 +146,10 @@ class ArmStatus:
     voltage_v: Array
     torque_on: NDArray[np.bool_]
     held_rad: Array
-    """The goals that hold the joints, which their loads keep them a little from; NaN where one is limp or has none."""
+    """The goals that hold the joints, which their loads keep them a little from; NaN where a joint gets none.
+
+    It gets none while it is limp, has a fault, or was not given its torque by us, and obeys no goal then.
+    """
     faults: tuple[ArmFault, ...]
     cycles: int
     """Bus cycles completed."""

@@ -79,6 +79,7 @@ async def test_a_servo_that_comes_back_is_read_again_but_stays_latched_and_gets_
         rig.bus.clear()
         gone_s = bus.status().read_s[1]
         await until(lambda: bus.status().read_s[1] > gone_s)
+        assert np.isnan(bus.status().held_rad).tolist() == [number == 1 for number in range(8)]
         rig.packets.clear()
         bus.move(np.full(8, 0.3))
         await until(lambda: rig.goals_sent(1))
@@ -86,7 +87,9 @@ async def test_a_servo_that_comes_back_is_read_again_but_stays_latched_and_gets_
         assert kinds(bus) == {("right.elbow_pitch", ArmFaultKind.SILENT)}
         await bus.clear_faults()
         assert bus.status().faults == ()
+        assert np.isnan(bus.status().held_rad[1])
         await bus.torque_on()
+        assert np.isfinite(bus.status().held_rad).all()
         bus.move(np.full(8, 0.3))
         await until(lambda: abs(rig.joints_rad - 0.3).max() < SOUND_RAD)
 

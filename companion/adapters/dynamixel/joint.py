@@ -46,7 +46,7 @@ class Joint:
     driven: bool = False
     """We have switched its torque on, and send it goals."""
     sent_rad: float = math.nan
-    """Last goal sent; NaN when it is not known which one the servo has."""
+    """Last goal sent."""
     wanted_rad: float = math.nan
     stopping: bool = False
     """The goals are being brought to rest, where they were going."""
@@ -66,8 +66,8 @@ class Joint:
 
     @property
     def held_rad(self) -> float:
-        """The goal that holds it; NaN while it is limp, or held by one that is not ours."""
-        return self.sent_rad if self.torque_on else math.nan
+        """The goal that holds it; NaN while it gets none from us."""
+        return self.sent_rad if self.driven else math.nan
 
     @property
     def profile(self) -> bytes:

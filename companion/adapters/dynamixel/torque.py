@@ -1,6 +1,5 @@
 """Torque on, torque off, clearing faults: each a generator that gives way after every servo, so that cycles go on."""
 
-import math
 from collections.abc import Callable, Generator
 
 from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
@@ -80,7 +79,7 @@ def _switch_on(chain: Chain, joint: Joint) -> str | None:
         return _SILENT
     if joint.faults:
         return "has a fault: clear it first"
-    counts, joint.sent_rad = _first_goal(chain, joint), math.nan
+    counts = _first_goal(chain, joint)
     goal = joint.scale.model.goal.encoded(counts)
     problem = next(filter(None, (_write(chain, joint, *order) for order in _switching_on(joint, goal))), None)
     problem = problem or _not_shown(chain, joint, on=True)
