@@ -93,7 +93,6 @@ class _Mover:
         """The motion, which begins at the goals that hold the joints now, to its end, to its stop, or to a fault."""
         self._look_and_tick()
         self._stage.play(motion, _ON_THE_GROUND.phase)
-        self._look_and_tick()  # at once: until then the stage's goals are where the joints were seen
         self._tick_s = self._began_s = CLOCK.now_s()
         self._duration_s = motion.duration_s
         asked = 0
