@@ -11,6 +11,7 @@ from companion.config_mocap import MocapConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
 from companion.control.limits import Limits
+from companion.supervisor.flight import FlightRules
 
 
 class VehicleConfig(Section):
@@ -115,6 +116,19 @@ class CompanionConfig(Section):
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
     arms: ArmsConfig | None = None
+
+    def flight_rules(self) -> FlightRules:
+        """The phase machine's numbers."""
+        f, arms = self.flight, self.arms or ArmsConfig()
+        return FlightRules(
+            hover_thrust=self.vehicle.hover_thrust,
+            climb_speed_mps=f.climb_speed_mps,
+            spool_up_s=f.spool_up_s,
+            descent_speed_mps=f.descent_speed_mps,
+            mocap_timeout_s=f.mocap_timeout_s,
+            stow_time_s=arms.stow_time_s,
+            land_on_arm_fault=arms.land_on_fault,
+        )
 
     def airframe(self) -> Airframe:
         """What the arms' forces and torques meet."""

@@ -5,13 +5,11 @@ import logging
 import math
 from collections.abc import Awaitable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from companion.arm_stage import ArmStage, ArmTick
+from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.limits import Gated
@@ -27,14 +25,13 @@ from companion.supervisor.flight import (
     Action,
     Facts,
     Flight,
-    FlightRules,
     HandOver,
     Phase,
     Prepare,
     Request,
 )
+from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
-from companion.types import Array, AutopilotStatus, Reference, VehicleState
 
 LOG = logging.getLogger(__name__)
 
@@ -45,36 +42,6 @@ _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
 _NOTHING = np.zeros(3)
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
-
-
-@dataclass(frozen=True)
-class Tick:
-    """What one cycle saw, decided and sent; for the record and for whoever looks on."""
-
-    time_s: float
-    late_s: float
-    frame_received_s: float
-    """Arrival of the frame this cycle was the first to use; NaN when it had no new one."""
-    sent_s: float
-    """When its setpoint had left; NaN when none was sent."""
-    vehicle: VehicleState | None
-    age_s: float
-    status: AutopilotStatus
-    flight: Flight
-    reference: Reference | None
-    """Where the vehicle should be now."""
-    asked: Asked | None
-    gated: Gated | None
-    late_signals: dict[str, Array]
-    """Inner values of the law that it worked out after the setpoint had left."""
-    arms: ArmTick | None
-
-
-class TickSink(Protocol):
-    """Whoever wants every tick: the recorder, a display. Must neither block nor raise."""
-
-    def __call__(self, tick: Tick) -> None:
-        """Take one tick."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +62,9 @@ class FlightLoop:
         self._sink: TickSink | None = sink
         self._not_finite = 0
         self._period_s = 1.0 / config.control.rate_hz
-        self._rules = rules_of(config)
+        self._rules = config.flight_rules()
         self._stage = ControlStage(controller, config.vehicle.thrust_model(), config.limits.limits())
-        self.arms = _arm_stage(devices.arms, config)
+        self.arms = self._arm_stage(devices.arms, config)
         """The arms' part; None for a vehicle without."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._vision_period_s = 1.0 / config.px4.vision_rate_hz if config.px4.vision_rate_hz > 0.0 else math.inf
@@ -114,6 +81,12 @@ class FlightLoop:
         """Whole periods that passed without a cycle."""
         self.action_failure = ""
         """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
+
+    @staticmethod
+    def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
+        if bus is None or config.arms is None:
+            return None
+        return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)
 
     @property
     def flight(self) -> Flight:
@@ -362,23 +335,3 @@ class FlightLoop:
                 self.arms.read(self._clock.now_s(), self._flight)
                 self.arms.tick(self._clock.now_s(), self._flight)
             await asyncio.sleep(self._period_s)
-
-
-def rules_of(config: CompanionConfig) -> FlightRules:
-    """The phase machine's numbers from the configuration."""
-    f, arms = config.flight, config.arms or ArmsConfig()
-    return FlightRules(
-        hover_thrust=config.vehicle.hover_thrust,
-        climb_speed_mps=f.climb_speed_mps,
-        spool_up_s=f.spool_up_s,
-        descent_speed_mps=f.descent_speed_mps,
-        mocap_timeout_s=f.mocap_timeout_s,
-        stow_time_s=arms.stow_time_s,
-        land_on_arm_fault=arms.land_on_fault,
-    )
-
-
-def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
-    if bus is None or config.arms is None:
-        return None
-    return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

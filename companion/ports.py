@@ -24,6 +24,10 @@ class AutopilotError(CompanionError):
     """The autopilot cannot be reached, or refuses."""
 
 
+class FlightError(CompanionError):
+    """A flight did not do what was asked; says why."""
+
+
 class ArmError(CompanionError):
     """The servo bus cannot be reached, a servo is missing or wrong, or a motion of the arms is refused."""
 

@@ -11,16 +11,15 @@ from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
-from companion.arms.machine import ArmPhase
-from companion.arms.trajectory import JointTrajectory
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
-from companion.flight_loop import Devices, FlightLoop, TickSink
-from companion.ports import Autopilot, AutopilotError, CompanionError, MocapError
+from companion.flight_loop import Devices, FlightLoop
+from companion.ports import Autopilot, AutopilotError, CompanionError, FlightError, MocapError
+from companion.service_arms import ArmVerbs
 from companion.supervisor.flight import Fly, Land, Phase, Prepare, Request, TakeOff
-from companion.types import Array
+from companion.tick import TickSink
 
 LOG = logging.getLogger(__name__)
 
@@ -34,13 +33,6 @@ _FIRST_STATES_S = 1.2
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
-_NO_ARMS = "this vehicle has no arms: its configuration has no [arms]"
-_TORQUE_S = 2.0
-"""For a joint to show its torque, or to come to rest at the end of a motion."""
-
-
-class FlightError(CompanionError):
-    """A flight did not do what was asked; says why."""
 
 
 @asynccontextmanager
@@ -84,6 +76,8 @@ class Service:
         self.warnings: tuple[str, ...] = ()
         """What a device would like to have otherwise, for the operator to read."""
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
+        self.arms = ArmVerbs(loop, config.arms, self._until)
+        """What an operator may ask of the arms."""
 
     @property
     def trouble(self) -> str:
@@ -129,7 +123,7 @@ class Service:
             where = "in the air" if status.in_air else "armed"
             raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
         await self._headings_agree()
-        self._arms_are_ready()
+        self.arms.check_ready()
         self._ask(Prepare(), "arm")
         asked = False
         try:
@@ -167,61 +161,6 @@ class Service:
                 f"the autopilot's heading is {math.degrees(apart_rad()):.0f} degrees off motion capture's: does its "
                 "EKF take the heading from vision (EKF2_EV_CTRL), and is the body's x axis its nose in QTM?"
             )
-
-    def _arms_are_ready(self) -> None:
-        """Hanging arms would meet the floor, and limp ones would swing."""
-        arms = self.loop.arms
-        if arms is None:
-            return
-        if arms.fault:
-            raise FlightError(f"cannot arm: {arms.fault}")
-        if arms.state.phase is not ArmPhase.HOLDING:
-            raise FlightError(f"cannot arm: the arms are {arms.state.phase}, they must hold their stowed pose")
-        if arms.off_stow:
-            raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
-
-    async def prepare_arms(self) -> Array:
-        """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
-
-        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there.
-        """
-        arms, config = self.loop.arms, self._config.arms
-        if arms is None or config is None:
-            raise FlightError(_NO_ARMS)
-        await arms.torque_on()
-        held_rad = await self._arms_hold(_TORQUE_S)
-        fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None
-        if fold is not None:
-            await self.move_arms(fold)
-            held_rad = await self._arms_hold(fold.duration_s + _TORQUE_S)
-        if not await self._until(lambda: not arms.off_stow, _TORQUE_S):
-            raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
-        return held_rad
-
-    async def move_arms(self, motion: JointTrajectory) -> None:
-        """Begin a motion that was planned from where the joints are held; returns at once.
-
-        Raises ArmError with the reason why it may not begin, FlightError for a vehicle without arms.
-        """
-        arms = self.loop.arms
-        if arms is None:
-            raise FlightError(_NO_ARMS)
-        arms.play(motion, self.phase)
-
-    async def clear_arm_faults(self) -> None:
-        """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare_arms` again."""
-        if self.loop.arms is None:
-            raise FlightError(_NO_ARMS)
-        await self.loop.arms.clear_faults()
-
-    async def _arms_hold(self, timeout_s: float) -> Array:
-        """Wait until they stand still; the joint angles (8,) that they are held at."""
-        arms = self.loop.arms
-        assert arms is not None
-        await self._until(lambda: arms.held_rad is not None or bool(arms.fault), timeout_s)
-        if arms.held_rad is None or arms.fault:
-            raise FlightError(f"the arms are {arms.state.phase} and should be holding: {arms.fault or 'time is up'}")
-        return arms.held_rad
 
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold."""

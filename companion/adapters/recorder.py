@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.arms.model import JOINT_COUNT
-from companion.flight_loop import Tick
+from companion.tick import Tick
 from companion.types import Array
 
 _NOWHERE = np.full(3, np.nan)

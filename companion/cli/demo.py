@@ -251,13 +251,13 @@ async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> 
         for warning in service.warnings:
             display.say(warning)
         display.say("torque on, arms stowed")
-        held_rad = await service.prepare_arms()
+        held_rad = await service.arms.prepare()
         motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
     display.say("offboard mode, then arming")
     await service.arm()
     await service.take_off(flight.config.flight.takeoff_height_m)
     if motion is not None:
-        await service.move_arms(motion.trajectory)
+        await service.arms.move(motion.trajectory)
     await service.fly(flight.trajectory)
 
 

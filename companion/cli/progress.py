@@ -10,8 +10,8 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.arms.machine import ArmPhase
-from companion.flight_loop import Tick
 from companion.supervisor.flight import Phase
+from companion.tick import Tick
 from companion.types import Array
 
 _REFRESH_HZ = 4.0

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from companion.adapters.recorder import Recorder
-from companion.flight_loop import Tick
 from companion.supervisor.flight import Flight, Phase
+from companion.tick import Tick
 from companion.types import AutopilotStatus, FlightMode, VehicleState
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

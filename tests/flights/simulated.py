@@ -18,9 +18,10 @@ from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
 from companion.control.frames import flip_quat, flip_yz
-from companion.flight_loop import Devices, FlightLoop, Tick
+from companion.flight_loop import Devices, FlightLoop
 from companion.ports import AutopilotError, MocapError
 from companion.supervisor.flight import Phase
+from companion.tick import Tick
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
 from mock_autopilot.qtm_camera import Camera
 from mock_autopilot.qtm_packets import Frame

@@ -116,11 +116,11 @@ async def up_and_swinging(flying: Stack) -> None:
     assert flying.config.arms is not None
     model = flying.config.arms.model()
     await flying.service.ready()
-    held_rad = await flying.service.prepare_arms()
+    held_rad = await flying.service.arms.prepare()
     swing = plan(model, motion_named("swing", 60.0).trajectory(model, held_rad), held_rad)
     await flying.service.arm()
     await flying.service.take_off(HEIGHT_M)
-    await flying.service.move_arms(swing.trajectory)
+    await flying.service.arms.move(swing.trajectory)
     await asyncio.sleep(0.5 * swing.approach_s)
 
 

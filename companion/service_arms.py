@@ -1,0 +1,74 @@
+"""What an operator may ask of the arms, beside the verbs of the flight."""
+
+from collections.abc import Awaitable, Callable
+
+from companion.arm_stage import ArmStage
+from companion.arms.machine import ArmPhase
+from companion.arms.trajectory import JointTrajectory
+from companion.config_arms import ArmsConfig
+from companion.flight_loop import FlightLoop
+from companion.ports import FlightError
+from companion.types import Array
+
+_SETTLE_S = 2.0
+"""For a joint to show its torque, or to come to rest at the end of a motion."""
+
+Until = Callable[[Callable[[], bool], float], Awaitable[bool]]
+"""Wait until something is true; False after so many seconds."""
+
+
+class ArmVerbs:
+    """Each raises FlightError for a vehicle without arms."""
+
+    def __init__(self, loop: FlightLoop, config: ArmsConfig | None, until: Until) -> None:
+        self._loop, self._config, self._until = loop, config, until
+
+    def check_ready(self) -> None:
+        """Hanging arms would meet the floor, and limp ones would swing: FlightError unless they are held, stowed."""
+        arms = self._loop.arms
+        if arms is None:
+            return
+        if arms.fault:
+            raise FlightError(f"cannot arm: {arms.fault}")
+        if arms.state.phase is not ArmPhase.HOLDING:
+            raise FlightError(f"cannot arm: the arms are {arms.state.phase}, they must hold their stowed pose")
+        if arms.off_stow:
+            raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
+
+    async def prepare(self) -> Array:
+        """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
+
+        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there.
+        """
+        arms, config = self._fitted()
+        await arms.torque_on()
+        held_rad = await self._held(arms, _SETTLE_S)
+        fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None
+        if fold is not None:
+            await self.move(fold)
+            held_rad = await self._held(arms, fold.duration_s + _SETTLE_S)
+        if not await self._until(lambda: not arms.off_stow, _SETTLE_S):
+            raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
+        return held_rad
+
+    async def move(self, motion: JointTrajectory) -> None:
+        """Begin a motion that was planned from where the joints are held; ArmError with the reason why it may not."""
+        arms, _ = self._fitted()
+        arms.play(motion, self._loop.flight.phase)
+
+    async def clear_faults(self) -> None:
+        """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare` again."""
+        arms, _ = self._fitted()
+        await arms.clear_faults()
+
+    def _fitted(self) -> tuple[ArmStage, ArmsConfig]:
+        if self._loop.arms is None or self._config is None:
+            raise FlightError("this vehicle has no arms: its configuration has no [arms]")
+        return self._loop.arms, self._config
+
+    async def _held(self, arms: ArmStage, timeout_s: float) -> Array:
+        """Wait until they stand still; the joint angles (8,) that they are held at."""
+        await self._until(lambda: arms.held_rad is not None or bool(arms.fault), timeout_s)
+        if arms.held_rad is None or arms.fault:
+            raise FlightError(f"the arms are {arms.state.phase} and should be holding: {arms.fault or 'time is up'}")
+        return arms.held_rad

@@ -1,0 +1,40 @@
+"""What one cycle of the flight loop was, for whoever looks on."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.arm_stage import ArmTick
+from companion.control.limits import Gated
+from companion.control_stage import Asked
+from companion.supervisor.flight import Flight
+from companion.types import Array, AutopilotStatus, Reference, VehicleState
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What one cycle saw, decided and sent; for the record and for whoever looks on."""
+
+    time_s: float
+    late_s: float
+    frame_received_s: float
+    """Arrival of the frame this cycle was the first to use; NaN when it had no new one."""
+    sent_s: float
+    """When its setpoint had left; NaN when none was sent."""
+    vehicle: VehicleState | None
+    age_s: float
+    status: AutopilotStatus
+    flight: Flight
+    reference: Reference | None
+    """Where the vehicle should be now."""
+    asked: Asked | None
+    gated: Gated | None
+    late_signals: dict[str, Array]
+    """Inner values of the law that it worked out after the setpoint had left."""
+    arms: ArmTick | None
+
+
+class TickSink(Protocol):
+    """Whoever wants every tick: the recorder, a display. Must neither block nor raise."""
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
