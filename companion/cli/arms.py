@@ -22,7 +22,9 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Plan and print on
 PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the plan into this PNG file.")]
 FloorOption = Annotated[
     float | None,
-    typer.Option("--floor-z", max=0.0, help="Height of the floor or bench below the body's origin, such as -0.3 (m)."),
+    typer.Option(
+        "--floor-z", max=0.0, help="Floor or bench below the body's origin, such as -0.3 (m); else [arms] stands_at_m."
+    ),
 ]
 
 
@@ -86,8 +88,9 @@ def home(
 ) -> None:
     """Move both arms to the pose they work from, claws closed."""
     bench = bench_of(config, port)
-    wish = pose_wish("home", bench.arms, bench.arms.home_rad(), floor_z_m)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor_z_m))
+    floor = bench.floor(floor_z_m)
+    wish = pose_wish("home", bench.arms, bench.arms.home_rad(), floor)
+    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
 @app.command()
@@ -102,8 +105,9 @@ def stow(
 ) -> None:
     """Fold both arms as for take-off and landing, claws closed."""
     bench = bench_of(config, port)
-    wish = pose_wish("stow", bench.arms, bench.arms.stow_rad(), floor_z_m)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor_z_m))
+    floor = bench.floor(floor_z_m)
+    wish = pose_wish("stow", bench.arms, bench.arms.stow_rad(), floor)
+    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
 @app.command()
@@ -123,8 +127,9 @@ def play(
 ) -> None:
     """Play a motion; the arms move to its start first."""
     bench = bench_of(config, port)
-    wish = play_wish(motion, bench.arms, duration, repeat, floor_z_m)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor_z_m))
+    floor = bench.floor(floor_z_m)
+    wish = play_wish(motion, bench.arms, duration, repeat, floor)
+    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
 @app.command()

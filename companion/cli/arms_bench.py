@@ -35,6 +35,10 @@ class Bench:
     config: CompanionConfig
     arms: ArmsConfig
 
+    def floor(self, given_z_m: float | None) -> float | None:
+        """The floor's height in the body frame: what was typed, or what the configuration says of the legs."""
+        return self.arms.floor_z_m if given_z_m is None else given_z_m
+
 
 def bench_of(config: Path | None, port: str | None) -> Bench:
     """From the options; ConfigError when the file cannot be used or has no arms."""
