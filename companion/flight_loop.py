@@ -323,7 +323,12 @@ class FlightLoop:
         """
         if self._flight.phase in COMMANDED:
             self._hand_over(reason)
-        await asyncio.gather(self._settle_arms(), *self._tasks, return_exceptions=True)
+        told = asyncio.gather(*self._tasks, return_exceptions=True)  # each logs its own failure
+        try:
+            await self._settle_arms()
+        except Exception:
+            LOG.exception("the arms could not be folded")
+        await told
 
     async def _settle_arms(self) -> None:
         """Let the arms fold, or at least come to rest, for as long as that may take; nothing else is done any more."""
