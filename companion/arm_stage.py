@@ -114,9 +114,9 @@ class ArmStage:
         unread_s = now_s - float(self._status.read_s.max())
         if unread_s > _STALE_S and math.isfinite(unread_s) and not self._broken:
             self._broken = f"bus: no servo was read for {unread_s:.1f} s"
-        held_rad = np.where(np.isnan(self._status.held_rad), self._status.position_rad, self._status.held_rad)
-        torque_on = bool(self._status.torque_on.all())
-        self._facts = ArmFacts(now_s, held_rad, torque_on, self.fault, self.stowed, flight.phase, flight.touched_down)
+        held_rad = self._status.held_rad
+        obey = bool(np.isfinite(held_rad).all())  # torque that an earlier program left is not ours to move with
+        self._facts = ArmFacts(now_s, held_rad, obey, self.fault, self.stowed, flight.phase, flight.touched_down)
 
     def known_accel_w_mps2(self, q_w_flu_wxyz: Array) -> Array:
         """What the commanded motion does to the vehicle when a setpoint sent now acts; (3,) in W, 0 unless told."""

@@ -90,7 +90,7 @@ class ArmBus(Protocol):
         """Take new goals, (8,); never waits, the latest wins. A faulty or limp joint ignores its own."""
 
     def hold(self) -> None:
-        """Stop every joint where it was last seen; never waits. Torque stays on."""
+        """Bring every joint's goals to rest, and leave those that stand; never waits. Torque stays on."""
 
     async def torque_on(self) -> None:
         """Hold every joint where it is, without a jump; ArmError naming the joints that refuse."""

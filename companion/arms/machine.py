@@ -22,7 +22,7 @@ class ArmPhase(StrEnum):
     """What the arms are doing."""
 
     OFF = "off"
-    """Limp: no torque."""
+    """Limp, or holding by what an earlier program left: not ours to move."""
     HOLDING = "holding"
     MOVING = "moving"
     STOWING = "stowing"
@@ -64,9 +64,9 @@ class ArmFacts:
 
     time_s: float
     held_rad: Array
-    """What holds the joints (8,): their goals, or where they are."""
-    torque_on: bool
-    """Every joint has torque."""
+    """The goals that hold the joints (8,), NaN for one that obeys none."""
+    obey: bool
+    """Every joint has torque and takes our goals."""
     fault: str
     """The first latched fault in words; empty when there is none."""
     stowed: bool
@@ -129,7 +129,7 @@ def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
         arms = replace(arms, released=False)
     if facts.fault:
         return arms if arms.phase is ArmPhase.FAULT else _fail(arms, facts)
-    if not facts.torque_on:
+    if not facts.obey:
         return arms if arms.phase is ArmPhase.OFF else _limp(arms, facts)
     if arms.phase in {ArmPhase.OFF, ArmPhase.FAULT}:
         return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=facts.held_rad, reason="")

@@ -43,7 +43,7 @@ RULES = ArmRules(stow_from=fold)
 
 
 def facts(time_s: float, flight: Phase = Phase.HOLD, **changes: object) -> ArmFacts:
-    seen = ArmFacts(time_s, HOME, torque_on=True, fault="", stowed=False, flight=flight, touched_down=False)
+    seen = ArmFacts(time_s, HOME, obey=True, fault="", stowed=False, flight=flight, touched_down=False)
     return replace(seen, **changes)  # type: ignore[arg-type]
 
 
@@ -80,7 +80,7 @@ def test_the_states_tried_are_every_phase() -> None:
 def test_no_combination_of_facts_raises_or_makes_a_goal_jump(state: str, flight: Phase) -> None:
     arms = STATES[state]
     for torque, fault, stowed, down in itertools.product((True, False), ("", "broken"), (True, False), (True, False)):
-        seen = facts(8.0, flight, torque_on=torque, fault=fault, stowed=stowed, touched_down=down)
+        seen = facts(8.0, flight, obey=torque, fault=fault, stowed=stowed, touched_down=down)
         before, after = goal_at(arms, 8.0), goal_at(advance(arms, seen, RULES), 8.0)
         if before is not None and after is not None:
             assert after.position_rad == pytest.approx(before.position_rad)
@@ -198,12 +198,12 @@ def test_only_clearing_leaves_a_fault() -> None:
     assert arms.phase is ArmPhase.HOLDING
     assert goal is not None
     assert goal.position_rad == pytest.approx(there), "they hold where they are now, not where they were going"
-    assert advance(failed(), facts(20.0, torque_on=False), RULES).phase is ArmPhase.OFF
+    assert advance(failed(), facts(20.0, obey=False), RULES).phase is ArmPhase.OFF
 
 
 def test_limp_arms_are_off_whatever_they_did() -> None:
     for state in ("holding", "moving", "stowing"):
-        arms = advance(STATES[state], facts(8.0, torque_on=False), RULES)
+        arms = advance(STATES[state], facts(8.0, obey=False), RULES)
         assert (arms.phase, goal_at(arms, 8.0)) == (ArmPhase.OFF, None)
 
 

@@ -67,7 +67,7 @@ class SimulatedServos:
     def hold(self) -> None:
         self.holds += 1
         for servo in self._rack.servos:
-            servo.motor.go_to(servo.motor.angle_rad)
+            servo.motor.go_to(servo.motor.goal_rad)
 
     async def torque_on(self) -> None:
         for servo in self._rack.servos:
