@@ -8,6 +8,7 @@ import numpy as np
 
 from companion.arms.described import Poses
 from companion.arms.model import JOINT_NAMES
+from companion.csv_rows import numbers_of
 from companion.ports import ConfigError
 from companion.types import Array
 
@@ -32,7 +33,7 @@ def read_csv(path: Path) -> Poses:
     _check_header(header, path)
     if not 2 <= len(rows) <= MAX_ROWS:
         raise ConfigError(f"{path}: 2 to {MAX_ROWS} waypoints are needed, there are {len(rows)}")
-    table = np.array([_numbers(row, len(header), line, path) for line, row in rows])
+    table = np.array([numbers_of(row, len(header), line, path) for line, row in rows])
     times_s = table[:, header.index("t_s")]
     _check_times(times_s, [line for line, _ in rows], path)
     return Poses(times_s, _joints(header, table), stop=False)
@@ -64,18 +65,6 @@ def _check_header(header: list[str], path: Path) -> None:
         if joint in seen:
             raise ConfigError(f"{path}: {joint} has two columns")
         seen.add(joint)
-
-
-def _numbers(row: list[str], count: int, line: int, path: Path) -> list[float]:
-    if len(row) != count:
-        raise ConfigError(f"{path}: line {line}: {count} values are needed, there are {len(row)}")
-    try:
-        values = [float(cell) for cell in row]
-    except ValueError as error:
-        raise ConfigError(f"{path}: line {line}: every value must be a number, not {','.join(row)!r}") from error
-    if not all(math.isfinite(value) for value in values):
-        raise ConfigError(f"{path}: line {line}: every value must be finite, not {','.join(row)!r}")
-    return values
 
 
 def _check_times(times_s: Array, lines: list[int], path: Path) -> None:

@@ -1,7 +1,6 @@
 """What `--trajectory` means: the paper's two curves by name, or waypoints in a CSV file."""
 
 import csv
-import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from companion.control.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from companion.control.waypoints import Waypoints
+from companion.csv_rows import numbers_of
 from companion.ports import ConfigError
 from companion.types import Array
 
@@ -64,23 +64,11 @@ def read_waypoints(path: Path) -> Waypoints:
         raise ConfigError(f"{path}: at least two waypoints are needed, there are {len(rows)}")
     if len(rows) > MAX_WAYPOINTS:
         raise ConfigError(f"{path}: at most {MAX_WAYPOINTS} waypoints, there are {len(rows)}: thin them out")
-    table = np.array([_numbers(row, found, line, path) for line, row in enumerate(rows, start=2)])
+    table = np.array([numbers_of(row, len(found), line, path) for line, row in enumerate(rows, start=2)])
     column = {name: table[:, place] for place, name in enumerate(found)}
     _check_times(column["t_s"], path)
     positions = np.stack([column[name] for name in _COLUMNS[1:]], axis=-1)
     return Waypoints(column["t_s"], positions, column.get(_YAW, np.zeros(len(table))))
-
-
-def _numbers(row: list[str], columns: list[str], line: int, path: Path) -> list[float]:
-    if len(row) != len(columns):
-        raise ConfigError(f"{path}: line {line}: {len(columns)} values are needed, there are {len(row)}")
-    try:
-        values = [float(cell) for cell in row]
-    except ValueError as error:
-        raise ConfigError(f"{path}: line {line}: every value must be a number, not {','.join(row)!r}") from error
-    if not all(math.isfinite(value) for value in values):
-        raise ConfigError(f"{path}: line {line}: every value must be finite, not {','.join(row)!r}")
-    return values
 
 
 def _check_times(times_s: Array, path: Path) -> None:
