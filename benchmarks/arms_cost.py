@@ -97,8 +97,8 @@ def _page(rows: list[str], seeds: list[int], laps: int) -> str:
             "| --- | --- | --- | --- | --- | --- |",
             *rows,
             "",
-            "The companion knows the vehicle's inertia, the arms' masses and the autopilot's integrator exactly as the mock has",
-            "them; what is left with an inertia that is 30 % wrong: docs/arms.md.",
+            "The companion knows the vehicle's inertia, the arms' masses and the autopilot's integrator exactly as the",
+            "mock has them; what is left with an inertia that is 30 % wrong: docs/arms.md.",
             "",
         ]
     )
