@@ -18,6 +18,9 @@ XM_IDS, AX_IDS = (1, 2, 3, 5, 6, 7), (4, 8)
 """Of the default bus."""
 TORQUE, AX_TORQUE = 64, 24
 
+SHIPPED_LATENCY_MS = 16
+"""The SDK waits for an answer as long as its bytes take, and twice this, and 2 ms."""
+
 OK, NO_ANSWER, BROKEN = dxl.COMM_SUCCESS, dxl.COMM_RX_TIMEOUT, dxl.COMM_RX_CORRUPT
 
 
@@ -38,9 +41,12 @@ def opened(path: str, baud: int = 1_000_000) -> Iterator[Host]:
     # The SDK waits by reading over and over without a pause, and so keeps the interpreter, and with it the bus in the
     # other thread, from running; with a little patience in the reads it sleeps instead.
     port.ser.timeout = 0.002
+    before_ms = dxl.port_handler.LATENCY_TIMER  # of the whole process: a driver that was imported may have changed it
+    dxl.port_handler.LATENCY_TIMER = SHIPPED_LATENCY_MS
     try:
         yield Host(port, dxl.PacketHandler(1.0), dxl.PacketHandler(2.0))
     finally:
+        dxl.port_handler.LATENCY_TIMER = before_ms
         port.closePort()
 
 
