@@ -36,6 +36,7 @@ class MotorSpec:
 
 
 XM430_W350 = MotorSpec(4.1, 46 * math.pi / 30, 2.3, 0.017, 0.05, 0.35, 2.0, 9.0, 300.0)
+# Stall torque and no-load speed of the W210 have not been read off its own page of the e-manual.
 XM430_W210 = MotorSpec(3.0, 77 * math.pi / 30, 2.3, 0.008, 0.04, 0.22, 1.0, 9.0, 300.0)
 AX_12A = MotorSpec(1.5, 59 * math.pi / 30, 1.5, 0.005, 0.03, 0.20, 0.8, 12.0, 200.0)
 
@@ -96,11 +97,6 @@ class Motor:
     def profile_ongoing(self) -> bool:
         """Whether the trajectory has not yet reached the goal."""
         return self._moving_profile
-
-    @property
-    def full_torque_nm(self) -> float:
-        """Stall torque at the present voltage."""
-        return self._stall_nm
 
     @property
     def strength_nm(self) -> float:
