@@ -57,6 +57,7 @@ class ArmStage:
         self._rules = ArmRules(self.way_to_stow, config.torque_off_after_landing)
         self._state = ArmState()
         self._status = bus.status()
+        self._off_stow = self._farthest_from_stow()
         self._facts: ArmFacts | None = None
         self._known_b = self._trimmed_b = np.zeros(3)
         self._known = np.zeros(3)
@@ -88,7 +89,7 @@ class ArmStage:
     @property
     def held_rad(self) -> Array | None:
         """The joint angles (8,) that are asked for while nothing moves; None at all other times."""
-        return self._state.hold_rad if self._state.phase is ArmPhase.HOLDING and self._state.motion is None else None
+        return self._state.hold_rad
 
     @property
     def fault(self) -> str:
@@ -99,6 +100,9 @@ class ArmStage:
     @property
     def off_stow(self) -> str:
         """The joint farthest from its stowed angle, in words; empty when the arms are stowed. Claws may be anywhere."""
+        return self._off_stow
+
+    def _farthest_from_stow(self) -> str:
         off = np.abs(self._status.position_rad - self._stow_rad)
         off[list(CLAWS)] = 0.0
         worst = int(np.argmax(np.where(np.isnan(off), np.inf, off)))
@@ -111,6 +115,7 @@ class ArmStage:
     def read(self, now_s: float, flight: Flight) -> None:
         """Take in what the bus says; never waits."""
         self._status = self._bus.status()
+        self._off_stow = self._farthest_from_stow()
         unread_s = now_s - float(self._status.read_s.max())
         if unread_s > _STALE_S and math.isfinite(unread_s) and not self._broken:
             self._broken = f"bus: no servo was read for {unread_s:.1f} s"

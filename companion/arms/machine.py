@@ -85,7 +85,7 @@ class ArmState:
     """What is being run: while HOLDING, a motion coming to rest."""
     started_s: float = 0.0
     hold_rad: Array | None = None
-    """Where the joints are held while nothing moves."""
+    """Where the joints are held; None while they move, or nobody holds them."""
     action: ArmAction | None = None
     reason: str = ""
     """Why the last motion was ended before its time; empty when it was not."""
@@ -104,7 +104,7 @@ def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
 
 def refusal(arms: ArmState, motion: JointTrajectory, flight: Phase) -> str:
     """Why a motion may not begin now; empty when it may."""
-    if arms.phase is not ArmPhase.HOLDING or arms.motion is not None or arms.hold_rad is None:
+    if arms.hold_rad is None:
         return f"the arms must hold still first, they are {arms.phase}"
     if flight not in MAY_MOVE:
         return f"the arms may not move in flight phase {flight}"
