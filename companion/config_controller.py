@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field
 
@@ -11,6 +12,7 @@ from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.pid import Pid
 from companion.control.prediction import Predictor
+from companion.law_files import LAW_FORM, is_law_file, own_law
 from companion.ports import ConfigError
 
 
@@ -49,6 +51,15 @@ class PidFile(Section):
     error_limits: ErrorLimits = ErrorLimits()
 
 
+class OwnLawFile(Section):
+    """A file whose law is a Python file of one's own: law = "my_law.py:MyLaw"; its gains are checked by that file."""
+
+    law: str
+    description: str = ""
+    gains: dict[str, Any] = Field(default_factory=dict)
+    error_limits: ErrorLimits = ErrorLimits()
+
+
 @dataclass(frozen=True)
 class LoadedController:
     """A law ready to fly, and what its file says of it."""
@@ -56,6 +67,8 @@ class LoadedController:
     name: str
     law: Controller
     error_limits: ErrorLimits
+    description: str = ""
+    """What the file says of itself, for reports; empty if it says nothing."""
 
 
 def controller_path(name: str) -> Path:
@@ -74,39 +87,63 @@ def controller_path(name: str) -> Path:
     raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
 
 
-def load_controller(name: str, vehicle: VehicleModel, period_s: float) -> LoadedController:
-    """The law of a controller file, for this vehicle and control period.
+def load_controller(
+    name: str, vehicle: VehicleModel, period_s: float, allow_unstable: bool = False
+) -> LoadedController:
+    """The law of a controller file, for this vehicle and control period (s).
 
-    Raises ConfigError for an unknown name, a bad file, or an unstable filter loop.
+    Raises ConfigError for an unknown name, a bad file, a law of one's own that cannot work, or an unstable filter loop
+    unless `allow_unstable` or the file itself allows that.
     """
     path = controller_path(name)
     data = read_toml(path)
     law = data.get("law")
     if law == "etnn":
-        etnn = validate(EtnnFile, data, path)
-        return LoadedController(name, _etnn(etnn, path, vehicle, period_s), etnn.error_limits)
+        file = validate(EtnnFile, data, path)
+        if not (allow_unstable or file.allow_unstable):
+            _refuse_unstable(file.gains, path, period_s)
+        return LoadedController(name, etnn_law(file, vehicle, period_s), file.error_limits, file.description)
     if law == "pid":
         pid = validate(PidFile, data, path)
-        return LoadedController(name, Pid(pid.gains, vehicle), pid.error_limits)
+        return LoadedController(name, Pid(pid.gains, vehicle), pid.error_limits, pid.description)
+    if is_law_file(law):
+        own = validate(OwnLawFile, data, path)
+        made = own_law(own.law, own.gains, path, vehicle, period_s)
+        return LoadedController(name, made, own.error_limits, own.description)
     if law is None:
-        raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn' or law = 'pid'")
-    raise ConfigError(f"{path}: law = {law!r}: must be 'etnn' or 'pid'")
+        raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
+    raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")
 
 
-def _etnn(file: EtnnFile, path: Path, vehicle: VehicleModel, period_s: float) -> Etnn:
-    damping, needed = file.gains.filter_loop()
-    if damping <= needed and not file.allow_unstable:
+def read_etnn(name: str) -> EtnnFile:
+    """The controller file of an ET-NN law, to be changed before it is made one with `etnn_law`; stable or not.
+
+    Raises ConfigError for an unknown name, a bad file, or one with another law.
+    """
+    path = controller_path(name)
+    data = read_toml(path)
+    if data.get("law") != "etnn":
+        raise ConfigError(f"{path}: law = {data.get('law')!r}: must be 'etnn' here")
+    return validate(EtnnFile, data, path)
+
+
+def etnn_law(file: EtnnFile, vehicle: VehicleModel, period_s: float) -> Etnn:
+    """The law of a file, stable or not."""
+    p = file.prediction
+    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s) if p.enabled else None)
+
+
+def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:
+    damping, needed = gains.filter_loop()
+    if damping <= needed:
         raise ConfigError(
             f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
             f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
             "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
         )
-    load = file.gains.filter_step_load(period_s)
-    if load >= 4.0 and not file.allow_unstable:
+    load = gains.filter_step_load(period_s)
+    if load >= 4.0:
         raise ConfigError(
-            f"{path}: gains.filter_eps = {file.gains.filter_eps:g} is too quick for steps of {period_s:g} s: "
+            f"{path}: gains.filter_eps = {gains.filter_eps:g} is too quick for steps of {period_s:g} s: "
             f"2 rho dt/eps + zeta (dt/eps)^2 = {load:.3g} must be below 4; raise filter_eps, lower rho, or run faster"
         )
-    p = file.prediction
-    predictor = Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s) if p.enabled else None
-    return Etnn(file.gains, predictor)

@@ -14,6 +14,7 @@ from companion.control.controller import VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
 from companion.control.pid import Pid
+from companion.law_files import LAW_FORM
 from companion.ports import ConfigError
 from tests.control.by_hand import PRINTED, PRINTED_NUMBERS
 
@@ -238,8 +239,9 @@ def test_an_unknown_controller_names_those_there_are() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "has no law: a controller file says law = 'etnn' or law = 'pid'"),
-        ('law = "lqr"', "law = 'lqr': must be 'etnn' or 'pid'"),
+        ("", f"has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}"),
+        ('law = "lqr"', f"law = 'lqr': must be 'etnn', 'pid', or {LAW_FORM}"),
+        ("law = 3", f"law = 3: must be 'etnn', 'pid', or {LAW_FORM}"),
         ('law = "etnn"\n[gains]\nsgima = 0.1', "gains.sgima: unknown key, did you mean 'sigma'?"),
         ('law = "etnn"\n[gains]\np = 0.4', "gains.p = 0.4: input should be greater than 0.5"),
         ('law = "etnn"\n[gains]\nsigma = "0.1"', "gains.sigma = '0.1': input should be a valid number"),
