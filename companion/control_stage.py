@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel, within_tilt
 from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
@@ -14,6 +15,7 @@ from companion.types import Array, AttitudeThrust, Reference, VehicleState
 YAW_STEP_RAD = 0.02
 """The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
 _NOTHING = np.zeros(3)
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -26,18 +28,22 @@ class Asked:
 
 
 class ControlStage:
-    """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate."""
+    """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate.
 
-    def __init__(self, controller: Controller, model: ThrustModel, limits: Limits) -> None:
-        self._controller, self._model, self._limits = controller, model, limits
+    For one vehicle, or for a batch that flies side by side: `lead` is its shape, the leading axes of vehicle states, of
+    `sent` and of all that comes out; thrust model and limits are the batch's.
+    """
+
+    def __init__(self, controller: Controller, model: ThrustModel, limits: Limits, lead: tuple[int, ...] = ()) -> None:
+        self._controller, self._model, self._limits, self._lead = controller, model, limits, lead
         self._halves = controller if isinstance(controller, TwoHalves) else None
         self._memory: Any = None
         self._decided: Any = None
         self._wanted: AttitudeThrust | None = None
-        self._yaw_rad = 0.0
+        self._yaw_rad: float | Array = 0.0
         self._countered_w_mps2 = _NOTHING
         """The part of what was sent that only counters the arms."""
-        self.sent = idle_setpoint(0.0)
+        self.sent = idle_setpoint(np.zeros(lead))
         """The last setpoint that went out; whoever sends sets it."""
         self._warm_up()
 
@@ -71,8 +77,8 @@ class ControlStage:
 
     def _warm_up(self) -> None:
         """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
-        still = np.zeros(3)
-        vehicle = VehicleState(0.0, still, still, quat_from_yaw(0.0), still)
+        still = np.zeros((*self._lead, 3))
+        vehicle = VehicleState(0.0, still, still, self.sent.q_w_flu_wxyz, still)
         for _ in range(3):
             self.fly(vehicle, 0.0, Reference(still, still, still, 0.0), 0.01)
         self.forget()
@@ -86,10 +92,11 @@ class ControlStage:
         return gate(idle_setpoint(yaw_rad, thrust), idle_setpoint(yaw_rad, thrust), self._limits, 1.0).setpoint
 
     def fly(
-        self, vehicle: VehicleState, age_s: float, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
+        self, vehicle: VehicleState, age_s: Any, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
     ) -> Asked:
-        """One cycle of the law; `ahead` is the reference `preview_s` on, `known_accel_w_mps2` (3,) the arms' push.
+        """One cycle of the law; `ahead` is the reference `preview_s` on, `known_accel_w_mps2` (..., 3) the arms' push.
 
+        In a batch `age_s` is a float or (..., 1), the reference one for all, (3,) and a float, or (..., 3) and (...,).
         Between events the wanted setpoint stays, and the gate goes on towards it as fast as it may.
         """
         now = ControlInput(
@@ -105,18 +112,35 @@ class ControlStage:
         )
         self._countered_w_mps2 = known_accel_w_mps2
         output = self._decide(now)
-        if self._wanted is None or bool(output.event.any()) or abs(ahead.yaw_rad - self._yaw_rad) > YAW_STEP_RAD:
-            self._yaw_rad = ahead.yaw_rad
-            upright = within_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
-            self._wanted = setpoint_of_accel(upright, ahead.yaw_rad, self._model)
+        self._wanted = self._latest(output, ahead.yaw_rad)
         return Asked(ahead, output, gate(self._wanted, self.sent, self._limits, dt_s))
 
+    def _latest(self, output: ControlOutput, yaw_rad: float | Array) -> AttitudeThrust:
+        """The setpoint wanted: a new one where there is an event or the heading has turned, elsewhere the held one."""
+        held = self._wanted
+        fresh = (output.event[..., 0] > 0.0) | (np.abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
+        if held is not None and not fresh.any():
+            return held
+        upright = within_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
+        new = setpoint_of_accel(upright, yaw_rad, self._model)
+        if held is None or fresh.all():
+            self._yaw_rad = yaw_rad
+            return new
+        self._yaw_rad = np.where(fresh, yaw_rad, self._yaw_rad)
+        q = np.where(fresh[..., None], new.q_w_flu_wxyz, held.q_w_flu_wxyz)
+        return AttitudeThrust(q, np.where(fresh, new.thrust, held.thrust))
 
-def idle_setpoint(yaw_rad: float, thrust: float = 0.0) -> AttitudeThrust:
-    """Level, at this heading."""
-    return AttitudeThrust(quat_from_yaw(yaw_rad), np.asarray(thrust, dtype=float))
+
+def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:
+    """Level, at this heading (...,)."""
+    return AttitudeThrust(quat_from_yaw(yaw_rad), np.full(np.shape(yaw_rad), thrust))
+
+
+def changed(a: AttitudeThrust, b: AttitudeThrust) -> Mask:
+    """Where two setpoints differ, be it in the last bit, shape (...,)."""
+    return np.asarray((a.q_w_flu_wxyz != b.q_w_flu_wxyz).any(axis=-1) | (a.thrust != b.thrust))
 
 
 def same_setpoint(a: AttitudeThrust, b: AttitudeThrust) -> bool:
-    """Equal to the last bit: what need not be sent again."""
-    return bool((a.q_w_flu_wxyz == b.q_w_flu_wxyz).all() and (a.thrust == b.thrust).all())
+    """Equal to the last bit, all of them: what need not be sent again."""
+    return not changed(a, b).any()

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from companion.config_controller import load_controller
 from companion.control.attitude import ThrustModel
-from companion.control.controller import ControlInput, ControlOutput
+from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.frames import quat_from_rotation_vector
 from companion.control.limits import Limits
-from companion.control_stage import YAW_STEP_RAD, ControlStage, idle_setpoint, same_setpoint
+from companion.control_stage import YAW_STEP_RAD, ControlStage, changed, idle_setpoint, same_setpoint
 from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 LIMITS = Limits()
@@ -140,3 +142,100 @@ def test_equal_setpoints_are_equal_to_the_last_bit() -> None:
     assert same_setpoint(a, AttitudeThrust(LEVEL.copy(), np.array(0.5)))
     assert not same_setpoint(a, replace(a, thrust=np.array(0.5000000001)))
     assert not same_setpoint(a, replace(a, q_w_flu_wxyz=LEVEL + np.array([0.0, 1e-15, 0.0, 0.0])))
+    both = AttitudeThrust(np.array([LEVEL, -LEVEL, LEVEL]), np.array([0.5, 0.5, 0.5000000001]))
+    np.testing.assert_array_equal(changed(both, a), [False, True, True])
+    assert not same_setpoint(both, a)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What a stage is given in one cycle."""
+
+    vehicle: VehicleState
+    age_s: Any
+    ahead: Reference
+    known_accel_w_mps2: Array
+
+    def alone(self, index: tuple[int, ...]) -> "Cycle":
+        """The same for one vehicle of the batch."""
+        v, r = self.vehicle, self.ahead
+        return Cycle(
+            VehicleState(
+                0.0, v.position_w_m[index], v.velocity_w_mps[index], v.q_w_flu_wxyz[index], v.rate_flu_radps[index]
+            ),
+            float(self.age_s[index][0]),
+            Reference(
+                r.position_w_m[index],
+                r.velocity_w_mps[index],
+                r.acceleration_w_mps2[index],
+                float(np.asarray(r.yaw_rad)[index]),
+            ),
+            self.known_accel_w_mps2[index],
+        )
+
+    def flown(self, stage: ControlStage) -> tuple[AttitudeThrust, ControlOutput]:
+        """One cycle; what it gives is sent."""
+        asked = stage.fly(self.vehicle, self.age_s, self.ahead, DT_S, self.known_accel_w_mps2)
+        stage.settle()
+        stage.sent = asked.gated.setpoint
+        return asked.gated.setpoint, asked.output
+
+
+def wandering(lead: tuple[int, ...], cycles: int) -> list[Cycle]:
+    """Vehicles that drift about their references, some by millimetres and some by much; their headings turn slowly."""
+    rng = np.random.default_rng(5)
+
+    def vectors(size: Array | float) -> Array:
+        return np.asarray(size * rng.normal(size=(*lead, 3)))
+
+    spread, turning = 10.0 ** rng.uniform(-4.0, -0.5, (*lead, 1)), rng.uniform(-0.5, 0.5, lead)
+    there, error, error_rate = vectors(1.0), vectors(spread), vectors(spread)
+    found = []
+    for n in range(cycles):
+        error, error_rate = error + DT_S * error_rate, error_rate + vectors(0.3 * spread) - DT_S * error
+        v, a, q = vectors(0.1 * spread), vectors(spread), quat_from_rotation_vector(vectors(spread))
+        vehicle = VehicleState(0.0, there + error, v + error_rate, q, vectors(spread))
+        yaw_rad: Any = turning * n * DT_S
+        age_s = rng.uniform(0.005, 0.03, (*lead, 1))
+        found.append(Cycle(vehicle, age_s, Reference(there, v, a, yaw_rad), vectors(0.1 * spread)))
+    return found
+
+
+@pytest.mark.parametrize("name", ["practical", "pid"])
+@pytest.mark.parametrize("lead", [(6,), (2, 2)])
+def test_a_batch_is_its_vehicles_each_through_a_stage_of_its_own(name: str, lead: tuple[int, ...]) -> None:
+    def stage(shape: tuple[int, ...]) -> ControlStage:
+        law = load_controller(name, VehicleModel(), DT_S).law
+        return ControlStage(law, ThrustModel(curve=0.3), LIMITS, shape)
+
+    whole, alone = stage(lead), {index: stage(()) for index in np.ndindex(*lead)}
+    apart = 0
+    for cycle in wandering(lead, 100):
+        setpoint, output = cycle.flown(whole)
+        assert setpoint.q_w_flu_wxyz.shape == (*lead, 4)
+        assert setpoint.thrust.shape == lead
+        apart += bool(output.event.any() and not output.event.all())
+        for index, one in alone.items():
+            single, its_output = cycle.alone(index).flown(one)
+            np.testing.assert_array_equal(output.event[index], its_output.event)
+            np.testing.assert_allclose(setpoint.q_w_flu_wxyz[index], single.q_w_flu_wxyz, rtol=1e-11, atol=1e-12)
+            np.testing.assert_allclose(setpoint.thrust[index], single.thrust, rtol=1e-11)
+    assert name == "pid" or apart > 50, "mostly some vehicles have an event and some have none"
+
+
+def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_heading_turns() -> None:
+    class Some(Script):
+        def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:  # noqa: ARG002
+            return memory, ControlOutput(self.accel, np.array([[1.0], [0.0], [0.0]]), {})
+
+    law, yaw_rad = Some(), np.array([0.0, 0.0, 1.5 * YAW_STEP_RAD])
+    stage = ControlStage(law, ThrustModel(), LIMITS, (3,))
+    stage.sent = idle_setpoint(np.zeros(3), 0.5)
+    batch = VehicleState(0.0, np.zeros((3, 3)), np.zeros((3, 3)), np.tile(LEVEL, (3, 1)), np.zeros((3, 3)))
+    law.accel = np.zeros((3, 3))
+    stage.fly(batch, 0.01, reference(), DT_S)
+    law.accel = np.tile([0.0, 0.0, 0.49], (3, 1))  # 5 % of gravity: thrust 0.5 -> 0.525
+    turned: Any = yaw_rad
+    setpoint = stage.fly(batch, 0.01, reference(turned), DT_S).gated.setpoint
+    np.testing.assert_allclose(setpoint.thrust, [0.525, 0.5, 0.525])
+    np.testing.assert_allclose(2.0 * np.arctan2(setpoint.q_w_flu_wxyz[:, 3], setpoint.q_w_flu_wxyz[:, 0]), yaw_rad)
