@@ -12,6 +12,7 @@ from companion.arms import machine
 from companion.arms.feedforward import (
     Airframe,
     force_accel_b_mps2,
+    leads_of,
     tilt_accel_b_mps2,
     trimmed_b_radps2,
     turning_b_radps2,
@@ -52,7 +53,7 @@ class ArmStage:
     ) -> None:
         self._bus, self._config, self._model = bus, config, config.model()
         self._airframe, self._period_s = airframe, period_s
-        self._leads = _leads(vehicle, config.servo_lag_s)
+        self._leads = leads_of(vehicle, config.servo_lag_s)
         self._stow_rad = config.stow_rad()
         self._rules = ArmRules(self.way_to_stow, config.torque_off_after_landing)
         self._state = ArmState()
@@ -198,10 +199,11 @@ class ArmStage:
         if not flight.airborne or self._config.feedforward is Feedforward.OFF:
             self._trimmed_b = np.zeros(3)
             return np.zeros(3)
-        across, upward, turning = (self._motion_at(time_s + lead_s) for lead_s in self._leads)
-        ahead, above = (force_accel_b_mps2(self._model, self._airframe, motion) for motion in (across, upward))
-        tilt = self._tilt(turning) if self._config.feedforward is Feedforward.FULL else np.zeros(3)
-        return np.array((ahead[0] + tilt[0], ahead[1] + tilt[1], above[2]))
+        across, upward = self._motion_at(time_s + self._leads.across_s), self._motion_at(time_s + self._leads.upward_s)
+        force = force_accel_b_mps2(self._model, self._airframe, across, upward)
+        if self._config.feedforward is not Feedforward.FULL:
+            return force
+        return force + self._tilt(self._motion_at(time_s + self._leads.turning_s))
 
     def _motion_at(self, time_s: float) -> JointMotion:
         """What is asked for; without a goal, standing where the joints are: what tilts the vehicle is still there."""
@@ -236,14 +238,3 @@ async def _attempt(call: Awaitable[None]) -> None:
         await call
     except CompanionError as error:
         LOG.error("arms: %s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
-
-
-def _leads(vehicle: VehicleModel, servo_lag_s: float) -> tuple[float, float, float]:
-    """How much later than now a setpoint acts, less what the servos are late themselves: across, upward, as a torque.
-
-    Across it goes through the attitude loop, a second-order lag, late by 2 zeta / omega; upward through the rotors'
-    first-order lag. A torque meets the same attitude loop as the setpoint that is to counter it: only the delay counts.
-    """
-    across = vehicle.setpoint_delay_s + 2.0 * vehicle.attitude_damping / vehicle.attitude_bandwidth_radps
-    upward = vehicle.thrust_delay_s + vehicle.thrust_lag_s
-    return across - servo_lag_s, upward - servo_lag_s, vehicle.setpoint_delay_s - servo_lag_s

@@ -11,6 +11,8 @@ import numpy as np
 
 from companion.arms.mass import com_shift_flu_m, reaction_force_b_n, reaction_torque_b_nm
 from companion.arms.model import ArmModel
+from companion.control.components import joined, parts
+from companion.control.controller import VehicleModel
 from companion.types import Array, JointMotion
 
 
@@ -27,13 +29,13 @@ class Airframe:
 
 
 def turning_b_radps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -> Array:
-    """Angular acceleration that the arms cause before anything answers it, (3,), body FLU.
+    """Angular acceleration that the arms cause before anything answers it, (..., 3), body FLU.
 
     The links' reaction, and the thrust, which in a hover is the weight, beside the centre of mass.
     """
-    x, y, _ = com_shift_flu_m(model, motion.position_rad, airframe.mass_kg).tolist()
+    x, y, _ = parts(com_shift_flu_m(model, motion.position_rad, airframe.mass_kg))
     weight_n = airframe.mass_kg * airframe.gravity_mps2
-    lever = np.array((-weight_n * y, weight_n * x, 0.0))  # - r x m g e_3: what hangs in front pulls the nose down
+    lever = joined(-weight_n * y, weight_n * x, 0.0 * x)  # - r x m g e_3: what hangs in front pulls the nose down
     return np.asarray((reaction_torque_b_nm(model, motion) + lever) / np.array(airframe.inertia_kgm2))
 
 
@@ -43,11 +45,32 @@ def trimmed_b_radps2(trimmed: Array, turning: Array, airframe: Airframe, dt_s: f
 
 
 def tilt_accel_b_mps2(untrimmed_b_radps2: Array, airframe: Airframe) -> Array:
-    """Horizontal acceleration (3,) of the tilt that a torque holds against the attitude loop: g (phi x e_3)."""
-    roll, pitch, _ = (untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2).tolist()
-    return np.array((airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0))
+    """Horizontal acceleration (..., 3) of the tilt that a torque holds against the attitude loop: g (phi x e_3)."""
+    roll, pitch, _ = parts(untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2)
+    return joined(airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0 * roll)
 
 
-def force_accel_b_mps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -> Array:
-    """Acceleration (3,) that the links' reaction force gives the vehicle."""
-    return np.asarray(reaction_force_b_n(model, motion) / airframe.mass_kg)
+def force_accel_b_mps2(model: ArmModel, airframe: Airframe, across: JointMotion, upward: JointMotion) -> Array:
+    """Acceleration (..., 3) that the links' reaction force gives the vehicle: x, y of one motion, z of the other."""
+    ahead, above = (reaction_force_b_n(model, motion) / airframe.mass_kg for motion in (across, upward))
+    (x, y, _), (_, _, z) = parts(ahead), parts(above)
+    return joined(x, y, z)
+
+
+@dataclass(frozen=True)
+class Leads:
+    """How much later than now a setpoint sent now acts, less what the servos are late themselves (s)."""
+
+    across_s: float
+    """Through the attitude loop, a second-order lag, late by 2 zeta / omega."""
+    upward_s: float
+    """Through the rotors' first-order lag."""
+    turning_s: float
+    """A torque meets the same attitude loop as the setpoint that is to counter it: only the delay counts."""
+
+
+def leads_of(vehicle: VehicleModel, servo_lag_s: float) -> Leads:
+    """The leads of a vehicle whose joints follow their goals `servo_lag_s` late."""
+    across_s = vehicle.setpoint_delay_s + 2.0 * vehicle.attitude_damping / vehicle.attitude_bandwidth_radps
+    upward_s = vehicle.thrust_delay_s + vehicle.thrust_lag_s
+    return Leads(across_s - servo_lag_s, upward_s - servo_lag_s, vehicle.setpoint_delay_s - servo_lag_s)

@@ -9,8 +9,10 @@ from companion.control import event_trigger as et
 from companion.control import network as nn
 from companion.control.controller import ControlInput, ControlOutput
 from companion.control.gains import EtnnGains
-from companion.control.prediction import Predictor, PredictorMemory
+from companion.control.prediction import Prediction, Predictor, PredictorMemory
 from companion.types import Array
+
+_NOTHING = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Etnn:
     @property
     def preview_s(self) -> float:
         """The reference is wanted at the instant the state is predicted for; 0 as printed."""
-        return self.predictor.preview_s if self.predictor else 0.0
+        return float(self.predictor.preview_s) if self.predictor else 0.0
 
     def initial(self, first: ControlInput) -> EtnnMemory:
         """Memory at lift-off: filter on its input, network untaught, nothing sent."""
@@ -65,14 +67,16 @@ class Etnn:
     def decide(self, memory: EtnnMemory, now: ControlInput) -> tuple[Decided, ControlOutput]:
         """The first half of a cycle: all that the command needs."""
         g, f = self.gains, memory.filter
-        position, velocity, predictor = self._state(memory, now)
+        state, predictor = self._state(memory, now)
         reference = now.reference
-        x1 = position - reference.position_w_m
+        x1 = state.position_w_m - reference.position_w_m
         y1 = x1 - f.iota1
         alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
-        y2 = velocity - f.chi - f.iota2
+        y2 = state.velocity_w_mps - f.chi - f.iota2
         alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
         u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g) - now.known_accel_w_mps2
+        if self.predictor:
+            u_bar = u_bar - g.push_share * state.push_w_mps2
         trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
         signals = {
             "x1": x1,
@@ -86,6 +90,7 @@ class Etnn:
             "iota1": f.iota1,
             "iota2": f.iota2,
             "kappa": memory.trigger.kappa,
+            "push": state.push_w_mps2,
         }
         return Decided(memory, trigger, predictor, now, alpha1, y2), ControlOutput(u, event, signals)
 
@@ -105,7 +110,7 @@ class Etnn:
         )
         return after, {"f_hat": f_hat}
 
-    def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory | None]:
+    def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:
-            return now.position_w_m, now.velocity_w_mps, None
+            return Prediction(now.position_w_m, now.velocity_w_mps, _NOTHING), None
         return self.predictor.step(memory.predictor, now)

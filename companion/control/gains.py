@@ -79,6 +79,12 @@ class EtnnGains(Gains):
         0.0, description="departure: |y_2| below which sgn becomes linear, m/s; 0 = as printed"
     )
     switching: float = Field(1.0, ge=0.0, le=1.0, description="departure: share of the switching term; 1 = as printed")
+    compensation: float = Field(
+        1.0, ge=0.0, le=1.0, description="departure: share of iota_1' and iota_2'; 0 leaves both 0; 1 = as printed"
+    )
+    push_share: float = Field(
+        0.0, ge=0.0, le=1.0, description="departure: share of the observed push that is taken off u_bar; 0 = as printed"
+    )
     every_cycle: bool = Field(False, description="departure: send every cycle, trigger off; false = as printed")
 
     @model_validator(mode="after")

@@ -4,6 +4,9 @@ The state is as old as the mocap frame, a command acts only after the setpoint's
 its lag. The commands already sent are known, and so is the attitude now: so the near future is, too. Position and
 velocity are carried forward through a second-order model of the attitude loop (horizontal) and a first-order one of
 the rotors (vertical). The model is linear, so the whole replay is one weighted sum of the commands sent.
+
+What the rotors do not explain of the motion so far, an observer takes for a push that goes on: without it the
+prediction is wrong by half the push times the horizon squared, and the law holds that for an error of the vehicle.
 """
 
 import math
@@ -15,7 +18,8 @@ import numpy as np
 from companion.control.components import joined, parts
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.frames import up_axis
-from companion.control.switching import norm_squared
+from companion.control.push_observer import Observed, nothing_observed, observe
+from companion.control.switching import Scalar, norm_squared
 from companion.types import Array
 
 
@@ -25,6 +29,16 @@ class PredictorMemory:
 
     sent: Array
     thrust_mps2: Array
+    observed: Observed
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Position (m) and velocity (m/s) then, and the push (m/s^2) that is taken to go on; (..., 3) in W."""
+
+    position_w_m: Array
+    velocity_w_mps: Array
+    push_w_mps2: Array
 
 
 @dataclass(frozen=True)
@@ -33,50 +47,57 @@ class Predictor:
 
     The newest command is taken to go on, after it begins to act, for `lead_s` (horizontal) and `thrust_lead_s`
     (vertical): longer for the slow attitude, shorter for the quick rotors, whose next command corrects it sooner.
+    Both are floats, or arrays (..., 1) when a batch of vehicles has a batch of them.
     """
 
     vehicle: VehicleModel
     period_s: float
-    lead_s: float
-    thrust_lead_s: float
+    lead_s: Scalar
+    thrust_lead_s: Scalar
+    observer_radps: Scalar = 0.0
+    """Poles of the push's observer; 0 takes the push for 0."""
 
     def __post_init__(self) -> None:
         """Work out the weights now, not in the first cycle in the air."""
         _ = self._weights
 
     @property
-    def preview_s(self) -> float:
+    def preview_s(self) -> Scalar:
         """From now to the instant predicted for."""
         return self.vehicle.setpoint_delay_s + self.lead_s
 
     def initial(self, first: ControlInput) -> PredictorMemory:
         """As if the last command had been held for long."""
-        sent = np.repeat(first.sent_accel_w_mps2[..., None, :], self._weights.commands.shape[0], axis=-2)
-        return PredictorMemory(sent, first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2)
+        sent = np.repeat(first.sent_accel_w_mps2[..., None, :], self._weights.commands.shape[-3], axis=-2)
+        thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
+        return PredictorMemory(sent, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
 
-    def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Array, Array, PredictorMemory]:
-        """Predicted position (m) and velocity (m/s), (..., 3) in W, and the memory with the newest command."""
+    def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
+        """The state then, and the memory with the newest command."""
         sent = np.concatenate((memory.sent[..., 1:, :], now.sent_accel_w_mps2[..., None, :]), axis=-2)
         thrust = self._thrust(memory.thrust_mps2, sent)
-        position, velocity = self._propagate(now, sent, thrust)
-        return position, velocity, PredictorMemory(sent, thrust)
+        accel = thrust * up_axis(now.q_w_flu_wxyz) - self._gravity
+        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
+        return self._propagate(now, sent, thrust, accel, observed.push), PredictorMemory(sent, thrust, observed)
 
     def _thrust(self, thrust_mps2: Array, sent: Array) -> Array:
         """Specific thrust at capture time: the oldest kept command is the one that acted then."""
         size = np.sqrt(norm_squared(sent[..., 0, :] + self._gravity))
         return np.asarray(thrust_mps2 + (size - thrust_mps2) * self._thrust_share)
 
-    def _propagate(self, now: ControlInput, sent: Array, thrust: Array) -> tuple[Array, Array]:
+    def _propagate(self, now: ControlInput, sent: Array, thrust: Array, accel: Array, push: Array) -> Prediction:
         w = self._weights
-        up, up_rate = up_axis(now.q_w_flu_wxyz), _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
-        accel = thrust * up - self._gravity
-        jerk = thrust * up_rate
+        jerk = thrust * _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
-        position = now.position_w_m + late * now.velocity_w_mps
-        forced = np.einsum("...ni,nki->...ki", sent, w.commands)
-        free_p = position + w.horizon_s * now.velocity_w_mps + w.accel[0] * accel + w.jerk[0] * jerk
-        free_v = now.velocity_w_mps + w.accel[1] * accel + w.jerk[1] * jerk
-        return free_p + forced[..., 0, :], free_v + forced[..., 1, :]
+        ahead = w.horizon_s + late
+        forced = np.einsum("...ni,...nki->...ki", sent, w.commands)
+        position = now.position_w_m + ahead * now.velocity_w_mps + w.accel[0] * accel + w.jerk[0] * jerk
+        velocity = now.velocity_w_mps + w.accel[1] * accel + w.jerk[1] * jerk
+        return Prediction(
+            position + forced[..., 0, :] + (0.5 * ahead * ahead) * push,
+            velocity + forced[..., 1, :] + ahead * push,
+            push,
+        )
 
     @cached_property
     def _gravity(self) -> Array:
@@ -90,17 +111,32 @@ class Predictor:
 
     @cached_property
     def _weights(self) -> "_Weights":
-        return _weights(self.vehicle, self.period_s, self.lead_s, self.thrust_lead_s)
+        leads = np.broadcast_arrays(self.lead_s, self.thrust_lead_s)
+        if not leads[0].shape:
+            return _weights(self.vehicle, self.period_s, float(leads[0]), float(leads[1]))
+        pairs = zip(*(lead[..., 0].ravel().tolist() for lead in leads), strict=True)
+        return _stacked([_weights(self.vehicle, self.period_s, *pair) for pair in pairs], leads[0].shape[:-1])
 
 
 @dataclass(frozen=True)
 class _Weights:
-    """Response of (position, velocity) at the horizon, per axis: accel, jerk (2, 3); commands (n, 2, 3)."""
+    """Response of (position, velocity) at the horizon, per axis: accel, jerk (2, ..., 3); commands (..., n, 2, 3)."""
 
-    horizon_s: float
+    horizon_s: Scalar
     accel: Array
     jerk: Array
     commands: Array
+
+
+def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
+    """One set for each vehicle of a batch of shape `lead`."""
+    one = weights[0]
+    return _Weights(
+        np.array([w.horizon_s for w in weights]).reshape(*lead, 1),
+        np.stack([w.accel for w in weights], axis=1).reshape(2, *lead, 3),
+        np.stack([w.jerk for w in weights], axis=1).reshape(2, *lead, 3),
+        np.stack([w.commands for w in weights]).reshape(*lead, *one.commands.shape),
+    )
 
 
 def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:

@@ -49,4 +49,20 @@ def test_a_lasting_torque_is_trimmed_out_with_the_integrators_time_constant() ->
 
 def test_the_links_force_is_shared_by_the_whole_mass() -> None:
     motion = JointMotion(FORWARD, np.zeros(8), np.full(8, 10.0))
-    assert force_accel_b_mps2(MODEL, AIRFRAME, motion) == pytest.approx(reaction_force_b_n(MODEL, motion) / 4.85)
+    wanted = reaction_force_b_n(MODEL, motion) / 4.85
+    assert force_accel_b_mps2(MODEL, AIRFRAME, motion, motion) == pytest.approx(wanted)
+    still = at_rest(FORWARD)
+    assert force_accel_b_mps2(MODEL, AIRFRAME, motion, still) == pytest.approx([*wanted[:2], 0.0]), "each its own lead"
+
+
+def test_many_instants_at_once_are_each_alone() -> None:
+    rng = np.random.default_rng(3)
+    many = JointMotion(*(rng.normal(size=(5, 8)) for _ in range(3)))
+    turning = turning_b_radps2(MODEL, AIRFRAME, many)
+    force, tilt = force_accel_b_mps2(MODEL, AIRFRAME, many, many), tilt_accel_b_mps2(turning, AIRFRAME)
+    for i in range(5):
+        one = JointMotion(many.position_rad[i], many.velocity_radps[i], many.acceleration_radps2[i])
+        alone = turning_b_radps2(MODEL, AIRFRAME, one)
+        assert turning[i] == pytest.approx(alone)
+        assert force[i] == pytest.approx(force_accel_b_mps2(MODEL, AIRFRAME, one, one))
+        assert tilt[i] == pytest.approx(tilt_accel_b_mps2(alone, AIRFRAME))

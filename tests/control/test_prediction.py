@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -125,8 +126,9 @@ def test_the_weights_are_the_models_integral(
     rng = np.random.default_rng(seed)
     now = random_input(rng, age + 0.004)
     memory = predictor.initial(now)
-    memory = PredictorMemory(rng.normal(0.0, 2.0, memory.sent.shape), memory.thrust_mps2)
-    position, velocity, after = predictor.step(memory, now)
+    memory = replace(memory, sent=rng.normal(0.0, 2.0, memory.sent.shape))
+    predicted, after = predictor.step(memory, now)
+    position, velocity = predicted.position_w_m, predicted.velocity_w_mps
     expected = brute_force(now, memory, float(after.thrust_mps2[0]), predictor)
     # commands older than the memory acted before the capture; only those still acting then may be missing
     known = age + max(delay, thrust_delay)
@@ -140,9 +142,9 @@ def test_with_no_delay_and_no_lead_nothing_is_changed() -> None:
     vehicle = VehicleModel(setpoint_delay_s=0.0, thrust_delay_s=0.0, mocap_age_s=0.0)
     predictor = Predictor(vehicle, PERIOD_S, 0.0, 0.0)
     now = random_input(np.random.default_rng(1), 0.0)
-    position, velocity, _ = predictor.step(predictor.initial(now), now)
-    np.testing.assert_allclose(position, now.position_w_m, atol=1e-12)
-    np.testing.assert_allclose(velocity, now.velocity_w_mps, atol=1e-12)
+    predicted, _ = predictor.step(predictor.initial(now), now)
+    np.testing.assert_allclose(predicted.position_w_m, now.position_w_m, atol=1e-12)
+    np.testing.assert_allclose(predicted.velocity_w_mps, now.velocity_w_mps, atol=1e-12)
     assert predictor.preview_s == 0.0
 
 
@@ -152,9 +154,9 @@ def test_a_vehicle_that_hovers_is_predicted_to_hover() -> None:
     now = ControlInput(np.array([1.0, 2.0, 3.0]), np.zeros(3), level, np.zeros(3), 0.01, NOWHERE, np.zeros(3), 0.01)
     memory = predictor.initial(now)
     for _ in range(20):
-        position, velocity, memory = predictor.step(memory, now)
-    np.testing.assert_allclose(position, [1.0, 2.0, 3.0], atol=1e-9)
-    np.testing.assert_allclose(velocity, np.zeros(3), atol=1e-9)
+        predicted, memory = predictor.step(memory, now)
+    np.testing.assert_allclose(predicted.position_w_m, [1.0, 2.0, 3.0], atol=1e-9)
+    np.testing.assert_allclose(predicted.velocity_w_mps, np.zeros(3), atol=1e-9)
 
 
 def test_an_older_frame_is_carried_on_by_its_velocity() -> None:
@@ -163,9 +165,9 @@ def test_an_older_frame_is_carried_on_by_its_velocity() -> None:
     fresh = random_input(rng, 0.01)
     memory = predictor.initial(fresh)
     old = ControlInput(**{**fresh.__dict__, "age_s": 0.03})
-    here, _, _ = predictor.step(memory, fresh)
-    there, _, _ = predictor.step(memory, old)
-    np.testing.assert_allclose(there - here, 0.02 * fresh.velocity_w_mps, atol=1e-12)
+    here, _ = predictor.step(memory, fresh)
+    there, _ = predictor.step(memory, old)
+    np.testing.assert_allclose(there.position_w_m - here.position_w_m, 0.02 * fresh.velocity_w_mps, atol=1e-12)
 
 
 @given(seed=SEED, thrust_lead=st.floats(0.05, 0.3))
@@ -175,8 +177,8 @@ def test_no_command_acts_after_the_horizon(seed: int, thrust_lead: float) -> Non
     predicted = []
     for lead in (thrust_lead, 0.04):  # horizon 0.05 s: 0.01 s of age, 0.04 s of delay; thrust known up to 0.02 s
         predictor = Predictor(VehicleModel(), PERIOD_S, 0.0, lead)
-        position, velocity, _ = predictor.step(predictor.initial(now), now)
-        predicted.append(np.concatenate((position, velocity)))
+        then, _ = predictor.step(predictor.initial(now), now)
+        predicted.append(np.concatenate((then.position_w_m, then.velocity_w_mps)))
     np.testing.assert_allclose(predicted[0], predicted[1], atol=1e-12)
 
 
@@ -189,6 +191,44 @@ def test_the_modelled_thrust_follows_what_was_asked_for_with_its_lag() -> None:
     count = memory.sent.shape[0]
     climb = ControlInput(**{**hover.__dict__, "sent_accel_w_mps2": np.array([0.0, 0.0, 1.0])})
     for n in range(count + 4):
-        _, _, memory = predictor.step(memory, climb)
+        _, memory = predictor.step(memory, climb)
         cycles = max(0, n + 2 - count)  # cycles in which the step was the oldest command kept
         assert float(memory.thrust_mps2[0]) == pytest.approx(G + 1.0 - math.exp(-0.01 * cycles / 0.05), abs=1e-9)
+
+
+def test_a_batch_of_leads_predicts_as_each_alone() -> None:
+    rng = np.random.default_rng(5)
+    leads, thrust_leads, poles = rng.uniform(0.0, 0.15, (3, 4, 1))
+    many = Predictor(VehicleModel(), PERIOD_S, leads, thrust_leads, poles)
+    inputs = [random_input(rng, 0.014) for _ in range(4)]
+    both = [np.stack([getattr(now, name) for now in inputs]) for name in VECTORS]
+    batch = ControlInput(both[0], both[1], both[2], both[3], 0.014, NOWHERE, both[4], PERIOD_S)
+    memory = many.initial(batch)
+    for _ in range(3):
+        predicted, memory = many.step(memory, batch)
+    for i, now in enumerate(inputs):
+        one = Predictor(VehicleModel(), PERIOD_S, float(leads[i, 0]), float(thrust_leads[i, 0]), float(poles[i, 0]))
+        alone_memory = one.initial(now)
+        for _ in range(3):
+            alone, alone_memory = one.step(alone_memory, now)
+        for name in ("position_w_m", "velocity_w_mps", "push_w_mps2"):
+            np.testing.assert_allclose(getattr(predicted, name)[i], getattr(alone, name), atol=1e-12)
+
+
+VECTORS = ("position_w_m", "velocity_w_mps", "q_w_flu_wxyz", "rate_flu_radps", "sent_accel_w_mps2")
+
+
+def test_a_push_that_goes_on_is_part_of_the_prediction() -> None:
+    """Hovering upright, pushed by 0.5 m/s^2 along x: after the observer has found it, it is carried to the horizon."""
+    vehicle = VehicleModel(mocap_age_s=0.01, setpoint_delay_s=0.04)
+    predictor = Predictor(vehicle, PERIOD_S, 0.1, 0.03, observer_radps=6.0)
+    level, nothing, push = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.array([0.5, 0.0, 0.0])
+    memory = predictor.initial(ControlInput(nothing, nothing, level, nothing, 0.01, NOWHERE, nothing, PERIOD_S))
+    for n in range(1, 301):
+        t = n * PERIOD_S
+        now = ControlInput(0.5 * t * t * push, t * push, level, nothing, 0.01, NOWHERE, nothing, PERIOD_S)
+        predicted, memory = predictor.step(memory, now)
+    then = 3.0 + 0.15
+    np.testing.assert_allclose(predicted.push_w_mps2, push, atol=1e-4)
+    np.testing.assert_allclose(predicted.velocity_w_mps, then * push, atol=1e-4)
+    np.testing.assert_allclose(predicted.position_w_m, 0.5 * then * then * push, atol=1e-4)
