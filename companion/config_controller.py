@@ -22,6 +22,9 @@ class PredictionConfig(Section):
     enabled: bool = Field(False, description="false = the law sees the state as it is, as printed")
     lead_s: float = Field(0.1, ge=0.0, le=0.3, description="how far beyond the known delays, s")
     thrust_lead_s: float = Field(0.1, ge=0.0, le=0.3, description="so long the newest thrust is taken to go on, s")
+    observer_radps: float = Field(
+        0.0, ge=0.0, le=20.0, description="poles of the observer of a push that goes on, rad/s; 0 = none"
+    )
 
 
 class ErrorLimits(Section):
@@ -130,7 +133,9 @@ def read_etnn(name: str) -> EtnnFile:
 def etnn_law(file: EtnnFile, vehicle: VehicleModel, period_s: float) -> Etnn:
     """The law of a file, stable or not."""
     p = file.prediction
-    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s) if p.enabled else None)
+    if not p.enabled:
+        return Etnn(file.gains)
+    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s, p.observer_radps))
 
 
 def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:

@@ -14,6 +14,7 @@ from companion.control.controller import VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
 from companion.control.pid import Pid
+from companion.control.prediction import Predictor
 from companion.law_files import LAW_FORM
 from companion.ports import ConfigError
 from tests.control.by_hand import PRINTED, PRINTED_NUMBERS
@@ -197,6 +198,27 @@ def test_the_set_that_flies_and_the_baseline_load() -> None:
     np.testing.assert_array_equal(pid.law.gains.kp, [8.0, 8.0, 10.0])
     np.testing.assert_array_equal(pid.law.gains.ki, [1.5, 1.5, 8.0])
     np.testing.assert_array_equal(pid.law.gains.kd, [10.0, 10.0, 13.0])
+
+
+def test_the_papers_file_loads_when_the_caller_allows_it() -> None:
+    loaded = load_controller("paper", VEHICLE, 0.01, allow_unstable=True)
+    assert isinstance(loaded.law, Etnn)
+    assert loaded.law.gains.model_dump() == EtnnGains().model_dump()
+    assert loaded.description == "as printed; unstable", "as the file says"
+
+
+def test_what_the_file_says_of_the_prediction_reaches_the_predictor(tmp_path: Path) -> None:
+    path = written(
+        tmp_path,
+        'law = "etnn"\nallow_unstable = true\n[prediction]\nenabled = true\nlead_s = 0.05\nthrust_lead_s = 0.02\n'
+        "observer_radps = 1.5",
+    )
+    law = load_controller(str(path), VEHICLE, 0.02).law
+    assert isinstance(law, Etnn)
+    assert law.predictor == Predictor(VEHICLE, 0.02, 0.05, 0.02, 1.5)
+    assert "prediction.observer_radps = -1.0" in refusal(
+        written(tmp_path, 'law = "etnn"\n[prediction]\nobserver_radps = -1.0')
+    )
 
 
 @pytest.mark.parametrize(("rho", "loads"), [(1.0, True), (0.3 * 13.07, True), (0.3 * 13.06, False), (0.1, False)])
