@@ -68,10 +68,10 @@ def check_law(law: Any, file: LawFile, period_s: float) -> Controller:
     preview = file.call(".preview_s", lambda: getattr(law, "preview_s", None))
     if isinstance(preview, bool) or not isinstance(preview, float | int) or not 0.0 <= preview < np.inf:
         raise file.wrong(f".preview_s is {preview!r}: must be a property that gives seconds, 0.0 or more")
-    batch = _tried(law, file, [_seen(slice(None), cycle, period_s) for cycle in range(_CYCLES)])
-    for row in range(2):
-        alone = _tried(law, file, [_seen(row, cycle, period_s) for cycle in range(_CYCLES)])
-        for one, two in zip(alone, batch, strict=True):
+    alone = [_tried(law, file, [_seen(row, cycle, period_s) for cycle in range(_CYCLES)]) for row in range(2)]
+    together = _tried(law, file, [_seen(slice(None), cycle, period_s) for cycle in range(_CYCLES)])
+    for row, outputs in enumerate(alone):
+        for one, two in zip(outputs, together, strict=True):
             _compare(one, two, row, file)
     checked: Controller = law
     return checked
@@ -177,4 +177,4 @@ def _compare(alone: ControlOutput, batch: ControlOutput, row: int, file: LawFile
 
 
 def _described(value: object) -> str:
-    return "nothing" if value is None else f"{value!r:.60} ({type(value).__name__})"
+    return "nothing" if value is None else f"a {type(value).__name__}"
