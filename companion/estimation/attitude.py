@@ -1,17 +1,21 @@
-"""Attitude and body rate from rotation matrices, by the same filter as the position.
+"""Attitude and body rate from measured rotations, by the same filter as the position.
 
-Scalars instead of arrays: one vehicle's frame has to cost microseconds, and array calls on four numbers do not.
+Works on components: floats for one vehicle, whose frame has to cost microseconds, and arrays (...,) for a batch.
 """
 
 from dataclasses import dataclass
-from math import atan2, cos, hypot, sin, sqrt
 
+from companion.control.components import maths, parts
 from companion.control.frames import quat_from_matrix
-from companion.estimation.kalman import Covariance, gains, grow, shrink
+from companion.control.switching import Scalar
+from companion.estimation.kalman import Covariance, grow, shrink
 from companion.types import Array
 
-Vec3 = tuple[float, float, float]
-Quat = tuple[float, float, float, float]
+Vec3 = tuple[Scalar, Scalar, Scalar]
+Quat = tuple[Scalar, Scalar, Scalar, Scalar]
+
+_TINY = 1e-300
+"""Added to a divisor it changes nothing but 0/0, which becomes 0."""
 
 
 @dataclass(frozen=True)
@@ -22,25 +26,31 @@ class Attitude:
     rate: Vec3
     turn: Vec3
     covariance: Covariance
-    """Of angle error, rate and change of rate about one body axis."""
+    """Of angle error, rate and change of rate about one body axis: floats or (...,)."""
 
 
 def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bool:
     """Whether nine numbers, row by row, are a right-handed rotation; false for NaN."""
     a, b, c, d, e, f, g, h, i = rotation_rows
-    crossed = (b * f - c * e - g, c * d - a * f - h, a * e - b * d - i)  # row 1 x row 2 - row 3
-    lengths = (a * a + b * b + c * c - 1.0, d * d + e * e + f * f - 1.0)
-    return all(abs(x) <= tolerance for x in (*crossed, *lengths, a * d + b * e + c * f))
+    return (
+        abs(a * a + b * b + c * c - 1.0) <= tolerance
+        and abs(d * d + e * e + f * f - 1.0) <= tolerance
+        and abs(a * d + b * e + c * f) <= tolerance
+        and abs(b * f - c * e - g) <= tolerance  # row 1 x row 2 = row 3
+        and abs(c * d - a * f - h) <= tolerance
+        and abs(a * e - b * d - i) <= tolerance
+    )
 
 
 def at_rest(rotation: Array, covariance: Covariance) -> Attitude:
-    """Start from one matrix, shape (3, 3), not turning."""
-    w, x, y, z = quat_from_matrix(rotation).tolist()
-    return Attitude((w, x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), covariance)
+    """Start from one matrix, shape (..., 3, 3), not turning."""
+    w, x, y, z = parts(quat_from_matrix(rotation))
+    still = (0.0 * w, 0.0 * w, 0.0 * w)
+    return Attitude((w, x, y, z), still, still, covariance)
 
 
-def predict(state: Attitude, dt_s: float, density: float) -> Attitude:
-    """Turn on for `dt_s`; `density` in rad^2/s^5."""
+def predict(state: Attitude, dt_s: Scalar, density: float) -> Attitude:
+    """Turn on for `dt_s`, a float or (...,); `density` in rad^2/s^5."""
     (p, q, r), (dp, dq, dr) = state.rate, state.turn
     half = 0.5 * dt_s * dt_s
     step = _exp((dt_s * p + half * dp, dt_s * q + half * dq, dt_s * r + half * dr))
@@ -48,7 +58,7 @@ def predict(state: Attitude, dt_s: float, density: float) -> Attitude:
     return Attitude(_multiply(state.q, step), rate, state.turn, grow(state.covariance, dt_s, density))
 
 
-def surprise_rad(state: Attitude, rotation_rows: tuple[float, ...]) -> Vec3:
+def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
     """Rotation vector (FLU) from the estimate to a measured matrix, nine numbers row by row.
 
     The logarithm of R' M, with the columns of the estimate's R written out: a third of the time of the array calls.
@@ -62,28 +72,41 @@ def surprise_rad(state: Attitude, rotation_rows: tuple[float, ...]) -> Vec3:
     about_y = (r00 * c + r10 * f + r20 * i) - (r02 * a + r12 * d + r22 * g)
     about_z = (r01 * a + r11 * d + r21 * g) - (r00 * b + r10 * e + r20 * h)
     trace = (r00 * a + r10 * d + r20 * g) + (r01 * b + r11 * e + r21 * h) + (r02 * c + r12 * f + r22 * i)
-    twice_sine = hypot(about_x, about_y, about_z)
-    scale = atan2(twice_sine, trace - 1.0) / twice_sine if twice_sine > 1e-12 else 0.5
+    m = maths(w)
+    twice_sine = m.sqrt(about_x * about_x + about_y * about_y + about_z * about_z)
+    scale = m.atan2(twice_sine, trace - 1.0) / (twice_sine + _TINY)
     return scale * about_x, scale * about_y, scale * about_z
+
+
+def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vec3:
+    """The same from a measured unit quaternion (w x y z, either sign): less work for a batch, which has no matrices."""
+    w, x, y, z = state.q
+    turn_w, turn_x, turn_y, turn_z = _multiply((w, -x, -y, -z), measured)
+    m = maths(w)
+    sine = m.sqrt(turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
+    scale = m.copysign(2.0, turn_w) * m.atan2(sine, abs(turn_w)) / (sine + _TINY)
+    return scale * turn_x, scale * turn_y, scale * turn_z
 
 
 def update(state: Attitude, surprise: Vec3, variance: float) -> Attitude:
     """Correct by the rotation vector of `surprise_rad`, measured with `variance` (rad^2) about every axis."""
-    ka, kr, kt = gains(state.covariance, variance)
+    (ka, kr, kt), covariance = shrink(state.covariance, variance)
     (x, y, z), (p, q, r), (dp, dq, dr) = surprise, state.rate, state.turn
     return Attitude(
         _normalised(_multiply(state.q, _exp((ka * x, ka * y, ka * z)))),
         (p + kr * x, q + kr * y, r + kr * z),
         (dp + kt * x, dq + kt * y, dr + kt * z),
-        shrink(state.covariance, variance),
+        covariance,
     )
 
 
 def _exp(vector: Vec3) -> Quat:
     x, y, z = vector
-    angle = hypot(x, y, z)
-    scale = sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
-    return cos(0.5 * angle), scale * x, scale * y, scale * z
+    m = maths(x)
+    angle = m.sqrt(x * x + y * y + z * z)
+    half = 0.5 * angle
+    scale = m.sin(half) / (angle + _TINY)
+    return m.cos(half), scale * x, scale * y, scale * z
 
 
 def _multiply(first: Quat, second: Quat) -> Quat:
@@ -98,5 +121,6 @@ def _multiply(first: Quat, second: Quat) -> Quat:
 
 def _normalised(quat: Quat) -> Quat:
     w, x, y, z = quat
-    scale = (1.0 if w >= 0.0 else -1.0) / sqrt(w * w + x * x + y * y + z * z)
+    m = maths(w)
+    scale = m.copysign(1.0, w) / m.sqrt(w * w + x * x + y * y + z * z)
     return scale * w, scale * x, scale * y, scale * z

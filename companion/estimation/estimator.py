@@ -14,7 +14,7 @@ from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
 from companion.types import Array, MocapFrame, VehicleState
 
-__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "predict_to", "step"]
+__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "predict_to", "step"]
 
 Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
@@ -46,6 +46,15 @@ def step(
     motion = kalman.update(motion, frame.position_w_m, params.noise_m**2)
     attitude = att.update(attitude, surprise, params.noise_rad**2)
     return _known(state, Verdict.ACCEPTED, frame.stamp_s, params, clock, pose, motion, attitude)
+
+
+def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
+    """Of the motion and of the attitude when one frame is all that is known.
+
+    At rest as far as we know: to 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2.
+    """
+    of_motion = Covariance(params.noise_m**2, 0.0, 0.0, 1.0, 0.0, 25.0)
+    return of_motion, Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0)
 
 
 def age_s(state: EstimatorState, now_s: float) -> float:
@@ -92,10 +101,11 @@ def _possible(
 def _started(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
 ) -> EstimatorState:
-    """Begin from one frame, at rest as far as we know: to 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2."""
+    """Begin from one frame."""
+    of_motion, of_attitude = first_covariances(params)
     zero = np.zeros(3)
-    motion = Motion(frame.position_w_m, zero, zero, Covariance(params.noise_m**2, 0.0, 0.0, 1.0, 0.0, 25.0))
-    attitude = att.at_rest(frame.rotation_w_b, Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0))
+    motion = Motion(frame.position_w_m, zero, zero, of_motion)
+    attitude = att.at_rest(frame.rotation_w_b, of_attitude)
     return _known(state, Verdict.STARTED, frame.stamp_s, params, clock, pose, motion, attitude)
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.estimation.kalman import Covariance, Motion, gains, grow, predict, shrink, update
+from companion.estimation.kalman import Covariance, Motion, grow, predict, shrink, update
 from companion.types import Array
 
 START = Covariance(1e-7, 0.0, 0.0, 1.0, 0.0, 25.0)
@@ -42,7 +42,7 @@ def test_the_closed_form_is_the_matrix_form(dts: list[float], density: float) ->
     for dt in dts:
         c, p = grow(c, dt, density), grown_by_matrices(p, dt, density)
         np.testing.assert_allclose(matrix(c), p, rtol=1e-9)
-        c, p = shrink(c, VARIANCE), shrunk_by_matrices(p, VARIANCE)
+        c, p = shrink(c, VARIANCE)[1], shrunk_by_matrices(p, VARIANCE)
         np.testing.assert_allclose(matrix(c), p, rtol=1e-4, atol=1e-9)
 
 
@@ -56,14 +56,14 @@ def test_two_steps_are_one_long_step(first: float, second: float) -> None:
 def test_the_covariance_stays_one(dts: list[float], density: float) -> None:
     c = START
     for dt in dts:
-        c = shrink(grow(c, dt, density), VARIANCE)
+        _, c = shrink(grow(c, dt, density), VARIANCE)
         scale = np.sqrt(np.diag(matrix(c)))
         assert (np.linalg.eigvalsh(matrix(c) / np.outer(scale, scale)) > -1e-9).all()
 
 
 def test_a_sure_filter_ignores_and_an_unsure_one_believes() -> None:
-    assert gains(Covariance(0.0, 0, 0, 0, 0, 0), 1.0) == (0.0, 0.0, 0.0)
-    assert gains(Covariance(1e9, 0, 0, 0, 0, 0), 1.0)[0] == pytest.approx(1.0)
+    assert shrink(Covariance(0.0, 0, 0, 0, 0, 0), 1.0)[0] == (0.0, 0.0, 0.0)
+    assert shrink(Covariance(1e9, 0, 0, 0, 0, 0), 1.0)[0][0] == pytest.approx(1.0)
 
 
 def test_prediction_is_the_parabola() -> None:
@@ -95,10 +95,26 @@ def test_broadcasting_equals_looping() -> None:
             assert together.covariance == alone.covariance
 
 
+def test_vehicles_with_times_of_their_own_broadcast_too() -> None:
+    rng = np.random.default_rng(2)
+    paths, dts = rng.normal(size=(30, 5, 3)), rng.uniform(0.005, 0.1, size=(30, 5, 1))
+    together = motion(paths[0])
+    for measured, dt in zip(paths[1:], dts[1:], strict=True):
+        together = update(predict(together, dt, 4.0), measured, VARIANCE)
+    for i in range(5):
+        alone = motion(paths[0, i])
+        for measured, dt in zip(paths[1:, i], dts[1:, i, 0].tolist(), strict=True):
+            alone = update(predict(alone, dt, 4.0), measured, VARIANCE)
+        np.testing.assert_array_equal(together.position[i], alone.position)
+        np.testing.assert_array_equal(together.velocity[i], alone.velocity)
+        own = [np.asarray(number)[i, 0] for number in vars(together.covariance).values()]
+        assert own == list(vars(alone.covariance).values())
+
+
 def test_the_steady_state_is_where_the_docstring_says() -> None:
     c = START
     for _ in range(500):
-        c = shrink(grow(c, 0.01, 4.0), VARIANCE)
+        _, c = shrink(grow(c, 0.01, 4.0), VARIANCE)
     w = (4.0 / (VARIANCE * 0.01)) ** (1 / 6)
     assert w == pytest.approx(40.6, abs=0.1)
     assert c.vv == pytest.approx(3 * w**3 * VARIANCE * 0.01, rel=0.25), (

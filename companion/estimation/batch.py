@@ -1,0 +1,108 @@
+"""The estimator's filters for a batch of vehicles (...,), for simulations in virtual time.
+
+The very filters that fly: `kalman` and `attitude`, as `estimator.step` calls them for an accepted frame. Its verdicts
+(outliers, repeats, stale stamps, new starts after a gap) and its clock are the single vehicle's: here every fresh frame
+is believed whatever the gap, and stamps are already on the clock that counts.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.components import joined, parts
+from companion.control.frames import matrix_from_quat
+from companion.control.switching import Scalar
+from companion.estimation import attitude as att
+from companion.estimation import kalman
+from companion.estimation.attitude import Attitude
+from companion.estimation.estimator import first_covariances
+from companion.estimation.kalman import Covariance, Motion
+from companion.estimation.state import EstimatorParams
+from companion.types import Array, VehicleState
+
+
+@dataclass(frozen=True)
+class BatchEstimate:
+    """What is known of every vehicle at the capture of its last frame."""
+
+    motion: Motion
+    """In W, m; vectors (..., 3). Covariance of floats as long as all vehicles have seen the same frames."""
+    attitude: Attitude
+    """Components (...,); covariance as the motion's."""
+    seen_s: Scalar
+    """That capture: a float when it was the same one for all, else (...,)."""
+
+
+def begin(position_w_m: Array, q_w_flu_wxyz: Array, time_s: Scalar, params: EstimatorParams) -> BatchEstimate:
+    """Start every vehicle from one frame, at rest as far as we know.
+
+    Position (..., 3) and unit quaternion (..., 4) as measured at `time_s`, a float or (...,); they broadcast.
+    """
+    lead = np.broadcast_shapes(position_w_m.shape[:-1], q_w_flu_wxyz.shape[:-1], np.shape(time_s))
+    position, q = np.broadcast_to(position_w_m, (*lead, 3)), np.broadcast_to(q_w_flu_wxyz, (*lead, 4))
+    of_motion, of_attitude = first_covariances(params)
+    zero = np.zeros((*lead, 3))
+    return BatchEstimate(Motion(position, zero, zero, of_motion), att.at_rest(matrix_from_quat(q), of_attitude), time_s)
+
+
+def step(
+    before: BatchEstimate,
+    position_w_m: Array,
+    q_w_flu_wxyz: Array,
+    stamp_s: Scalar,
+    fresh: NDArray[np.bool_],
+    params: EstimatorParams,
+) -> BatchEstimate:
+    """Take one frame of every vehicle that is `fresh`, shape (...,); the others stay as they are.
+
+    Position (..., 3), unit quaternion (..., 4) of either sign, and stamp, a float or (...,), later than the vehicle's
+    last; what is not fresh may be NaN. Cheapest when all are fresh and `stamp_s` is a float.
+    """
+    if fresh.all():
+        return _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
+    if not fresh.any():
+        return before
+    after = _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
+    return BatchEstimate(
+        _chosen(fresh[..., None], after.motion, before.motion),
+        _chosen(fresh, after.attitude, before.attitude),
+        np.where(fresh, after.seen_s, before.seen_s),
+    )
+
+
+def vehicle_state(estimate: BatchEstimate) -> VehicleState:
+    """The vehicles' states at `estimate.seen_s`: vectors (..., 3), quaternion (..., 4), time as `seen_s` has it."""
+    return VehicleState(
+        cast(float, estimate.seen_s),  # an array in a batch whose vehicles missed frames
+        estimate.motion.position,
+        estimate.motion.velocity,
+        joined(*estimate.attitude.q),
+        joined(*estimate.attitude.rate),
+    )
+
+
+def _seen(
+    before: BatchEstimate, position_w_m: Array, q_w_flu_wxyz: Array, stamp_s: Scalar, params: EstimatorParams
+) -> BatchEstimate:
+    """All vehicles carried on to the stamp and corrected, as an accepted frame of `estimator.step`."""
+    dt_s = stamp_s - before.seen_s
+    motion = kalman.predict(before.motion, _column(dt_s), params.jerk_density)
+    motion = kalman.update(motion, position_w_m, params.noise_m**2)
+    attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
+    surprise = att.surprise_of_quat_rad(attitude, tuple(parts(q_w_flu_wxyz)))
+    return BatchEstimate(motion, att.update(attitude, surprise, params.noise_rad**2), stamp_s)
+
+
+def _column(dt_s: Scalar) -> Scalar:
+    return dt_s[..., None] if isinstance(dt_s, np.ndarray) else dt_s
+
+
+def _chosen(fresh: NDArray[np.bool_], after: Any, before: Any) -> Any:
+    """The numbers of `after` where `fresh`, of `before` elsewhere; both numbers, or tuples or dataclasses of them."""
+    if isinstance(after, tuple):
+        return tuple(_chosen(fresh, *pair) for pair in zip(after, before, strict=True))
+    if isinstance(after, Motion | Attitude | Covariance):
+        return replace(after, **{name: _chosen(fresh, part, vars(before)[name]) for name, part in vars(after).items()})
+    return np.where(fresh, after, before)
