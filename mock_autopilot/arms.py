@@ -22,7 +22,7 @@ from mock_autopilot.arm_bodies import (
     cross,
     gravity_load_nm,
 )
-from mock_autopilot.plant import PlantState, Wrench
+from mock_autopilot.plant import Each, PlantState, Wrench
 from mock_autopilot.quaternion import Array
 
 JOINT_COUNT = 2 * JOINTS_PER_ARM
@@ -57,9 +57,9 @@ class Assembly:
 class Arms:
     """Both arms; `step` with the physics."""
 
-    def __init__(self, assembly: Assembly, servos: Servos, mass_kg: float, trim_time_s: Three) -> None:
+    def __init__(self, assembly: Assembly, servos: Servos, mass_kg: Each, trim_time_s: Three) -> None:
         self.assembly, self.servos = assembly, servos
-        self._mass_kg, self._trim_time_s = mass_kg, trim_time_s
+        self._mass_kg, self._trim_time_s = float(mass_kg), trim_time_s
         self._trimmed: Three = (0.0, 0.0, 0.0)
         self._rate: Three | None = None
         self.now = self.joint_states()
