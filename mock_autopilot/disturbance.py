@@ -1,7 +1,9 @@
 """Wind, cables and whatever else pushes: a seeded force in world axes (N, NED)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -57,3 +59,28 @@ class Disturbance:
             for axis in range(3):
                 force[axis] += swing * wave.amplitude_ned_n[axis]
         return np.array(force)
+
+
+def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: float, steps: int) -> Array:
+    """Forces (N, NED, shape (steps, vehicles, 3)) of the first `steps` steps, to rounding those of Disturbance.step.
+
+    Each vehicle draws its own noise from its generator, as a Disturbance with it would; all else is the same for all.
+    """
+    keep = math.exp(-dt_s / forces.noise_time_s)
+    fresh = np.array(forces.noise_n) * math.sqrt(1.0 - keep**2)
+    noise = np.stack([_draws(rng, steps) for rng in rngs], axis=1) * fresh
+    for before, now in pairwise(noise):
+        now += keep * before  # noqa: PLW2901 - in place
+    time_s = np.arange(1, steps + 1) * dt_s
+    steady = np.tile(forces.constant_ned_n, (steps, 1))
+    for wave in forces.sinusoids:
+        swing = np.sin(2.0 * math.pi * time_s / wave.period_s + wave.phase_rad)
+        steady += swing[:, None] * np.array(wave.amplitude_ned_n)
+    noise += steady[:, None]
+    return noise
+
+
+def _draws(rng: np.random.Generator, steps: int) -> Array:
+    """(steps, 3), each block from its end, as Disturbance takes them."""
+    blocks = [rng.standard_normal((BLOCK, 3))[::-1] for _ in range(-(-steps // BLOCK))]
+    return np.concatenate(blocks)[:steps]
