@@ -115,7 +115,7 @@ def fixed_time_bound(gains: EtnnGains, bounds: Bounds, omega: float = 0.5) -> Fi
 def _conditions(
     gains: EtnnGains, least: Mapping[str, float], sigma: tuple[float, float, float]
 ) -> tuple[Condition, ...]:
-    """The theorem's three; the loop without which Property 1 has no bar xi; and all of sgn, for eq. key-ineq."""
+    """The theorem's three; the loop without which Property 1 has no bar xi; and what eqs. key-ineq, V-iota rest on."""
     damping, needed = gains.filter_loop()
     return (
         Condition("smallest c_1 against 4/3 sigma_3", least["c1"], 4.0 / 3.0 * sigma[2]),
@@ -123,6 +123,7 @@ def _conditions(
         Condition("smallest beta_2 against 2 sigma_1", least["beta2"], 2.0 * sigma[0]),
         Condition("rho/filter_eps against k + s", damping, needed),
         Condition("share of the sgn term", gains.switching, 1.0, enough=True),
+        Condition("share of the compensation", gains.compensation, 1.0, enough=True),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config_files import project_root
+from companion.control.command_filter import at_lift_off, filter_step, virtual_control_1, virtual_control_2
 from companion.control.gains import EtnnGains
 from companion.control.reference import Ellipse, Hold
 from tests.control.ideal_plant import Run, simulate
@@ -101,6 +102,22 @@ def test_events_have_no_dwell_time_but_the_control_period() -> None:
     coarse, fine = sent_per_s
     assert fine > 1.9 * coarse
     assert fine > 800.0
+
+
+def test_what_the_network_learns_stays_in_the_position_error() -> None:
+    """f_hat drives iota_2, not u: a steady push learnt wholly leaves y = 0 and x_1 = iota_1, which is not 0.
+
+    At rest iota_2 = -alpha_1 = 3 iota_1 + Theta(iota_1) + iota_1^3 and f_hat = iota_1 + iota_2^3 + 0.8 iota_2^(1/2).
+    For 0.1 m/s^2 that is 3.8 mm: 3 * 0.0038 + 0.0506 * 0.0616 = 0.0145, and 0.0038 + 0.8 * 0.1204 = 0.1.
+    """
+    f_hat, still = np.array([0.1, 0.0, 0.0]), np.zeros(3)
+    state = at_lift_off(still)
+    for _ in range(3000):
+        alpha1 = virtual_control_1(still, still, state.iota1, STABILISED)
+        state = filter_step(state, alpha1, f_hat, STABILISED, 0.005)
+    assert float(state.iota1[0]) == pytest.approx(0.0038, abs=5e-5)
+    u = virtual_control_2(state.xi, state.iota1, still, state.iota2, STABILISED)
+    np.testing.assert_allclose(u, -f_hat, atol=1e-6)
 
 
 def _y2_squared_at_start() -> float:

@@ -124,6 +124,7 @@ def test_the_weights_own_part_of_v_is_added_to_the_ball() -> None:
     [
         (EtnnGains(), 0.0, "rho/filter_eps against k + s", (1.0 / 3.0, 4.0 + 1.2 * 10.0665)),
         (REPAIRED.model_copy(update={"switching": 0.5}), 0.0, "share of the sgn term", (0.5, 1.0)),
+        (REPAIRED.model_copy(update={"compensation": 0.5}), 0.0, "share of the compensation", (0.5, 1.0)),
         # no nu_3 leaves a margin once L_f^4 (1.2^4 + 1.2^4)/4 >= beta_2/2: L_f >= 0.7334
         (REPAIRED, 0.74, "smallest beta_2 against 2 sigma_1", (0.6, None)),
         (REPAIRED, 0.74, "smallest c_1 against 4/3 sigma_3", (1.0, None)),
