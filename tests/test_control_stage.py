@@ -137,6 +137,23 @@ def test_what_is_not_finite_never_goes_out() -> None:
     assert same_setpoint(gated.setpoint, stage.sent)
 
 
+@pytest.mark.parametrize("name", ["practical", "pid"])
+@pytest.mark.parametrize("absurd", [1e30, 1e200, -1e308, math.inf, math.nan])
+def test_an_absurd_state_breaks_nothing_and_never_goes_out(name: str, absurd: float) -> None:
+    """Python's floats raise where numpy gives an infinity: a law that diverges must still leave it to the gate."""
+    still, vector = np.zeros(3), np.array([0.1, absurd, 0.0])
+    for vehicle in (VehicleState(0.0, vector, still, LEVEL, still), VehicleState(0.0, still, vector, LEVEL, still)):
+        stage = ControlStage(load_controller(name, VehicleModel(), DT_S).law, ThrustModel(), LIMITS)
+        stage.sent = idle_setpoint(0.0, 0.5)
+        with np.errstate(all="ignore"):
+            for _ in range(20):
+                setpoint = stage.fly(vehicle, 0.01, reference(), DT_S).gated.setpoint
+                stage.settle()
+                assert np.isfinite(setpoint.q_w_flu_wxyz).all()
+                assert LIMITS.min_thrust <= float(setpoint.thrust) <= LIMITS.max_thrust
+                stage.sent = setpoint
+
+
 def test_equal_setpoints_are_equal_to_the_last_bit() -> None:
     a = AttitudeThrust(LEVEL, np.array(0.5))
     assert same_setpoint(a, AttitudeThrust(LEVEL.copy(), np.array(0.5)))

@@ -4,20 +4,19 @@ U_c = m_t (u + g e_3) in W; a multirotor can only push along its own z axis, so 
 force, the heading fixes the rest, and the thrust is the force's size.
 """
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from companion.control.components import chosen, joined, maths, parts
-from companion.control.frames import up_axis
-from companion.control.switching import norm_squared
+from companion.control.components import anywhere, at_least, at_most, chosen, dot, joined, maths, number, parts
+from companion.control.frames import up_axis_parts
 from companion.types import Array, AttitudeThrust
 
 MIN_FORCE_N = 1e-3
 """Below this a force has no direction worth following."""
-_UP = np.array([0.0, 0.0, 1.0])
-_NOT_DOWN = np.array([-np.inf, -np.inf, 0.0])
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class ThrustModel:
     curve: float = 0.0
     """f in force/force_max = f t^2 + (1 - f) t, 0..1."""
 
-    @property
+    @cached_property
     def max_force_n(self) -> float:
         """Force at full thrust."""
         h, f = self.hover_thrust, self.curve
@@ -40,7 +39,8 @@ class ThrustModel:
 
 def force_of_accel(accel_w_mps2: Array, model: ThrustModel) -> Array:
     """U_c = m_t (u + g e_3) (N), shape (..., 3)."""
-    return np.asarray(model.mass_kg * (accel_w_mps2 + model.gravity_mps2 * _UP))
+    x, y, z = parts(accel_w_mps2)
+    return joined(model.mass_kg * x, model.mass_kg * y, model.mass_kg * (z + model.gravity_mps2))
 
 
 def within_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) -> Array:
@@ -48,14 +48,13 @@ def within_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) -
 
     The height comes first: turning the whole force back into the cone, as the gate does, would make the vehicle climb.
     """
-    lift = np.maximum(accel_w_mps2[..., 2:] + gravity_mps2, 0.0)
-    across = accel_w_mps2[..., :2]
-    most = np.tan(max_tilt_rad) * lift
-    size = np.sqrt((across * across).sum(axis=-1, keepdims=True))
-    if (size <= most).all():
+    x, y, z = parts(accel_w_mps2)
+    most = math.tan(max_tilt_rad) * at_least(z + gravity_mps2, 0.0)
+    size = maths(x).sqrt(x * x + y * y)
+    if not anywhere(size > most):
         return accel_w_mps2
-    cut = across * np.minimum(1.0, most / np.maximum(size, 1e-12))
-    return np.concatenate((cut, accel_w_mps2[..., 2:]), axis=-1)
+    share = at_most(1.0, most / at_least(size, 1e-12))
+    return joined(share * x, share * y, z)
 
 
 def thrust_axis(force_w_n: Array) -> Array:
@@ -64,11 +63,13 @@ def thrust_axis(force_w_n: Array) -> Array:
     No force has no direction: level. A force that points down would turn the vehicle over: its horizontal part is
     followed (the limits cut the tilt), and with none the vehicle stays level.
     """
-    upper = np.maximum(force_w_n, _NOT_DOWN)
-    size = np.sqrt(norm_squared(upper))
-    if (size > MIN_FORCE_N).all():
-        return np.asarray(upper / size)
-    return np.where(size > MIN_FORCE_N, upper / np.maximum(size, MIN_FORCE_N), _UP)
+    x, y, z = parts(force_w_n)
+    up = at_least(z, 0.0)
+    size = maths(x).sqrt(x * x + y * y + up * up)
+    none = size <= MIN_FORCE_N
+    if anywhere(none):
+        size, x, y, up = (chosen(none, level, part) for level, part in ((1.0, size), (0.0, x), (0.0, y), (1.0, up)))
+    return joined(x / size, y / size, up / size)
 
 
 def attitude_of(axis_w: Array, yaw_rad: Array | float) -> Array:
@@ -81,7 +82,7 @@ def attitude_of(axis_w: Array, yaw_rad: Array | float) -> Array:
     m, (sine, cosine) = maths(x), (turn.sin(yaw_rad), turn.cos(yaw_rad))
     ahead, left = cosine * x + sine * y, cosine * y - sine * x
     upright = m.sqrt(ahead * ahead + z * z)
-    nose_down = chosen(upright > 1e-6, m.atan2(ahead, z), -0.5 * np.pi)
+    nose_down = chosen(upright > 1e-6, m.atan2(ahead, z), -0.5 * math.pi)
     lean = m.atan2(-left, upright)
     return _of_turns(0.5 * yaw_rad, 0.5 * nose_down, 0.5 * lean)
 
@@ -99,30 +100,30 @@ def _of_turns(half_yaw: Any, half_pitch: Any, half_roll: Any) -> Array:
     return joined(sign * w, sign * x, sign * y, sign * z)
 
 
-def normalised_thrust(collective_n: Array, model: ThrustModel) -> Array:
-    """Thrust 0..1 (unclipped above) whose force is `collective_n`; negative forces give 0, shape as given."""
-    ratio = np.maximum(collective_n, 0.0) / model.max_force_n
+def normalised_thrust(collective_n: Any, model: ThrustModel) -> Any:
+    """Thrust 0..1 (unclipped above) whose force is `collective_n`, a float or (...,); negative forces give 0."""
+    ratio = at_least(collective_n, 0.0) / model.max_force_n
     f = model.curve
     if f < 1e-9:
-        return np.asarray(ratio)
-    return np.asarray((np.sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * f))
+        return ratio
+    return (maths(ratio).sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * f)
 
 
-def collective_force_n(thrust: Array, model: ThrustModel) -> Array:
-    """Inverse of `normalised_thrust` (N), shape as given."""
+def collective_force_n(thrust: Any, model: ThrustModel) -> Any:
+    """Inverse of `normalised_thrust` (N), a float or (...,)."""
     f = model.curve
-    return np.asarray(model.max_force_n * (f * thrust * thrust + (1.0 - f) * thrust))
+    return model.max_force_n * (f * thrust * thrust + (1.0 - f) * thrust)
 
 
 def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: ThrustModel) -> AttitudeThrust:
     """Attitude and thrust that give u, or the nearest that can be flown."""
     force = force_of_accel(accel_w_mps2, model)
     axis = thrust_axis(force)
-    thrust = normalised_thrust((force * axis).sum(axis=-1), model)
-    return AttitudeThrust(attitude_of(axis, yaw_rad), thrust)
+    return AttitudeThrust(attitude_of(axis, yaw_rad), np.asarray(normalised_thrust(dot(force, axis), model)))
 
 
 def accel_of_setpoint(setpoint: AttitudeThrust, model: ThrustModel) -> Array:
     """u that a setpoint asks for (m/s^2), shape (..., 3): what was really sent, in the law's terms."""
-    force = collective_force_n(setpoint.thrust, model)[..., None] * up_axis(setpoint.q_w_flu_wxyz)
-    return np.asarray(force / model.mass_kg - model.gravity_mps2 * _UP)
+    push = collective_force_n(number(setpoint.thrust), model) / model.mass_kg
+    x, y, z = up_axis_parts(setpoint.q_w_flu_wxyz)
+    return joined(push * x, push * y, push * z - model.gravity_mps2)

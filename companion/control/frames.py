@@ -5,14 +5,17 @@ Quaternions are unit, w x y z, and turn body coordinates into world coordinates.
 """
 
 from math import asin, atan2, degrees
+from typing import Any
 
 import numpy as np
 
-from companion.control.components import joined, maths, parts
+from companion.control.components import at_least, chosen, joined, maths, parts
 from companion.types import Array
 
 _FLIP = np.array([1.0, -1.0, -1.0])
 _FLIP_Q = np.array([1.0, 1.0, -1.0, -1.0])
+_TINY = 1e-100
+"""An angle (rad) whose sine is itself, and which may be divided by."""
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
@@ -44,16 +47,20 @@ def quat_conjugate(q: Array) -> Array:
 
 def quat_from_rotation_vector(r: Array) -> Array:
     """Rotation vector (rad), shape (..., 3), to quaternion."""
-    half = 0.5 * np.sqrt((r * r).sum(axis=-1, keepdims=True))
-    return np.concatenate((np.cos(half), 0.5 * r * np.sinc(half / np.pi)), axis=-1)
+    x, y, z = parts(r)
+    m = maths(x)
+    half = at_least(0.5 * m.sqrt(x * x + y * y + z * z), _TINY)
+    share = 0.5 * m.sin(half) / half
+    return joined(m.cos(half), share * x, share * y, share * z)
 
 
 def rotation_vector_from_quat(q: Array) -> Array:
     """Quaternion to the shorter rotation vector (rad), shape (..., 3)."""
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = np.sqrt((q[..., 1:] ** 2).sum(axis=-1, keepdims=True))
-    half = np.arctan2(sine, q[..., :1])
-    return np.asarray(2.0 * q[..., 1:] / np.maximum(np.sinc(half / np.pi), 1e-12))
+    w, x, y, z = parts(q)
+    m = maths(w)
+    half = at_least(m.atan2(m.sqrt(x * x + y * y + z * z), abs(w)), _TINY)
+    share = chosen(w < 0.0, -2.0, 2.0) * half / m.sin(half)
+    return joined(share * x, share * y, share * z)
 
 
 def quat_from_yaw(yaw_rad: Array | float) -> Array:
@@ -115,8 +122,13 @@ def _sum_yz(m: Array) -> Array:
 
 def up_axis(q_w_flu_wxyz: Array) -> Array:
     """Body z axis (the direction the rotors push) in W, shape (..., 3)."""
+    return joined(*up_axis_parts(q_w_flu_wxyz))
+
+
+def up_axis_parts(q_w_flu_wxyz: Array) -> Any:
+    """`up_axis` as its components: floats, arrays (...,) for a batch."""
     w, x, y, z = parts(q_w_flu_wxyz)
-    return joined(2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
+    return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
 
 
 def yaw_of(q_w_flu_wxyz: Array) -> Array:

@@ -3,18 +3,20 @@
 Deliberately simpler than anything in front of it: what comes in is cut to what may go out, whoever asks.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.control.components import parts
+from companion.control.components import anywhere, at_least, at_most, chosen, column, dot, joined, maths, number
 from companion.control.frames import (
     quat_conjugate,
     quat_from_rotation_vector,
     quat_multiply,
     rotation_vector_from_quat,
-    up_axis,
+    up_axis_parts,
 )
 from companion.types import Array, AttitudeThrust
 
@@ -55,63 +57,66 @@ def gate(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: flo
     What is not finite, or no attitude at all, is replaced by `last`. The tilt is cut after the slew, so that no
     path between two allowed attitudes leaves the cone.
     """
-    usable, not_finite = _usable(wanted, last)
-    turned, turn_cut = _slew_attitude(usable.q_w_flu_wxyz, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
-    q, tilt_cut = _inside_cone(turned, limits.max_tilt_rad)
-    thrust = _between(usable.thrust, limits.min_thrust, limits.max_thrust)
-    thrust_cut = thrust != usable.thrust
-    step = limits.max_thrust_rate_ps * dt_s
-    slewed = _between(thrust, last.thrust - step, last.thrust + step)
-    slew_cut = turn_cut | (slewed != thrust)
-    return Gated(AttitudeThrust(q, slewed), not_finite, tilt_cut, thrust_cut, slew_cut)
+    q, asked, not_finite = _usable(wanted, last)
+    turned, turn_cut = _slew_attitude(q, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
+    inside, tilt_cut = _inside_cone(turned, limits.max_tilt_rad)
+    thrust, before, step = (
+        _between(asked, limits.min_thrust, limits.max_thrust),
+        number(last.thrust),
+        limits.max_thrust_rate_ps * dt_s,
+    )
+    slewed = _between(thrust, before - step, before + step)
+    flags = not_finite, tilt_cut, thrust != asked, turn_cut | (slewed != thrust)
+    return Gated(AttitudeThrust(inside, np.asarray(slewed)), *map(np.asarray, flags))
 
 
-def _between(value: Array, low: Array | float, high: Array | float) -> Array:
-    """np.clip takes three times as long."""
-    return np.asarray(np.minimum(np.maximum(value, low), high))
+def _between(value: Any, low: Any, high: Any) -> Any:
+    return at_most(at_least(value, low), high)
 
 
-def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[AttitudeThrust, Mask]:
-    q, thrust = wanted.q_w_flu_wxyz, wanted.thrust
-    w, x, y, z = parts(q)
+def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Any, Any]:
+    """Unit quaternion (..., 4) and thrust, where there is none the last one's; and where there was none."""
+    q, thrust = wanted.q_w_flu_wxyz, number(wanted.thrust)
+    length = _length(q)
+    usable = (abs(length - 1.0) < 1e-3) & maths(thrust).isfinite(thrust)
+    bad = usable ^ True  # "not", of a truth value and of an array
+    if not anywhere(bad):
+        return q / column(length), thrust, bad
+    safe_q = chosen(column(bad), last.q_w_flu_wxyz, q)
+    return safe_q / column(_length(safe_q)), chosen(bad, number(last.thrust), thrust), bad
+
+
+def _length(q: Array) -> Any:
+    if q.ndim == 1:
+        return math.hypot(*q.tolist())
     with np.errstate(invalid="ignore", over="ignore"):
-        length = np.sqrt(w * w + x * x + y * y + z * z)
-        ok = (np.abs(length - 1.0) < 1e-3) & np.isfinite(thrust)
-    if ok.all():
-        return AttitudeThrust(q / length[..., None], thrust), ~ok
-    safe_q = np.where(ok[..., None], q, last.q_w_flu_wxyz)
-    safe_q = safe_q / np.sqrt((safe_q * safe_q).sum(axis=-1, keepdims=True))
-    return AttitudeThrust(safe_q, np.where(ok, thrust, last.thrust)), ~ok
+        return np.sqrt(dot(q, q))
 
 
-def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, Mask]:
-    turn = quat_multiply(quat_conjugate(last), q)
-    near = np.abs(turn[..., 0]) > np.cos(min(0.5 * max_turn_rad, 0.5 * np.pi)) + _CLEARLY
-    if near.all():
-        return q, ~near
-    vector = rotation_vector_from_quat(turn)
-    angle = np.sqrt((vector * vector).sum(axis=-1, keepdims=True))
+def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, Any]:
+    far = abs(dot(last, q)) <= math.cos(min(0.5 * max_turn_rad, 0.5 * math.pi)) + _CLEARLY
+    if not anywhere(far):
+        return q, far
+    vector = rotation_vector_from_quat(quat_multiply(quat_conjugate(last), q))
+    square = dot(vector, vector)
+    angle = maths(square).sqrt(square)
     cut = angle > max_turn_rad
-    shorter = vector * (max_turn_rad / np.maximum(angle, 1e-12))
-    return np.where(cut, quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut[..., 0]
+    shorter = vector * column(max_turn_rad / at_least(angle, 1e-12))
+    return chosen(column(cut), quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut
 
 
-def _inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Mask]:
+def _inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
     """Turn back along the shortest way to the cone, about the horizontal axis the vehicle is tilted around."""
-    up = up_axis(q)
-    x, y, z = parts(up)
-    horizontal = np.sqrt(x * x + y * y)
-    tilt = np.arctan2(horizontal, z)
-    cut = tilt > max_tilt_rad
-    if not cut.any():
-        return q, cut
-    # exactly inverted there is no shortest way: any horizontal axis will do
-    axis = np.where((horizontal > 1e-9)[..., None], _tilt_axis(up, horizontal), np.array([1.0, 0.0, 0.0]))
-    back = quat_from_rotation_vector(axis * (max_tilt_rad - tilt)[..., None])
-    return np.where(cut[..., None], quat_multiply(back, q), q), cut
-
-
-def _tilt_axis(up: Array, horizontal: Array) -> Array:
-    """Horizontal unit axis about which level was tilted to `up`: e3 x up."""
-    size = np.maximum(horizontal, 1e-9)
-    return np.stack((-up[..., 1] / size, up[..., 0] / size, np.zeros_like(size)), axis=-1)
+    x, y, z = up_axis_parts(q)
+    beyond = z <= math.cos(min(max_tilt_rad, math.pi)) + _CLEARLY
+    if not anywhere(beyond):
+        return q, beyond
+    m = maths(z)
+    horizontal = m.sqrt(x * x + y * y)
+    tilt = m.atan2(horizontal, z)
+    cut, size = tilt > max_tilt_rad, at_least(horizontal, 1e-9)
+    # the horizontal axis about which level was tilted to `up`: e3 x up; exactly inverted any will do
+    axis_x, axis_y = chosen(horizontal > 1e-9, -y / size, 1.0), chosen(horizontal > 1e-9, x / size, 0.0)
+    back = 0.5 * (max_tilt_rad - tilt)
+    turn_back = joined(m.cos(back), axis_x * m.sin(back), axis_y * m.sin(back), 0.0 * back)
+    return chosen(column(cut), quat_multiply(turn_back, q), q), cut

@@ -1,9 +1,11 @@
 """The three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from companion.control.components import anywhere, by_axis, column, dot, maths
 from companion.control.gains import EtnnGains
 from companion.types import Array
 
@@ -31,12 +33,33 @@ def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkStat
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
     """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
     x_d = _with_one(velocity_ref)
-    sigmoid = 1.0 / (1.0 + np.exp(-np.matmul(x_d[..., None, :], state.v0)[..., 0, :]))
-    return x_d, _with_one(sigmoid)
+    return x_d, _with_one(by_axis(_sigmoid, _times(x_d, state.v0)))
+
+
+def _sigmoid(inner: Any) -> Any:
+    """1/(1 + exp(-inner)), which as a tanh never overflows."""
+    return 0.5 + 0.5 * maths(inner).tanh(0.5 * inner)
+
+
+def _times(row: Array, matrix: Array) -> Array:
+    """(..., n) times (..., n, m) is (..., m); here and below a matrix of one vehicle takes numpy's shortest way."""
+    return np.asarray(row.dot(matrix) if matrix.ndim == 2 else np.matmul(row[..., None, :], matrix)[..., 0, :])
+
+
+def _rows_with(matrix: Array, vector: Array) -> Array:
+    """(..., n, m) times (..., m) is (..., n)."""
+    return np.asarray(matrix.dot(vector) if matrix.ndim == 2 else np.vecdot(matrix, vector[..., None, :]))
+
+
+def _outer(a: Array, b: Array) -> Array:
+    """a b', (..., n) and (..., m) to (..., n, m)."""
+    return np.asarray(a[:, None].dot(b[None, :]) if a.ndim == b.ndim == 1 else a[..., :, None] * b[..., None, :])
 
 
 def _with_one(vector: Array) -> Array:
     """Append the constant 1 that carries the bias."""
+    if vector.ndim == 1:
+        return np.array([*vector.tolist(), 1.0])
     extended = np.ones((*vector.shape[:-1], vector.shape[-1] + 1))
     extended[..., :-1] = vector
     return extended
@@ -44,18 +67,18 @@ def _with_one(vector: Array) -> Array:
 
 def output(state: NetworkState, phi: Array) -> Array:
     """f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
-    return np.asarray(np.matmul(phi[..., None, :], state.v1)[..., 0, :])
+    return _times(phi, state.v1)
 
 
 def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: EtnnGains, dt_s: float) -> NetworkState:
     """Advance eqs. update1 and update2 by `dt_s`; both weight matrices stay in their balls."""
-    rate1 = (gains.gamma_v1 * phi)[..., :, None] * y2[..., None, :]
-    slope = phi[..., :-1] * (1.0 - phi[..., :-1])
+    rate1 = _outer(gains.gamma_v1 * phi, y2)
     # phi' is (N_1+1, N_1) with a zero last row (the bias does not depend on its input): only the first N_1 rows count
-    back = slope * np.matmul(state.v1[..., :-1, :], y2[..., :, None])[..., 0]
-    rate0 = (gains.gamma_v0 * x_d)[..., :, None] * back[..., None, :]
-    v1 = bounded_step(state.v1, rate1, np.asarray(gains.gamma_v1), gains.v1_max, gains.projection_band, dt_s)
-    v0 = bounded_step(state.v0, rate0, np.asarray(gains.gamma_v0), gains.v0_max, gains.projection_band, dt_s)
+    slope = phi[..., :-1] * (1.0 - phi[..., :-1])
+    back = slope * _rows_with(state.v1[..., :-1, :], y2)
+    rate0 = _outer(gains.gamma_v0 * x_d, back)
+    v1 = bounded_step(state.v1, rate1, gains.gamma_v1, gains.v1_max, gains.projection_band, dt_s)
+    v0 = bounded_step(state.v0, rate0, gains.gamma_v0, gains.v0_max, gains.projection_band, dt_s)
     return NetworkState(v0, v1)
 
 
@@ -69,7 +92,7 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
     excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
     outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
     active = (excess > 0.0) & (outward > 0.0)
-    if not active.any():
+    if not anywhere(active):
         return rate
     weighted = gamma[..., :, None] * weights
     scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
@@ -82,14 +105,14 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
     A free step that ends in the ball where the projection sleeps needs neither: it began there or points inwards.
     """
     free = np.asarray(weights + dt_s * rate)
-    if not ((1.0 + band) * _square(free) > bound**2).any():
+    if not anywhere((1.0 + band) * _square(free) > bound**2):
         return free
     moved = weights + dt_s * project(weights, rate, gamma, bound, band)
     size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))
     return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))
 
 
-def _square(weights: Array) -> Array:
-    """Squared Frobenius norm, shape (..., 1, 1)."""
-    flat = weights.reshape(*weights.shape[:-2], -1)
-    return np.asarray(np.vecdot(flat, flat)[..., None, None])
+def _square(weights: Array) -> Any:
+    """Squared Frobenius norm: a float, (..., 1, 1) for a batch."""
+    flat = weights.ravel() if weights.ndim == 2 else weights.reshape(*weights.shape[:-2], -1)
+    return column(column(dot(flat, flat)))

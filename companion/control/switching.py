@@ -5,11 +5,12 @@ Control for Dual-Arm Unmanned Aerial Manipulator Systems"). Vectors are (..., 3)
 arrays of shape (..., 1) when a batch of vehicles has a batch of gains.
 """
 
+import math
 from typing import Any
 
 import numpy as np
 
-from companion.control.components import chosen
+from companion.control.components import at_least, at_most, chosen, maths
 from companion.types import Array
 
 Scalar = float | Array
@@ -41,7 +42,8 @@ def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Sc
     factor = fractional_factor(square, p, regularisation)
     if _is_on(regularisation):
         return factor
-    return factor * np.sin(np.minimum(square / epsilon, 1.0) * (0.5 * np.pi)) ** 2
+    share = at_most(square / epsilon, 1.0)
+    return factor * maths(share).sin(share * (0.5 * math.pi)) ** 2
 
 
 def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -76,8 +78,8 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
     return float(np.max(switch_map(s, p, epsilon)[..., 0] / radius))
 
 
-def sign(y: Array, boundary_layer: Scalar = 0.0) -> Array:
-    """sgn(y) of eq. ETC-law, componentwise, sgn(0) = 0; with a boundary layer, clip(y / layer, -1, 1)."""
+def sign(y: Any, boundary_layer: Scalar = 0.0) -> Any:
+    """sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer, clip(y / layer, -1, 1)."""
     if not _is_on(boundary_layer):
-        return np.asarray(np.sign(y))
-    return np.asarray(np.minimum(np.maximum(y / np.maximum(boundary_layer, 1e-9), -1.0), 1.0))
+        return np.sign(y) if isinstance(y, np.ndarray) else float((y > 0.0) - (y < 0.0))
+    return at_most(at_least(y / at_least(boundary_layer, 1e-9), -1.0), 1.0)

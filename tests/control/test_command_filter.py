@@ -86,6 +86,18 @@ def test_one_step_of_the_compensation_by_hand() -> None:
     np.testing.assert_allclose(after.iota2, [-0.04, 4.0 - 0.01 * 65.6, 0.07])
 
 
+def test_a_share_of_the_compensation_moves_it_by_that_share_and_the_filter_as_ever() -> None:
+    vectors = np.random.default_rng(3).normal(size=(4, 3))
+    state, alpha1, f_hat = FilterState(*vectors), np.array([0.4, -0.2, 0.1]), np.array([0.3, 0.1, -0.5])
+    whole = filter_step(state, alpha1, f_hat, GAINS, 0.01)
+    for share in (0.0, 0.25):
+        part = filter_step(state, alpha1, f_hat, EtnnGains(compensation=share), 0.01)
+        np.testing.assert_array_equal(part.chi, whole.chi)
+        np.testing.assert_array_equal(part.xi, whole.xi)
+        np.testing.assert_allclose(part.iota1 - state.iota1, share * (whole.iota1 - state.iota1), atol=1e-15)
+        np.testing.assert_allclose(part.iota2 - state.iota2, share * (whole.iota2 - state.iota2), atol=1e-15)
+
+
 @pytest.mark.parametrize("target", [-1.0, 0.3, 2.0])
 def test_the_filter_settles_on_a_steady_input(target: float) -> None:
     gains = EtnnGains(filter_eps=0.03, zeta=1.0, rho=1.0)
