@@ -1,11 +1,17 @@
-"""Two arms as six moving point masses under the vehicle: what their motion does to it. Body frame FRD, plain floats.
+"""Two arms as six moving point masses under the vehicle: what their motion does to it. Body frame FRD.
 
 Hanging straight down at zero; positive pitch lifts a link forward, positive roll swings a forearm outward. Stepped with
-the physics at 500 Hz, hence written out instead of numpy on small vectors.
+the physics at 500 Hz, hence written out in floats instead of numpy on small vectors. Where a float is asked for, an
+array of them does as well (but in gravity_load_nm): then it is many instants, or many vehicles, at once.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mock_autopilot.quaternion import Array
 
 Three = tuple[float, float, float]
 
@@ -104,7 +110,7 @@ def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direct
     """Along the upper arm, the elbow link and the forearm."""
     (a, b, r), (a1, b1, r1), (a2, b2, r2) = joints.angle, joints.rate, joints.accel
     upper, elbow = _in_plane(a, a1, a2), _in_plane(a + b, a1 + b1, a2 + b2)
-    c, s = math.cos(r), math.sin(r)
+    c, s = _circle(r)
     c1, s1 = -s * r1, c * r1
     c2, s2 = -c * r1 * r1 - s * r2, -s * r1 * r1 + c * r2
     (ex, _, ez), (fx, _, fz), (gx, _, gz) = elbow.at, elbow.rate, elbow.accel
@@ -118,9 +124,14 @@ def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direct
 
 def _in_plane(angle: float, rate: float, accel: float) -> _Direction:
     """Down at zero, forward at a quarter turn."""
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = _circle(angle)
     turn = rate * rate
     return _Direction((s, 0.0, c), (c * rate, 0.0, -s * rate), (c * accel - s * turn, 0.0, -s * accel - c * turn))
+
+
+def _circle(angle: float | Array) -> tuple[Any, Any]:
+    """Cosine and sine."""
+    return (np.cos(angle), np.sin(angle)) if isinstance(angle, np.ndarray) else (math.cos(angle), math.sin(angle))
 
 
 def _plus(a: Three, b: Three) -> Three:

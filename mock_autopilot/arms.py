@@ -5,11 +5,12 @@ is trimmed out; here that is a first-order high-pass with the time constant of P
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mock_autopilot.arm_bodies import (
     JOINTS_PER_ARM,
@@ -22,11 +23,11 @@ from mock_autopilot.arm_bodies import (
     cross,
     gravity_load_nm,
 )
-from mock_autopilot.plant import Each, PlantState, Wrench
+from mock_autopilot.plant import GRAVITY_MPS2, Each, EachAxis, PlantState, Wrench
 from mock_autopilot.quaternion import Array
 
 JOINT_COUNT = 2 * JOINTS_PER_ARM
-_OUTWARD = (1.0, -1.0)
+OUTWARD = (1.0, -1.0)
 """Right arm first; body y points right."""
 
 
@@ -53,15 +54,68 @@ class Assembly:
     """Of the whole vehicle about its body axes. Added up from parts, not measured: four motors with propellers of
     0.2 kg at 0.33 m, a box of 2.5 kg, booms, and the arms' 0.8 kg hanging 0.2 m low."""
 
+    def loads_nm(self, angle: Sequence[float]) -> tuple[float, ...]:
+        """Torque of the links' weight on each servo at its own angles (rad), (8,); positive towards greater ones."""
+        sign, zero = self.direction, self.zero_rad
+        a, b, c, _, e, f, g, _ = [s * (servo - null) for s, servo, null in zip(sign, angle, zero, strict=True)]
+        right, left = gravity_load_nm(self.bodies, (a, b, c)), gravity_load_nm(self.bodies, (e, f, g))
+        return tuple([s * load for s, load in zip(sign, (*right, 0.0, *left, 0.0), strict=True)])
+
+
+class Coupling:
+    """What moving links do to the vehicle that carries them, one or (...,) of them; remembers rate and trim."""
+
+    def __init__(self, trimmed: Moving | None, mass_kg: Each, inertia_kgm2: EachAxis, trim_time_s: Three) -> None:
+        """`trimmed` is the pose that the autopilot has trimmed in hover, if any; mass and inertia may differ."""
+        self._mass_kg = mass_kg if isinstance(mass_kg, np.ndarray) else float(mass_kg)
+        self._inertia_kgm2 = _parts(np.asarray(inertia_kgm2, dtype=float))
+        self._trim_time_s = trim_time_s
+        nothing = (0.0, 0.0, 0.0)
+        self._trimmed = nothing if trimmed is None else self._turning(nothing, trimmed.moment, GRAVITY_MPS2)
+        self._rate: Three | None = None
+
+    def step(self, vehicle: PlantState, moving: Moving, dt_s: float) -> Wrench:
+        """Force (N, NED) and push (rad/s^2, FRD) while `dt_s` passes."""
+        rate = _parts(vehicle.rate_frd_radps)
+        force_frd = self._force(moving, rate, dt_s)
+        force_ned = _turned(_parts(vehicle.q_ned_frd_wxyz), force_frd)
+        return Wrench(_joined(force_ned), _joined(self._push(moving, vehicle, dt_s)))
+
+    def _force(self, moving: Moving, rate: Three, dt_s: float) -> Three:
+        """Minus the change of the links' momentum, the turning of the body included (Coriolis, Euler, centrifugal)."""
+        before = self._rate or rate
+        self._rate = rate
+        turning = _three((now - then) / dt_s for now, then in zip(rate, before, strict=True))
+        coriolis = cross(rate, moving.momentum)
+        euler = cross(turning, moving.moment)
+        centrifugal = cross(rate, cross(rate, moving.moment))
+        return _three(-(moving.force[i] + 2.0 * coriolis[i] + euler[i] + centrifugal[i]) for i in range(3))
+
+    def _turning(self, torque: Three, moment: Three, lift_mps2: float) -> Three:
+        """Angular acceleration: the links' reaction, and the thrust that does not go through the centre of mass."""
+        inertia = self._inertia_kgm2
+        return (
+            (moment[1] * lift_mps2 - torque[0]) / inertia[0],
+            -(moment[0] * lift_mps2 + torque[1]) / inertia[1],
+            -torque[2] / inertia[2],
+        )
+
+    def _push(self, moving: Moving, vehicle: PlantState, dt_s: float) -> Three:
+        """What of the turning PX4's integrators have not trimmed out yet; it resets them on the ground."""
+        thrust_n, grounded = _number(vehicle.thrust_n), _number(vehicle.on_ground)
+        raw = self._turning(moving.torque, moving.moment, thrust_n / self._mass_kg)
+        flies = 1.0 - grounded
+        push = _three((raw[i] - self._trimmed[i]) * flies for i in range(3))
+        self._trimmed = _three((self._trimmed[i] + push[i] * dt_s / self._trim_time_s[i]) * flies for i in range(3))
+        return push
+
 
 class Arms:
     """Both arms; `step` with the physics."""
 
     def __init__(self, assembly: Assembly, servos: Servos, mass_kg: Each, trim_time_s: Three) -> None:
         self.assembly, self.servos = assembly, servos
-        self._mass_kg, self._trim_time_s = float(mass_kg), trim_time_s
-        self._trimmed: Three = (0.0, 0.0, 0.0)
-        self._rate: Three | None = None
+        self._coupling = Coupling(None, mass_kg, assembly.inertia_kgm2, trim_time_s)
         self.now = self.joint_states()
 
     def joint_states(self) -> tuple[JointState, JointState]:
@@ -86,47 +140,17 @@ class Arms:
 
     def step(self, vehicle: PlantState, dt_s: float) -> Wrench:
         """Move the joints by `dt_s`; what the links then do to the vehicle: force (N, NED) and push (rad/s^2, FRD)."""
-        self.servos.step(dt_s, self._loads())
+        self.servos.step(dt_s, self.assembly.loads_nm(self.servos.motion()[0]))
         self.now = self.joint_states()
         right, left = (
-            arm_motion(self.assembly.bodies, state, outward) for state, outward in zip(self.now, _OUTWARD, strict=True)
+            arm_motion(self.assembly.bodies, state, outward) for state, outward in zip(self.now, OUTWARD, strict=True)
         )
-        moving = add(right, left)
-        force_frd = self._force(moving, _three(vehicle.rate_frd_radps.tolist()), dt_s)
-        force_ned = _turned(vehicle.q_ned_frd_wxyz, force_frd)
-        return Wrench(np.array(force_ned), np.array(self._push(moving, vehicle, dt_s)))
-
-    def _loads(self) -> tuple[float, ...]:
-        loads: list[float] = []
-        for state in self.now:
-            loads += [*gravity_load_nm(self.assembly.bodies, state.angle), 0.0]
-        return tuple(sign * load for sign, load in zip(self.assembly.direction, loads, strict=True))
-
-    def _force(self, moving: Moving, rate: Three, dt_s: float) -> Three:
-        """Minus the change of the links' momentum, the turning of the body included (Coriolis, Euler, centrifugal)."""
-        before = self._rate or rate
-        self._rate = rate
-        turning = _three((now - then) / dt_s for now, then in zip(rate, before, strict=True))
-        coriolis = cross(rate, moving.momentum)
-        euler = cross(turning, moving.moment)
-        centrifugal = cross(rate, cross(rate, moving.moment))
-        return _three(-(moving.force[i] + 2.0 * coriolis[i] + euler[i] + centrifugal[i]) for i in range(3))
-
-    def _push(self, moving: Moving, vehicle: PlantState, dt_s: float) -> Three:
-        """Angular acceleration: the links' reaction, and the thrust that does not go through the centre of mass."""
-        if bool(vehicle.on_ground):
-            self._trimmed = (0.0, 0.0, 0.0)  # PX4 resets its integrators on the ground
-            return (0.0, 0.0, 0.0)
-        lever = cross(moving.moment, (0.0, 0.0, -float(vehicle.thrust_n) / self._mass_kg))
-        raw = _three(-(moving.torque[i] + lever[i]) / self.assembly.inertia_kgm2[i] for i in range(3))
-        push = _three(raw[i] - self._trimmed[i] for i in range(3))
-        self._trimmed = _three(self._trimmed[i] + push[i] * dt_s / self._trim_time_s[i] for i in range(3))
-        return push
+        return self._coupling.step(vehicle, add(right, left), dt_s)
 
 
-def _turned(q_wxyz: Array, v: Three) -> Three:
+def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:
     """A body vector in world axes: v + 2 w (u x v) + 2 u x (u x v)."""
-    w, x, y, z = q_wxyz.tolist()
+    w, x, y, z = q_wxyz
     u = (x, y, z)
     once = cross(u, v)
     twice = cross(u, once)
@@ -140,3 +164,18 @@ def _turned(q_wxyz: Array, v: Three) -> Three:
 def _three(values: Iterable[float]) -> Three:
     x, y, z = values
     return x, y, z
+
+
+def _parts(vector: Array) -> Any:
+    """Components of (..., n): floats for one vector, arrays for many, for the same formulas."""
+    return tuple(vector.tolist() if vector.ndim == 1 else np.ascontiguousarray(np.moveaxis(vector, -1, 0)))
+
+
+def _number(value: NDArray[Any]) -> Any:
+    """A float (or whatever it is) for one vehicle, the array for many."""
+    return value if value.ndim else value.item()
+
+
+def _joined(components: tuple[Any, ...]) -> Array:
+    """The inverse of _parts."""
+    return np.stack(components, axis=-1) if isinstance(components[0], np.ndarray) else np.array(components)

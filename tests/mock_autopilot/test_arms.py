@@ -1,16 +1,17 @@
 """What moving arms do to the simulated vehicle, against differences of momentum and what a scale would show."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mock_autopilot import plant
-from mock_autopilot.arm_bodies import ArmBodies, JointState, Moving, Three, arm_motion, gravity_load_nm
-from mock_autopilot.arms import JOINT_COUNT, Arms, Assembly
+from mock_autopilot import quaternion as quat
+from mock_autopilot.arm_bodies import ArmBodies, JointState, Moving, Three, add, arm_motion, gravity_load_nm
+from mock_autopilot.arms import JOINT_COUNT, Arms, Assembly, Coupling
 from mock_autopilot.plant import GRAVITY_MPS2, PlantState
 
 BODIES = ArmBodies()
@@ -67,6 +68,16 @@ def test_a_raised_pitch_leads_forward_and_a_raised_roll_outward() -> None:
     assert moment((0.0, 0.5, 0.0), -1.0)[0] > 0.0
     assert moment((0.0, 0.0, 0.5), 1.0)[1] > moment(STILL, 1.0)[1]
     assert moment((0.0, 0.0, 0.5), -1.0)[1] < moment(STILL, -1.0)[1]
+
+
+def both(state: JointState) -> Moving:
+    """The two arms moving alike."""
+    return add(arm_motion(BODIES, state, 1.0), arm_motion(BODIES, state, -1.0))
+
+
+def three(values: np.ndarray) -> Three:
+    x, y, z = values.tolist()
+    return x, y, z
 
 
 class Scripted:
@@ -138,6 +149,43 @@ def test_a_turning_vehicle_feels_the_arms_it_swings_round() -> None:
     force = arms.step(spinning, STEP_S).force_ned_n
     offset = 2.0 * arm_motion(BODIES, JointState((0.6, 0.8, 0.0), STILL, STILL), 1.0).moment[0]
     assert force == pytest.approx(np.array([4.0 * offset, 0.0, 0.0])), "outward, towards the arms"
+
+
+def test_a_trimmed_pose_does_not_turn_a_hovering_vehicle() -> None:
+    """Until the arms move away from it: then as much as they would have turned it otherwise, less the trim."""
+    held, raised = (both(JointState(angle, STILL, STILL)) for angle in ((0.6, 0.8, 0.0), (0.9, 0.8, 0.0)))
+    coupling = Coupling(held, MASS_KG, Assembly().inertia_kgm2, (0.75,) * 3)
+    assert coupling.step(hovering(), held, STEP_S).angular_frd_radps2 == pytest.approx(np.zeros(3), abs=1e-12)
+    more = -(raised.moment[0] - held.moment[0]) * GRAVITY_MPS2 / 0.10
+    assert coupling.step(hovering(), raised, STEP_S).angular_frd_radps2 == pytest.approx(np.array([0.0, more, 0.0]))
+
+
+@settings(max_examples=25)
+@given(ANGLES, RATES, ACCELS, st.integers(0, 2**32 - 1))
+def test_a_batch_of_vehicles_is_pushed_as_each_would_be_alone(a: Three, r: Three, c: Three, seed: int) -> None:
+    """One motion of the arms under vehicles of different mass and inertia, each with attitudes and rates of its own."""
+    rng, motion, lead = np.random.default_rng(seed), JointState(a, r, c), (2, 2)
+    mass_kg, inertia_kgm2 = rng.uniform(3.0, 6.0, lead), rng.uniform(0.05, 0.2, (*lead, 3))
+    trim_s = (0.3, 0.75, math.inf)
+    alone = {
+        i: Arms(Assembly(inertia_kgm2=three(inertia_kgm2[i])), Scripted(motion), mass_kg[i], trim_s)
+        for i in np.ndindex(lead)
+    }
+    coupling = Coupling(None, mass_kg, inertia_kgm2, trim_s)
+    for step in range(1, 5):
+        vehicles = replace(
+            plant.at_rest(rng.normal(size=(*lead, 3))),
+            q_ned_frd_wxyz=quat.normalise(rng.normal(size=(*lead, 4))),
+            rate_frd_radps=rng.normal(size=(*lead, 3)),
+            thrust_n=rng.uniform(30.0, 60.0, lead),
+            on_ground=rng.random(lead) < 0.3,
+        )
+        wrench = coupling.step(vehicles, both(later(motion, step * STEP_S)), STEP_S)
+        for i, arms in alone.items():
+            one = PlantState(**{item.name: np.asarray(getattr(vehicles, item.name)[i]) for item in fields(PlantState)})
+            expected = arms.step(one, STEP_S)
+            assert wrench.force_ned_n[i] == pytest.approx(expected.force_ned_n, abs=1e-9)
+            assert wrench.angular_frd_radps2[i] == pytest.approx(expected.angular_frd_radps2, abs=1e-9)
 
 
 def test_servos_feel_the_weight_in_their_own_sense() -> None:
