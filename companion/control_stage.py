@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel, within_tilt
+from companion.control.components import anywhere, chosen, column, parts
 from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
 from companion.control.frames import quat_from_yaw
 from companion.control.limits import Gated, Limits, gate
@@ -40,7 +41,7 @@ class ControlStage:
         self._memory: Any = None
         self._decided: Any = None
         self._wanted: AttitudeThrust | None = None
-        self._yaw_rad: float | Array = 0.0
+        self._yaw_rad: Any = 0.0
         self._countered_w_mps2 = _NOTHING
         """The part of what was sent that only counters the arms."""
         self.sent = idle_setpoint(np.zeros(lead))
@@ -115,20 +116,20 @@ class ControlStage:
         self._wanted = self._latest(output, ahead.yaw_rad)
         return Asked(ahead, output, gate(self._wanted, self.sent, self._limits, dt_s))
 
-    def _latest(self, output: ControlOutput, yaw_rad: float | Array) -> AttitudeThrust:
+    def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
         """The setpoint wanted: a new one where there is an event or the heading has turned, elsewhere the held one."""
-        held = self._wanted
-        fresh = (output.event[..., 0] > 0.0) | (np.abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
-        if held is not None and not fresh.any():
+        held, (event,) = self._wanted, parts(output.event)
+        fresh = (event > 0.0) | (abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
+        if held is not None and not anywhere(fresh):
             return held
         upright = within_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
         new = setpoint_of_accel(upright, yaw_rad, self._model)
-        if held is None or fresh.all():
+        if held is None:
             self._yaw_rad = yaw_rad
             return new
-        self._yaw_rad = np.where(fresh, yaw_rad, self._yaw_rad)
-        q = np.where(fresh[..., None], new.q_w_flu_wxyz, held.q_w_flu_wxyz)
-        return AttitudeThrust(q, np.where(fresh, new.thrust, held.thrust))
+        self._yaw_rad = chosen(fresh, yaw_rad, self._yaw_rad)
+        q = chosen(column(fresh), new.q_w_flu_wxyz, held.q_w_flu_wxyz)
+        return AttitudeThrust(q, chosen(fresh, new.thrust, held.thrust))
 
 
 def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:

@@ -81,7 +81,7 @@ def chosen(condition: Any, if_true: Any, if_false: Any) -> Any:
 
 def anywhere(condition: Any) -> bool:
     """Whether a condition holds for any vehicle."""
-    return bool(condition.any()) if isinstance(condition, np.ndarray) else condition
+    return bool(condition.any() if isinstance(condition, np.ndarray) else condition)
 
 
 def at_least(a: Any, b: Any) -> Any:
