@@ -85,11 +85,10 @@ class Coupling:
         """Minus the change of the links' momentum, the turning of the body included (Coriolis, Euler, centrifugal)."""
         before = self._rate or rate
         self._rate = rate
-        turning = _three((now - then) / dt_s for now, then in zip(rate, before, strict=True))
-        coriolis = cross(rate, moving.momentum)
-        euler = cross(turning, moving.moment)
-        centrifugal = cross(rate, cross(rate, moving.moment))
-        return _three(-(moving.force[i] + 2.0 * coriolis[i] + euler[i] + centrifugal[i]) for i in range(3))
+        euler = cross(_three((now - then) / dt_s for now, then in zip(rate, before, strict=True)), moving.moment)
+        circular = cross(rate, moving.moment)
+        coriolis = cross(rate, _three(2.0 * moving.momentum[i] + circular[i] for i in range(3)))  # and centrifugal
+        return _three(-moving.force[i] - euler[i] - coriolis[i] for i in range(3))
 
     def _turning(self, torque: Three, moment: Three, lift_mps2: float) -> Three:
         """Angular acceleration: the links' reaction, and the thrust that does not go through the centre of mass."""
@@ -106,7 +105,8 @@ class Coupling:
         raw = self._turning(moving.torque, moving.moment, thrust_n / self._mass_kg)
         flies = 1.0 - grounded
         push = _three((raw[i] - self._trimmed[i]) * flies for i in range(3))
-        self._trimmed = _three((self._trimmed[i] + push[i] * dt_s / self._trim_time_s[i]) * flies for i in range(3))
+        share = _three(dt_s / time_s for time_s in self._trim_time_s)
+        self._trimmed = _three((self._trimmed[i] + push[i] * share[i]) * flies for i in range(3))
         return push
 
 

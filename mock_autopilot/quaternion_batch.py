@@ -42,21 +42,6 @@ def turned_by_small(q: Array, half_turn_rad: Array) -> Array:
     return unit(multiply(q, small))
 
 
-def to_world(q: Array, v_body: Array) -> Array:
-    """A body vector in world axes: v + 2 w (u x v) + 2 u x (u x v), shape (..., 3)."""
-    w, u = q[..., :1], q[..., 1:]
-    once = 2.0 * cross(u, v_body)
-    return np.asarray(v_body + w * once + cross(u, once))
-
-
-def cross(a: Array, b: Array) -> Array:
-    """Vector product, shape (..., 3); np.cross takes several times as long."""
-    return np.asarray(a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT])
-
-
 def length(v: Array) -> Array:
     """Euclidean, over the last axis, which stays: (..., 1)."""
     return np.asarray(np.sqrt(np.vecdot(v, v)[..., None]))
-
-
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
