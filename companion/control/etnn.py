@@ -95,7 +95,7 @@ class Etnn:
         return Decided(memory, trigger, predictor, now, alpha1, y2), ControlOutput(u, event, signals)
 
     def settle(self, decided: Decided) -> tuple[EtnnMemory, dict[str, Array]]:
-        """The second half: network, filter and compensation advanced by dt_s, and f_hat for the record.
+        """The second half: network, filter and compensation advanced by dt_s, and f_hat and its weights for the record.
 
         The command of a cycle does not need them: f_hat enters iota_2' alone (eq. iota-dyn).
         """
@@ -108,7 +108,7 @@ class Etnn:
             decided.trigger,
             decided.predictor,
         )
-        return after, {"f_hat": f_hat}
+        return after, {"f_hat": f_hat, "v0": before.network.v0, "v1": before.network.v1}
 
     def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:

@@ -11,7 +11,7 @@ prediction is wrong by half the push times the horizon squared, and the law hold
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -149,6 +149,7 @@ def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:
     )
 
 
+@lru_cache(maxsize=1024)
 def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:
     horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
     lag = _second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)

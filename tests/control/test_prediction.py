@@ -52,7 +52,7 @@ def breaks_of(known_s: float, lead_s: float, count: int) -> list[float]:
 def brute_force(now: ControlInput, memory: PredictorMemory, thrust: float, predictor: Predictor) -> tuple[Array, Array]:
     v = predictor.vehicle
     sent = np.concatenate((memory.sent[1:], now.sent_accel_w_mps2[None]))
-    horizon = v.mocap_age_s + v.setpoint_delay_s + predictor.lead_s
+    horizon = v.mocap_age_s + v.setpoint_delay_s + float(predictor.lead_s)
     up = up_axis(now.q_w_flu_wxyz)
     step = 1e-7  # the body turns about its own axes: q then a small turn
     later = up_axis(quat_multiply(now.q_w_flu_wxyz, quat_from_rotation_vector(step * now.rate_flu_radps)))
@@ -64,7 +64,7 @@ def brute_force(now: ControlInput, memory: PredictorMemory, thrust: float, predi
     for axis in range(3):
         vertical = axis == 2
         known = v.mocap_age_s + (v.thrust_delay_s if vertical else v.setpoint_delay_s)
-        lead = predictor.thrust_lead_s if vertical else predictor.lead_s
+        lead = float(predictor.thrust_lead_s if vertical else predictor.lead_s)
         history = [float(row[axis]) for row in sent]
 
         def rate(

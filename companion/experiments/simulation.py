@@ -1,0 +1,178 @@
+"""Flights in virtual time: the estimation, law, trigger, conversion and gate that fly, against the mock's plant.
+
+No sockets, no sleeping. Positions (3,) are one vehicle, (B, 3) a batch that flies side by side; every vehicle has its
+own seed, and the same seeds give the same flight to the last bit. One vehicle goes through the very `estimator.step`
+of the flight loop, a batch through the same filters without the verdicts on single frames.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.attitude import ThrustModel
+from companion.control.controller import Controller
+from companion.control.frames import flip_yz, matrix_from_quat
+from companion.control.limits import Limits
+from companion.control_stage import ControlStage, changed
+from companion.estimation import batch, estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.experiments.mission import Mission
+from companion.experiments.virtual_world import Look, VirtualVehicle, VirtualWorld
+from companion.types import Array, MocapFrame, VehicleState
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """The companion's side of a virtual flight."""
+
+    law: Controller
+    thrust: ThrustModel = field(default_factory=ThrustModel)
+    limits: Limits = field(default_factory=Limits)
+    estimator: EstimatorParams = field(default_factory=EstimatorParams)
+    period_s: float = 0.01
+    known_b_mps2: Array | None = None
+    """What the arms' commanded motion will do to the vehicle, each cycle, (n, 3) in the body frame; None: not told."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A virtual flight, cycle by cycle: n cycles, then the batch's leading axes. Positions are the truth."""
+
+    time_s: Array
+    """(n,), 0 where the trajectory begins."""
+    position_w_m: Array
+    velocity_w_mps: Array
+    reference_w_m: Array
+    reference_velocity_w_mps: Array
+    accel_w_mps2: Array
+    """u, held between events."""
+    event: Mask
+    """(n, ...)"""
+    sent: Mask
+    """Cycles in which a setpoint left: at events, and while the gate still slews towards one."""
+    signals: dict[str, Array] = field(default_factory=dict)
+    """The law's inner values, each (n, ..., k); empty unless they were asked for."""
+
+    @property
+    def error_w_m(self) -> Array:
+        """Position less reference, (n, ..., 3)."""
+        return np.asarray(self.position_w_m - self.reference_w_m)
+
+
+def simulate(
+    pilot: Pilot,
+    vehicle: VirtualVehicle,
+    mission: Mission,
+    seeds: Sequence[int],
+    *,
+    keep_signals: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Trace:
+    """Fly a mission from a level hover; `seeds` has one entry a vehicle. `progress` is told of each cycle."""
+    count, lead = len(mission.time_s), mission.lead
+    world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
+    eyes = _Batch(pilot) if lead else _One(pilot)
+    stage = ControlStage(pilot.law, pilot.thrust, pilot.limits, lead)
+    rows = _Rows(count, lead, keep_signals)
+    with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
+        for cycle in range(count):
+            seen, age_s = eyes.see(world.look(), cycle)
+            known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
+            asked = stage.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
+            setpoint = asked.gated.setpoint
+            rows.put(cycle, world, asked.output.accel_w_mps2, asked.output.event, changed(setpoint, stage.sent))
+            stage.sent = setpoint
+            rows.keep(asked.output.signals, stage.settle())
+            world.advance(setpoint)
+            if progress is not None:
+                progress(cycle)
+    return rows.trace(mission)
+
+
+def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
+    if known_b_mps2 is None:
+        return _NOTHING
+    return np.asarray(matrix_from_quat(q_w_flu_wxyz) @ known_b_mps2[cycle])
+
+
+class _Eyes(Protocol):
+    """From what motion capture delivers to the vehicle's state and its age (s)."""
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float | Array]:
+        """Take in a cycle's frame."""
+
+
+class _One:
+    """One vehicle: the flight loop's estimator, clocks and verdicts included."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._params, self._period_s = pilot.estimator, pilot.period_s
+        self._state = EstimatorState()
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float]:
+        now_s = cycle * self._period_s
+        if look.fresh or cycle == 0:
+            frame = MocapFrame(cycle, now_s, now_s, look.position_w_m, matrix_from_quat(look.q_w_flu_wxyz), np.nan)
+            self._state = estimator.step(self._state, frame, self._params)
+        assert self._state.vehicle is not None
+        return self._state.vehicle, now_s - self._state.vehicle.time_s
+
+
+class _Batch:
+    """Many vehicles: the same filters."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._params, self._period_s = pilot.estimator, pilot.period_s
+        self._estimate: batch.BatchEstimate | None = None
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float | Array]:
+        now_s, p, q = cycle * self._period_s, look.position_w_m, look.q_w_flu_wxyz
+        if self._estimate is None:
+            self._estimate = batch.begin(p, q, now_s, self._params)
+        else:
+            self._estimate = batch.step(self._estimate, p, q, now_s, look.fresh, self._params)
+        vehicle = batch.vehicle_state(self._estimate)
+        age_s = now_s - np.asarray(vehicle.time_s) + self._params.delay_s
+        return vehicle, age_s[..., None] if age_s.ndim else float(age_s)
+
+
+class _Rows:
+    """What is kept of each cycle."""
+
+    def __init__(self, count: int, lead: tuple[int, ...], keep_signals: bool) -> None:
+        self._position, self._velocity, self._accel = (np.zeros((count, *lead, 3)) for _ in range(3))
+        self._event, self._sent = (np.zeros((count, *lead), dtype=bool) for _ in range(2))
+        self._keep = keep_signals
+        self._signals: dict[str, list[Array]] = {}
+
+    def put(self, cycle: int, world: VirtualWorld, accel_w_mps2: Array, event: Array, sent: Mask | bool) -> None:
+        self._position[cycle], self._velocity[cycle] = world.state.position_ned_m, world.state.velocity_ned_mps
+        self._accel[cycle], self._event[cycle], self._sent[cycle] = accel_w_mps2, event[..., 0], sent
+
+    def keep(self, *signals: dict[str, Array]) -> None:
+        if self._keep:
+            for some in signals:
+                for name, value in some.items():
+                    self._signals.setdefault(name, []).append(value)
+
+    def trace(self, mission: Mission) -> Trace:
+        now = mission.now
+        return Trace(
+            mission.time_s,
+            flip_yz(self._position),
+            flip_yz(self._velocity),
+            now.position_w_m,
+            now.velocity_w_mps,
+            self._accel,
+            self._event,
+            self._sent,
+            {name: np.array(values) for name, values in self._signals.items()},
+        )
+
+
+_NOTHING = np.zeros(3)

@@ -1,0 +1,156 @@
+"""The simulated side of a virtual flight: vehicle, room and arms as they really are, of which the law knows a model.
+
+Everything that may differ from vehicle to vehicle of a batch is a number, or an array over the batch's leading axes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.frames import flip_quat, flip_yz, quat_from_rotation_vector, quat_multiply
+from companion.experiments.delay_line import DelayLine
+from companion.types import Array, AttitudeThrust
+from mock_autopilot import plant, plant_one
+from mock_autopilot.arm_table import ArmTable
+from mock_autopilot.arms import Coupling
+from mock_autopilot.disturbance import Forces, force_series
+from mock_autopilot.plant import GRAVITY_MPS2, Actuation, PlantParams, PlantState, Wrench
+
+STEP_S = 0.005
+"""The plant's step: every delay is a whole number of them."""
+
+Each = float | Array
+"""One number for all vehicles, or one each, (...,)."""
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Both arms as the vehicle carries them through a flight: their true motion, and what it acts on."""
+
+    table: ArmTable
+    """At steps of STEP_S, from the flight's start."""
+    inertia_kgm2: tuple[float, float, float] = (0.11, 0.10, 0.13)
+    trim_s: tuple[float, float, float] = (0.75, 0.75, 0.75)
+    """Time constants with which the autopilot trims out a lasting torque, about body x, y, z."""
+
+
+@dataclass(frozen=True)
+class VirtualVehicle:
+    """One vehicle and its room, or a batch of them."""
+
+    plant: PlantParams = field(default_factory=PlantParams)
+    mocap_delay_s: Each = 0.02
+    """Capture to arrival."""
+    attitude_delay_s: Each = 0.02
+    """Setpoint sent to the attitude loop."""
+    thrust_delay_s: Each = 0.02
+    """Setpoint sent to the rotors."""
+    noise_m: Each = 0.0003
+    """Standard deviation of a measured position, per axis."""
+    noise_rad: Each = 0.002
+    """Of a measured attitude, per body axis."""
+    forces: Forces = field(default_factory=Forces)
+    """What pushes from outside, NED."""
+    force_scale: Each = 1.0
+    arms: Carried | None = None
+    offset_w_m: Array = field(default_factory=lambda: np.zeros(3))
+    """How far from the trajectory's start the flight begins, (..., 3) in W."""
+    unseen: NDArray[np.bool_] | None = None
+    """Cycles whose frame is lost, (n, ...); None loses none."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What motion capture delivers in one cycle: (..., 3), (..., 4), and which vehicles it delivers at all, (...,)."""
+
+    position_w_m: Array
+    q_w_flu_wxyz: Array
+    fresh: NDArray[np.bool_]
+
+
+class VirtualWorld:
+    """Truth over time. Call `look` at the beginning of each control cycle and `advance` at its end."""
+
+    def __init__(self, vehicle: VirtualVehicle, start_w_m: Array, seeds: Sequence[int], cycles: int, period_s: float):
+        self._vehicle, self._lead = vehicle, start_w_m.shape[:-1]
+        self._per_cycle = round(period_s / STEP_S)
+        self._steps = 0
+        self._all = np.ones(self._lead, dtype=bool)
+        self.state = _hovering(start_w_m + vehicle.offset_w_m, vehicle.plant)
+        self._draw(seeds, cycles)
+        self._seen_p = DelayLine(_steps(vehicle.mocap_delay_s), self.state.position_ned_m)
+        self._seen_q = DelayLine(_steps(vehicle.mocap_delay_s), self.state.q_ned_frd_wxyz)
+        self._q = DelayLine(_steps(vehicle.attitude_delay_s), self.state.q_ned_frd_wxyz)
+        self._signal = DelayLine(_steps(vehicle.thrust_delay_s), _hover_signal(vehicle.plant, self._lead))
+        self._known_p, self._known_q = self.state.position_ned_m, self.state.q_ned_frd_wxyz
+        self._step = plant.step if self._lead else plant_one.step
+        arms = vehicle.arms
+        self._coupling = (
+            None
+            if arms is None
+            else Coupling(arms.table.at(0), vehicle.plant.mass_kg, arms.inertia_kgm2, arms.trim_s)
+        )
+
+    def _draw(self, seeds: Sequence[int], cycles: int) -> None:
+        """All that is random, each vehicle from its own seed."""
+        v, steps = self._vehicle, cycles * self._per_cycle
+        eyes, forces = zip(*(np.random.SeedSequence(seed).spawn(2) for seed in seeds), strict=True)
+        noise = np.stack([np.random.default_rng(eye).standard_normal((cycles, 6)) for eye in eyes], axis=1)
+        noise = noise.reshape(cycles, *self._lead, 6)
+        self._offsets_m = noise[..., :3] * np.asarray(v.noise_m)[..., None]
+        self._turns = quat_from_rotation_vector(noise[..., 3:] * np.asarray(v.noise_rad)[..., None])
+        rngs = [np.random.default_rng(force) for force in forces]
+        series = force_series(v.forces, rngs, STEP_S, steps).reshape(steps, *self._lead, 3)
+        self.force_ned_n = series * np.asarray(v.force_scale)[..., None]
+        """Of each step, (steps, ..., 3)."""
+
+    @property
+    def cycle(self) -> int:
+        """Whole cycles passed."""
+        return self._steps // self._per_cycle
+
+    def look(self) -> Look:
+        """The frame that arrives now."""
+        cycle, unseen = self.cycle, self._vehicle.unseen
+        position = flip_yz(self._known_p) + self._offsets_m[cycle]
+        q = quat_multiply(flip_quat(self._known_q), self._turns[cycle])
+        return Look(position, q, self._all if unseen is None else ~unseen[cycle])
+
+    def advance(self, setpoint: AttitudeThrust) -> None:
+        """Let one control cycle pass under a setpoint that is sent now."""
+        q = flip_quat(setpoint.q_w_flu_wxyz)
+        for _ in range(self._per_cycle):
+            actuation = Actuation(self._q.put(q), self._signal.put(setpoint.thrust))
+            self.state = self._step(self.state, actuation, self._wrench(), self._vehicle.plant, STEP_S)
+            self._steps += 1
+            self._known_p = self._seen_p.put(self.state.position_ned_m)
+            self._known_q = self._seen_q.put(self.state.q_ned_frd_wxyz)
+
+    def _wrench(self) -> Wrench:
+        force = self.force_ned_n[self._steps]
+        if self._coupling is None or self._vehicle.arms is None:
+            return Wrench(force, np.zeros_like(force))
+        pushed = self._coupling.step(self.state, self._vehicle.arms.table.at(self._steps), STEP_S)
+        return Wrench(force + pushed.force_ned_n, pushed.angular_frd_radps2)
+
+
+def _steps(delay_s: Each) -> NDArray[np.int64]:
+    """A delay in whole steps of the plant."""
+    return np.rint(np.asarray(delay_s) / STEP_S).astype(np.int64)
+
+
+def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
+    """The motor signal that carries the weight."""
+    share = np.asarray(params.mass_kg) * GRAVITY_MPS2 / np.asarray(params.max_thrust_n)
+    c = np.asarray(params.motor_curve)
+    curved = (np.sqrt((1.0 - c) ** 2 + 4.0 * c * share) - (1.0 - c)) / np.where(c > 0.0, 2.0 * c, 1.0)
+    return np.broadcast_to(np.where(c > 0.0, curved, share), lead)
+
+
+def _hovering(start_w_m: Array, params: PlantParams) -> PlantState:
+    """In the air, level and still."""
+    truth = plant.at_rest(flip_yz(start_w_m))
+    weight_n = np.broadcast_to(np.asarray(params.mass_kg) * GRAVITY_MPS2, truth.thrust_n.shape)
+    return replace(truth, thrust_n=np.array(weight_n), on_ground=np.zeros_like(truth.on_ground))
