@@ -12,8 +12,6 @@ from companion.control.gains import EtnnGains
 from companion.control.prediction import Prediction, Predictor, PredictorMemory
 from companion.types import Array
 
-_NOTHING = np.zeros(3)
-
 
 @dataclass(frozen=True)
 class EtnnMemory:
@@ -112,5 +110,5 @@ class Etnn:
 
     def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:
-            return Prediction(now.position_w_m, now.velocity_w_mps, _NOTHING), None
+            return Prediction(now.position_w_m, now.velocity_w_mps, 0.0 * now.velocity_w_mps), None
         return self.predictor.step(memory.predictor, now)
