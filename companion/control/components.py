@@ -18,6 +18,16 @@ def parts(vector: Array) -> Any:
     return vector.tolist() if vector.ndim == 1 else [vector[..., i] for i in range(vector.shape[-1])]
 
 
+def columns(vector: Array) -> Any:
+    """`parts`, but those of a batch keep their axis, (..., 1), as a batch of gains has it."""
+    return vector.tolist() if vector.ndim == 1 else [vector[..., i : i + 1] for i in range(vector.shape[-1])]
+
+
+def as_column(component: Any) -> Array:
+    """One of `columns` as an array again, (..., 1)."""
+    return component if isinstance(component, np.ndarray) else np.array((component,))
+
+
 def joined(*components: Any) -> Array:
     """Inverse of `parts`, shape (..., n); in batches the first component must have the full shape."""
     first = components[0]

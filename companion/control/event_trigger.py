@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.control.components import at_least, at_most, by_axis, chosen, column, joined, parts
+from companion.control.components import as_column, at_least, at_most, by_axis, chosen, columns
 from companion.control.gains import EtnnGains
 from companion.control.switching import sign
 from companion.types import Array
@@ -27,8 +27,8 @@ def initial_trigger(gains: EtnnGains, lead: tuple[int, ...] = ()) -> TriggerStat
 
 def continuous_control(alpha2: Array, y2: Array, kappa: Array, gains: EtnnGains) -> Array:
     """u_bar = alpha_2 - (sigma + kappa/delta) sgn(y_2) (m/s^2), shape (..., 3)."""
-    (size,) = parts(kappa)
-    push = column(gains.switching * (gains.sigma + size / gains.delta))
+    (size,) = columns(kappa)
+    push = gains.switching * (gains.sigma + size / gains.delta)
     layer = gains.boundary_layer_mps
     return by_axis(lambda alpha, y: alpha - push * sign(y, layer), alpha2, y2)
 
@@ -39,13 +39,13 @@ def trigger_step(state: TriggerState, u_bar: Array, gains: EtnnGains, dt_s: floa
     The event takes effect before kappa is advanced, so |e_j| <= sigma + kappa/delta holds at every instant and kappa
     cannot become negative (for dt_s < delta / (1 + delta)).
     """
-    x, y, z = parts(np.abs(state.held - u_bar))
-    (kappa,), (started,) = parts(state.kappa), parts(state.started)
+    x, y, z = columns(np.abs(state.held - u_bar))
+    (kappa,), (started,) = columns(state.kappa), columns(state.started)
     worst, least = at_least(at_least(x, y), z), at_most(at_most(x, y), z)
     quiet = (kappa + gains.delta * (gains.sigma - worst) >= 0.0) & (started > 0.0)
     if gains.every_cycle:
         quiet = quiet & False
     slack = gains.sigma - chosen(quiet, least, 0.0)  # the largest sigma - |e_j|
     kappa = kappa + dt_s * (slack - kappa)
-    u = chosen(column(quiet), state.held, u_bar)
-    return TriggerState(u, joined(kappa), joined(at_least(started, 1.0))), u, joined(1.0 - quiet)
+    u = chosen(quiet, state.held, u_bar)
+    return TriggerState(u, as_column(kappa), as_column(at_least(started, 1.0))), u, as_column(1.0 - quiet)

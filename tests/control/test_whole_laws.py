@@ -173,3 +173,45 @@ def test_the_same_memory_and_input_give_the_same_step(law: Controller) -> None:
 def test_the_reference_is_wanted_for_the_instant_predicted_for() -> None:
     assert Etnn(EtnnGains()).preview_s == 0.0
     assert Etnn(EtnnGains(), PREDICTOR).preview_s == pytest.approx(VEHICLE.setpoint_delay_s + 0.1)
+
+
+def test_a_batch_of_gains_flies_each_vehicle_under_its_own() -> None:
+    """What a search for gains relies on: diagonals (B, 3) and scalars (B, 1)."""
+    rng = np.random.default_rng(11)
+    count, base = 4, EtnnGains()
+    diagonals = ("c1", "k1", "beta1", "gamma1", "c2", "k2", "beta2", "gamma2", "k")
+    scalars = (
+        "filter_eps",
+        "zeta",
+        "rho",
+        "sigma",
+        "delta",
+        "power_regularisation",
+        "boundary_layer_mps",
+        "push_share",
+    )
+    own = {name: getattr(base, name) * rng.uniform(0.5, 2.0, (count, 3)) for name in diagonals}
+    own |= {name: rng.uniform(0.05, 0.5, (count, 1)) for name in scalars}
+    own |= {"gamma_v0": rng.uniform(0.5, 5.0, (count, 4)), "gamma_v1": rng.uniform(0.5, 5.0, (count, 5))}
+    rest = {name: getattr(base, name) for name in EtnnGains.model_fields}
+    lead_s, thrust_lead_s, observer_radps = rng.uniform(0.02, 0.1, (3, count, 1))
+    many = Etnn(
+        EtnnGains.model_construct(**(rest | own)), Predictor(VEHICLE, 0.01, lead_s, thrust_lead_s, observer_radps)
+    )
+    seen = inputs((count,), 12)
+    memory = many.initial(seen[0])
+    outputs = []
+    for now in seen:
+        memory, out = many.step(memory, now)
+        outputs.append(out)
+    for i in range(count):
+        single = {name: value[i] if value.shape[-1] > 1 else float(value[i, 0]) for name, value in own.items()}
+        predictor = Predictor(
+            VEHICLE, 0.01, float(lead_s[i, 0]), float(thrust_lead_s[i, 0]), float(observer_radps[i, 0])
+        )
+        law = Etnn(base.model_copy(update=single), predictor)
+        alone = law.initial(at(seen[0], (i,)))
+        for now, out in zip(seen, outputs, strict=True):
+            alone, expected = law.step(alone, at(now, (i,)))
+            np.testing.assert_allclose(out.accel_w_mps2[i], expected.accel_w_mps2, rtol=1e-11, atol=1e-11)
+            np.testing.assert_array_equal(out.event[i], expected.event)
