@@ -1,11 +1,15 @@
 """Reference trajectories: smooth to the third derivative, as the paper's Property 2 asks."""
 
+import math
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from companion.control.components import all_by_axis
 from companion.types import Array, Reference
+
+_Pair = tuple[float, float]
 
 
 class Trajectory(Protocol):
@@ -54,22 +58,38 @@ class MinimumJerk:
         share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         rate = 30.0 * x * x * (1.0 - x) ** 2 / self.duration_s
         bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.duration_s**2
-        way = self.end_w_m - self.start_w_m
         turn = (self.end_yaw_rad - self.start_yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
-        position, velocity, acceleration = self._run_out(x)
-        yaw_rad = self.start_yaw_rad + share * float(turn)
-        return Reference(
-            self.start_w_m + share * way + position, rate * way + velocity, bend * way + acceleration, yaw_rad
-        )
+        (p_v, v_v, a_v), (p_a, v_a, a_a) = self._run_out(x)
 
-    def _run_out(self, x: float) -> tuple[Array, Array, Array]:
-        """The quintics that begin with the start's velocity or acceleration and end with nothing (Hermite's basis)."""
-        v, a, t = self.start_velocity_w_mps, self.start_acceleration_w_mps2, self.duration_s
-        rest = (1.0 - x) ** 2
-        position = t * x * rest * (1.0 - x) * (1.0 + 3.0 * x) * v + 0.5 * t * t * x * x * rest * (1.0 - x) * a
-        velocity = rest * (1.0 + 2.0 * x - 15.0 * x * x) * v + 0.5 * t * x * rest * (2.0 - 5.0 * x) * a
-        acceleration = -12.0 * x * (1.0 - x) * (3.0 - 5.0 * x) / t * v + (1.0 - x) * (1.0 - 8.0 * x + 10.0 * x * x) * a
-        return position, velocity, acceleration
+        def moved(start: Any, end: Any, v: Any, a: Any) -> Any:
+            way = end - start
+            return (
+                start + share * way + p_v * v + p_a * a,
+                rate * way + v_v * v + v_a * a,
+                bend * way + a_v * v + a_a * a,
+            )
+
+        begun = self.start_velocity_w_mps, self.start_acceleration_w_mps2
+        position, velocity, acceleration = all_by_axis(moved, self.start_w_m, self.end_w_m, *begun)
+        return Reference(position, velocity, acceleration, self.start_yaw_rad + share * float(turn))
+
+    def _run_out(self, x: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Quintics, and their derivatives, that begin with a velocity or an acceleration of 1 and end with nothing.
+
+        They are Hermite's basis.
+        """
+        t, left = self.duration_s, 1.0 - x
+        of_velocity = (
+            t * x * left**3 * (1.0 + 3.0 * x),
+            left**2 * (1.0 + 2.0 * x - 15.0 * x * x),
+            -12.0 * x * left * (3.0 - 5.0 * x) / t,
+        )
+        of_acceleration = (
+            0.5 * t * t * x * x * left**3,
+            0.5 * t * x * left**2 * (2.0 - 5.0 * x),
+            left * (1.0 - 8.0 * x + 10.0 * x * x),
+        )
+        return of_velocity, of_acceleration
 
 
 def minimum_jerk_duration_s(distance_m: float, speed_mps: float, accel_mps2: float, least_s: float = 1.0) -> float:
@@ -127,10 +147,9 @@ class Ellipse:
         """The point of the ellipse at `time_s`."""
         angle, rate, bend = self.timing.phase(time_s)
         a, b = self.semi_axes_m
-        cosine, sine = np.cos(angle), np.sin(angle)
-        point = np.array([a * cosine, b * sine, 0.0])
-        along = np.array([-a * sine, b * cosine, 0.0])
-        return Reference(self.centre_w_m + point, along * rate, along * bend - point * rate**2, self.yaw_rad)
+        x, y = a * math.cos(angle), b * math.sin(angle)
+        along = -a * math.sin(angle), b * math.cos(angle)
+        return _on_curve(self.centre_w_m, (x, y), along, (-x, -y), rate, bend, self.yaw_rad)
 
 
 @dataclass(frozen=True)
@@ -151,10 +170,19 @@ class FigureEight:
         """The point of the eight at `time_s`."""
         angle, rate, bend = self.timing.phase(time_s)
         a, b = self.semi_axes_m
-        point = np.array([a * np.sin(angle), b * np.sin(2.0 * angle), 0.0])
-        along = np.array([a * np.cos(angle), 2.0 * b * np.cos(2.0 * angle), 0.0])
-        curve = np.array([-a * np.sin(angle), -4.0 * b * np.sin(2.0 * angle), 0.0])
-        return Reference(self.centre_w_m + point, along * rate, along * bend + curve * rate**2, self.yaw_rad)
+        x, y = a * math.sin(angle), b * math.sin(2.0 * angle)
+        along = a * math.cos(angle), 2.0 * b * math.cos(2.0 * angle)
+        return _on_curve(self.centre_w_m, (x, y), along, (-x, -4.0 * y), rate, bend, self.yaw_rad)
+
+
+def _on_curve(
+    centre_w_m: Array, point: _Pair, along: _Pair, curve: _Pair, rate: float, bend: float, yaw_rad: float
+) -> Reference:
+    """A level curve's point (m) and its first two derivatives by the phase, where that runs at `rate` and `bend`."""
+    (x, y), (x_1, y_1), (x_2, y_2) = point, along, curve
+    velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
+    acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
+    return Reference(centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, yaw_rad)
 
 
 @dataclass(frozen=True)
