@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import anywhere, at_least, at_most, chosen, dot, joined, maths, number, parts
+from companion.control.components import anywhere, at_least, at_most, chosen, joined, maths, number, parts
 from companion.control.frames import up_axis_parts
 from companion.types import Array, AttitudeThrust
 
@@ -57,29 +57,28 @@ def within_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) -
     return joined(share * x, share * y, z)
 
 
-def thrust_axis(force_w_n: Array) -> Array:
-    """Unit axis in W along which the rotors must push, shape (..., 3).
+def thrust_axis(x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+    """Unit axis in W along which the rotors must push, from the force's components (N).
 
     No force has no direction: level. A force that points down would turn the vehicle over: its horizontal part is
     followed (the limits cut the tilt), and with none the vehicle stays level.
     """
-    x, y, z = parts(force_w_n)
     up = at_least(z, 0.0)
     size = maths(x).sqrt(x * x + y * y + up * up)
     none = size <= MIN_FORCE_N
     if anywhere(none):
         size, x, y, up = (chosen(none, level, part) for level, part in ((1.0, size), (0.0, x), (0.0, y), (1.0, up)))
-    return joined(x / size, y / size, up / size)
+    return x / size, y / size, up / size
 
 
-def attitude_of(axis_w: Array, yaw_rad: Array | float) -> Array:
-    """Quaternion W<-FLU with body z along `axis_w` and the nose towards `yaw_rad`, shape (..., 4), w >= 0.
+def attitude_of(x: Any, y: Any, z: Any, yaw_rad: Array | float) -> Array:
+    """Quaternion W<-FLU with body z along the axis (x, y, z) in W and the nose towards `yaw_rad`, (..., 4), w >= 0.
 
     The heading, then a turn about the left that brings the nose down, then one about the nose: aerospace angles. With
     the axis horizontal along the heading's left the nose has no direction left: it points up.
     """
-    (x, y, z), turn = parts(axis_w), maths(yaw_rad)
-    m, (sine, cosine) = maths(x), (turn.sin(yaw_rad), turn.cos(yaw_rad))
+    m, turn = maths(x), maths(yaw_rad)
+    sine, cosine = turn.sin(yaw_rad), turn.cos(yaw_rad)
     ahead, left = cosine * x + sine * y, cosine * y - sine * x
     upright = m.sqrt(ahead * ahead + z * z)
     nose_down = chosen(upright > 1e-6, m.atan2(ahead, z), -0.5 * math.pi)
@@ -117,9 +116,10 @@ def collective_force_n(thrust: Any, model: ThrustModel) -> Any:
 
 def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: ThrustModel) -> AttitudeThrust:
     """Attitude and thrust that give u, or the nearest that can be flown."""
-    force = force_of_accel(accel_w_mps2, model)
-    axis = thrust_axis(force)
-    return AttitudeThrust(attitude_of(axis, yaw_rad), np.asarray(normalised_thrust(dot(force, axis), model)))
+    x, y, z = parts(force_of_accel(accel_w_mps2, model))
+    axis_x, axis_y, axis_z = thrust_axis(x, y, z)
+    thrust = normalised_thrust(x * axis_x + y * axis_y + z * axis_z, model)
+    return AttitudeThrust(attitude_of(axis_x, axis_y, axis_z, yaw_rad), np.asarray(thrust))
 
 
 def accel_of_setpoint(setpoint: AttitudeThrust, model: ThrustModel) -> Array:

@@ -47,7 +47,7 @@ def rotation(q: Array) -> Array:
     ],
 )
 def test_where_the_rotors_push(force_w_n: tuple[float, ...], expected: tuple[float, ...], because: str) -> None:
-    np.testing.assert_allclose(thrust_axis(np.array(force_w_n, dtype=float)), expected, err_msg=because)
+    np.testing.assert_allclose(thrust_axis(*force_w_n), expected, err_msg=because)
 
 
 HALF = math.sqrt(0.5)
@@ -66,7 +66,8 @@ HALF = math.sqrt(0.5)
 def test_attitudes_of_an_axis_and_a_heading(
     axis: tuple[float, ...], yaw_deg: float, expected: tuple[float, ...], because: str
 ) -> None:
-    q = attitude_of(np.array(axis, dtype=float), math.radians(yaw_deg))
+    x, y, z = axis
+    q = attitude_of(x, y, z, math.radians(yaw_deg))
     assert np.all(np.isfinite(q)), because
     np.testing.assert_allclose(rotation(q)[:, 2], axis, atol=1e-9, err_msg=because)
     if axis[2] >= 0:
