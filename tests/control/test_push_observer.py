@@ -12,7 +12,7 @@ DT_S = 0.01
 NOTHING = np.zeros(3)
 
 
-@given(push=st.floats(-3.0, 3.0), poles=st.floats(1.0, 10.0))
+@given(push=st.integers(-3000, 3000).map(lambda thousandths: 1e-3 * thousandths), poles=st.floats(1.0, 10.0))
 def test_a_step_is_learnt_with_the_double_pole(push: float, poles: float) -> None:
     """d_hat / d = 1 - (1 + w t) e^-wt in continuous time; steps of 10 ms are a little behind."""
     observed = nothing_observed(NOTHING, 0.0)
