@@ -1,0 +1,185 @@
+"""A campaign: every law on every experiment, whole and with one part left out, several seeds each."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.config_arms import Feedforward
+from companion.config_controller import ErrorLimits, LoadedController, load_controller, read_etnn
+from companion.control.etnn import Etnn
+from companion.experiments.ablations import Ablation, ablated, load_ablated
+from companion.experiments.metrics import Score, score
+from companion.experiments.mission import stacked
+from companion.experiments.scene import Scene, load_scene
+from companion.experiments.simulation import Trace, simulate
+from companion.types import Array
+
+BASELINE = "pid"
+"""What every reduction is counted against."""
+
+
+@dataclass(frozen=True)
+class Item:
+    """One law on one experiment, one vehicle a seed; names as the user gives them."""
+
+    experiment: str
+    controller: str
+    seeds: tuple[int, ...]
+    bandwidth_radps: float | None = None
+    """None: the experiment's own attitude loop."""
+    without: Ablation | None = None
+    feedforward: Feedforward | None = None
+    """None: as the experiment configures it."""
+
+    @property
+    def variant(self) -> str:
+        """What is different from the whole law; empty for the whole."""
+        if self.without is not None:
+            return f"without_{self.without}"
+        return "" if self.feedforward is None else f"feedforward_{self.feedforward}"
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of an item, over the cycles that fly the trajectory; B vehicles, in the order of the seeds."""
+
+    item: Item
+    score: Score
+    events: Array
+    """How often the trigger fired on each vehicle, (B,)."""
+    gap_cycles: NDArray[np.int64]
+    """From one event to the next, of all vehicles, (n,)."""
+    period_s: float
+    """Of the control cycle."""
+    limits: ErrorLimits
+
+    @property
+    def mean_error_m(self) -> Array:
+        """Averaged over the vehicles, per axis of W (3,)."""
+        return np.asarray(self.score.mean_error_m.mean(axis=0))
+
+    @property
+    def max_error_m(self) -> Array:
+        """The largest error of each flight, averaged over the vehicles, per axis of W (3,)."""
+        return np.asarray(self.score.max_error_m.mean(axis=0))
+
+    @property
+    def error_m(self) -> float:
+        """Norm of the three axes' means."""
+        return float(np.sqrt((self.mean_error_m**2).sum()))
+
+    @property
+    def update_share(self) -> float:
+        """Share of the cycles that sent a setpoint."""
+        return float(self.score.update_share.mean())
+
+    @property
+    def gap_s(self) -> tuple[float, float, float] | None:
+        """Least, mean and largest time between events; None where there were not two of them."""
+        gaps = self.gap_cycles
+        if not gaps.size:
+            return None
+        return float(gaps.min()) * self.period_s, float(gaps.mean()) * self.period_s, float(gaps.max()) * self.period_s
+
+    @property
+    def diverged(self) -> int:
+        """How many vehicles were lost."""
+        return int(self.score.diverged.sum())
+
+    @property
+    def good(self) -> bool:
+        """None lost, and on average inside the error limits of the controller's file."""
+        inside = (self.mean_error_m <= self.limits.mean_m).all() and (self.max_error_m <= self.limits.max_m).all()
+        return bool(self.diverged == 0 and inside)
+
+
+def label_of(name: str) -> str:
+    """A controller or an experiment in tables and in JSON: its name, or that of its file."""
+    return Path(name).stem if name.endswith(".toml") else name
+
+
+@lru_cache(maxsize=8)
+def scene_of(experiment: str, bandwidth_radps: float | None) -> Scene:
+    """An experiment, on the attitude loop that was asked for; the arms' way is planned once a process."""
+    scene = load_scene(experiment)
+    return scene if bandwidth_radps is None else scene.with_bandwidth(bandwidth_radps)
+
+
+def controller_of(item: Item, scene: Scene) -> LoadedController:
+    """An item's law for the vehicle of its scene. Raises ConfigError for what `load_controller` refuses."""
+    vehicle, period_s = scene.companion.vehicle_model(), scene.period_s
+    if item.without is not None:
+        return load_ablated(item.controller, vehicle, period_s, item.without)
+    return load_controller(item.controller, vehicle, period_s)
+
+
+def fly(item: Item) -> Flown:
+    """All vehicles of an item, side by side."""
+    scene = scene_of(item.experiment, item.bandwidth_radps)
+    controller = controller_of(item, scene)
+    mission = stacked([scene.mission(controller.law.preview_s)] * len(item.seeds))
+    pilot = scene.pilot(controller, item.feedforward)
+    trace = simulate(pilot, scene.vehicle(), mission, item.seeds)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a vehicle that was lost
+        marks = score(trace)
+    events = trace.event[tracking(trace)]
+    gaps = np.concatenate([np.diff(np.flatnonzero(one)) for one in events.T])
+    return Flown(item, marks, events.sum(axis=0).astype(float), gaps, scene.period_s, controller.error_limits)
+
+
+def tracking(trace: Trace) -> NDArray[np.bool_]:
+    """Cycles in which the trajectory is flown, (n,)."""
+    return np.asarray(trace.time_s >= -1e-9)
+
+
+def whole_items(
+    experiments: Sequence[str], controllers: Sequence[str], seeds: tuple[int, ...], bandwidth_radps: float | None
+) -> list[Item]:
+    """Every law on every experiment; the baseline is always among them, and first."""
+    laws = [BASELINE, *(name for name in controllers if name != BASELINE)]
+    return [Item(experiment, law, seeds, bandwidth_radps) for experiment in experiments for law in laws]
+
+
+def variants_of(item: Item) -> Iterator[Item]:
+    """The same with one part left out, for every part that the law has; and with the other feed-forward.
+
+    Raises ConfigError for what is wrong with scene or controller.
+    """
+    scene = scene_of(item.experiment, item.bandwidth_radps)
+    if isinstance(controller_of(item, scene).law, Etnn):
+        file = read_etnn(item.controller)
+        whole = file.model_dump_json()
+        parts = (part for part in Ablation if ablated(file, part).model_dump_json() != whole)
+        yield from (replace(item, without=part) for part in parts)
+    arms = scene.companion.arms
+    if scene.arms is not None and arms is not None:
+        yield replace(item, feedforward=Feedforward.FULL if arms.feedforward is Feedforward.OFF else Feedforward.OFF)
+
+
+def numbers_of(flown: Flown) -> dict[str, Any]:
+    """For JSON; what is no number, as the errors of a vehicle that went to infinity, is null."""
+    return {
+        "mean_error_m": _listed(flown.mean_error_m),
+        "max_error_m": _listed(flown.max_error_m),
+        "worst_max_error_m": _listed(flown.score.max_error_m.max(axis=0)),
+        "error_m": _plain(flown.error_m),
+        "update_share": flown.update_share,
+        "event_share": float(flown.score.event_share.mean()),
+        "events": float(flown.events.mean()),
+        "inter_event_s": dict(zip(("min", "mean", "max"), flown.gap_s or (None,) * 3, strict=True)),
+        "diverged": flown.diverged,
+        "seeds": list(flown.item.seeds),
+    }
+
+
+def _listed(values: Array) -> list[float | None]:
+    return [_plain(float(value)) for value in values]
+
+
+def _plain(value: float) -> float | None:
+    return value if np.isfinite(value) else None
