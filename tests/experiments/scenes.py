@@ -1,0 +1,37 @@
+"""Short flights in virtual time, for the tests that need one."""
+
+from typing import Any
+
+import numpy as np
+
+from companion.config import CompanionConfig
+from companion.config_arms import ArmsConfig
+from companion.config_controller import LoadedController, load_controller
+from companion.control.reference import Ellipse, LapTiming, Trajectory
+from companion.experiments.scene import Scene, planned_arms
+from mock_autopilot.config import MockConfig
+
+CENTRE = np.array([0.0, 0.0, 1.2])
+LAP = Ellipse(CENTRE, timing=LapTiming(period_s=6.0, laps=1, ramp_s=2.0))
+PUSHED: dict[str, Any] = {
+    "constant_ned_n": [0.4, -0.3, 0.0],
+    "noise_n": [0.2, 0.2, 0.2],
+    "sinusoids": [
+        {"amplitude_ned_n": [1.4, 0.0, 0.0], "period_s": 9.0},
+        {"amplitude_ned_n": [0.0, 1.1, 0.0], "period_s": 13.0, "phase_rad": 1.0},
+        {"amplitude_ned_n": [0.0, 0.0, 0.8], "period_s": 7.0, "phase_rad": 2.0},
+    ],
+}
+QUIET: dict[str, Any] = {"noise_m": 0.0, "noise_rad": 0.0}
+
+
+def scene(trajectory: Trajectory = LAP, arms: str = "off", settle_s: float = 1.0, **mock: Any) -> Scene:
+    """The vehicle that both sides take for granted when they are told nothing; `mock` are tables of its file."""
+    companion = CompanionConfig(arms=ArmsConfig())
+    plan = planned_arms(arms, companion, trajectory.duration_s + settle_s)
+    return Scene("short", "a short flight", trajectory, settle_s, plan, companion, MockConfig.from_dict(mock))
+
+
+def law_for(flown: Scene, name: str = "etnn", allow_unstable: bool = False) -> LoadedController:
+    """A controller for the scene's vehicle."""
+    return load_controller(name, flown.companion.vehicle_model(), flown.period_s, allow_unstable)
