@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from companion import __version__
-from companion.cli import arms, demo
+from companion.cli import arms, demo, simulate
 from companion.ports import CompanionError
 
 BAD_INPUT = 2
@@ -30,6 +30,7 @@ def companion(
 
 
 app.command("demo")(demo.demo)
+app.command("simulate")(simulate.simulate)
 app.add_typer(arms.app, name="arms")
 
 

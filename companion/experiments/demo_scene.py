@@ -40,7 +40,7 @@ def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: Companio
         name,
         f"the demo, {name}",
         flown,
-        flown.before_s,
+        math.ceil(flown.before_s * companion.control.rate_hz) / companion.control.rate_hz,  # a cycle begins at 0
         None if plan is None else _after_standing(plan, flown.climb_s),
         companion,
         mock.model_copy(update={"disturbance": _under_way(mock.disturbance, LIFT_OFF_S)}),
