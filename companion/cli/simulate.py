@@ -97,7 +97,7 @@ def simulate(
         curve = trajectory_named(trajectory, Curve(laps, period, size, settings.flight.takeoff_height_m))
         check_trajectory(curve, settings.room, trajectory)
         mock = load_mock(mock_config or default_config_path("mock.toml"))
-        scene = demo_scene(Path(trajectory).stem, curve, arms, settings, mock)
+        scene = demo_scene(f"demo-{Path(trajectory).stem}", curve, arms, settings, mock)
     else:
         scene = load_scene(experiment)
     scene = scene if bandwidth is None else scene.with_bandwidth(bandwidth)

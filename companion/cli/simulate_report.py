@@ -13,7 +13,7 @@ from companion.experiments.metrics import LOST_M, Score, score
 from companion.experiments.scene import Scene
 from companion.experiments.simulation import Trace
 from companion.experiments.summary import summarise
-from companion.experiments.virtual_record import columns_of, one_of
+from companion.experiments.virtual_record import columns_of, one_of, until_lost
 from companion.experiments.virtual_world import STEP_S
 from companion.types import Array
 
@@ -148,7 +148,7 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
         columns = columns_of(trace, joints_rad)
         path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
         title = f"{flights.scene.name} in virtual time, controller {flights.controller.name}, seed {seed}"
-        plot_flight(columns, summarise(columns), title, Path(f"{path}.png"))
+        plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
         np.savez_compressed(f"{path}.npz", **columns)  # type: ignore[arg-type]
         console.print(f"plot [bold]{path}.png[/], record {path}.npz", soft_wrap=True)
 

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.experiments.metrics import LOST_M
 from companion.experiments.simulation import Trace
-from companion.experiments.summary import Columns
+from companion.experiments.summary import Columns, tracking_error_w_m
 from companion.supervisor.flight import Phase
 from companion.types import Array
 
@@ -51,3 +52,11 @@ def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:
     if joints_rad is not None:
         columns["joint_position_rad"] = joints_rad
     return columns | {f"law_{name}": values for name, values in trace.signals.items()}
+
+
+def until_lost(columns: Columns) -> Columns:
+    """For pictures: a flight up to a second after it was lost, beyond which nothing else could be seen."""
+    time_s = np.asarray(columns["time_s"], dtype=np.float64)
+    lost = np.flatnonzero(~(np.linalg.norm(tracking_error_w_m(columns), axis=1) <= LOST_M))
+    shown = slice(None) if not lost.size else time_s <= time_s[lost[0]] + 1.0
+    return {name: values[shown] for name, values in columns.items()}

@@ -100,14 +100,14 @@ def test_a_flight_is_reported_drawn_and_recorded(typed: Type, tmp_path: Path) ->
 
 def test_several_seeds_fly_side_by_side_and_are_averaged(typed: Type, tmp_path: Path) -> None:
     experiment, together, alone = short(tmp_path), tmp_path / "all.json", tmp_path / "one.json"
-    assert typed(experiment, "--seeds", "3:5", "--out", tmp_path / "out", "--summary", together).code == 0
+    assert typed(experiment, "--seeds", "3:4", "--out", tmp_path / "out", "--summary", together).code == 0
     assert typed(experiment, "--seed", "4", "--summary", alone).code == 0
     batch, one = read(together), read(alone)
-    assert [flight["seed"] for flight in batch["flights"]] == [3, 4, 5]
+    assert [flight["seed"] for flight in batch["flights"]] == [3, 4]
     assert batch["flights"][1]["mean_error_m"] == pytest.approx(one["mean_error_m"], rel=0.05)
     for key in ("mean_error_m", "max_error_m", "update_share", "error_m"):
         assert batch[key] == pytest.approx(np.mean([flight[key] for flight in batch["flights"]], axis=0))
-    assert len(list((tmp_path / "out").glob("virtual-short-etnn-seed[345].*"))) == 6
+    assert len(list((tmp_path / "out").glob("virtual-short-etnn-seed[34].*"))) == 4
 
 
 def test_the_same_seed_gives_the_same_numbers(typed: Type, tmp_path: Path) -> None:
@@ -161,7 +161,7 @@ def test_the_demo_without_its_sockets(typed: Type, tmp_path: Path) -> None:
         "--demo", "--trajectory", "figure8", "--laps", "1", "--period", "8", "--arms", "off", "--summary", summary
     )
     assert ran.code == 0, ran.out + ran.err
-    assert read(summary)["experiment"] == "figure8"
+    assert read(summary)["experiment"] == "demo-figure8"
     assert read(summary)["control_cycles"] == 1200
 
 
