@@ -12,14 +12,15 @@ prediction is wrong by half the push times the horizon squared, and the law hold
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
-from companion.control.components import joined, parts
+from companion.control.components import all_by_axis, joined, maths, parts
 from companion.control.controller import ControlInput, VehicleModel
-from companion.control.frames import up_axis
+from companion.control.frames import up_axis_parts
 from companion.control.push_observer import Observed, nothing_observed, observe
-from companion.control.switching import Scalar, norm_squared
+from companion.control.switching import Scalar
 from companion.types import Array
 
 
@@ -76,33 +77,38 @@ class Predictor:
         """The state then, and the memory with the newest command."""
         sent = np.concatenate((memory.sent[..., 1:, :], now.sent_accel_w_mps2[..., None, :]), axis=-2)
         thrust = self._thrust(memory.thrust_mps2, sent)
-        accel = thrust * up_axis(now.q_w_flu_wxyz) - self._gravity
+        x, y, z = up_axis_parts(now.q_w_flu_wxyz)
+        (push_up,) = parts(thrust)
+        accel = joined(push_up * x, push_up * y, push_up * z - self.vehicle.gravity_mps2)
         observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
         return self._propagate(now, sent, thrust, accel, observed.push), PredictorMemory(sent, thrust, observed)
 
     def _thrust(self, thrust_mps2: Array, sent: Array) -> Array:
         """Specific thrust at capture time: the oldest kept command is the one that acted then."""
-        size = np.sqrt(norm_squared(sent[..., 0, :] + self._gravity))
-        return np.asarray(thrust_mps2 + (size - thrust_mps2) * self._thrust_share)
+        (x, y, z), (before,) = parts(sent[..., 0, :]), parts(thrust_mps2)
+        up = z + self.vehicle.gravity_mps2
+        size = maths(x).sqrt(x * x + y * y + up * up)
+        return joined(before + (size - before) * self._thrust_share)
 
     def _propagate(self, now: ControlInput, sent: Array, thrust: Array, accel: Array, push: Array) -> Prediction:
         w = self._weights
-        jerk = thrust * _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
+        up_rate = _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
         forced = np.einsum("...ni,...nki->...ki", sent, w.commands)
-        position = now.position_w_m + ahead * now.velocity_w_mps + w.accel[0] * accel + w.jerk[0] * jerk
-        velocity = now.velocity_w_mps + w.accel[1] * accel + w.jerk[1] * jerk
-        return Prediction(
-            position + forced[..., 0, :] + (0.5 * ahead * ahead) * push,
-            velocity + forced[..., 1, :] + ahead * push,
-            push,
-        )
+        specific_thrust = thrust if thrust.ndim > 1 else thrust.item()
 
-    @cached_property
-    def _gravity(self) -> Array:
-        """Upwards (m/s^2), shape (3,)."""
-        return np.array([0.0, 0.0, self.vehicle.gravity_mps2])
+        def at_horizon(
+            p: Any, v: Any, a: Any, up_rate: Any, push: Any, forced_p: Any, forced_v: Any, *weights: Any
+        ) -> Any:
+            a_p, a_v, j_p, j_v = weights
+            j = specific_thrust * up_rate
+            position = p + ahead * v + a_p * a + j_p * j + forced_p + (0.5 * ahead * ahead) * push
+            return position, v + a_v * a + j_v * j + forced_v + ahead * push
+
+        known = now.position_w_m, now.velocity_w_mps, accel, up_rate, push, forced[..., 0, :], forced[..., 1, :]
+        position, velocity = all_by_axis(at_horizon, *known, *w.accel, *w.jerk)
+        return Prediction(position, velocity, push)
 
     @cached_property
     def _thrust_share(self) -> float:

@@ -5,9 +5,11 @@ Luenberger observer with both poles at -w finds d: steady pushes exactly, a push
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from companion.control.components import all_by_axis, at_least, at_most
 from companion.control.switching import Scalar
 from companion.types import Array
 
@@ -38,9 +40,14 @@ def observe(
 
     Without a new frame the state is older by `dt_s` than before, and nothing is learnt.
     """
-    elapsed_s = np.maximum(dt_s + before.age_s - age_s, 0.0)
-    expected = before.velocity + elapsed_s * (0.5 * (before.accel + accel_w_mps2) + before.push)
-    surprise = velocity_w_mps - expected
-    turn = poles_radps * np.minimum(elapsed_s, _LONGEST_S)
-    velocity = expected + np.minimum(2.0 * turn, 1.0) * surprise
-    return Observed(velocity, before.push + poles_radps * turn * surprise, accel_w_mps2, age_s)
+    elapsed_s = at_least(dt_s + before.age_s - age_s, 0.0)
+    turn = poles_radps * at_most(elapsed_s, _LONGEST_S)
+    share = at_most(2.0 * turn, 1.0)
+
+    def seen(measured: Any, velocity: Any, push: Any, accel_before: Any, accel: Any) -> Any:
+        expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + push)
+        surprise = measured - expected
+        return expected + share * surprise, push + poles_radps * turn * surprise
+
+    velocity, push = all_by_axis(seen, velocity_w_mps, before.velocity, before.push, before.accel, accel_w_mps2)
+    return Observed(velocity, push, accel_w_mps2, age_s)
