@@ -87,9 +87,11 @@ def _ranking(axes: Axes, each: list[Columns]) -> None:
             f"median {numbers.error_p50_m:.3f} m, {p95}"
         )
         axes.barh(y, 100.0 * share[place, order], height, color=colour, label=label)
-    names = list(PARAMETERS.values())
-    axes.yaxis.tick_right()
-    axes.set_yticks(np.arange(len(order)), [names[i].split(" (")[0] for i in order])
+    names = [label.split(" (")[0] for label in PARAMETERS.values()]
+    for row, parameter in enumerate(order):
+        axes.text(100.0 * share[:, parameter].max() + 1.0, row, names[parameter], va="center", fontsize=9)
+    axes.set_yticks([])
+    axes.set_xlim(0.0, 130.0 * share.max() + 1.0)
     axes.set_xlabel("explains of the order of errors, alone (%)")
     axes.grid(alpha=0.3, axis="x")
     axes.legend(loc="lower right", fontsize=9)

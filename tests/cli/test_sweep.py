@@ -1,0 +1,122 @@
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+import companion.cli.sweep as command
+from companion.cli.main import app
+from companion.experiments.sweep import Sweep
+from companion.ports import ConfigError
+from tests.experiments.sweep_rig import short_experiment
+
+
+@pytest.fixture(autouse=True)
+def _short(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command on a short experiment."""
+    monkeypatch.setattr(command, "Sweep", partial(Sweep, experiments=(short_experiment(tmp_path),)))
+
+
+def _sweep(folder: Path, *arguments: str) -> Result:
+    return CliRunner().invoke(
+        app, ["sweep", "--jobs", "1", "--out", str(folder / "out"), *arguments], env={"COLUMNS": "160"}
+    )
+
+
+def _json(path: Path) -> dict[str, Any]:
+    data: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return data
+
+
+def test_summary_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = _sweep(tmp_path, "--vehicles", "6", "--seed", "3", "--summary", str(tmp_path / "first.json"))
+    assert first.exit_code == 0, first.output
+    numbers = _json(tmp_path / "first.json")
+    assert (numbers["vehicles"], numbers["diverged"], numbers["taken_over"]) == (6, 0, 0)
+    assert numbers["seconds"] > 0.0
+    assert numbers["error_p95_m"].keys() == {"12.0", "6.3"}
+
+    name = tmp_path / "out" / "practical-seed3"
+    with np.load(name.with_suffix(".npz"), allow_pickle=False) as file:
+        columns = dict(file)
+    assert columns["vehicle"].tolist() == list(range(6))
+    for nominal in (12.0, 6.3):
+        errors_m = columns["error_whole_m"][columns["nominal_radps"] == nominal]
+        assert numbers["error_p95_m"][f"{nominal:.1f}"] == errors_m.max()  # of three
+        assert numbers["error_p50_m"][f"{nominal:.1f}"] == np.median(errors_m)
+        assert f"{errors_m.max():.4f}" in first.output
+    worst = int(columns["error_whole_m"].argmax())
+    assert f"worst: vehicle {worst}, error" in first.output
+    assert f"mass_kg {columns['mass_kg'][worst]:.4g}" in first.output
+    assert name.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert name.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+
+    monkeypatch.setattr("companion.experiments.sweep_plots.plot_sweep", lambda *_: None)  # seconds, and seen above
+    again = _sweep(tmp_path, "--vehicles", "6", "--seed", "3", "--summary", str(tmp_path / "again.json"))
+    repeated = _json(tmp_path / "again.json")
+    assert "6 of them by an earlier run" in again.output
+    assert repeated | {"seconds": 0, "taken_over": 0} == numbers | {"seconds": 0}
+
+
+def test_a_vehicle_that_diverges_is_exit_code_one(tmp_path: Path) -> None:
+    """A law that never tells the vehicle to do anything: the disturbance and a wrong hover thrust take it away."""
+    (tmp_path / "idle.py").write_text(_IDLE, encoding="utf-8")
+    (tmp_path / "idle.toml").write_text('law = "idle.py:Idle"\n', encoding="utf-8")
+    summary = tmp_path / "new folder" / "numbers.json"
+    ran = _sweep(tmp_path, "--vehicles", "4", "--controller", str(tmp_path / "idle.toml"), "--summary", str(summary))
+    assert ran.exit_code == 1, ran.output
+    numbers = _json(summary)
+    assert numbers["diverged"] == 4
+    assert numbers["error_p95_m"] == {"12.0": None, "6.3": None}
+    assert "diverged" in ran.output
+    assert (tmp_path / "out" / "idle-seed1.png").is_file()
+
+
+_IDLE = """
+import numpy as np
+from companion.control.controller import ControlOutput
+
+
+class Idle:
+    preview_s = 0.0
+
+    def __init__(self, gains, vehicle, period_s):
+        pass
+
+    def initial(self, first):
+        return None
+
+    def step(self, memory, now):
+        accel = 0.0 * now.position_w_m + [3.0, 0.0, 0.0]
+        return None, ControlOutput(accel, np.ones((*accel.shape[:-1], 1)), {})
+"""
+
+
+def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> NoReturn:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "run", interrupted)
+    ran = _sweep(tmp_path, "--vehicles", "7")
+    assert ran.exit_code == 130
+    assert "interrupted: 0 of 7 vehicles are kept in" in ran.output
+    assert "the same command goes on" in ran.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--controller", "lqr"], "unknown controller 'lqr'"),
+        (["--summary", "FOLDER"], "is a folder: give the name of a file"),
+        (["--out", "FILE"], "cannot write to"),
+    ],
+)
+def test_a_mistake_is_one_sentence_before_the_work(tmp_path: Path, arguments: list[str], sentence: str) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    paths = {"FOLDER": str(tmp_path), "FILE": str(tmp_path / "file")}
+    ran = _sweep(tmp_path, *(paths.get(word, word) for word in arguments))
+    assert isinstance(ran.exception, ConfigError)
+    assert sentence in str(ran.exception)
