@@ -1,0 +1,201 @@
+"""`companion tune`: searches gains for few updates and small errors, and checks the winners where they never were."""
+
+import json
+import math
+import os
+import shlex
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.progress import Progress, TimeRemainingColumn
+from rich.table import Table
+
+from companion.config_controller import read_etnn
+from companion.control.reference import Ellipse, FigureEight, LapTiming
+from companion.experiments.controller_writer import controller_toml
+from companion.experiments.gain_space import START, rounded, shares_of, values_from
+from companion.experiments.scene import Scene, load_scene
+from companion.experiments.search import ERROR_M, UPDATES, Candidate, Plan, front, marks_of, scenes_of, search
+from companion.experiments.tuning import shortened
+from companion.ports import ConfigError
+
+INTERRUPTED = 130
+_CHECK_SEED = 900_001
+"""Never used in training, whose seeds begin at a million."""
+_CHECK_VEHICLES = (2, 6)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A candidate, rounded as it would be written, where it never was: mean over loops, curves and vehicles."""
+
+    candidate: Candidate
+    values: dict[str, float]
+    error_m: float
+    other_m: float
+    worst_m: float
+    update_share: float
+
+    @property
+    def distance(self) -> float:
+        """How far from what is reached for; each objective counts alike."""
+        return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
+
+
+def tune(
+    write: Annotated[Path | None, typer.Option(help="Write the best one as a controller file.")] = None,
+    generations: Annotated[int, typer.Option(min=1, max=2000, help="Of each search.")] = 60,
+    population: Annotated[int, typer.Option(min=4, max=200, help="Sets of gains in a generation.")] = 20,
+    weights: Annotated[str, typer.Option(help="How much updates count against errors; one search each.")] = "0.4,0.8",
+    seed: Annotated[int, typer.Option(min=0, help="Of the searches and of what they train on.")] = 1,
+    start: Annotated[str | None, typer.Option(help="An ET-NN controller to begin from.")] = None,
+    experiments: Annotated[str, typer.Option(help="What to train on.")] = "ellipse,figure8",
+    bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    out: Annotated[Path, typer.Option(help="Folder for the candidates and the picture.")] = Path("flights/tune"),
+    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+) -> None:
+    """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
+
+    Every generation flies new seeds. The front of error against updates is then checked on seeds and curves that no
+    search flew, and the best of it is written.
+    """
+    console = Console()
+    loops = _numbers("bandwidths", bandwidths)
+    plan = Plan(
+        scenes_of([shortened(load_scene(name)) for name in experiments.split(",")], loops),
+        len(loops),
+        generations,
+        population,
+        _numbers("weights", weights),
+        seed,
+    )
+    begin = START if start is None else _from_file(start)
+    out.mkdir(parents=True, exist_ok=True)
+    found: list[Candidate] = []
+    interrupted = False
+    with ProcessPoolExecutor(jobs, initializer=_deaf_to_interrupts) as pool:
+        with _progress(console, plan) as bar:
+
+            def told(done: int, best: Candidate) -> None:
+                found.append(best)
+                _keep(out, found)
+                bar(done + 1, best)
+
+            try:
+                search(plan, shares_of(begin), pool, told)
+            except KeyboardInterrupt:
+                interrupted = True
+        if interrupted:
+            pool.shutdown(cancel_futures=True)
+            console.print(f"interrupted after {len(found)} generations, kept in {out / 'candidates.json'}")
+            raise typer.Exit(INTERRUPTED)
+        checked = _check(front(found), plan, pool)
+    best = min(checked, key=lambda one: one.distance)
+    _print(console, checked, best)
+    if summary is not None:
+        _summarise(checked, summary)
+    if write is not None:
+        title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
+        write.write_text(controller_toml(best.values, title, "the ET-NN law, tuned", _command()), encoding="utf-8")
+        console.print(f"wrote [bold]{write}[/]")
+
+
+def _from_file(name: str) -> dict[str, float]:
+    file = read_etnn(name)
+    p = file.prediction
+    return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
+
+
+def _deaf_to_interrupts() -> None:
+    """Ctrl-C reaches the workers, too; only the command itself answers it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _command() -> str:
+    return "companion tune " + shlex.join(sys.argv[2:])
+
+
+def _numbers(option: str, text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or any(not (math.isfinite(value) and value > 0.0) for value in values):
+        raise ConfigError(f"--{option} {text}: must be positive numbers with commas between, such as 6.3,10")
+    return values
+
+
+@contextmanager
+def _progress(console: Console, plan: Plan) -> Iterator[Any]:
+    total = plan.generations * len(plan.weights)
+    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console) as bar:
+        task = bar.add_task("searching", total=total)
+
+        def step(done: int, best: Candidate) -> None:
+            note = f"weight {best.weight:g}: {best.error_m * 1e3:.1f} mm, {best.update_share:.1%} updates"
+            bar.update(task, completed=done, description=note)
+
+        yield step
+
+
+def _check(candidates: Sequence[Candidate], plan: Plan, pool: Executor) -> list[Checked]:
+    """On curves and seeds that no search flew."""
+    values = [rounded(one.shares) for one in candidates]
+    points = np.array([shares_of(value) for value in values])
+    marks = marks_of([_elsewhere(scene) for scene in plan.scenes], points, _CHECK_SEED, _CHECK_VEHICLES, pool)
+    error, other, updates = (
+        np.mean([getattr(mark, name) for mark in marks], axis=0) for name in ("error_m", "other_m", "update_share")
+    )
+    worst = np.max([mark.worst_m for mark in marks], axis=0)
+    return [
+        Checked(one, value, *(float(number) for number in row))
+        for one, value, *row in zip(candidates, values, error, other, worst, updates, strict=True)
+    ]
+
+
+def _elsewhere(scene: Scene) -> Scene:
+    """Another curve at another pace, in the same room: across where the trained one lies along."""
+    centre = np.asarray(scene.trajectory.at(0.0).position_w_m * [0.0, 0.0, 1.0])
+    kind, axes, period_s = (
+        (FigureEight, (0.6, 0.6), 18.0) if isinstance(scene.trajectory, FigureEight) else (Ellipse, (0.7, 1.0), 12.0)
+    )
+    return replace(scene, trajectory=kind(centre, axes, LapTiming(period_s, 1, 4.0)))
+
+
+def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
+    table = Table(title="checked on seeds and curves that no search flew")
+    for name in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
+        table.add_column(name, justify="right")
+    for one in checked:
+        table.add_row(
+            f"{one.candidate.weight:g}",
+            str(one.candidate.generation),
+            f"{one.error_m * 1e3:.1f}",
+            f"{one.other_m * 1e3:.1f}",
+            f"{one.worst_m * 1e3:.1f}",
+            f"{one.update_share:.1%}",
+            "best" if one is best else "",
+        )
+    console.print(table)
+
+
+def _keep(out: Path, found: Sequence[Candidate]) -> None:
+    """Every generation's best, so that nothing is lost."""
+    rows = [asdict(one) | {"shares": one.shares.tolist(), "values": rounded(one.shares)} for one in found]
+    (out / "candidates.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+def _summarise(checked: Sequence[Checked], path: Path) -> None:
+    names = ("error_m", "other_m", "worst_m", "update_share", "values")
+    front = [{name: getattr(one, name) for name in names} for one in checked]
+    path.write_text(json.dumps({"front": front}, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,145 @@
+"""The search for gains: CMA-ES over the unit cube, once for every weight that updates have against errors."""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from cmaes import CMA
+
+from companion.experiments.gain_space import KNOBS, damping_margin
+from companion.experiments.scene import Scene
+from companion.experiments.tuning import Marks, Trial, evaluate
+from companion.types import Array
+
+ERROR_M, UPDATES = 0.010, 0.05
+"""What is reached for; the scale of both objectives."""
+_LEAST_MARGIN = 1.05
+"""A set whose filter loop is not stable by so much is marked down before it flies."""
+_STEP = 0.08
+"""Standard deviation of the first generation, in the unit cube."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is searched, on what, and how long."""
+
+    scenes: tuple[Scene, ...]
+    """Every experiment on every attitude loop; those of one loop follow each other."""
+    loops: int
+    """How many attitude loops there are."""
+    generations: int
+    population: int
+    weights: tuple[float, ...]
+    """Of log(updates) against log(error): one search each."""
+    seed: int
+    told: int = 1
+    """Vehicles as the companion is told."""
+    others: int = 2
+    """Vehicles that differ from it; new ones in every generation, all of them."""
+
+    def turn(self, generation: int) -> tuple[Scene, ...]:
+        """What a generation flies: one experiment on each loop, in turn."""
+        each = len(self.scenes) // self.loops
+        return tuple(self.scenes[loop * each + (generation + loop) % each] for loop in range(self.loops))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A point of the gain space and its marks in training, means over scenes and vehicles."""
+
+    shares: Array
+    weight: float
+    generation: int
+    error_m: float
+    other_m: float
+    """Of vehicles that are not as told."""
+    update_share: float
+
+
+def search(plan: Plan, start: Array, pool: Executor, told: Callable[[int, Candidate], None]) -> list[Candidate]:
+    """The centre of the search after each generation of each run; `told` gets the generation and its best point."""
+    found: list[Candidate] = []
+    for run, weight in enumerate(plan.weights):
+        found += _one_run(plan, start, weight, run, pool, told)
+    return found
+
+
+def _one_run(
+    plan: Plan, start: Array, weight: float, run: int, pool: Executor, told: Callable[[int, Candidate], None]
+) -> list[Candidate]:
+    bounds = np.tile([0.0, 1.0], (len(KNOBS), 1))
+    optimiser = CMA(
+        np.clip(start, 0.02, 0.98), _STEP, bounds=bounds, population_size=plan.population, seed=plan.seed + run
+    )
+    best: list[Candidate] = []
+    for generation in range(plan.generations):
+        points = np.array([optimiser.ask() for _ in range(plan.population)])
+        seed = training_seed(plan, run, generation)
+        marks = marks_of(plan.turn(generation), points, seed, (plan.told, plan.others), pool)
+        costs = cost(marks, weight) + penalty(points)
+        optimiser.tell([(point, float(value)) for point, value in zip(points, costs, strict=True)])
+        first = int(np.argmin(costs))
+        best.append(_candidate(points[first], weight, generation, [mark.of(first) for mark in marks]))
+        told(run * plan.generations + generation, best[-1])
+    return best
+
+
+def training_seed(plan: Plan, run: int, generation: int) -> int:
+    """A new one in every generation, so that none is learnt."""
+    return 1_000_000 * (plan.seed + 1) + run * plan.generations + generation
+
+
+def marks_of(
+    scenes: Sequence[Scene], points: Array, seed: int, vehicles: tuple[int, int], pool: Executor
+) -> list[Marks]:
+    """One entry a scene; `vehicles` is how many are as told, and how many are not."""
+    told, others = vehicles
+    trials = [Trial(scene, seed, tuple(range(told)), tuple(range(told, told + others))) for scene in scenes]
+    return list(pool.map(evaluate, trials, [points] * len(trials)))
+
+
+def cost(marks: Sequence[Marks], weight: float) -> Array:
+    """log(error) + 0.5 log(error of other vehicles) + weight log(updates), mean over the scenes, (P,).
+
+    Logarithms, so that a tenth less of each is worth the same everywhere.
+    """
+    error = np.mean([np.log(mark.error_m / ERROR_M) for mark in marks], axis=0)
+    other = np.mean([np.log(mark.other_m / ERROR_M) for mark in marks], axis=0)
+    updates = np.mean([np.log(mark.update_share / UPDATES) for mark in marks], axis=0)
+    return np.asarray(error + 0.5 * other + weight * updates)
+
+
+def penalty(points: Array) -> Array:
+    """What a set costs that the stability check of the filter loop would refuse, or nearly, (P,)."""
+    short = _LEAST_MARGIN - damping_margin(points)
+    return np.where(short > 0.0, 1.0 + 5.0 * short, 0.0)
+
+
+def front(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Those that no other beats in both error and updates, by rising updates."""
+    kept: list[Candidate] = []
+    best_m = math.inf
+    for candidate in sorted(candidates, key=lambda one: (one.update_share, one.error_m)):
+        if candidate.error_m < best_m:
+            best_m = candidate.error_m
+            kept.append(candidate)
+    return kept
+
+
+def _candidate(point: Array, weight: float, generation: int, marks: Sequence[Marks]) -> Candidate:
+    return Candidate(
+        point,
+        weight,
+        generation,
+        float(np.mean([mark.error_m for mark in marks])),
+        float(np.mean([mark.other_m for mark in marks])),
+        float(np.mean([mark.update_share for mark in marks])),
+    )
+
+
+def scenes_of(scenes: Sequence[Scene], bandwidths_radps: Sequence[float]) -> tuple[Scene, ...]:
+    """Every scene on every attitude loop."""
+    return tuple(scene.with_bandwidth(radps) for radps, scene in product(bandwidths_radps, scenes))

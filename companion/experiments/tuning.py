@@ -1,0 +1,113 @@
+"""How good many sets of gains are at once: every set on several vehicles, all of them side by side."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.config_controller import ErrorLimits, LoadedController
+from companion.control.reference import Ellipse, FigureEight
+from companion.experiments.gain_space import law_of, values_of
+from companion.experiments.metrics import Score, score
+from companion.experiments.mission import looking_ahead
+from companion.experiments.scene import Scene
+from companion.experiments.simulation import simulate
+from companion.experiments.sweep_vehicles import DROPOUTS, Drawn, draw, vehicles
+from companion.types import Array
+
+WORST_M = 0.5
+"""The error of a vehicle that diverged, and the most that any counts with."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One experiment on one attitude loop, for every set of gains: vehicles as configured, and some that are not."""
+
+    scene: Scene
+    """With its companion and its vehicle configured for that loop."""
+    seed: int
+    """Of all that is random; vehicles of other indices are others."""
+    told: tuple[int, ...]
+    """Indices of vehicles that are as the companion is told, and begin in the right place."""
+    others: tuple[int, ...]
+    """Indices of vehicles that differ from it, as in a sweep."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Of each set of gains, (P,), means over the trial's vehicles. Errors are norms of the axis means."""
+
+    error_m: Array
+    """Of the vehicles as told, from the trajectory's beginning."""
+    other_m: Array
+    """Of those that differ, from the first instant: beginning somewhere else counts."""
+    worst_m: Array
+    """The largest of those."""
+    update_share: Array
+    """Of all of them."""
+
+    def of(self, row: int) -> "Marks":
+        """One set's."""
+        cut = slice(row, row + 1)
+        return Marks(self.error_m[cut], self.other_m[cut], self.worst_m[cut], self.update_share[cut])
+
+
+def evaluate(trial: Trial, shares: Array) -> Marks:
+    """Fly every point (P, knobs) of the gain space on every vehicle of the trial."""
+    scene, sets, told = trial.scene, len(shares), len(trial.told)
+    drawn = _drawn(trial)
+    each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values_of(shares).items()}
+    law = law_of(each, scene.companion.vehicle_model(), scene.period_s)
+    pilot = scene.pilot(LoadedController("candidate", law, ErrorLimits()))
+    assert law.predictor is not None
+    previews_s = np.asarray(law.predictor.preview_s)[:, 0]
+    mission = looking_ahead(scene.trajectory, previews_s, scene.settle_s, scene.period_s)
+    vehicle = vehicles(scene, _tiled(drawn, sets), len(mission.time_s))
+    trace = simulate(pilot, vehicle, mission, np.tile(drawn.flight_seed, sets).tolist())
+    tracking, whole = score(trace), score(trace, -math.inf)
+    shape = (sets, -1)
+    error, other = _capped(tracking).reshape(shape)[:, :told], _capped(whole).reshape(shape)[:, told:]
+    return Marks(
+        error.mean(axis=1),
+        other.mean(axis=1),
+        other.max(axis=1),
+        tracking.update_share.reshape(shape).mean(axis=1),
+    )
+
+
+def _capped(flown: Score) -> Array:
+    return np.minimum(np.where(flown.diverged, math.inf, flown.error_m), WORST_M)
+
+
+def _drawn(trial: Trial) -> Drawn:
+    """The vehicles as told first."""
+    drawn = draw(trial.seed, (*trial.told, *trial.others))
+    same = _as_told(trial.scene, drawn.flight_seed[: len(trial.told)])
+    return Drawn(
+        **{
+            name: np.concatenate((getattr(same, name), getattr(drawn, name)[len(trial.told) :]))
+            for name in Drawn.__dataclass_fields__
+        }
+    )
+
+
+def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
+    count = len(flight_seed)
+    one, nothing = np.ones(count), np.zeros((count, DROPOUTS))
+    vehicle = scene.vehicle()
+    mocap_s, setpoint_s = one * vehicle.mocap_delay_s, one * vehicle.attitude_delay_s
+    offset_w_m = np.zeros((count, 3))
+    return Drawn(flight_seed, one, one, one, mocap_s, setpoint_s, one, one, offset_w_m, nothing, nothing)
+
+
+def _tiled(drawn: Drawn, sets: int) -> Drawn:
+    return Drawn(**{name: np.concatenate([getattr(drawn, name)] * sets) for name in Drawn.__dataclass_fields__})
+
+
+def shortened(scene: Scene) -> Scene:
+    """One lap and half the settling: what a search can afford."""
+    curve = scene.trajectory
+    if isinstance(curve, Ellipse | FigureEight):
+        curve = replace(curve, timing=replace(curve.timing, laps=1))
+    return replace(scene, trajectory=curve, settle_s=0.5 * scene.settle_s)
