@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from companion import __version__
-from companion.cli import arms, demo, simulate, sweep
+from companion.cli import arms, demo, experiments, simulate, sweep
 from companion.ports import CompanionError
 
 BAD_INPUT = 2
@@ -31,6 +31,7 @@ def companion(
 
 app.command("demo")(demo.demo)
 app.command("simulate")(simulate.simulate)
+app.command("experiments")(experiments.experiments)
 app.command("sweep")(sweep.sweep)
 app.add_typer(arms.app, name="arms")
 

@@ -152,10 +152,7 @@ def _networks(details: Sequence[Detail]) -> Figure:
             if "push" in signals and signals["push"].any():
                 axes.plot(time, signals["push"][now, axis], color=_LAWS[2], lw=1.0, label="observed push")
             axes.plot(time, signals["f_hat"][now, axis], color=_LAWS[1], lw=1.2, label=r"$\hat f_d$, network")
-    fullest = max(rows[0], key=lambda axes: len(axes.get_legend_handles_labels()[1]))
-    _legend_above(figure, fullest)
-    for row in rows:
-        _same_limits(row)
+    _legend_above(figure, max(rows[0], key=lambda axes: len(axes.get_legend_handles_labels()[1])))
     return figure
 
 
@@ -199,8 +196,8 @@ def _lyapunov(proved: Sequence[tuple[Detail, Proof]]) -> Figure:
         axes.set(xlabel="time (s); the trajectory begins at 0", title=label_of(detail.item.controller))
         axes.title.set_fontsize(10)
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
     row[0].set_ylabel("V")
+    _legend_above(figure, max(row, key=lambda axes: len(axes.get_legend_handles_labels()[1])))
     return figure
 
 
@@ -212,7 +209,7 @@ def _flown(detail: Detail) -> Figure:
     path = trace.reference_w_m[now]
     above.plot(path[:, 0], path[:, 1], "k", lw=1.0, label="reference")
     above.plot(*path[0, :2], "ko", ms=5, label="start")
-    begun, going = (path[len(path) * share // 100, :2] for share in (10, 12))
+    begun, going = (path[len(path) * share // 100, :2] for share in (11, 12))
     above.annotate("", going, begun, arrowprops={"arrowstyle": "->", "mutation_scale": 18.0})
     above.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", adjustable="datalim")
     above.legend(fontsize=8, loc="upper right")

@@ -147,7 +147,7 @@ def _event_row(flown: Flown) -> tuple[Cell, ...]:
         Cell(f"{flown.score.event_share.mean():.1%}"),
         Cell(f"{flown.update_share:.1%}"),
         *(Cell("" if gaps is None else f"{1e3 * gap:.0f} ms") for gap in gaps or (0.0, 0.0, 0.0)),
-        Cell("excluded", GOOD) if excluded else Cell("not excluded", BAD),
+        Cell("no", GOOD) if excluded else Cell("yes", BAD),
     )
 
 

@@ -101,7 +101,7 @@ def test_an_experiment_the_paper_has_not_is_beside_our_own_baseline_only() -> No
 
 def test_events_and_what_lies_between_them() -> None:
     (row,) = events([flown([[0.01, 0.01, 0.01]])]).rows
-    assert [cell.text for cell in row] == ["practical", "4", "5.0%", "5.0%", "10 ms", "40 ms", "70 ms", "excluded"]
+    assert [cell.text for cell in row] == ["practical", "4", "5.0%", "5.0%", "10 ms", "40 ms", "70 ms", "no"]
 
 
 def test_an_ablation_says_what_was_left_out_and_what_it_cost() -> None:

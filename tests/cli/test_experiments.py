@@ -1,0 +1,147 @@
+"""`companion experiments` as typed, on experiments of some seconds."""
+
+import json
+import re
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from companion.cli import experiments as command
+from companion.cli.main import main
+from companion.experiments import campaign
+from companion.experiments.campaign import Flown, Item
+from tests.experiments.short_experiments import short_experiment
+from tests.flights.command import ROOT
+
+PRACTICAL = ROOT / "config" / "controllers" / "practical.toml"
+
+
+@dataclass(frozen=True)
+class Typed:
+    """What came of a command line."""
+
+    code: object
+    out: str
+    err: str
+
+
+Type = Callable[..., Typed]
+
+
+@pytest.fixture
+def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
+    """`companion experiments ARGUMENTS` in this process."""
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*arguments: str | Path) -> Typed:
+        monkeypatch.setattr(sys, "argv", ["companion", "experiments", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Typed(ended.value.code, *capsys.readouterr())
+
+    return call
+
+
+@pytest.fixture
+def short(tmp_path: Path) -> Path:
+    return short_experiment(tmp_path / "short.toml")
+
+
+def test_the_summary_has_every_law_and_is_the_same_for_the_same_seeds(typed: Type, short: Path, tmp_path: Path) -> None:
+    """In one process and in two; byte for byte."""
+    once, again = tmp_path / "once.json", tmp_path / "again.json"
+    asked = ("--experiments", short, "--controllers", "practical", "--seeds", "4:5", "--no-report", "--no-ablations")
+    first = typed(*asked, "--summary", once, "--jobs", "1")
+    assert first.code == 0, first.err
+    assert typed(*asked, "--summary", again, "--jobs", "2").code == 0
+    assert once.read_bytes() == again.read_bytes()
+    data = json.loads(once.read_text(encoding="utf-8"))
+    assert (data["seeds"], data["bandwidth_radps"], data["complete"]) == ([4, 5], None, True)
+    laws = data["experiments"]["short"]
+    assert set(laws) == {"pid", "practical"}
+    for numbers in laws.values():
+        assert len(numbers["mean_error_m"]) == len(numbers["max_error_m"]) == 3
+        assert all(
+            0.0 < mean < most for mean, most in zip(numbers["mean_error_m"], numbers["max_error_m"], strict=True)
+        )
+    assert laws["pid"]["update_share"] == 1.0
+    assert 0.0 < laws["practical"]["update_share"] < 0.5
+    means = [laws[name]["mean_error_m"] for name in ("practical", "pid")]
+    reduced = [100.0 * (1.0 - mine / other) for mine, other in zip(*means, strict=True)]
+    assert laws["practical"]["mean_reduced_percent"] == pytest.approx(reduced)
+    assert not (tmp_path / "flights").exists()
+
+
+def test_the_report_and_every_variant(typed: Type, short: Path, tmp_path: Path) -> None:
+    out, summary = tmp_path / "out", tmp_path / "summary.json"
+    asked = ("--experiments", short, "--controllers", "practical", "--seeds", "1:1", "--out", out, "--summary", summary)
+    ended = typed(*asked, "--jobs", "1", "--bandwidth", "8")
+    assert ended.code == 0, ended.err
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "--seeds 1:1 --bandwidth 8" in text
+    assert "attitude loop of second order, 8, 8 and 3 rad/s" in text
+    assert "without compensator" in text
+    assert "law = &quot;pid&quot;" in text
+    assert {path.name for path in out.iterdir()} >= {"report.html", "short-position.png", "short-position.pdf"}
+    assert "short-position" not in text  # it is inside
+    variants = json.loads(summary.read_text(encoding="utf-8"))["experiments"]["short"]["practical"]["variants"]
+    assert {"without_network", "without_trigger"} <= set(variants)
+    assert variants["without_trigger"]["event_share"] == 1.0
+
+
+def test_a_law_outside_its_limits_is_a_bad_result(typed: Type, short: Path, tmp_path: Path) -> None:
+    strict = tmp_path / "strict.toml"
+    text = re.sub(r"mean_m = [0-9.]+", "mean_m = 0.0001", PRACTICAL.read_text(encoding="utf-8"))
+    strict.write_text(text, encoding="utf-8")
+    asked = ("--experiments", short, "--controllers", strict, "--seeds", "1:1", "--no-report", "--no-ablations")
+    ended = typed(*asked, "--jobs", "1")
+    assert ended.code == 1
+    assert "strict on short: outside its error limits" in ended.out
+
+
+def test_what_was_flown_before_an_interruption_is_kept(
+    typed: Type, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fly(item: Item) -> Flown:
+        if item.controller != "pid":
+            raise KeyboardInterrupt
+        return campaign.fly(item)
+
+    monkeypatch.setattr(command, "fly", fly)
+    summary = tmp_path / "summary.json"
+    ended = typed(
+        "--experiments", short, "--controllers", "practical", "--seeds", "1:1", "--summary", summary, "--jobs", "1"
+    )
+    assert ended.code == 130
+    assert "Traceback" not in ended.err
+    assert "interrupted after 1 of " in ended.out
+    data = json.loads(summary.read_text(encoding="utf-8"))
+    assert data["complete"] is False
+    assert list(data["experiments"]["short"]) == ["pid"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (("--seeds", "5:1"), "--seeds 5:1: must be FIRST:LAST, two whole numbers from 0 on in this order, as in 1:5"),
+        (("--seeds", "3"), "--seeds 3: must be FIRST:LAST"),
+        (("--seeds", "-1:2"), "--seeds -1:2: must be FIRST:LAST"),
+        (("--seeds", "0:1000"), "1001 seeds, at most 1000"),
+        (("--experiments", "oval"), "unknown experiment 'oval': give a TOML file or one of ellipse, figure8"),
+        (("--experiments", ","), "--experiments ',': give at least one name or TOML file"),
+        (("--controllers", "nonesuch"), "unknown controller 'nonesuch': give a TOML file"),
+        (("--controllers", "paper"), "the loop of command filter and compensation is unstable"),
+        (("--controllers", f"practical,{PRACTICAL}"), "practical is there 2 times, every name may be there once"),
+        (("--controllers", "pid", "--summary", "/proc/none/s.json"), "cannot write to /proc/none"),
+        (("--controllers", "pid", "--summary", "."), "--summary . is a folder"),
+    ],
+)
+def test_refused_in_a_sentence(typed: Type, arguments: tuple[str, ...], sentence: str) -> None:
+    ended = typed(*arguments)
+    assert ended.code == 2
+    assert sentence in ended.err
+    assert "Traceback" not in ended.err
+    assert len(ended.err.strip().splitlines()) == 1
