@@ -13,7 +13,12 @@ from companion.cli.arms_carry_out import From, How, carry_out
 from companion.cli.arms_plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms_servos import clear_servos, ping_servos, read_servos, switch_torque
 
-app = typer.Typer(no_args_is_help=True)
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="Configuration; config/lab.toml if not given.")]
 PortOption = Annotated[str | None, typer.Option("--port", help="Serial port, instead of the configured one.")]

@@ -1,17 +1,54 @@
 """The `companion` command."""
 
 import sys
-from typing import Annotated
+from importlib import import_module
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from companion import __version__
-from companion.cli import arms, demo, experiments, simulate, sweep
 from companion.ports import CompanionError
 
 BAD_INPUT = 2
 
+COMMANDS = {
+    "demo": "companion.cli.demo:demo",
+    "simulate": "companion.cli.simulate:simulate",
+    "experiments": "companion.cli.experiments:experiments",
+    "sweep": "companion.cli.sweep:sweep",
+    "tune": "companion.cli.tune:tune",
+    "arms": "companion.cli.arms:app",
+}
+"""Where each command is: a function, or a group of commands."""
+
+
+class _Imported(dict[str, Any]):
+    """Commands by name; a command's module is imported when that command is wanted: all together take seconds."""
+
+    def __getitem__(self, name: str) -> Any:
+        module, attribute = super().__getitem__(name).split(":")
+        found = getattr(import_module(module), attribute)
+        if not isinstance(found, typer.Typer):
+            alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+            alone.command(name)(found)
+            found = alone
+        command = typer.main.get_command(found)
+        command.name = name
+        return command
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return self[name] if name in self else default  # noqa: SIM401 - that is what it is for
+
+
+class _Group(TyperGroup):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Imported(COMMANDS)
+
+
 app = typer.Typer(
+    cls=_Group,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -27,13 +64,6 @@ def companion(
     if version:
         typer.echo(__version__)
         raise typer.Exit
-
-
-app.command("demo")(demo.demo)
-app.command("simulate")(simulate.simulate)
-app.command("experiments")(experiments.experiments)
-app.command("sweep")(sweep.sweep)
-app.add_typer(arms.app, name="arms")
 
 
 def main() -> None:

@@ -46,11 +46,11 @@ KNOBS = (
     Knob("zeta", 0.3, 3.0),
     Knob("rho", 0.3, 3.0),
     Knob("sigma", 0.015, 0.15),
-    Knob("delta", 0.08, 0.9),
+    Knob("delta", 0.04, 0.9),
     Knob("gamma_v", 0.1, 20.0),
     Knob("power_regularisation", 0.003, 0.1),
-    Knob("boundary_layer_mps", 0.05, 3.0),
-    Knob("lead_s", 0.01, 0.16, linear=True),
+    Knob("boundary_layer_mps", 0.05, 6.0),
+    Knob("lead_s", 0.01, 0.22, linear=True),
     Knob("thrust_lead_s", 0.0, 0.12, linear=True),
     Knob("observer_radps", 0.5, 10.0),
     Knob("push_share", 0.0, 1.0, linear=True),
@@ -58,12 +58,12 @@ KNOBS = (
 """Gains of z are those of x and y times `z_outer` (first step) or `z_inner` (second), as the paper's are times 1.2."""
 
 START = {
-    "c1": 2.6, "k1": 1.35, "beta1": 0.55, "gamma1": 2.2, "k": 3.4, "c2": 0.87, "k2": 3.4, "beta2": 1.08,
-    "gamma2": 0.067, "z_outer": 1.2, "z_inner": 1.2, "filter_eps": 0.087, "zeta": 1.24, "rho": 0.98, "sigma": 0.046,
-    "delta": 0.31, "gamma_v": 2.0, "power_regularisation": 0.022, "boundary_layer_mps": 0.97, "lead_s": 0.07,
-    "thrust_lead_s": 0.06, "observer_radps": 3.0, "push_share": 0.5,
+    "c1": 2.7, "k1": 1.15, "beta1": 0.61, "gamma1": 3.4, "k": 3.4, "c2": 0.25, "k2": 2.3, "beta2": 0.29, "gamma2": 0.44,
+    "z_outer": 1.0, "z_inner": 1.7, "filter_eps": 0.115, "zeta": 1.5, "rho": 0.89, "sigma": 0.084, "delta": 0.12,
+    "gamma_v": 4.1, "power_regularisation": 0.037, "boundary_layer_mps": 2.0, "lead_s": 0.15, "thrust_lead_s": 0.086,
+    "observer_radps": 6.4, "push_share": 0.64,
 }  # fmt: skip
-"""Where a search begins unless told otherwise: the best of a random search on stowed arms, and a slow observer."""
+"""Where a search begins unless told otherwise: the middle of an earlier search, in round numbers."""
 
 _SCALARS = (
     "filter_eps", "zeta", "rho", "sigma", "delta", "power_regularisation", "boundary_layer_mps", "push_share",

@@ -16,7 +16,7 @@ from companion.control.attitude import ThrustModel
 from companion.control.controller import Controller
 from companion.control.frames import flip_yz, matrix_from_quat
 from companion.control.limits import Limits
-from companion.control_stage import ControlStage, changed
+from companion.control_stage import ControlStage, changed, idle_setpoint
 from companion.estimation import batch, estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.experiments.mission import Mission
@@ -78,6 +78,7 @@ def simulate(
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
     eyes = _Batch(pilot) if lead else _One(pilot)
     stage = ControlStage(pilot.law, pilot.thrust, pilot.limits, lead)
+    stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
     rows = _Rows(count, lead, keep_signals)
     with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
         for cycle in range(count):

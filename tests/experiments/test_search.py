@@ -1,0 +1,96 @@
+"""The search: its costs by hand, its marks against single flights, and that it is repeatable and gets somewhere."""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.control.reference import Ellipse, LapTiming
+from companion.experiments.gain_space import KNOBS, START, shares_of
+from companion.experiments.search import Candidate, Plan, cost, front, penalty, search
+from companion.experiments.tuning import WORST_M, Marks, Trial, evaluate, shortened
+from tests.experiments.scenes import CENTRE, PUSHED, scene
+
+SHORT = scene(Ellipse(CENTRE, (0.4, 0.3), LapTiming(4.0, 1, 1.0)), settle_s=1.0, disturbance=PUSHED)
+POINT = shares_of(START)
+
+
+def point(**changed: float) -> np.ndarray:
+    return shares_of(START | changed)
+
+
+def candidate(error_m: float, update_share: float) -> Candidate:
+    return Candidate(POINT, 1.0, 0, error_m, error_m, update_share)
+
+
+def test_the_cost_is_the_sum_of_its_logarithms() -> None:
+    marks = Marks(np.array([0.02]), np.array([0.04]), np.array([0.09]), np.array([0.10]))
+    assert cost([marks], 0.7)[0] == pytest.approx(math.log(2.0) + 0.5 * math.log(4.0) + 0.7 * math.log(2.0))
+    better = replace(marks, update_share=np.array([0.05]))
+    assert cost([marks, better], 0.7)[0] == pytest.approx(math.log(2.0) + 0.5 * math.log(4.0) + 0.35 * math.log(2.0))
+
+
+def test_only_what_the_stability_check_would_nearly_refuse_is_marked_down() -> None:
+    good, refused = point(), point(filter_eps=0.2, rho=0.4)
+    marked = penalty(np.array([good, refused]))
+    assert marked[0] == 0.0
+    assert marked[1] > 1.0
+
+
+def test_the_front_holds_what_no_other_beats_in_both() -> None:
+    kept = front([candidate(0.02, 0.05), candidate(0.01, 0.10), candidate(0.015, 0.12), candidate(0.03, 0.05)])
+    assert [(one.error_m, one.update_share) for one in kept] == [(0.02, 0.05), (0.01, 0.10)]
+
+
+def test_marks_are_those_of_each_set_flown_by_itself() -> None:
+    points = np.array([point(), point(sigma=0.1, lead_s=0.05)])
+    marks = evaluate(Trial(SHORT, 5, (0,), (1, 2)), points)
+    for row, one in enumerate(points):
+        alone = evaluate(Trial(SHORT, 5, (0,), (1, 2)), one[None])
+        # rounding may move an event by a cycle, so the flights are alike, not equal
+        assert marks.error_m[row] == pytest.approx(alone.error_m[0], rel=0.2)
+        assert marks.update_share[row] == pytest.approx(alone.update_share[0], abs=0.03)
+    assert (marks.worst_m >= marks.other_m).all()
+
+
+def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
+    wild = point(
+        gamma_v=20.0, lead_s=0.01, boundary_layer_mps=0.05, power_regularisation=0.003, k=8.0, k2=8.0, gamma2=8.0
+    )
+    marks = evaluate(Trial(SHORT, 5, (0,), (1,)), np.array([wild]))
+    assert marks.error_m[0] > 5.0 * evaluate(Trial(SHORT, 5, (0,), (1,)), POINT[None]).error_m[0]
+    assert marks.error_m[0] <= WORST_M
+
+
+def quiet(_done: int, _best: Candidate) -> None: ...
+
+
+def run(told: Callable[[int, Candidate], None] = quiet, generations: int = 2) -> list[Candidate]:
+    plan = Plan((SHORT,), 1, generations, 4, (0.8,), 3, others=1)
+    with ThreadPoolExecutor(1) as pool:
+        return search(plan, point(gamma_v=0.3), pool, told)
+
+
+def test_a_search_is_repeatable_and_tells_of_every_generation() -> None:
+    told: list[int] = []
+    first, second = run(lambda done, _: told.append(done)), run()
+    assert told == [0, 1]
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.shares, other.shares)
+        assert (one.error_m, one.other_m, one.update_share) == (other.error_m, other.other_m, other.update_share)
+
+
+def test_generations_fly_vehicles_that_none_before_has_flown() -> None:
+    first, second = run(generations=2)
+    assert (first.error_m, first.update_share) != (second.error_m, second.update_share)
+    assert first.shares.shape == (len(KNOBS),)
+
+
+def test_a_shortened_scene_flies_one_lap_and_settles_half_as_long() -> None:
+    whole = scene(Ellipse(CENTRE, timing=LapTiming(10.0, 3)), settle_s=6.0)
+    cut = shortened(whole)
+    assert cut.trajectory.duration_s == 14.0
+    assert cut.settle_s == 3.0
