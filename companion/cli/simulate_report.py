@@ -90,7 +90,7 @@ def _verdict(flights: Flights) -> str:
 def _table(flights: Flights) -> Table:
     limits, seeds = flights.controller.error_limits, flights.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    title = f"tracking error, {flights.scene.name}, {flights.controller.name}, {which} (m)"
+    title = f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which} (m)"
     table = Table(title=title, title_justify="left")
     for name in ("", "x", "y", "z", "limit"):
         table.add_column(name, justify="right" if name else "left")
@@ -147,7 +147,7 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
     for seed, trace in zip(flights.seeds, flights.traces, strict=True):
         columns = columns_of(trace, joints_rad)
         path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
-        title = f"{flights.scene.name} in virtual time, controller {flights.controller.name}, seed {seed}"
+        title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
         plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
         np.savez_compressed(f"{path}.npz", **columns)  # type: ignore[arg-type]
         console.print(f"plot [bold]{path}.png[/], record {path}.npz", soft_wrap=True)
