@@ -13,7 +13,16 @@ from companion.experiments.metrics import Score, score
 from companion.experiments.mission import looking_ahead
 from companion.experiments.scene import Scene
 from companion.experiments.simulation import simulate
-from companion.experiments.sweep_vehicles import DROPOUTS, Drawn, draw, vehicles
+from companion.experiments.sweep_vehicles import (
+    BANDWIDTH_SHARE,
+    DELAY_STEPS,
+    DROPOUTS,
+    HOVER_SHARE,
+    Drawn,
+    draw,
+    vehicles,
+)
+from companion.experiments.virtual_world import STEP_S
 from companion.types import Array
 
 WORST_M = 0.5
@@ -31,7 +40,7 @@ class Trial:
     told: tuple[int, ...]
     """Indices of vehicles that are as the companion is told, and begin in the right place."""
     others: tuple[int, ...]
-    """Indices of vehicles that differ from it, as in a sweep."""
+    """Indices of vehicles that differ from it, as in a sweep; the first is as hard to hold as a sweep's can be."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,7 @@ def _capped(flown: Score) -> Array:
 def _drawn(trial: Trial) -> Drawn:
     """The vehicles as told first."""
     drawn = draw(trial.seed, (*trial.told, *trial.others))
+    _make_hard(drawn, len(trial.told))
     same = _as_told(trial.scene, drawn.flight_seed[: len(trial.told)])
     return Drawn(
         **{
@@ -90,6 +100,13 @@ def _drawn(trial: Trial) -> Drawn:
             for name in Drawn.__dataclass_fields__
         }
     )
+
+
+def _make_hard(drawn: Drawn, vehicle: int) -> None:
+    """The slowest attitude loop, the longest delays and rotors that give the most: where loops are lost first."""
+    drawn.bandwidth_share[vehicle] = BANDWIDTH_SHARE[0]
+    drawn.hover_share[vehicle] = HOVER_SHARE[0]
+    drawn.mocap_delay_s[vehicle] = drawn.setpoint_delay_s[vehicle] = DELAY_STEPS[1] * STEP_S
 
 
 def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
