@@ -58,7 +58,7 @@ def calibrate(scene: Scene, wanted_m: Array) -> Calibrated:
         print(f"{scene.name}: PID errs by {np.round(error, 4)} m, wanted {wanted_m}", flush=True)
         if (np.abs(error / wanted_m - 1.0) < WITHIN).all():
             return Calibrated(forces, error)
-        forces = _scaled(forces, (wanted_m / error) ** _EAGERNESS)
+        forces = scaled(forces, (wanted_m / error) ** _EAGERNESS)
     raise ValueError(f"{scene.name}: PID's error does not come within {WITHIN:.0%} of {wanted_m}")
 
 
@@ -68,7 +68,9 @@ def _with(scene: Scene, forces: Forces) -> Scene:
     return replace(scene, mock=scene.mock.model_copy(update={"disturbance": disturbance}))
 
 
-def _scaled(forces: Forces, factor: Array) -> Forces:
+def scaled(forces: Forces, factor: Array) -> Forces:
+    """The forces, each axis times its factor, (3,), in round numbers."""
+
     def by_axis(values: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = (float(f"{value * share:.3g}") for value, share in zip(values, factor.tolist(), strict=True))
         return x, y, z
