@@ -13,7 +13,12 @@ from companion.types import Array, Reference
 
 VEHICLE = VehicleModel()
 PRINTED = read_etnn("paper")
-PREDICTING = PRINTED.model_copy(update={"prediction": PredictionConfig(enabled=True)})
+PREDICTING = PRINTED.model_copy(
+    update={
+        "prediction": PredictionConfig(enabled=True, observer_radps=3.0),
+        "gains": PRINTED.gains.model_copy(update={"push_share": 0.5}),
+    }
+)
 
 
 def swaying(cycles: int = 60) -> Iterator[ControlInput]:
@@ -72,6 +77,14 @@ def test_without_its_prediction_the_law_sees_the_state_as_it_is() -> None:
     np.testing.assert_array_equal(seen["x1"], [now.position_w_m for now in swaying()])
 
 
+def test_without_its_push_observer_nothing_pushes_as_far_as_the_law_knows() -> None:
+    whole, blind = signals(PREDICTING), signals(ablated(PREDICTING, Ablation.PUSH))
+    assert np.abs(whole["push"][-1]).min() > 0.01
+    assert not blind["push"].any()
+    never = PRINTED.model_copy(update={"prediction": PredictionConfig(enabled=True)})
+    np.testing.assert_array_equal(blind["u_bar"], signals(never)["u_bar"])
+
+
 @pytest.mark.parametrize(
     ("ablation", "touched"),
     [
@@ -80,6 +93,7 @@ def test_without_its_prediction_the_law_sees_the_state_as_it_is() -> None:
         (Ablation.SWITCHING, {"gains.switching"}),
         (Ablation.COMPENSATOR, {"gains.compensation"}),
         (Ablation.PREDICTION, {"prediction.enabled"}),
+        (Ablation.PUSH, {"prediction.observer_radps", "gains.push_share"}),
     ],
 )
 def test_nothing_else_is_touched(ablation: Ablation, touched: set[str]) -> None:

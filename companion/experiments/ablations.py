@@ -20,14 +20,15 @@ class Ablation(StrEnum):
     """iota_1 = iota_2 = 0 (eq. iota-dyn): dynamic-surface control. f_hat acts through iota_2, so it is off as well."""
     PREDICTION = "prediction"
     """The law sees the state as it is, as printed."""
+    PUSH = "push"
+    """No push is observed, so none is predicted with, and none is taken off the command, as printed."""
 
 
 def ablated(file: EtnnFile, ablation: Ablation) -> EtnnFile:
     """The file's law without that part, all else the same; it may be unstable."""
-    if ablation is Ablation.PREDICTION:
-        return file.model_copy(update={"prediction": file.prediction.model_copy(update={"enabled": False})})
-    gains = EtnnGains.model_validate(file.gains.model_dump() | _changes(file.gains, ablation))
-    return file.model_copy(update={"gains": gains})
+    gains = EtnnGains.model_validate(file.gains.model_dump() | _gains(file.gains, ablation))
+    prediction = file.prediction.model_copy(update=_prediction(ablation))
+    return file.model_copy(update={"gains": gains, "prediction": prediction})
 
 
 def load_ablated(name: str, vehicle: VehicleModel, period_s: float, ablation: Ablation) -> LoadedController:
@@ -40,7 +41,8 @@ def load_ablated(name: str, vehicle: VehicleModel, period_s: float, ablation: Ab
     return LoadedController(f"{name} without {ablation}", law, file.error_limits, file.description)
 
 
-def _changes(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
+def _gains(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
+    """What changes in the file's [gains]."""
     match ablation:
         case Ablation.NETWORK:
             return {"gamma_v0": 0.0 * gains.gamma_v0, "gamma_v1": 0.0 * gains.gamma_v1}
@@ -51,4 +53,17 @@ def _changes(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
         case Ablation.COMPENSATOR:
             return {"compensation": 0.0}
         case Ablation.PREDICTION:
+            return {}
+        case Ablation.PUSH:
+            return {"push_share": 0.0}
+
+
+def _prediction(ablation: Ablation) -> dict[str, object]:
+    """What changes in the file's [prediction]."""
+    match ablation:
+        case Ablation.PREDICTION:
+            return {"enabled": False}
+        case Ablation.PUSH:
+            return {"observer_radps": 0.0}
+        case _:
             return {}

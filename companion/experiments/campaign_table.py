@@ -51,6 +51,7 @@ _MEANING = {
         "iota_1 and iota_2 stay 0: the filter's error is not compensated, and f_hat, which acts through iota_2, is off."
     ),
     f"without_{Ablation.PREDICTION}": "The law sees the state as it is, delays and the attitude's lag and all.",
+    f"without_{Ablation.PUSH}": "A push that goes on is neither predicted with nor counteracted.",
     "feedforward_off": "The law is told nothing of the arms' commanded motion.",
     "feedforward_full": "The law is told what the arms' commanded motion will do to the vehicle.",
 }

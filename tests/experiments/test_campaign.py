@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config_controller import ErrorLimits
+from companion.config_files import project_root
 from companion.experiments.ablations import Ablation
 from companion.experiments.campaign import Flown, Item, fly, label_of, numbers_of, variants_of, whole_items
 from companion.experiments.campaign_table import ablation_grid, comparison, events, summary
@@ -147,9 +148,14 @@ def test_a_law_is_flown_without_each_part_it_has(tmp_path: Path) -> None:
     def variants(experiment: str, controller: str) -> list[str]:
         return [item.variant for item in variants_of(Item(experiment, controller, (1,)))]
 
+    observing = tmp_path / "observing.toml"
+    repaired = (project_root() / "config" / "controllers" / "paper-repaired.toml").read_text(encoding="utf-8")
+    observing.write_text(repaired.replace("[prediction]", "[prediction]\nobserver_radps = 2.0"), encoding="utf-8")
+
     parts = ["without_network", "without_trigger", "without_switching", "without_compensator", "without_prediction"]
-    assert variants(without_arms, "practical") == parts
-    assert variants(with_arms, "practical") == [*parts, "feedforward_off"]
+    assert variants(without_arms, "paper-repaired") == parts
+    assert variants(without_arms, str(observing)) == [*parts, "without_push"]
+    assert variants(with_arms, "paper-repaired") == [*parts, "feedforward_off"]
     assert variants(with_arms, "pid") == ["feedforward_off"]
     assert variants(without_arms, "pid") == []
 
