@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
+from companion.cli.output import check_output
 from companion.config_controller import read_etnn
 from companion.control.reference import Ellipse, FigureEight, LapTiming
 from companion.experiments.controller_writer import controller_toml
@@ -55,13 +56,13 @@ def tune(
     write: Annotated[Path | None, typer.Option(help="Write the best one as a controller file.")] = None,
     generations: Annotated[int, typer.Option(min=1, max=2000, help="Of each search.")] = 60,
     population: Annotated[int, typer.Option(min=4, max=200, help="Sets of gains in a generation.")] = 20,
-    weights: Annotated[str, typer.Option(help="How much updates count against errors; one search each.")] = "0.4,0.8",
+    weights: Annotated[str, typer.Option(help="How much updates count against errors; one search each.")] = "0.8,1.2",
     seed: Annotated[int, typer.Option(min=0, help="Of the searches and of what they train on.")] = 1,
     start: Annotated[str | None, typer.Option(help="An ET-NN controller to begin from.")] = None,
     experiments: Annotated[str, typer.Option(help="What to train on.")] = "ellipse,figure8",
     bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Folder for the candidates and the picture.")] = Path("flights/tune"),
+    out: Annotated[Path, typer.Option(help="Folder for the candidates.")] = Path("flights/tune"),
     summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
 ) -> None:
     """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
@@ -80,7 +81,11 @@ def tune(
         seed,
     )
     begin = START if start is None else _from_file(start)
-    out.mkdir(parents=True, exist_ok=True)
+    check_output(out, summary)
+    if write is not None:
+        if write.is_dir():
+            raise ConfigError(f"--write {write} is a folder: give the name of a file")
+        check_output(write.parent, None)
     found: list[Candidate] = []
     interrupted = False
     with ProcessPoolExecutor(jobs, initializer=_deaf_to_interrupts) as pool:

@@ -1,0 +1,54 @@
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from companion.cli.main import app
+from companion.config_controller import load_controller
+from companion.control.controller import VehicleModel
+from companion.ports import ConfigError
+from tests.experiments.short_experiments import short_experiment
+
+
+def _tune(folder: Path, *arguments: str) -> Result:
+    experiment = short_experiment(folder / "short.toml")
+    return CliRunner().invoke(
+        app,
+        [
+            *("tune", "--experiments", str(experiment), "--bandwidths", "10", "--jobs", "1", "--generations", "1"),
+            *("--population", "4", "--weights", "0.8", "--out", str(folder / "out"), *arguments),
+        ],
+        env={"COLUMNS": "160"},
+    )
+
+
+def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Path) -> None:
+    written = []
+    for name in ("first", "second"):
+        path = tmp_path / f"{name}.toml"
+        ran = _tune(tmp_path, "--write", str(path), "--summary", str(tmp_path / f"{name}.json"))
+        assert ran.exit_code == 0, ran.output
+        assert "best" in ran.output
+        load_controller(str(path), VehicleModel(), 0.01)
+        written.append([line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")])
+    assert written[0] == written[1]
+    numbers = json.loads((tmp_path / "first.json").read_text(encoding="utf-8"))
+    assert numbers["front"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}
+    assert len(json.loads((tmp_path / "out" / "candidates.json").read_text(encoding="utf-8"))) == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--weights", "0.5,-1"], "--weights 0.5,-1: must be positive numbers with commas between, such as 6.3,10"),
+        (["--bandwidths", "ten"], "--bandwidths ten: must be positive numbers"),
+        (["--start", "pid"], "law = 'pid': must be 'etnn' here"),
+        (["--experiments", "elipse"], "unknown experiment 'elipse'"),
+        (["--write", "{folder}"], "is a folder: give the name of a file"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_in_one_sentence(tmp_path: Path, arguments: list[str], said: str) -> None:
+    ran = _tune(tmp_path, *[part.format(folder=tmp_path) for part in arguments])
+    assert isinstance(ran.exception, ConfigError)
+    assert said in str(ran.exception)
