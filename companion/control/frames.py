@@ -72,12 +72,19 @@ def quat_from_yaw(yaw_rad: Array | float) -> Array:
 def matrix_from_quat(q: Array) -> Array:
     """Rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
     w, x, y, z = parts(q)
-    rows = (
-        joined(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        joined(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        joined(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    row_by_row = joined(
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
-    return np.stack(rows, axis=-2)
+    return row_by_row.reshape(*q.shape[:-1], 3, 3)
+
+
+def turned(q: Array, vector: Array) -> Array:
+    """A vector in the body's axes, (..., 3), in the world's: v + 2 w (u x v) + 2 u x (u x v) with q = (w, u)."""
+    (w, x, y, z), (a, b, c) = parts(q), parts(vector)
+    i, j, k = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return joined(a + w * i + y * k - z * j, b + w * j + z * i - x * k, c + w * k + x * j - y * i)
 
 
 def quat_from_matrix(rotation: Array) -> Array:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from companion.control.attitude import ThrustModel
 from companion.control.controller import Controller
-from companion.control.frames import flip_yz, matrix_from_quat
+from companion.control.frames import flip_yz, matrix_from_quat, turned
 from companion.control.limits import Limits
 from companion.control_stage import ControlStage, changed, idle_setpoint
 from companion.estimation import batch, estimator
@@ -96,9 +96,7 @@ def simulate(
 
 
 def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
-    if known_b_mps2 is None:
-        return _NOTHING
-    return np.asarray(matrix_from_quat(q_w_flu_wxyz) @ known_b_mps2[cycle])
+    return _NOTHING if known_b_mps2 is None else turned(q_w_flu_wxyz, known_b_mps2[cycle])
 
 
 class _Eyes(Protocol):

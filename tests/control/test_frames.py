@@ -51,6 +51,12 @@ def test_the_matrix_of_a_quaternion_is_rodrigues(seed: int) -> None:
 
 
 @given(seed=SEED)
+def test_a_vector_turns_as_its_matrix_says(seed: int) -> None:
+    q, vector = random_quat(seed), np.random.default_rng(seed).normal(size=3)
+    np.testing.assert_allclose(frames.turned(q, vector), rodrigues(q) @ vector, atol=1e-12)
+
+
+@given(seed=SEED)
 def test_products_of_quaternions_are_products_of_matrices(seed: int) -> None:
     a, b = random_quat(seed), random_quat(seed + 1)
     np.testing.assert_allclose(rodrigues(frames.quat_multiply(a, b)), rodrigues(a) @ rodrigues(b), atol=1e-12)
@@ -138,6 +144,7 @@ def test_all_of_it_broadcasts() -> None:
         m = frames.matrix_from_quat(q)
         np.testing.assert_allclose(frames.quat_from_matrix(m)[index], frames.quat_from_matrix(m[index]), atol=1e-15)
         r = frames.rotation_vector_from_quat(q)
+        np.testing.assert_allclose(frames.turned(q, r)[index], frames.turned(q[index], r[index]), atol=1e-15)
         np.testing.assert_allclose(
             frames.quat_from_rotation_vector(r)[index], frames.quat_from_rotation_vector(r[index]), atol=1e-15
         )
