@@ -22,9 +22,9 @@ from companion.config_controller import controller_path
 from companion.config_files import project_root
 from companion.experiments import campaign_table as words
 from companion.experiments.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
-from companion.experiments.campaign_pool import in_parallel
 from companion.experiments.campaign_table import BAD, FAINT, GOOD, Grid
 from companion.experiments.scene import experiment_names
+from companion.experiments.workers import in_parallel
 from companion.ports import ConfigError
 
 FAILED = 1
@@ -34,6 +34,7 @@ MOST_SEEDS = 1000
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
+_ADVICE = "try fewer --jobs or fewer --seeds"
 _TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
 
 
@@ -148,7 +149,7 @@ def _each(
     try:
         with Progress(*columns, console=console, transient=True) as bar:
             shown = bar.add_task(doing, total=len(tasks))
-            for number, result in in_parallel(work, tasks, jobs):
+            for number, result in in_parallel(work, tasks, jobs, _ADVICE):
                 done[number] = result
                 bar.advance(shown)
     except KeyboardInterrupt:

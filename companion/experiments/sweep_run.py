@@ -1,16 +1,11 @@
 """A sweep on several processes: every finished batch is a file at once, and what is a file is not flown again."""
 
-import contextlib
 import hashlib
-import multiprocessing
 import os
-import signal
-import threading
 import time
 import zipfile
-from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing.sharedctypes import Synchronized
@@ -24,17 +19,14 @@ from companion.config_controller import LoadedController, controller_path, load_
 from companion.config_files import project_root, read_toml
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.sweep import Batch, Columns, Sweep, fly, joined
+from companion.experiments.workers import SPAWN, workers
 from companion.law_files import is_law_file
 from companion.ports import CompanionError
 
 _POLL_S = 0.2
 _REPORT_EVERY = 50
 """Cycles between two reports of a worker's progress."""
-_BROKEN = (
-    "a worker process of the sweep ended (was the memory full?): what is flown is kept, the same command goes on from "
-    "there; try fewer --jobs"
-)
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ADVICE = "what is flown is kept, the same command goes on from there; try fewer --jobs"
 
 
 @dataclass(frozen=True)
@@ -94,21 +86,10 @@ def run(sweep: Sweep, folder: Path, jobs: int, fresh: bool, progress: Callable[[
 
 
 def _fly_all(paths: dict[Batch, Path], jobs: int, progress: Callable[[float], None]) -> dict[Batch, Columns]:
-    context = multiprocessing.get_context("spawn")
-    flown = context.Value("d", 0.0)
-    pool = ProcessPoolExecutor(min(jobs, len(paths)), context, _begin_worker, (flown,))
-    try:
-        with _for_children():
-            futures = {pool.submit(_fly_part, batch, path): batch for batch, path in paths.items()}
+    flown = SPAWN.Value("d", 0.0)
+    with workers(min(jobs, len(paths)), _ADVICE, _begin_worker, (flown,)) as pool:
+        futures = {pool.submit(_fly_part, batch, path): batch for batch, path in paths.items()}
         _wait(set(futures), lambda: progress(flown.value))
-    except BaseException as error:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in multiprocessing.active_children():
-            child.terminate()
-        if isinstance(error, BrokenProcessPool):
-            raise CompanionError(_BROKEN) from None
-        raise
-    pool.shutdown()
     return {batch: future.result() for future, batch in futures.items()}
 
 
@@ -121,23 +102,6 @@ def _wait(pending: set[Future[Columns]], progress: Callable[[], None]) -> None:
             future.result()
 
 
-@contextlib.contextmanager
-def _for_children() -> Iterator[None]:
-    """Processes begun in here ignore Ctrl-C, which is their parent's to act on, and compute on one thread each."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-
-
 class _Worker:
     """What a worker process has of its parent."""
 
@@ -146,15 +110,6 @@ class _Worker:
 
 def _begin_worker(flown: "Synchronized[float]") -> None:
     _Worker.flown = flown
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    """A parent that was killed leaves nobody who would end its workers."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
 
 
 def _fly_part(batch: Batch, path: Path) -> Columns:
