@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,8 +35,13 @@ class ArmTable:
 
     def at(self, step: int) -> Moving:
         """What moves during that step."""
+        return self._moving[step]
+
+    @cached_property
+    def _moving(self) -> list[Moving]:
         columns = (self.moment, self.momentum, self.force, self.torque)
-        return Moving(*(tuple(column[step].tolist()) for column in columns))
+        rows = zip(*(map(tuple, column.tolist()) for column in columns), strict=True)
+        return [Moving(*row) for row in rows]
 
 
 def table_of(config: ArmsConfig, goals_rad: Array, goal_period_s: float, step_s: float) -> ArmTable:

@@ -5,7 +5,7 @@ is trimmed out; here that is a first-order high-pass with the time constant of P
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -76,19 +76,30 @@ class Coupling:
 
     def step(self, vehicle: PlantState, moving: Moving, dt_s: float) -> Wrench:
         """Force (N, NED) and push (rad/s^2, FRD) while `dt_s` passes."""
-        rate = _parts(vehicle.rate_frd_radps)
-        force_frd = self._force(moving, rate, dt_s)
-        force_ned = _turned(_parts(vehicle.q_ned_frd_wxyz), force_frd)
-        return Wrench(_joined(force_ned), _joined(self._push(moving, vehicle, dt_s)))
+        rate, q = _parts(vehicle.rate_frd_radps), _parts(vehicle.q_ned_frd_wxyz)
+        thrust_n, grounded = _number(vehicle.thrust_n), _number(vehicle.on_ground)
+        force_ned_n, push_frd_radps2 = self.pushed(rate, q, thrust_n, grounded, moving, dt_s)
+        return Wrench(_joined(force_ned_n), _joined(push_frd_radps2))
+
+    def pushed(
+        self, rate: Three, q: tuple[float, ...], thrust_n: Any, grounded: Any, moving: Moving, dt_s: float
+    ) -> tuple[Three, Three]:
+        """`step` with the vehicle's state and the wrench in components: floats, or arrays (...,) of them."""
+        return _turned(q, self._force(moving, rate, dt_s)), self._push(moving, thrust_n, grounded, dt_s)
 
     def _force(self, moving: Moving, rate: Three, dt_s: float) -> Three:
         """Minus the change of the links' momentum, the turning of the body included (Coriolis, Euler, centrifugal)."""
-        before = self._rate or rate
+        (p, q, r), (p0, q0, r0) = rate, self._rate or rate
         self._rate = rate
-        euler = cross(_three((now - then) / dt_s for now, then in zip(rate, before, strict=True)), moving.moment)
-        circular = cross(rate, moving.moment)
-        coriolis = cross(rate, _three(2.0 * moving.momentum[i] + circular[i] for i in range(3)))  # and centrifugal
-        return _three(-moving.force[i] - euler[i] - coriolis[i] for i in range(3))
+        moment, (x, y, z), force = moving.moment, moving.momentum, moving.force
+        euler = cross(((p - p0) / dt_s, (q - q0) / dt_s, (r - r0) / dt_s), moment)
+        i, j, k = cross(rate, moment)
+        coriolis = cross(rate, (2.0 * x + i, 2.0 * y + j, 2.0 * z + k))  # and centrifugal
+        return (
+            -force[0] - euler[0] - coriolis[0],
+            -force[1] - euler[1] - coriolis[1],
+            -force[2] - euler[2] - coriolis[2],
+        )
 
     def _turning(self, torque: Three, moment: Three, lift_mps2: float) -> Three:
         """Angular acceleration: the links' reaction, and the thrust that does not go through the centre of mass."""
@@ -99,14 +110,13 @@ class Coupling:
             -torque[2] / inertia[2],
         )
 
-    def _push(self, moving: Moving, vehicle: PlantState, dt_s: float) -> Three:
+    def _push(self, moving: Moving, thrust_n: Any, grounded: Any, dt_s: float) -> Three:
         """What of the turning PX4's integrators have not trimmed out yet; it resets them on the ground."""
-        thrust_n, grounded = _number(vehicle.thrust_n), _number(vehicle.on_ground)
-        raw = self._turning(moving.torque, moving.moment, thrust_n / self._mass_kg)
         flies = 1.0 - grounded
-        push = _three((raw[i] - self._trimmed[i]) * flies for i in range(3))
-        share = _three(dt_s / time_s for time_s in self._trim_time_s)
-        self._trimmed = _three((self._trimmed[i] + push[i] * share[i]) * flies for i in range(3))
+        x, y, z = self._turning(moving.torque, moving.moment, thrust_n / self._mass_kg)
+        (p, q, r), (ps, qs, rs) = self._trimmed, self._trim_time_s
+        i, j, k = push = (x - p) * flies, (y - q) * flies, (z - r) * flies
+        self._trimmed = (p + i * dt_s / ps) * flies, (q + j * dt_s / qs) * flies, (r + k * dt_s / rs) * flies
         return push
 
 
@@ -159,11 +169,6 @@ def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:
         v[1] + 2.0 * (w * once[1] + twice[1]),
         v[2] + 2.0 * (w * once[2] + twice[2]),
     )
-
-
-def _three(values: Iterable[float]) -> Three:
-    x, y, z = values
-    return x, y, z
 
 
 def _parts(vector: Array) -> Any:

@@ -1,25 +1,52 @@
 """The same physics as plant.step for exactly one vehicle, in plain floats: faster than numpy on 3-vectors.
 
-The equations are plant.py's, term by term; tests/mock_autopilot/test_plant.py holds the two together to rounding.
+The equations are plant.py's, term by term; tests/mock_autopilot/test_plant.py holds the two together to rounding. Who
+takes many steps keeps the state in floats (`OneState`, `moved`); who takes one at a time has arrays (`step`).
 """
 
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
+from mock_autopilot import quaternion_one as quat
 from mock_autopilot.plant import GRAVITY_MPS2, Actuation, Coefficients, PlantParams, PlantState, Wrench
 from mock_autopilot.quaternion import Array
+from mock_autopilot.quaternion_one import Four, Three
 
-Four = tuple[float, float, float, float]
-Three = tuple[float, float, float]
+
+class OneState(NamedTuple):
+    """plant.PlantState in floats (a tuple, as it is made in a third of a dataclass's time)."""
+
+    position_ned_m: Three
+    velocity_ned_mps: Three
+    q_ned_frd_wxyz: Four
+    rate_frd_radps: Three
+    thrust_n: float
+    acceleration_ned_mps2: Three
+    on_ground: bool
+    turn_frd_radps2: Three
+
+
+class OneActuation(NamedTuple):
+    """plant.Actuation in floats."""
+
+    q_sp_wxyz: Four
+    signal: float
+    rate_sp_frd_radps: Three | None = None
+    motors_on: bool = True
 
 
 @dataclass(frozen=True)
-class _Plain:
-    """plant.Coefficients in floats."""
+class Fixed:
+    """What of a step depends on the parameters and its length alone: plant.Coefficients in floats, and the rest."""
 
+    dt_s: float
+    max_thrust_n: float
+    motor_curve: float
+    ground_z_m: float
     stiffness: Three
     damping: Three
     torque_gain: Three
@@ -35,41 +62,88 @@ class _Plain:
 
 def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantParams, dt_s: float) -> PlantState:
     """Advance one vehicle (arrays of shape (3,)) by `dt_s`; see plant.step."""
-    fixed = _plain(params.coefficients(dt_s, (3,)))
-    before_n = float(state.thrust_n)
-    gap_n = _wanted_thrust(actuation, params) - before_n
+    rate_sp = actuation.rate_sp_frd_radps
+    asked = OneActuation(
+        _four(actuation.q_sp_wxyz),
+        float(actuation.signal),
+        None if rate_sp is None else _three(rate_sp),
+        actuation.motors_on,
+    )
+    force, push = _three(wrench.force_ned_n), _three(wrench.angular_frd_radps2)
+    return in_arrays(moved(in_floats(state), asked, force, push, fixed_of(params, dt_s)))
+
+
+def moved(state: OneState, asked: OneActuation, force_ned_n: Three, push_frd_radps2: Three, fixed: Fixed) -> OneState:
+    """Advance one vehicle by a step under a force and a push from outside; see plant.step."""
+    dt_s, before_n = fixed.dt_s, state.thrust_n
+    gap_n = _wanted_thrust(asked, fixed) - before_n
     thrust_n, mean_thrust_n = before_n + gap_n * fixed.thrust_gain, before_n + gap_n * fixed.thrust_mean
-    q_before: Four = tuple(state.q_ned_frd_wxyz.tolist())
-    q, rate, turn = _attitude(state, q_before, actuation, wrench, fixed, dt_s)
-    lift = _lift(mean_thrust_n, q_before, q)
-    (x, y, z), before = state.position_ned_m.tolist(), state.velocity_ned_mps.tolist()
-    acceleration = _acceleration(before, lift, wrench.force_ned_n.tolist(), fixed)
-    (ux, uy, uz), (ax, ay, az) = before, acceleration
-    vx, vy, vz = ux + ax * dt_s, uy + ay * dt_s, uz + az * dt_s
+    q, rate, turn = _attitude(state, asked, push_frd_radps2, fixed)
+    lift = _lift(mean_thrust_n, state.q_ned_frd_wxyz, q)
+    (x, y, z), (ux, uy, uz) = state.position_ned_m, state.velocity_ned_mps
+    ax, ay, az = acceleration = _acceleration(state.velocity_ned_mps, lift, force_ned_n, fixed)
+    vx, vy, vz = velocity = ux + ax * dt_s, uy + ay * dt_s, uz + az * dt_s
     half_s = 0.5 * dt_s
-    x, y, z = x + (ux + vx) * half_s, y + (uy + vy) * half_s, z + (uz + vz) * half_s
-    if z >= params.ground_z_m and vz >= 0.0:
-        return _standing(state, thrust_n, q, params)
-    every = np.array((x, y, z, vx, vy, vz, *rate, ax, ay, az, *turn, *q))  # one array and views cost less than six
-    return PlantState(
-        every[0:3], every[3:6], every[15:19], every[6:9], np.array(thrust_n), every[9:12], _IN_AIR, every[12:15]
+    place = x + (ux + vx) * half_s, y + (uy + vy) * half_s, z + (uz + vz) * half_s
+    if place[2] >= fixed.ground_z_m and vz >= 0.0:
+        return _standing(state, thrust_n, q, fixed)
+    return OneState(place, velocity, q, rate, thrust_n, acceleration, False, turn)
+
+
+def in_floats(state: PlantState) -> OneState:
+    """One vehicle's state, arrays of shape (3,)."""
+    return OneState(
+        _three(state.position_ned_m),
+        _three(state.velocity_ned_mps),
+        _four(state.q_ned_frd_wxyz),
+        _three(state.rate_frd_radps),
+        float(state.thrust_n),
+        _three(state.acceleration_ned_mps2),
+        bool(state.on_ground),
+        _three(state.turn_frd_radps2),
     )
 
 
+def in_arrays(state: OneState) -> PlantState:
+    """The inverse of `in_floats`."""
+    place, velocity, q, rate, thrust_n, acceleration, on_ground, turn = state
+    every = np.array((*place, *velocity, *rate, *acceleration, *turn, *q))  # one array and views cost less than six
+    return PlantState(
+        every[0:3],
+        every[3:6],
+        every[15:19],
+        every[6:9],
+        np.array(thrust_n),
+        every[9:12],
+        _STANDING if on_ground else _IN_AIR,
+        every[12:15],
+    )
+
+
+def fixed_of(params: PlantParams, dt_s: float) -> Fixed:
+    """For steps of `dt_s`; worked out once for each vehicle."""
+    known, full_n, curve = params.coefficients(dt_s, (3,)), float(params.max_thrust_n), float(params.motor_curve)
+    return _fixed(known, dt_s, full_n, curve, params.ground_z_m)
+
+
 @lru_cache(maxsize=256)
-def _plain(fixed: Coefficients) -> _Plain:
-    return _Plain(
-        _three(fixed.stiffness),
-        _three(fixed.damping),
-        _three(fixed.torque_gain),
-        _three(fixed.torque_mean),
-        _three(fixed.viscous),
-        _three(fixed.quadratic),
-        _three(fixed.coulomb),
-        fixed.dry_per_mps,
-        float(fixed.per_kg[0]),
-        float(fixed.thrust_gain),
-        float(fixed.thrust_mean),
+def _fixed(known: Coefficients, dt_s: float, max_thrust_n: float, motor_curve: float, ground_z_m: float) -> Fixed:
+    return Fixed(
+        dt_s,
+        max_thrust_n,
+        motor_curve,
+        ground_z_m,
+        _three(known.stiffness),
+        _three(known.damping),
+        _three(known.torque_gain),
+        _three(known.torque_mean),
+        _three(known.viscous),
+        _three(known.quadratic),
+        _three(known.coulomb),
+        known.dry_per_mps,
+        float(known.per_kg[0]),
+        float(known.thrust_gain),
+        float(known.thrust_mean),
     )
 
 
@@ -78,23 +152,26 @@ def _three(values: Array) -> Three:
     return x, y, z
 
 
-def _wanted_thrust(actuation: Actuation, params: PlantParams) -> float:
-    signal = float(actuation.signal)
-    if not actuation.motors_on or math.isnan(signal):
+def _four(values: Array) -> Four:
+    w, x, y, z = values.tolist()
+    return w, x, y, z
+
+
+def _wanted_thrust(asked: OneActuation, fixed: Fixed) -> float:
+    if not asked.motors_on or math.isnan(asked.signal):
         return 0.0
-    s = min(max(signal, 0.0), 1.0)
-    return float(params.max_thrust_n * s * (1.0 - params.motor_curve * (1.0 - s)))
+    s = min(max(asked.signal, 0.0), 1.0)
+    return fixed.max_thrust_n * s * (1.0 - fixed.motor_curve * (1.0 - s))
 
 
-def _attitude(
-    state: PlantState, q: Four, actuation: Actuation, wrench: Wrench, fixed: _Plain, dt_s: float
-) -> tuple[Four, Three, Three]:
-    p, r, y = rate = _three(state.rate_frd_radps)
-    tp, tr, ty = _three(state.turn_frd_radps2)
-    up, ur, uy = _three(wrench.angular_frd_radps2)
+def _attitude(state: OneState, asked: OneActuation, push: Three, fixed: Fixed) -> tuple[Four, Three, Three]:
+    p, r, y = rate = state.rate_frd_radps
+    tp, tr, ty = state.turn_frd_radps2
+    up, ur, uy = push
+    dt_s, q = fixed.dt_s, state.q_ned_frd_wxyz
     half_s = 0.5 * dt_s
     later = (p + (tp + up) * half_s, r + (tr + ur) * half_s, y + (ty + uy) * half_s)
-    wp, wr, wy = _wanted_turn(q, rate, later, actuation, fixed, half_s)
+    wp, wr, wy = _wanted_turn(q, rate, later, asked, fixed, half_s)
     gp, gr, gy = wp - tp, wr - tr, wy - ty
     mp, mr, my = fixed.torque_mean
     p1, r1, y1 = p + (tp + gp * mp + up) * dt_s, r + (tr + gr * mr + ur) * dt_s, y + (ty + gy * my + uy) * dt_s
@@ -103,21 +180,21 @@ def _attitude(
     square = hx * hx + hy * hy + hz * hz
     tan = 1.0 + square * (1.0 / 3.0 + square * (2.0 / 15.0))
     kp, kr, ky = fixed.torque_gain
-    turned = _multiply(q, (1.0, hx * tan, hy * tan, hz * tan))
-    return _unit(turned), (p1, r1, y1), (tp + gp * kp, tr + gr * kr, ty + gy * ky)
+    turned = quat.multiply(q, (1.0, hx * tan, hy * tan, hz * tan))
+    return quat.unit(turned), (p1, r1, y1), (tp + gp * kp, tr + gr * kr, ty + gy * ky)
 
 
-def _wanted_turn(q: Four, rate: Three, later: Three, actuation: Actuation, fixed: _Plain, later_s: float) -> Three:
+def _wanted_turn(q: Four, rate: Three, later: Three, asked: OneActuation, fixed: Fixed, later_s: float) -> Three:
     """`rate` now, `later` what it will be in `later_s`."""
-    if not actuation.motors_on:
+    if not asked.motors_on:
         return (0.0, 0.0, 0.0)
     dx, dy, dz = fixed.damping
     p, r, y = later
-    if actuation.rate_sp_frd_radps is not None:
-        sp, sr, sy = actuation.rate_sp_frd_radps.tolist()
+    if asked.rate_sp_frd_radps is not None:
+        sp, sr, sy = asked.rate_sp_frd_radps
         return dx * (sp - p), dy * (sr - r), dz * (sy - y)
     qw, qx, qy, qz = q
-    ex, ey, ez = _to_rotation_vector(_multiply((qw, -qx, -qy, -qz), tuple(actuation.q_sp_wxyz.tolist())))
+    ex, ey, ez = quat.to_rotation_vector(quat.multiply((qw, -qx, -qy, -qz), asked.q_sp_wxyz))
     kx, ky, kz = fixed.stiffness
     return (
         kx * (ex - rate[0] * later_s) - dx * p,
@@ -134,7 +211,7 @@ def _lift(thrust_n: float, a: Four, b: Four) -> Three:
     return 2.0 * (x * z + w * y) * scale, 2.0 * (y * z - w * x) * scale, (square - 2.0 * (x * x + y * y)) * scale
 
 
-def _acceleration(velocity: list[float], lift: Three, push: list[float], fixed: _Plain) -> Three:
+def _acceleration(velocity: Three, lift: Three, push: Three, fixed: Fixed) -> Three:
     x, y, z = velocity
     speed = math.sqrt(x * x + y * y + z * z)
     (dx, dy, dz), (ex, ey, ez), (cx, cy, cz) = fixed.viscous, fixed.quadratic, fixed.coulomb
@@ -146,41 +223,14 @@ def _acceleration(velocity: list[float], lift: Three, push: list[float], fixed: 
     )
 
 
-def _standing(before: PlantState, thrust_n: float, q: Four, params: PlantParams) -> PlantState:
-    x, y, _ = before.position_ned_m.tolist()
+def _standing(before: OneState, thrust_n: float, q: Four, fixed: Fixed) -> OneState:
+    x, y, _ = before.position_ned_m
     w, _, _, z = q
     length = math.sqrt(w * w + z * z)
-    level = np.array([w / length, 0.0, 0.0, z / length]) if length > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
-    place = np.array([x, y, params.ground_z_m])
-    still = np.zeros(3)
-    return PlantState(place, still, level, still, np.asarray(thrust_n), still, _STANDING, still)
+    level = (w / length, 0.0, 0.0, z / length) if length > 1e-9 else (1.0, 0.0, 0.0, 0.0)
+    return OneState((x, y, fixed.ground_z_m), _STILL, level, _STILL, thrust_n, _STILL, True, _STILL)
 
 
-def _multiply(a: Four, b: Four) -> Four:
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
-
-
-def _unit(q: Four) -> Four:
-    w, x, y, z = q
-    per_length = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-    return w * per_length, x * per_length, y * per_length, z * per_length
-
-
-def _to_rotation_vector(q: Four) -> Three:
-    w, x, y, z = q
-    sine = math.sqrt(x * x + y * y + z * z)
-    scale = math.copysign(2.0, w)
-    if sine > 1e-12:
-        scale *= math.atan2(sine, abs(w)) / sine
-    return scale * x, scale * y, scale * z
-
-
+_STILL = (0.0, 0.0, 0.0)
 _IN_AIR = np.zeros((), dtype=bool)
 _STANDING = np.ones((), dtype=bool)

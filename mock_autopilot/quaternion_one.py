@@ -1,0 +1,35 @@
+"""quaternion.py's maths for exactly one quaternion, in plain floats; conventions are the same."""
+
+import math
+
+Four = tuple[float, float, float, float]
+Three = tuple[float, float, float]
+
+
+def multiply(a: Four, b: Four) -> Four:
+    """Hamilton product."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def unit(q: Four) -> Four:
+    """Scaled to length 1."""
+    w, x, y, z = q
+    per_length = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    return w * per_length, x * per_length, y * per_length, z * per_length
+
+
+def to_rotation_vector(q: Four) -> Three:
+    """Logarithm: unit quaternion to the shorter rotation vector (rad)."""
+    w, x, y, z = q
+    sine = math.sqrt(x * x + y * y + z * z)
+    scale = math.copysign(2.0, w)
+    if sine > 1e-12:
+        scale *= math.atan2(sine, abs(w)) / sine
+    return scale * x, scale * y, scale * z
