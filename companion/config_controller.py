@@ -144,7 +144,8 @@ def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:
         raise ConfigError(
             f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
             f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
-            "filter_eps, raise rho, or set allow_unstable = true to load it all the same"
+            "filter_eps, raise rho, or load it all the same with allow_unstable = true in it (demo and simulate: "
+            "--allow-unstable)"
         )
     load = gains.filter_step_load(period_s)
     if load >= 4.0:

@@ -167,6 +167,7 @@ def test_the_papers_file_is_refused_with_one_sentence_and_both_numbers() -> None
     assert "gains.rho / gains.filter_eps = 0.333" in said
     assert "k + s = 16.1" in said, "z: 4 + 1.2 * 10.07"
     assert "allow_unstable = true" in said
+    assert "--allow-unstable" in said
 
 
 def test_the_papers_file_loads_when_that_is_asked_for_and_is_the_printed_law(tmp_path: Path) -> None:
@@ -254,7 +255,7 @@ def test_an_unknown_controller_names_those_there_are() -> None:
     with pytest.raises(ConfigError) as caught:
         load_controller("etn", VEHICLE, 0.01)
     said = str(caught.value)
-    assert said.startswith("unknown controller 'etn': give a TOML file, 'etnn', or one of paper, pid, practical")
+    assert said.startswith("unknown controller 'etn': give a TOML file, 'etnn', or one of paper, paper-repaired, pid, practical")
     assert "\n" not in said
 
 

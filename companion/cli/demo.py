@@ -19,13 +19,14 @@ from companion.adapters.recorder import Recorder
 from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
+from companion.cli.output import check_output
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_arms import Feedforward
 from companion.config_controller import LoadedController, load_controller
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
-from companion.ports import CompanionError, ConfigError
+from companion.ports import CompanionError
 from companion.service import Service, open_service
 from companion.supervisor.flight import Phase
 from companion.trajectory_check import check_trajectory
@@ -66,6 +67,9 @@ def demo(
     controller: Annotated[
         str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
     ] = None,
+    allow_unstable: Annotated[
+        bool, typer.Option("--allow-unstable", help="Fly a controller file that is refused as unstable.")
+    ] = False,
     arms: Annotated[
         str, typer.Option(help="swing, off, another name in config/arms/, or a file of joint motion.")
     ] = "swing",
@@ -102,7 +106,7 @@ def demo(
     flights = [
         DemoFlight(
             _on_ports(settings, ports),
-            load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz),
+            load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable),
             trajectory,
             trajectory_named(trajectory, curve),
             arms,
@@ -117,7 +121,7 @@ def demo(
         check_trajectory(flight.trajectory, settings.room, trajectory)
         for note in _check_arms(flight):
             console.print(f"  [dim]arms: {note}[/]", highlight=False)
-    _check_folder(out, summary)
+    check_output(out, summary)
     results = []
     for flight in flights:
         try:
@@ -160,17 +164,6 @@ def _check_arms(flight: DemoFlight) -> tuple[str, ...]:
     """What cannot be run is refused before anything starts; what the user should know of the rest."""
     planned = plan_arms(flight.arms, flight.config, flight.trajectory)
     return planned.notes if planned is not None else ()
-
-
-def _check_folder(out: Path, summary: Path | None) -> None:
-    """Before a minute of flight, not after it."""
-    if summary is not None and summary.is_dir():
-        raise ConfigError(f"--summary {summary} is a folder: give the name of a file")
-    for folder in (out, *([summary.parent] if summary else [])):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"cannot write to {folder}: {error.strerror}") from error
 
 
 async def fly_demo(flight: DemoFlight, console: Console) -> Flown:

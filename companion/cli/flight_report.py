@@ -42,9 +42,11 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
 def print_report(
     console: Console, controller: LoadedController, summary: Summary | None, failure: str, interrupted: bool
 ) -> None:
-    """Table of errors and timing, and the verdict in a sentence."""
+    """What the controller says of itself, tables of errors and timing, and the verdict in a sentence."""
     if summary is not None:
         console.print(_error_table(controller, summary))
+        if controller.description:
+            console.print(f"{controller.name}: {controller.description}", markup=False, highlight=False, soft_wrap=True)
         console.print(_timing_table(summary))
         if summary.arms is not None:
             console.print(_arms_line(summary.arms), highlight=False, soft_wrap=True)

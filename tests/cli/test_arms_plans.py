@@ -1,9 +1,6 @@
 """Dry runs of `companion arms`, and what is refused before any servo is asked; none of it has a bus."""
 
 import re
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,38 +12,18 @@ from matplotlib.image import imread
 from companion.arms.clearance import clearance
 from companion.arms.model import ArmModel
 from companion.arms.trajectory import MinimumJerk, at_rest
-from companion.cli.main import main
 from companion.experiments.arm_motion import numbers_of
 from tests.cli.arms_rig import ARMS
+from tests.cli.typed import Type, typing
 from tests.flights.command import ROOT
 
 DEMO = ROOT / "config" / "demo.toml"
 
 
-@dataclass(frozen=True)
-class Typed:
-    """What came of a command line."""
-
-    code: object
-    out: str
-    err: str
-
-
-Type = Callable[..., Typed]
-
-
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
     """`companion arms ARGUMENTS` in this process; its bus is a port that is not there."""
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*arguments: str | Path) -> Typed:
-        monkeypatch.setattr(sys, "argv", ["companion", "arms", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return Typed(ended.value.code, *capsys.readouterr())
-
-    return call
+    return typing("arms", monkeypatch, capsys)
 
 
 def _write(path: Path, text: str) -> Path:

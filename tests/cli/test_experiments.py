@@ -2,47 +2,24 @@
 
 import json
 import re
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from companion.cli import experiments as command
-from companion.cli.main import main
 from companion.experiments import campaign
 from companion.experiments.campaign import Flown, Item
+from tests.cli.typed import Type, typing
 from tests.experiments.short_experiments import short_experiment
 from tests.flights.command import ROOT
 
 PRACTICAL = ROOT / "config" / "controllers" / "practical.toml"
 
 
-@dataclass(frozen=True)
-class Typed:
-    """What came of a command line."""
-
-    code: object
-    out: str
-    err: str
-
-
-Type = Callable[..., Typed]
-
-
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
     """`companion experiments ARGUMENTS` in this process."""
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*arguments: str | Path) -> Typed:
-        monkeypatch.setattr(sys, "argv", ["companion", "experiments", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return Typed(ended.value.code, *capsys.readouterr())
-
-    return call
+    return typing("experiments", monkeypatch, capsys)
 
 
 @pytest.fixture

@@ -1,9 +1,6 @@
 """`companion simulate`: what it prints, writes and refuses."""
 
 import json
-import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +9,8 @@ import pytest
 from matplotlib.image import imread
 
 from companion.cli import simulate
-from companion.cli.main import main
 from companion.experiments.summary import summarise
+from tests.cli.typed import Type, typing
 from tests.flights.command import ROOT
 
 SHORT = """
@@ -38,30 +35,10 @@ constant_ned_n = [0.4, -0.3, 0.2]
 """
 
 
-@dataclass(frozen=True)
-class Typed:
-    """What came of a command line."""
-
-    code: object
-    out: str
-    err: str
-
-
-Type = Callable[..., Typed]
-
-
 @pytest.fixture
 def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
     """`companion simulate ARGUMENTS` in this process."""
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*arguments: str | Path) -> Typed:
-        monkeypatch.setattr(sys, "argv", ["companion", "simulate", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return Typed(ended.value.code, *capsys.readouterr())
-
-    return call
+    return typing("simulate", monkeypatch, capsys)
 
 
 def short(folder: Path, arms: str = "off") -> Path:

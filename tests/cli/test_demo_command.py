@@ -1,0 +1,52 @@
+"""`companion demo`: what it takes and says besides flying, which tests/flights does."""
+
+import io
+import math
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from companion.cli.flight_report import print_report
+from companion.config_controller import ErrorLimits, LoadedController, load_controller
+from companion.control.controller import VehicleModel
+from companion.experiments.summary import Spread, Summary
+from tests.cli.typed import typing
+
+TIMING = Spread(1.0, 2.0)
+FLOWN = Summary((0.01,) * 3, (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)
+
+
+def report(controller: LoadedController, summary: Summary | None) -> str:
+    console = Console(file=io.StringIO(), width=100)
+    print_report(console, controller, summary, "", False)
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def test_an_unstable_controller_is_taken_when_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = typing("demo", monkeypatch, capsys)
+    wrong_too = ("--controller", "paper", "--out", tmp_path, "--summary", tmp_path)
+    assert "must be larger than k + s" in typed(*wrong_too).err
+    taken = typed("--allow-unstable", *wrong_too)
+    assert taken.code == 2
+    assert taken.err.strip().endswith("is a folder: give the name of a file"), "and nothing flies"
+
+
+def test_the_report_says_what_the_controller_says_of_itself() -> None:
+    baseline = load_controller("pid", VehicleModel(), 0.01)
+    assert "pid: the paper's baseline\n" in report(baseline, FLOWN)
+    assert "the paper's baseline" not in report(baseline, None), "nothing was flown"
+    silent = LoadedController("mine", baseline.law, ErrorLimits(), "")
+    assert "mine:" not in report(silent, FLOWN)
+
+
+@pytest.mark.parametrize(
+    ("mean_m", "verdict"), [(0.05, "inside the error limits"), (math.nextafter(0.05, 1.0), "outside the error limits")]
+)
+def test_the_verdict_is_on_the_worst_axis(mean_m: float, verdict: str) -> None:
+    flown = Summary((0.01, mean_m, 0.01), (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)
+    law = load_controller("pid", VehicleModel(), 0.01).law
+    assert verdict in report(LoadedController("mine", law, ErrorLimits(mean_m=0.05, max_m=0.2)), flown)
