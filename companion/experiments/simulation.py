@@ -7,7 +7,7 @@ of the flight loop, a batch through the same filters without the verdicts on sin
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,14 +79,14 @@ def simulate(
     eyes = _Batch(pilot) if lead else _One(pilot)
     stage = ControlStage(pilot.law, pilot.thrust, pilot.limits, lead)
     stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
-    rows = _Rows(count, lead, keep_signals)
+    rows = _Rows(keep_signals)
     with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
         for cycle in range(count):
             seen, age_s = eyes.see(world.look(), cycle)
             known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
             asked = stage.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
             setpoint = asked.gated.setpoint
-            rows.put(cycle, world, asked.output.accel_w_mps2, asked.output.event, changed(setpoint, stage.sent))
+            rows.put(world, asked.output.accel_w_mps2, asked.output.event, changed(setpoint, stage.sent))
             stage.sent = setpoint
             rows.keep(asked.output.signals, stage.settle())
             world.advance(setpoint)
@@ -143,15 +143,16 @@ class _Batch:
 class _Rows:
     """What is kept of each cycle."""
 
-    def __init__(self, count: int, lead: tuple[int, ...], keep_signals: bool) -> None:
-        self._position, self._velocity, self._accel = (np.zeros((count, *lead, 3)) for _ in range(3))
-        self._event, self._sent = (np.zeros((count, *lead), dtype=bool) for _ in range(2))
+    def __init__(self, keep_signals: bool) -> None:
+        self._moving, self._accel, self._event, self._sent = list[Any](), list[Array](), list[Array](), list[Any]()
         self._keep = keep_signals
         self._signals: dict[str, list[Array]] = {}
 
-    def put(self, cycle: int, world: VirtualWorld, accel_w_mps2: Array, event: Array, sent: Mask | bool) -> None:
-        self._position[cycle], self._velocity[cycle] = world.state.position_ned_m, world.state.velocity_ned_mps
-        self._accel[cycle], self._event[cycle], self._sent[cycle] = accel_w_mps2, event[..., 0], sent
+    def put(self, world: VirtualWorld, accel_w_mps2: Array, event: Array, sent: Mask) -> None:
+        self._moving.append(world.moving_ned)
+        self._accel.append(accel_w_mps2)
+        self._event.append(event)
+        self._sent.append(sent)
 
     def keep(self, *signals: dict[str, Array]) -> None:
         if self._keep:
@@ -160,16 +161,16 @@ class _Rows:
                     self._signals.setdefault(name, []).append(value)
 
     def trace(self, mission: Mission) -> Trace:
-        now = mission.now
+        now, (position_ned_m, velocity_ned_mps) = mission.now, zip(*self._moving, strict=True)
         return Trace(
             mission.time_s,
-            flip_yz(self._position),
-            flip_yz(self._velocity),
+            flip_yz(np.array(position_ned_m)),
+            flip_yz(np.array(velocity_ned_mps)),
             now.position_w_m,
             now.velocity_w_mps,
-            self._accel,
-            self._event,
-            self._sent,
+            np.array(self._accel),
+            np.array(self._event)[..., 0].astype(bool),
+            np.array(self._sent),
             {name: np.array(values) for name, values in self._signals.items()},
         )
 

@@ -5,18 +5,19 @@ Everything that may differ from vehicle to vehicle of a batch is a number, or an
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.control.frames import flip_quat, flip_yz, quat_from_rotation_vector, quat_multiply
-from companion.experiments.delay_line import DelayLine
+from companion.control.frames import flip_yz, quat_from_rotation_vector
+from companion.experiments.virtual_body import Begin, Body, ManyBodies, OneBody
 from companion.types import Array, AttitudeThrust
-from mock_autopilot import plant, plant_one
+from mock_autopilot import plant
 from mock_autopilot.arm_table import ArmTable
 from mock_autopilot.arms import Coupling
 from mock_autopilot.disturbance import Forces, force_series
-from mock_autopilot.plant import GRAVITY_MPS2, Actuation, PlantParams, PlantState, Wrench
+from mock_autopilot.plant import GRAVITY_MPS2, PlantParams, PlantState
 
 STEP_S = 0.005
 """The plant's step: every delay is a whole number of them."""
@@ -78,20 +79,22 @@ class VirtualWorld:
         self._per_cycle = round(period_s / STEP_S)
         self._steps = 0
         self._all = np.ones(self._lead, dtype=bool)
-        self.state = _hovering(start_w_m + vehicle.offset_w_m, vehicle.plant)
         self._draw(seeds, cycles)
-        self._seen_p = DelayLine(_steps(vehicle.mocap_delay_s), self.state.position_ned_m)
-        self._seen_q = DelayLine(_steps(vehicle.mocap_delay_s), self.state.q_ned_frd_wxyz)
-        self._q = DelayLine(_steps(vehicle.attitude_delay_s), self.state.q_ned_frd_wxyz)
-        self._signal = DelayLine(_steps(vehicle.thrust_delay_s), _hover_signal(vehicle.plant, self._lead))
-        self._known_p, self._known_q = self.state.position_ned_m, self.state.q_ned_frd_wxyz
-        self._step = plant.step if self._lead else plant_one.step
-        arms = vehicle.arms
-        self._coupling = (
-            None
-            if arms is None
-            else Coupling(arms.table.at(0), vehicle.plant.mass_kg, arms.inertia_kgm2, arms.trim_s)
+        self._body = self._begun(start_w_m + vehicle.offset_w_m)
+
+    def _begun(self, start_w_m: Array) -> Body:
+        v, arms = self._vehicle, self._vehicle.arms
+        begin = Begin(
+            v.plant,
+            _hovering(start_w_m, v.plant),
+            _hover_signal(v.plant, self._lead),
+            _steps(v.mocap_delay_s),
+            _steps(v.attitude_delay_s),
+            _steps(v.thrust_delay_s),
+            None if arms is None else Coupling(arms.table.at(0), v.plant.mass_kg, arms.inertia_kgm2, arms.trim_s),
+            STEP_S,
         )
+        return ManyBodies(begin) if self._lead else OneBody(begin)
 
     def _draw(self, seeds: Sequence[int], cycles: int) -> None:
         """All that is random, each vehicle from its own seed."""
@@ -111,29 +114,30 @@ class VirtualWorld:
         """Whole cycles passed."""
         return self._steps // self._per_cycle
 
+    @property
+    def state(self) -> PlantState:
+        """The truth now."""
+        return self._body.state
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """True position (m) and velocity (m/s), NED: arrays (..., 3), or three floats each; cheaper than `state`."""
+        return self._body.moving_ned
+
     def look(self) -> Look:
         """The frame that arrives now."""
         cycle, unseen = self.cycle, self._vehicle.unseen
-        position = flip_yz(self._known_p) + self._offsets_m[cycle]
-        q = quat_multiply(flip_quat(self._known_q), self._turns[cycle])
+        position, q = self._body.seen(self._offsets_m[cycle], self._turns[cycle])
         return Look(position, q, self._all if unseen is None else ~unseen[cycle])
 
     def advance(self, setpoint: AttitudeThrust) -> None:
         """Let one control cycle pass under a setpoint that is sent now."""
-        q = flip_quat(setpoint.q_w_flu_wxyz)
+        arms = self._vehicle.arms
+        self._body.hear(setpoint)
         for _ in range(self._per_cycle):
-            actuation = Actuation(self._q.put(q), self._signal.put(setpoint.thrust))
-            self.state = self._step(self.state, actuation, self._wrench(), self._vehicle.plant, STEP_S)
+            moving = None if arms is None else arms.table.at(self._steps)
+            self._body.step(self.force_ned_n[self._steps], moving)
             self._steps += 1
-            self._known_p = self._seen_p.put(self.state.position_ned_m)
-            self._known_q = self._seen_q.put(self.state.q_ned_frd_wxyz)
-
-    def _wrench(self) -> Wrench:
-        force = self.force_ned_n[self._steps]
-        if self._coupling is None or self._vehicle.arms is None:
-            return Wrench(force, np.zeros_like(force))
-        pushed = self._coupling.step(self.state, self._vehicle.arms.table.at(self._steps), STEP_S)
-        return Wrench(force + pushed.force_ned_n, pushed.angular_frd_radps2)
 
 
 def _steps(delay_s: Each) -> NDArray[np.int64]:

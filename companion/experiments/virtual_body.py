@@ -1,0 +1,149 @@
+"""The vehicle in a virtual world between setpoints and frames, both late: one in plain floats, many in arrays."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.frames import flip_quat, flip_yz, quat_multiply
+from companion.experiments.delay_line import DelayLine, EachDelayLine
+from companion.types import Array, AttitudeThrust
+from mock_autopilot import plant, plant_one
+from mock_autopilot.arm_bodies import Moving
+from mock_autopilot.arms import Coupling
+from mock_autopilot.plant import Actuation, PlantParams, PlantState, Wrench
+from mock_autopilot.plant_one import OneActuation
+
+
+@dataclass(frozen=True)
+class Begin:
+    """What a body is made of and how it begins; delays are whole steps of `step_s`, () or (...,)."""
+
+    params: PlantParams
+    state: PlantState
+    signal: Array
+    """The motor signal until the first setpoint is heard, (...,)."""
+    mocap_delay: NDArray[np.int64]
+    attitude_delay: NDArray[np.int64]
+    thrust_delay: NDArray[np.int64]
+    coupling: Coupling | None
+    """To the arms, if there are any."""
+    step_s: float
+
+
+class Body(Protocol):
+    """What is true of one vehicle or of a batch of them, and what is known of it."""
+
+    @property
+    def state(self) -> PlantState:
+        """The truth now."""
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """True position (m) and velocity (m/s), NED: arrays (..., 3), or three floats each."""
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """From now on this setpoint is sent, until there is another."""
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """Let a step pass, with a force from outside (..., 3) and what the arms do, if there are any."""
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """Position (..., 3) and attitude (..., 4) in W as motion capture tells them now, wrong by so much."""
+
+
+class OneBody:
+    """One vehicle: it never leaves the floats."""
+
+    def __init__(self, begin: Begin) -> None:
+        self._fixed, self._step_s = plant_one.fixed_of(begin.params, begin.step_s), begin.step_s
+        self._coupling = begin.coupling
+        self._state = self._seen = plant_one.in_floats(begin.state)
+        self._sent_q, self._sent_signal = self._state.q_ned_frd_wxyz, float(begin.signal)
+        self._frames = DelayLine(int(begin.mocap_delay), self._state)
+        self._q = DelayLine(int(begin.attitude_delay), self._sent_q)
+        self._signal = DelayLine(int(begin.thrust_delay), self._sent_signal)
+
+    @property
+    def state(self) -> PlantState:
+        """See Body."""
+        return plant_one.in_arrays(self._state)
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """See Body."""
+        return self._state.position_ned_m, self._state.velocity_ned_mps
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """See Body."""
+        w, x, y, z = setpoint.q_w_flu_wxyz.tolist()
+        self._sent_q, self._sent_signal = (w, x, -y, -z), float(setpoint.thrust)
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """See Body."""
+        before, push = self._state, _NOTHING
+        x, y, z = force_ned_n.tolist()
+        if self._coupling is not None and moving is not None:
+            rate, q = before.rate_frd_radps, before.q_ned_frd_wxyz
+            (i, j, k), push = self._coupling.pushed(rate, q, before.thrust_n, before.on_ground, moving, self._step_s)
+            x, y, z = x + i, y + j, z + k
+        asked = OneActuation(self._q.put(self._sent_q), self._signal.put(self._sent_signal))
+        self._state = plant_one.moved(before, asked, (x, y, z), push, self._fixed)
+        self._seen = self._frames.put(self._state)
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """See Body."""
+        (x, y, z), (w, i, j, k) = self._seen.position_ned_m, self._seen.q_ned_frd_wxyz
+        a, b, c = offset_w_m.tolist()
+        return np.array((x + a, b - y, c - z)), quat_multiply(np.array((w, i, -j, -k)), turn)
+
+
+class ManyBodies:
+    """A batch."""
+
+    def __init__(self, begin: Begin) -> None:
+        self._params, self._step_s, self._coupling = begin.params, begin.step_s, begin.coupling
+        self._state, self._sent_q, self._sent_signal = begin.state, begin.state.q_ned_frd_wxyz, begin.signal
+        self._known_p, self._known_q = self._state.position_ned_m, self._sent_q
+        self._seen_p, self._seen_q = (_line(begin.mocap_delay, known) for known in (self._known_p, self._known_q))
+        self._q = _line(begin.attitude_delay, self._sent_q)
+        self._signal = _line(begin.thrust_delay, self._sent_signal)
+
+    @property
+    def state(self) -> PlantState:
+        """See Body."""
+        return self._state
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """See Body."""
+        return self._state.position_ned_m, self._state.velocity_ned_mps
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """See Body."""
+        self._sent_q, self._sent_signal = flip_quat(setpoint.q_w_flu_wxyz), setpoint.thrust
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """See Body."""
+        actuation = Actuation(self._q.put(self._sent_q), self._signal.put(self._sent_signal))
+        self._state = plant.step(self._state, actuation, self._wrench(force_ned_n, moving), self._params, self._step_s)
+        self._known_p = self._seen_p.put(self._state.position_ned_m)
+        self._known_q = self._seen_q.put(self._state.q_ned_frd_wxyz)
+
+    def _wrench(self, force_ned_n: Array, moving: Moving | None) -> Wrench:
+        if self._coupling is None or moving is None:
+            return Wrench(force_ned_n, np.zeros_like(force_ned_n))
+        pushed = self._coupling.step(self._state, moving, self._step_s)
+        return Wrench(force_ned_n + pushed.force_ned_n, pushed.angular_frd_radps2)
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """See Body."""
+        return flip_yz(self._known_p) + offset_w_m, quat_multiply(flip_quat(self._known_q), turn)
+
+
+def _line(delay_steps: NDArray[np.int64], first: Array) -> "DelayLine[Array] | EachDelayLine":
+    return EachDelayLine(delay_steps, first) if delay_steps.ndim else DelayLine(int(delay_steps), first)
+
+
+_NOTHING = (0.0, 0.0, 0.0)
