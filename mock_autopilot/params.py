@@ -1,6 +1,7 @@
 """PX4's parameters: names, types and values as recorded, and the few that change how the mock behaves."""
 
 import csv
+import math
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -56,6 +57,15 @@ class ParamTable:
     def at(self, index: int) -> Param | None:
         """The parameter at that place in the list, or None."""
         return self._by_name[self._by_index[index]] if 0 <= index < len(self._by_index) else None
+
+    @property
+    def trim_times_s(self) -> tuple[float, float, float]:
+        """How long the rate loops take to trim out a lasting torque about body x, y, z: P / I, infinite without I."""
+        roll_s, pitch_s, yaw_s = (
+            self[f"MC_{axis}RATE_P"] / self[f"MC_{axis}RATE_I"] if self[f"MC_{axis}RATE_I"] else math.inf
+            for axis in ("ROLL", "PITCH", "YAW")
+        )
+        return roll_s, pitch_s, yaw_s
 
     def change(self, name: str, value: float) -> Param:
         """Set a known parameter; like PX4 it checks no range. Raises UnknownParamError in plain words."""

@@ -3,7 +3,6 @@
 Deterministic: the same configuration, seed and timed inputs give the same truth, bit by bit.
 """
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -56,13 +55,8 @@ class World:
         """Called with the truth of every step, in order."""
 
     def _fit_arms(self, config: ArmsConfig) -> None:
-        px4 = self.vehicle.params
-        roll_s, pitch_s, yaw_s = (
-            px4[f"MC_{axis}RATE_P"] / px4[f"MC_{axis}RATE_I"] if px4[f"MC_{axis}RATE_I"] else math.inf
-            for axis in ("ROLL", "PITCH", "YAW")
-        )
         self.servos = ServoRack(config.bus)
-        self.arms = Arms(config.assembly(), self.servos, self._params.mass_kg, (roll_s, pitch_s, yaw_s))
+        self.arms = Arms(config.assembly(), self.servos, self._params.mass_kg, self.vehicle.params.trim_times_s)
 
     @property
     def time_s(self) -> float:

@@ -255,7 +255,9 @@ def test_an_unknown_controller_names_those_there_are() -> None:
     with pytest.raises(ConfigError) as caught:
         load_controller("etn", VEHICLE, 0.01)
     said = str(caught.value)
-    assert said.startswith("unknown controller 'etn': give a TOML file, 'etnn', or one of paper, paper-repaired, pid, practical")
+    assert said.startswith(
+        "unknown controller 'etn': give a TOML file, 'etnn', or one of paper, paper-repaired, pid, practical"
+    )
     assert "\n" not in said
 
 

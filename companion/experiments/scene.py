@@ -25,8 +25,6 @@ from mock_autopilot.arm_table import table_of
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.params import ParamTable
 
-_AXES = ("ROLL", "PITCH", "YAW")
-
 
 class CurveConfig(Section):
     """What is flown: a closed curve at constant height, begun and ended at rest."""
@@ -132,11 +130,9 @@ class Scene:
     def _carried(self) -> Carried | None:
         if self.arms is None:
             return None
-        px4 = ParamTable(self.mock.px4.params)
-        roll_s, pitch_s, yaw_s = (px4[f"MC_{axis}RATE_P"] / px4[f"MC_{axis}RATE_I"] for axis in _AXES)
         goals_rad = self.arms.trajectory.at(self._cycle_s).position_rad
         table = table_of(self.mock.arms, goals_rad, self.period_s, STEP_S)
-        return Carried(table, self.mock.arms.inertia_kgm2, (roll_s, pitch_s, yaw_s))
+        return Carried(table, self.mock.arms.inertia_kgm2, ParamTable(self.mock.px4.params).trim_times_s)
 
 
 def experiment_names() -> list[str]:

@@ -1,5 +1,6 @@
 """Experiments as files: what they mean, what is refused, and what a scene makes of them."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,13 @@ def test_arms_move_from_the_first_cycle_and_the_law_is_told(tmp_path: Path) -> N
     assert np.array_equal(as_configured, told[Feedforward(scene.companion.arms.feedforward)])  # type: ignore[union-attr,arg-type]
     assert not np.any(told[Feedforward.OFF])
     assert np.any(told[Feedforward.FORCE])
+
+
+def test_px4_trims_the_arms_weight_out_as_quickly_as_its_rate_gains_say(tmp_path: Path) -> None:
+    gains = "[mock.px4.params]\nMC_ROLLRATE_I = 0.0\nMC_PITCHRATE_I = 0.5\nMC_PITCHRATE_P = 0.25\n\n[mock.arms]"
+    arms = load(tmp_path, ("[mock.arms]", gains)).vehicle().arms
+    assert arms is not None
+    assert arms.trim_s == (math.inf, 0.5, 2.0), "P / I; PX4's own gains turn about z with 0.2 and 0.1"
 
 
 def test_without_arms_there_is_nothing_to_tell(tmp_path: Path) -> None:
