@@ -25,9 +25,10 @@ from companion.control.reference import Ellipse, FigureEight, LapTiming
 from companion.experiments.controller_writer import controller_toml
 from companion.experiments.gain_space import START, rounded, shares_of, values_from
 from companion.experiments.scene import Scene, load_scene
-from companion.experiments.search import ERROR_M, UPDATES, Candidate, Plan, front, marks_of, scenes_of, search
+from companion.experiments.search import ERROR_M, UPDATES, Centre, Generation, Plan, marks_of, scenes_of, search
 from companion.experiments.tuning import shortened
 from companion.ports import ConfigError
+from companion.types import Array
 
 INTERRUPTED = 130
 _CHECK_SEED = 900_001
@@ -37,9 +38,9 @@ _CHECK_VEHICLES = (2, 6)
 
 @dataclass(frozen=True)
 class Checked:
-    """A candidate, rounded as it would be written, where it never was: mean over loops, curves and vehicles."""
+    """A centre, rounded as it would be written, where no search was: mean over loops, curves and vehicles."""
 
-    candidate: Candidate
+    centre: Centre
     values: dict[str, float]
     error_m: float
     other_m: float
@@ -67,8 +68,8 @@ def tune(
 ) -> None:
     """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
 
-    Every generation flies new seeds. The front of error against updates is then checked on seeds and curves that no
-    search flew, and the best of it is written.
+    Every generation flies new seeds. The centres of the search are then checked on seeds and curves that no search
+    flew, and the best of them is written.
     """
     console = Console()
     loops = _numbers("bandwidths", bandwidths)
@@ -86,25 +87,23 @@ def tune(
         if write.is_dir():
             raise ConfigError(f"--write {write} is a folder: give the name of a file")
         check_output(write.parent, None)
-    found: list[Candidate] = []
-    interrupted = False
+    told: list[tuple[Generation, Array]] = []
+    centres: list[Centre] = []
     with ProcessPoolExecutor(jobs, initializer=_deaf_to_interrupts) as pool:
-        with _progress(console, plan) as bar:
+        try:
+            with _progress(console, plan) as bar:
 
-            def told(done: int, best: Candidate) -> None:
-                found.append(best)
-                _keep(out, found)
-                bar(done + 1, best)
+                def note(generation: Generation, centre: Array) -> None:
+                    told.append((generation, centre))
+                    _keep(out, told)
+                    bar(len(told), generation)
 
-            try:
-                search(plan, shares_of(begin), pool, told)
-            except KeyboardInterrupt:
-                interrupted = True
-        if interrupted:
+                centres = search(plan, shares_of(begin), pool, note)
+            checked = _check(centres, plan, pool)
+        except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
-            console.print(f"interrupted after {len(found)} generations, kept in {out / 'candidates.json'}")
-            raise typer.Exit(INTERRUPTED)
-        checked = _check(front(found), plan, pool)
+            console.print(f"interrupted after {len(told)} generations; their centres are in {out / 'generations.json'}")
+            raise typer.Exit(INTERRUPTED) from None
     best = min(checked, key=lambda one: one.distance)
     _print(console, checked, best)
     if summary is not None:
@@ -146,16 +145,16 @@ def _progress(console: Console, plan: Plan) -> Iterator[Any]:
     with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console) as bar:
         task = bar.add_task("searching", total=total)
 
-        def step(done: int, best: Candidate) -> None:
-            note = f"weight {best.weight:g}: {best.error_m * 1e3:.1f} mm, {best.update_share:.1%} updates"
+        def step(done: int, last: Generation) -> None:
+            note = f"weight {last.weight:g}: {last.error_m * 1e3:.1f} mm, {last.update_share:.1%} updates"
             bar.update(task, completed=done, description=note)
 
         yield step
 
 
-def _check(candidates: Sequence[Candidate], plan: Plan, pool: Executor) -> list[Checked]:
+def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checked]:
     """On curves and seeds that no search flew."""
-    values = [rounded(one.shares) for one in candidates]
+    values = [rounded(one.shares) for one in centres]
     points = np.array([shares_of(value) for value in values])
     marks = marks_of([_elsewhere(scene) for scene in plan.scenes], points, _CHECK_SEED, _CHECK_VEHICLES, pool)
     error, other, updates = (
@@ -164,7 +163,7 @@ def _check(candidates: Sequence[Candidate], plan: Plan, pool: Executor) -> list[
     worst = np.max([mark.worst_m for mark in marks], axis=0)
     return [
         Checked(one, value, *(float(number) for number in row))
-        for one, value, *row in zip(candidates, values, error, other, worst, updates, strict=True)
+        for one, value, *row in zip(centres, values, error, other, worst, updates, strict=True)
     ]
 
 
@@ -183,8 +182,8 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
         table.add_column(name, justify="right")
     for one in checked:
         table.add_row(
-            f"{one.candidate.weight:g}",
-            str(one.candidate.generation),
+            f"{one.centre.weight:g}",
+            str(one.centre.generation),
             f"{one.error_m * 1e3:.1f}",
             f"{one.other_m * 1e3:.1f}",
             f"{one.worst_m * 1e3:.1f}",
@@ -194,13 +193,13 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
     console.print(table)
 
 
-def _keep(out: Path, found: Sequence[Candidate]) -> None:
-    """Every generation's best, so that nothing is lost."""
-    rows = [asdict(one) | {"shares": one.shares.tolist(), "values": rounded(one.shares)} for one in found]
-    (out / "candidates.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:
+    """After every generation, so that nothing is lost."""
+    rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in told]
+    (out / "generations.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 
 def _summarise(checked: Sequence[Checked], path: Path) -> None:
     names = ("error_m", "other_m", "worst_m", "update_share", "values")
-    front = [{name: getattr(one, name) for name in names} for one in checked]
-    path.write_text(json.dumps({"front": front}, indent=2) + "\n", encoding="utf-8")
+    rows = [{name: getattr(one, name) for name in names} for one in checked]
+    path.write_text(json.dumps({"checked": rows}, indent=2) + "\n", encoding="utf-8")

@@ -58,10 +58,10 @@ KNOBS = (
 """Gains of z are those of x and y times `z_outer` (first step) or `z_inner` (second), as the paper's are times 1.2."""
 
 START = {
-    "c1": 2.7, "k1": 1.15, "beta1": 0.61, "gamma1": 3.4, "k": 3.4, "c2": 0.25, "k2": 2.3, "beta2": 0.29, "gamma2": 0.44,
-    "z_outer": 1.0, "z_inner": 1.7, "filter_eps": 0.115, "zeta": 1.5, "rho": 0.89, "sigma": 0.084, "delta": 0.12,
-    "gamma_v": 4.1, "power_regularisation": 0.037, "boundary_layer_mps": 2.0, "lead_s": 0.15, "thrust_lead_s": 0.086,
-    "observer_radps": 6.4, "push_share": 0.64,
+    "c1": 3.5, "k1": 0.75, "beta1": 1.2, "gamma1": 2.2, "k": 2.2, "c2": 0.082, "k2": 2.1, "beta2": 0.26, "gamma2": 0.45,
+    "z_outer": 1.0, "z_inner": 1.35, "filter_eps": 0.14, "zeta": 2.2, "rho": 0.88, "sigma": 0.09, "delta": 0.14,
+    "gamma_v": 4.1, "power_regularisation": 0.032, "boundary_layer_mps": 1.6, "lead_s": 0.19, "thrust_lead_s": 0.11,
+    "observer_radps": 7.5, "push_share": 0.8,
 }  # fmt: skip
 """Where a search begins unless told otherwise: the middle of an earlier search, in round numbers."""
 

@@ -1,6 +1,5 @@
 """The search for gains: CMA-ES over the unit cube, once for every weight that updates have against errors."""
 
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ ERROR_M, UPDATES = 0.010, 0.05
 """What is reached for; the scale of both objectives."""
 _LEAST_MARGIN = 1.05
 """A set whose filter loop is not stable by so much is marked down before it flies."""
+_KEPT_EVERY = 10
 _STEP = 0.08
 """Standard deviation of the first generation, in the unit cube."""
 
@@ -47,44 +47,57 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A point of the gain space and its marks in training, means over scenes and vehicles."""
+class Centre:
+    """Where a search stood: the mean of what it would try next, in the gain space."""
 
     shares: Array
     weight: float
     generation: int
+    """So many were over."""
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What became of one: medians over its sets of gains, of means over scenes and vehicles."""
+
+    weight: float
+    number: int
     error_m: float
     other_m: float
     """Of vehicles that are not as told."""
     update_share: float
 
 
-def search(plan: Plan, start: Array, pool: Executor, told: Callable[[int, Candidate], None]) -> list[Candidate]:
-    """The centre of the search after each generation of each run; `told` gets the generation and its best point."""
-    found: list[Candidate] = []
+def search(plan: Plan, start: Array, pool: Executor, told: Callable[[Generation, Array], None]) -> list[Centre]:
+    """The centres that are worth a check: each run's after every tenth generation, and its last.
+
+    Centres, not the best of what was tried: the best of many on three vehicles each is the luckiest. `told` gets every
+    generation and the centre (knobs,) after it.
+    """
+    kept: list[Centre] = []
     for run, weight in enumerate(plan.weights):
-        found += _one_run(plan, start, weight, run, pool, told)
-    return found
+        kept += _one_run(plan, start, weight, run, pool, told)
+    return kept
 
 
 def _one_run(
-    plan: Plan, start: Array, weight: float, run: int, pool: Executor, told: Callable[[int, Candidate], None]
-) -> list[Candidate]:
+    plan: Plan, start: Array, weight: float, run: int, pool: Executor, told: Callable[[Generation, Array], None]
+) -> list[Centre]:
     bounds = np.tile([0.0, 1.0], (len(KNOBS), 1))
     optimiser = CMA(
         np.clip(start, 0.02, 0.98), _STEP, bounds=bounds, population_size=plan.population, seed=plan.seed + run
     )
-    best: list[Candidate] = []
-    for generation in range(plan.generations):
+    kept: list[Centre] = []
+    for number in range(1, plan.generations + 1):
         points = np.array([optimiser.ask() for _ in range(plan.population)])
-        seed = training_seed(plan, run, generation)
-        marks = marks_of(plan.turn(generation), points, seed, (plan.told, plan.others), pool)
+        marks = marks_of(plan.turn(number), points, training_seed(plan, run, number), (plan.told, plan.others), pool)
         costs = cost(marks, weight) + penalty(points)
         optimiser.tell([(point, float(value)) for point, value in zip(points, costs, strict=True)])
-        first = int(np.argmin(costs))
-        best.append(_candidate(points[first], weight, generation, [mark.of(first) for mark in marks]))
-        told(run * plan.generations + generation, best[-1])
-    return best
+        centre = np.clip(optimiser.mean, 0.0, 1.0)
+        if number % _KEPT_EVERY == 0 or number == plan.generations:
+            kept.append(Centre(centre, weight, number))
+        told(_generation(weight, number, marks), centre)
+    return kept
 
 
 def training_seed(plan: Plan, run: int, generation: int) -> int:
@@ -118,26 +131,12 @@ def penalty(points: Array) -> Array:
     return np.where(short > 0.0, 1.0 + 5.0 * short, 0.0)
 
 
-def front(candidates: Sequence[Candidate]) -> list[Candidate]:
-    """Those that no other beats in both error and updates, by rising updates."""
-    kept: list[Candidate] = []
-    best_m = math.inf
-    for candidate in sorted(candidates, key=lambda one: (one.update_share, one.error_m)):
-        if candidate.error_m < best_m:
-            best_m = candidate.error_m
-            kept.append(candidate)
-    return kept
-
-
-def _candidate(point: Array, weight: float, generation: int, marks: Sequence[Marks]) -> Candidate:
-    return Candidate(
-        point,
-        weight,
-        generation,
-        float(np.mean([mark.error_m for mark in marks])),
-        float(np.mean([mark.other_m for mark in marks])),
-        float(np.mean([mark.update_share for mark in marks])),
+def _generation(weight: float, number: int, marks: Sequence[Marks]) -> Generation:
+    middle = (
+        float(np.median(np.mean([getattr(mark, name) for mark in marks], axis=0)))
+        for name in ("error_m", "other_m", "update_share")
     )
+    return Generation(weight, number, *middle)
 
 
 def scenes_of(scenes: Sequence[Scene], bandwidths_radps: Sequence[float]) -> tuple[Scene, ...]:

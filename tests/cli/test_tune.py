@@ -34,8 +34,8 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
         written.append([line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")])
     assert written[0] == written[1]
     numbers = json.loads((tmp_path / "first.json").read_text(encoding="utf-8"))
-    assert numbers["front"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}
-    assert len(json.loads((tmp_path / "out" / "candidates.json").read_text(encoding="utf-8"))) == 1
+    assert numbers["checked"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}
+    assert len(json.loads((tmp_path / "out" / "generations.json").read_text(encoding="utf-8"))) == 1
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The search: its costs by hand, its marks against single flights, and that it is repeatable and gets somewhere."""
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,7 +9,7 @@ import pytest
 
 from companion.control.reference import Ellipse, LapTiming
 from companion.experiments.gain_space import KNOBS, START, shares_of
-from companion.experiments.search import Candidate, Plan, cost, front, penalty, search
+from companion.experiments.search import Centre, Generation, Plan, cost, penalty, search
 from companion.experiments.tuning import WORST_M, Marks, Trial, evaluate, shortened
 from tests.experiments.scenes import CENTRE, PUSHED, scene
 
@@ -20,10 +19,6 @@ POINT = shares_of(START)
 
 def point(**changed: float) -> np.ndarray:
     return shares_of(START | changed)
-
-
-def candidate(error_m: float, update_share: float) -> Candidate:
-    return Candidate(POINT, 1.0, 0, error_m, error_m, update_share)
 
 
 def test_the_cost_is_the_sum_of_its_logarithms() -> None:
@@ -38,11 +33,6 @@ def test_only_what_the_stability_check_would_nearly_refuse_is_marked_down() -> N
     marked = penalty(np.array([good, refused]))
     assert marked[0] == 0.0
     assert marked[1] > 1.0
-
-
-def test_the_front_holds_what_no_other_beats_in_both() -> None:
-    kept = front([candidate(0.02, 0.05), candidate(0.01, 0.10), candidate(0.015, 0.12), candidate(0.03, 0.05)])
-    assert [(one.error_m, one.update_share) for one in kept] == [(0.02, 0.05), (0.01, 0.10)]
 
 
 def test_marks_are_those_of_each_set_flown_by_itself() -> None:
@@ -65,28 +55,27 @@ def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
     assert marks.error_m[0] <= WORST_M
 
 
-def quiet(_done: int, _best: Candidate) -> None: ...
-
-
-def run(told: Callable[[int, Candidate], None] = quiet, generations: int = 2) -> list[Candidate]:
+def run(generations: int = 2) -> tuple[list[Centre], list[Generation]]:
     plan = Plan((SHORT,), 1, generations, 4, (0.8,), 3, others=1)
+    told: list[Generation] = []
     with ThreadPoolExecutor(1) as pool:
-        return search(plan, point(gamma_v=0.3), pool, told)
+        kept = search(plan, point(gamma_v=0.3), pool, lambda generation, _: told.append(generation))
+    return kept, told
 
 
 def test_a_search_is_repeatable_and_tells_of_every_generation() -> None:
-    told: list[int] = []
-    first, second = run(lambda done, _: told.append(done)), run()
-    assert told == [0, 1]
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one.shares, other.shares)
-        assert (one.error_m, one.other_m, one.update_share) == (other.error_m, other.other_m, other.update_share)
+    (first, told), (second, again) = run(), run()
+    assert [generation.number for generation in told] == [1, 2]
+    assert told == again
+    assert [centre.generation for centre in first] == [2], "the last one is always kept"
+    np.testing.assert_array_equal(first[0].shares, second[0].shares)
+    assert first[0].shares.shape == (len(KNOBS),)
+    assert (first[0].shares != point(gamma_v=0.3)).any(), "it moved"
 
 
 def test_generations_fly_vehicles_that_none_before_has_flown() -> None:
-    first, second = run(generations=2)
+    _, (first, second) = run()
     assert (first.error_m, first.update_share) != (second.error_m, second.update_share)
-    assert first.shares.shape == (len(KNOBS),)
 
 
 def test_a_shortened_scene_flies_one_lap_and_settles_half_as_long() -> None:
