@@ -38,19 +38,6 @@ def test_the_second_compensation_by_hand() -> None:
     np.testing.assert_allclose(alpha2, [0.0, -65.6, 0.0])
 
 
-def test_the_velocity_asked_for_by_hand() -> None:
-    # y_1 = 4 along y: beta_1 64 + gamma_1 2 = 66, iota_1 = 0
-    alpha1 = virtual_control_1(np.array([0.5, 0.25, 0.0]), np.array([0.0, 4.0, 0.0]), ZERO, GAINS)
-    np.testing.assert_allclose(alpha1, [0.5, 0.25 - 66.0, 0.0])
-
-
-def test_the_acceleration_asked_for_by_hand() -> None:
-    # y_2 = 4 along x: beta_2 64 + gamma_2 2 = 0.6 * 64 + 2 = 40.4
-    x1, y2 = np.array([0.1, -0.2, 0.3]), np.array([4.0, 0.0, 0.0])
-    alpha2 = virtual_control_2(np.array([1.0, 2.0, 3.0]), x1, y2, ZERO, GAINS)
-    np.testing.assert_allclose(alpha2, [1.0 - 0.1 - 40.4, 2.0 + 0.2, 3.0 - 0.3])
-
-
 @given(v=VECTOR, y=VECTOR, iota=VECTOR, x=VECTOR)
 def test_both_virtual_controls_are_the_papers_formulas(
     v: list[float], y: list[float], iota: list[float], x: list[float]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from companion.config import CompanionConfig, default_config_path, load_config
-from companion.control.reference import Ellipse, LapTiming
+from companion.control.reference import Ellipse, LapTiming, Trajectory
+from companion.control.waypoints import Waypoints
 from companion.experiments.demo_scene import LIFT_OFF_S, LINK_S, demo_scene, load_mock
 from companion.experiments.scene import Scene
 from companion.ports import ConfigError
@@ -18,9 +19,9 @@ from tests.experiments.scenes import law_for
 CURVE = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=6.0, laps=1, ramp_s=2.0))
 
 
-def demo(arms: str = "swing") -> Scene:
+def demo(arms: str = "swing", curve: Trajectory = CURVE) -> Scene:
     mock = load_mock(default_config_path("mock.toml"))
-    return demo_scene("ellipse", CURVE, arms, load_config(default_config_path("demo.toml")), mock)
+    return demo_scene("ellipse", curve, arms, load_config(default_config_path("demo.toml")), mock)
 
 
 def test_it_climbs_goes_to_the_start_waits_and_then_flies_the_curve() -> None:
@@ -37,6 +38,16 @@ def test_it_climbs_goes_to_the_start_waits_and_then_flies_the_curve() -> None:
     for row in np.flatnonzero(time_s >= 0.0)[::97]:
         assert position[row] == pytest.approx(CURVE.at(float(time_s[row])).position_w_m, abs=1e-9)
     assert np.abs(np.diff(mission.now.velocity_w_mps, axis=0)).max() < 0.02, "no leg begins with a jump"
+
+
+def test_a_heading_that_the_trajectory_begins_with_is_turned_to_on_the_way_there() -> None:
+    turned = Waypoints(np.array([0.0, 4.0]), np.array([[0.5, 0.0, 1.2], [0.0, 0.5, 1.2]]), np.array([1.5, 2.0]))
+    mission = demo("off", turned).mission(0.0)
+    yaw_rad = mission.now.yaw_rad
+    assert yaw_rad[0] == 0.0, "as it stands on the floor"
+    assert yaw_rad[mission.time_s >= 0.0][0] == pytest.approx(1.5, abs=1e-6)
+    assert yaw_rad[-1] == pytest.approx(2.0, abs=1e-3)
+    assert np.abs(np.diff(yaw_rad)).max() < 0.02, "nowhere at once"
 
 
 def test_the_arms_stand_until_the_climb_is_over() -> None:
