@@ -1,6 +1,6 @@
 """From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from companion.control.components import anywhere, chosen, column, parts
 from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
 from companion.control.frames import quat_from_yaw
 from companion.control.limits import Gated, Limits, gate
+from companion.control.values import value
 from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 YAW_STEP_RAD = 0.02
@@ -19,7 +20,7 @@ _NOTHING = np.zeros(3)
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@value
 class Asked:
     """What the law wanted in one cycle and what the gate made of it."""
 

@@ -1,6 +1,5 @@
 """Command filter, error compensation and virtual controls (paper, eqs. cmd-filter, iota-dyn, alpha1, alpha_2)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,10 +7,11 @@ import numpy as np
 from companion.control.components import all_by_axis, by_axis, maths
 from companion.control.gains import EtnnGains
 from companion.control.switching import fractional_factor, squared, switch_factor
+from companion.control.values import value
 from companion.types import Array
 
 
-@dataclass(frozen=True)
+@value
 class FilterState:
     """chi (m/s), xi (m/s^2) of eq. cmd-filter; iota_1 (m), iota_2 (m/s) of eq. iota-dyn; each (..., 3)."""
 

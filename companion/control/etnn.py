@@ -10,10 +10,11 @@ from companion.control import network as nn
 from companion.control.controller import ControlInput, ControlOutput
 from companion.control.gains import EtnnGains
 from companion.control.prediction import Prediction, Predictor, PredictorMemory
+from companion.control.values import value
 from companion.types import Array
 
 
-@dataclass(frozen=True)
+@value
 class EtnnMemory:
     """All that the law remembers from one cycle to the next."""
 
@@ -23,7 +24,7 @@ class EtnnMemory:
     predictor: PredictorMemory | None
 
 
-@dataclass(frozen=True)
+@value
 class Decided:
     """A cycle whose command is known and whose inner states are still to be advanced."""
 

@@ -1,16 +1,15 @@
 """When a new command is worth sending (paper, eq. ETC-law)."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from companion.control.components import as_column, at_least, at_most, by_axis, chosen, columns
 from companion.control.gains import EtnnGains
 from companion.control.switching import sign
+from companion.control.values import value
 from companion.types import Array
 
 
-@dataclass(frozen=True)
+@value
 class TriggerState:
     """u held since the last event (m/s^2), (..., 3); kappa, (..., 1); whether anything was sent yet, (..., 1)."""
 

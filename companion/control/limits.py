@@ -18,6 +18,7 @@ from companion.control.frames import (
     rotation_vector_from_quat,
     up_axis_parts,
 )
+from companion.control.values import value
 from companion.types import Array, AttitudeThrust
 
 Mask = NDArray[np.bool_]
@@ -40,7 +41,7 @@ class Limits:
     """Rate of change of the normalised thrust, 1/s."""
 
 
-@dataclass(frozen=True)
+@value
 class Gated:
     """What goes out, and what was cut: flags (...,) for the record and for the safety rules."""
 

@@ -1,16 +1,16 @@
 """The three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from companion.control.components import anywhere, by_axis, column, dot, maths
 from companion.control.gains import EtnnGains
+from companion.control.values import value
 from companion.types import Array
 
 
-@dataclass(frozen=True)
+@value
 class NetworkState:
     """Weight estimates: v0 (..., N_0+1, N_1) into the hidden layer, v1 (..., N_1+1, N_2) out of it."""
 

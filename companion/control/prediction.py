@@ -21,10 +21,11 @@ from companion.control.controller import ControlInput, VehicleModel
 from companion.control.frames import up_axis_parts
 from companion.control.push_observer import Observed, nothing_observed, observe
 from companion.control.switching import Scalar
+from companion.control.values import value
 from companion.types import Array
 
 
-@dataclass(frozen=True)
+@value
 class PredictorMemory:
     """Accelerations asked for lately (m/s^2), newest last, (..., n, 3); modelled specific thrust (m/s^2), (..., 1)."""
 
@@ -33,7 +34,7 @@ class PredictorMemory:
     observed: Observed
 
 
-@dataclass(frozen=True)
+@value
 class Prediction:
     """Position (m) and velocity (m/s) then, and the push (m/s^2) that is taken to go on; (..., 3) in W."""
 

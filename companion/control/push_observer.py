@@ -4,20 +4,20 @@ Motion capture tells the attitude, so what the rotors give the vehicle is known:
 Luenberger observer with both poles at -w finds d: steady pushes exactly, a push that changes at d' late by 2 d'/w.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from companion.control.components import all_by_axis, at_least, at_most
 from companion.control.switching import Scalar
+from companion.control.values import value
 from companion.types import Array
 
 _LONGEST_S = 0.05
 """After a longer gap in the frames the observer corrects no harder than after this one: it would overshoot."""
 
 
-@dataclass(frozen=True)
+@value
 class Observed:
     """Velocity (m/s) and push (m/s^2) as observed, (..., 3) in W; the rotors' part and the age at the last look."""
 

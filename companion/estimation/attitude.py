@@ -3,11 +3,10 @@
 Works on components: floats for one vehicle, whose frame has to cost microseconds, and arrays (...,) for a batch.
 """
 
-from dataclasses import dataclass
-
 from companion.control.components import maths, parts
 from companion.control.frames import quat_from_matrix
 from companion.control.switching import Scalar
+from companion.control.values import value
 from companion.estimation.kalman import Covariance, grow, shrink
 from companion.types import Array
 
@@ -18,7 +17,7 @@ _TINY = 1e-300
 """Added to a divisor it changes nothing but 0/0, which becomes 0."""
 
 
-@dataclass(frozen=True)
+@value
 class Attitude:
     """Estimate at one instant: q turns FLU into W (w x y z, w >= 0); rate (rad/s) and its change (rad/s^2) in FLU."""
 

@@ -9,16 +9,15 @@ In steady state, with measurement noise sigma every dt, all three poles lie at
 w = (density / (sigma^2 dt))^(1/6) rad/s, and the velocity's standard deviation is sqrt(3 w^3 sigma^2 dt).
 """
 
-from dataclasses import dataclass
-
 from companion.control.switching import Scalar
+from companion.control.values import value
 from companion.types import Array
 
 Gains = tuple[Scalar, Scalar, Scalar]
 """How far a unit of surprise in the position moves position, velocity and acceleration."""
 
 
-@dataclass(frozen=True)
+@value
 class Covariance:
     """Of position (p), velocity (v), acceleration (a) of one axis: a symmetric 3x3 matrix."""
 
@@ -30,7 +29,7 @@ class Covariance:
     aa: Scalar
 
 
-@dataclass(frozen=True)
+@value
 class Motion:
     """Estimate at one instant; vectors (..., 3), in any frame and unit."""
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.control.frames import flip_yz, quat_from_rotation_vector
+from companion.control.values import value
 from companion.experiments.virtual_body import Begin, Body, ManyBodies, OneBody
 from companion.types import Array, AttitudeThrust
 from mock_autopilot import plant
@@ -62,7 +63,7 @@ class VirtualVehicle:
     """Cycles whose frame is lost, (n, ...); None loses none."""
 
 
-@dataclass(frozen=True)
+@value
 class Look:
     """What motion capture delivers in one cycle: (..., 3), (..., 4), and which vehicles it delivers at all, (...,)."""
 
