@@ -25,7 +25,18 @@ from companion.control.reference import Ellipse, FigureEight, LapTiming
 from companion.experiments.controller_writer import controller_toml
 from companion.experiments.gain_space import START, rounded, shares_of, values_from
 from companion.experiments.scene import Scene, load_scene
-from companion.experiments.search import ERROR_M, UPDATES, Centre, Generation, Plan, marks_of, scenes_of, search
+from companion.experiments.search import (
+    ERROR_M,
+    UPDATES,
+    Centre,
+    Generation,
+    Plan,
+    Point,
+    front_of,
+    marks_of,
+    scenes_of,
+    search,
+)
 from companion.experiments.tuning import shortened
 from companion.ports import ConfigError
 from companion.types import Array
@@ -48,6 +59,11 @@ class Checked:
     update_share: float
 
     @property
+    def point(self) -> Point:
+        """Of the front of error against updates."""
+        return self.update_share, self.error_m
+
+    @property
     def distance(self) -> float:
         """How far from what is reached for; each objective counts alike."""
         return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
@@ -63,7 +79,7 @@ def tune(
     experiments: Annotated[str, typer.Option(help="What to train on.")] = "ellipse,figure8",
     bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Folder for the candidates.")] = Path("flights/tune"),
+    out: Annotated[Path, typer.Option(help="Folder for the search's progress and picture.")] = Path("flights/tune"),
     summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
 ) -> None:
     """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
@@ -106,6 +122,8 @@ def tune(
             raise typer.Exit(INTERRUPTED) from None
     best = min(checked, key=lambda one: one.distance)
     _print(console, checked, best)
+    _draw([generation for generation, _ in told], checked, best, out / "front.png")
+    console.print(f"picture [bold]{out / 'front.png'}[/]", soft_wrap=True)
     if summary is not None:
         _summarise(checked, summary)
     if write is not None:
@@ -180,6 +198,7 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
     table = Table(title="checked on seeds and curves that no search flew")
     for name in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
         table.add_column(name, justify="right")
+    front = front_of([one.point for one in checked])
     for one in checked:
         table.add_row(
             f"{one.centre.weight:g}",
@@ -188,9 +207,15 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
             f"{one.other_m * 1e3:.1f}",
             f"{one.worst_m * 1e3:.1f}",
             f"{one.update_share:.1%}",
-            "best" if one is best else "",
+            "best" if one is best else "front" if one.point in front else "",
         )
     console.print(table)
+
+
+def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked, path: Path) -> None:
+    from companion.experiments.tuning_plot import plot_search  # noqa: PLC0415 - matplotlib takes a second to import
+
+    plot_search(told, [one.point for one in checked], best.point, path)
 
 
 def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:

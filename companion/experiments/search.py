@@ -1,5 +1,6 @@
 """The search for gains: CMA-ES over the unit cube, once for every weight that updates have against errors."""
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,6 +21,10 @@ _LEAST_MARGIN = 1.05
 _KEPT_EVERY = 10
 _STEP = 0.08
 """Standard deviation of the first generation, in the unit cube."""
+
+
+Point = tuple[float, float]
+"""Update share and error (m)."""
 
 
 @dataclass(frozen=True)
@@ -137,6 +142,17 @@ def _generation(weight: float, number: int, marks: Sequence[Marks]) -> Generatio
         for name in ("error_m", "other_m", "update_share")
     )
     return Generation(weight, number, *middle)
+
+
+def front_of(points: Sequence[Point]) -> list[Point]:
+    """Those that no other beats in both updates and error, by rising updates."""
+    kept: list[Point] = []
+    least = math.inf
+    for updates, error_m in sorted(points):
+        if error_m < least:
+            least = error_m
+            kept.append((updates, error_m))
+    return kept
 
 
 def scenes_of(scenes: Sequence[Scene], bandwidths_radps: Sequence[float]) -> tuple[Scene, ...]:

@@ -35,6 +35,7 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
     assert written[0] == written[1]
     numbers = json.loads((tmp_path / "first.json").read_text(encoding="utf-8"))
     assert numbers["checked"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}
+    assert (tmp_path / "out" / "front.png").read_bytes().startswith(b"\x89PNG")
     assert len(json.loads((tmp_path / "out" / "generations.json").read_text(encoding="utf-8"))) == 1
 
 

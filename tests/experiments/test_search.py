@@ -9,7 +9,7 @@ import pytest
 
 from companion.control.reference import Ellipse, LapTiming
 from companion.experiments.gain_space import KNOBS, START, shares_of
-from companion.experiments.search import Centre, Generation, Plan, cost, penalty, search
+from companion.experiments.search import Centre, Generation, Plan, cost, front_of, penalty, search
 from companion.experiments.tuning import WORST_M, Marks, Trial, evaluate, shortened
 from tests.experiments.scenes import CENTRE, PUSHED, scene
 
@@ -83,3 +83,8 @@ def test_a_shortened_scene_flies_one_lap_and_settles_half_as_long() -> None:
     cut = shortened(whole)
     assert cut.trajectory.duration_s == 14.0
     assert cut.settle_s == 3.0
+
+
+def test_the_front_holds_what_no_other_beats_in_both() -> None:
+    points = [(0.05, 0.02), (0.10, 0.01), (0.12, 0.015), (0.05, 0.03)]
+    assert front_of(points) == [(0.05, 0.02), (0.10, 0.01)]
