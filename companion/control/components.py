@@ -68,6 +68,13 @@ def all_by_axis(formula: Callable[..., Any], first: Array, *others: Array) -> Se
     return [np.array(column_) for column_ in zip(*of_each_axis, strict=True)]
 
 
+def along_axes(formula: Callable[..., Any], first: Any, *others: Any) -> Any:
+    """`all_by_axis` for vectors that are kept as tuples of floats for one vehicle, and come out as such."""
+    if isinstance(first, np.ndarray):
+        return formula(first, *others)
+    return zip(*map(formula, first, *others), strict=True)
+
+
 def dot(a: Array, b: Array) -> Any:
     """Scalar product along the last axis: a float for shape (n,), (...) for (..., n)."""
     if a.ndim == b.ndim == 1:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import hypot, inf, isfinite, sqrt
+from operator import sub
 
 import numpy as np
 
@@ -38,12 +39,13 @@ def step(
         return _started(state, frame, params, clock, pose)
     if dt_s <= 0.0:
         return _refused(state, Verdict.STALE, clock, state.pose)
-    motion = kalman.predict(state.motion, dt_s, params.jerk_density, accel_input_w_mps2)
+    known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
+    motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
     surprise = att.surprise_rad(attitude, pose[3:])
-    if not _possible(frame.position_w_m - motion.position, surprise, motion, attitude, dt_s, params):
+    if not _possible(_distance(pose[:3], motion.position), surprise, motion, attitude, dt_s, params):
         return _outlier(state, frame, params, clock, pose)
-    motion = kalman.update(motion, frame.position_w_m, params.noise_m**2)
+    motion = kalman.update(motion, pose[:3], params.noise_m**2)
     attitude = att.update(attitude, surprise, params.noise_rad**2)
     return _known(state, Verdict.ACCEPTED, frame.stamp_s, params, clock, pose, motion, attitude)
 
@@ -89,13 +91,17 @@ def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Ve
 
 
 def _possible(
-    offset_m: Array, turn_rad: att.Vec3, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
+    off_m: float, turn_rad: att.Vec3, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
 ) -> bool:
     """Whether the surprise is within noise, uncertainty (3 sigma) and what the airframe can do in `dt_s`."""
     half = 0.5 * dt_s * dt_s
     gate_m = params.gate_m + params.max_accel_mps2 * half + 3.0 * sqrt(motion.covariance.pp)
     gate_rad = params.gate_rad + params.max_turn_radps2 * half + 3.0 * sqrt(attitude.covariance.pp)
-    return hypot(*offset_m.tolist()) <= gate_m and hypot(*turn_rad) <= gate_rad
+    return off_m <= gate_m and hypot(*turn_rad) <= gate_rad
+
+
+def _distance(a: kalman.Vector, b: kalman.Vector) -> float:
+    return hypot(*map(sub, a, b))
 
 
 def _started(
@@ -103,8 +109,7 @@ def _started(
 ) -> EstimatorState:
     """Begin from one frame."""
     of_motion, of_attitude = first_covariances(params)
-    zero = np.zeros(3)
-    motion = Motion(frame.position_w_m, zero, zero, of_motion)
+    motion = Motion(pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
     attitude = att.at_rest(frame.rotation_w_b, of_attitude)
     return _known(state, Verdict.STARTED, frame.stamp_s, params, clock, pose, motion, attitude)
 
@@ -112,8 +117,7 @@ def _started(
 def _outlier(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
 ) -> EstimatorState:
-    apart_m = hypot(*(new - old for new, old in zip(pose[:3], state.pose[:3], strict=True)))
-    agreeing = state.agreeing + 1 if apart_m <= params.agree_m else 1
+    agreeing = state.agreeing + 1 if _distance(pose[:3], state.pose[:3]) <= params.agree_m else 1
     if agreeing >= params.outliers_to_restart:
         return _started(state, frame, params, clock, pose)
     return replace(_refused(state, Verdict.OUTLIER, clock, pose), agreeing=agreeing)
@@ -143,8 +147,8 @@ def _known(
 ) -> EstimatorState:
     vehicle = VehicleState(
         to_local_s(clock, stamp_s, params.delay_s),
-        motion.position,
-        motion.velocity,
+        np.array(motion.position),
+        np.array(motion.velocity),
         np.array(attitude.q),
         np.array(attitude.rate),
     )

@@ -9,10 +9,14 @@ In steady state, with measurement noise sigma every dt, all three poles lie at
 w = (density / (sigma^2 dt))^(1/6) rad/s, and the velocity's standard deviation is sqrt(3 w^3 sigma^2 dt).
 """
 
+from typing import Any
+
+from companion.control.components import along_axes
 from companion.control.switching import Scalar
 from companion.control.values import value
-from companion.types import Array
 
+Vector = Any
+"""Three floats for one vehicle, an array (..., 3) for a batch."""
 Gains = tuple[Scalar, Scalar, Scalar]
 """How far a unit of surprise in the position moves position, velocity and acceleration."""
 
@@ -31,11 +35,11 @@ class Covariance:
 
 @value
 class Motion:
-    """Estimate at one instant; vectors (..., 3), in any frame and unit."""
+    """Estimate at one instant; vectors in any frame and unit."""
 
-    position: Array
-    velocity: Array
-    acceleration: Array
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
     """What the known input does not explain; all of it when no input is given."""
     covariance: Covariance
     """Of every axis: floats that the vehicles share, or each vehicle's own, (..., 1)."""
@@ -66,24 +70,28 @@ def shrink(c: Covariance, variance: float) -> tuple[Gains, Covariance]:
     return (kp, kv, ka), left
 
 
-def predict(state: Motion, dt: Scalar, density: float, accel_input: Array | None = None) -> Motion:
-    """Carry the estimate `dt` seconds, () or (..., 1), on; `accel_input`, (..., 3), is acceleration known otherwise."""
-    acceleration = state.acceleration if accel_input is None else state.acceleration + accel_input
-    return Motion(
-        state.position + dt * state.velocity + (0.5 * dt * dt) * acceleration,
-        state.velocity + dt * acceleration,
-        state.acceleration,
-        grow(state.covariance, dt, density),
-    )
+def predict(state: Motion, dt: Scalar, density: float, accel_input: Vector | None = None) -> Motion:
+    """Carry the estimate `dt` seconds, () or (..., 1), on; `accel_input`, as the vectors, is acceleration known."""
+    half = 0.5 * dt * dt
+
+    def ahead(position: Any, velocity: Any, acceleration: Any) -> Any:
+        return position + dt * velocity + half * acceleration, velocity + dt * acceleration
+
+    acceleration = state.acceleration
+    if accel_input is not None:
+        (acceleration,) = along_axes(lambda own, known: (own + known,), acceleration, accel_input)
+    position, velocity = along_axes(ahead, state.position, state.velocity, acceleration)
+    return Motion(position, velocity, state.acceleration, grow(state.covariance, dt, density))
 
 
-def update(state: Motion, measured: Array, variance: float) -> Motion:
-    """Correct by a measured position, shape (..., 3), with `variance` (unit^2) on every axis."""
-    surprise = measured - state.position
+def update(state: Motion, measured: Vector, variance: float) -> Motion:
+    """Correct by a measured position, as the vectors, with `variance` (unit^2) on every axis."""
     (kp, kv, ka), covariance = shrink(state.covariance, variance)
-    return Motion(
-        state.position + kp * surprise,
-        state.velocity + kv * surprise,
-        state.acceleration + ka * surprise,
-        covariance,
-    )
+
+    def corrected(position: Any, velocity: Any, acceleration: Any, measured: Any) -> Any:
+        surprise = measured - position
+        return position + kp * surprise, velocity + kv * surprise, acceleration + ka * surprise
+
+    vectors = state.position, state.velocity, state.acceleration
+    position, velocity, acceleration = along_axes(corrected, *vectors, measured)
+    return Motion(position, velocity, acceleration, covariance)

@@ -8,6 +8,7 @@ import pytest
 
 from companion.control.components import (
     all_by_axis,
+    along_axes,
     anywhere,
     at_least,
     at_most,
@@ -45,6 +46,13 @@ def test_a_formula_may_give_several_vectors(vector: Array) -> None:
     twice, less = all_by_axis(lambda v, g: (2.0 * v, v - g), vector, np.array([1.0, 0.0, -1.0]))
     np.testing.assert_array_equal(twice, 2.0 * vector)
     np.testing.assert_array_equal(less, vector + np.array([-1.0, 0.0, 1.0]))
+    first, second = along_axes(lambda v: (2.0 * v, v - 1.0), vector)
+    np.testing.assert_array_equal(first, 2.0 * vector)
+    np.testing.assert_array_equal(second, vector - 1.0)
+
+
+def test_vectors_kept_as_floats_stay_floats() -> None:
+    assert list(along_axes(lambda v, g: (2.0 * v, v - g), (1.0, -2.0), (0.5, 3.0))) == [(2.0, -4.0), (0.5, -5.0)]
 
 
 def test_scalars_of_one_vehicle_are_floats_and_scale_vectors_in_both_cases() -> None:

@@ -95,6 +95,19 @@ def test_broadcasting_equals_looping() -> None:
             assert together.covariance == alone.covariance
 
 
+def test_one_vehicles_three_floats_are_filtered_as_an_array_is() -> None:
+    rng = np.random.default_rng(3)
+    nothing = (0.0, 0.0, 0.0)
+    floats, array = Motion(nothing, nothing, nothing, START), motion(np.zeros(3))
+    for measured in rng.normal(size=(30, 3)):
+        known = tuple(measured.tolist())
+        floats = update(predict(floats, 0.01, 4.0, known), known, VARIANCE)
+        array = update(predict(array, 0.01, 4.0, measured), measured, VARIANCE)
+    assert floats.position == tuple(array.position)
+    assert floats.velocity == tuple(array.velocity)
+    assert floats.acceleration == tuple(array.acceleration)
+
+
 def test_vehicles_with_times_of_their_own_broadcast_too() -> None:
     rng = np.random.default_rng(2)
     paths, dts = rng.normal(size=(30, 5, 3)), rng.uniform(0.005, 0.1, size=(30, 5, 1))
