@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mock_autopilot import quaternion as quat
-from mock_autopilot import quaternion_batch as batch
 from mock_autopilot.quaternion import Array
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ def thrust_of_signal(signal: Array, params: PlantParams) -> Array:
 def friction_ned_n(velocity_ned_mps: Array, fixed: Coefficients) -> Array:
     """Force (N) with which air and cables oppose the motion: viscous, quadratic and Coulomb, shape (..., 3)."""
     v = velocity_ned_mps
-    drag = (fixed.quadratic * batch.length(v) + fixed.viscous) * v
+    drag = (fixed.quadratic * quat.length(v) + fixed.viscous) * v
     return np.asarray(-drag - fixed.coulomb * np.tanh(v * fixed.dry_per_mps))
 
 
@@ -193,7 +192,7 @@ def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantP
     fixed = params.coefficients(dt_s, state.velocity_ned_mps.shape)
     thrust, mean_thrust = _thrust_step(state, actuation, params, fixed)
     q, rate, turn = _attitude_step(state, actuation, wrench, fixed, dt_s)
-    lift = mean_thrust[..., None] * quat.down_axis(batch.unit(state.q_ned_frd_wxyz + q))
+    lift = mean_thrust[..., None] * quat.down_axis(quat.unit(state.q_ned_frd_wxyz + q))
     push = wrench.force_ned_n + friction_ned_n(state.velocity_ned_mps, fixed) - lift
     acceleration = push * fixed.per_kg + fixed.gravity
     velocity = state.velocity_ned_mps + acceleration * dt_s
@@ -219,7 +218,7 @@ def _attitude_step(
     before, push = state.turn_frd_radps2, wrench.angular_frd_radps2
     gap = _wanted_turn(state, actuation, push, fixed, 0.5 * dt_s) - before
     rate = state.rate_frd_radps + (before + gap * fixed.torque_mean + push) * dt_s
-    q = batch.turned_by_small(state.q_ned_frd_wxyz, (state.rate_frd_radps + rate) * (0.25 * dt_s))
+    q = quat.turned_by_small(state.q_ned_frd_wxyz, (state.rate_frd_radps + rate) * (0.25 * dt_s))
     return q, rate, before + gap * fixed.torque_gain
 
 
@@ -231,7 +230,7 @@ def _wanted_turn(state: PlantState, actuation: Actuation, push: Array, fixed: Co
     rate_then = rate + (state.turn_frd_radps2 + push) * later_s
     if actuation.rate_sp_frd_radps is not None:
         return np.asarray(fixed.damping * (actuation.rate_sp_frd_radps - rate_then))
-    error = batch.to_rotation_vector(batch.multiply(quat.conjugate(state.q_ned_frd_wxyz), actuation.q_sp_wxyz))
+    error = quat.to_rotation_vector(quat.multiply(quat.conjugate(state.q_ned_frd_wxyz), actuation.q_sp_wxyz))
     return np.asarray(fixed.stiffness * (error - rate * later_s) - fixed.damping * rate_then)
 
 

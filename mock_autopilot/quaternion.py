@@ -1,7 +1,7 @@
 """Unit quaternions, w x y z, turning body coordinates (FRD) into world coordinates (NED).
 
-All functions broadcast over leading axes. The mock has its own so that a sign error in the
-companion's conversions cannot cancel against the same error here.
+All functions broadcast over leading axes, in as few numpy calls as it takes. The mock has its own so that a sign error
+in the companion's conversions cannot cancel against the same error here.
 """
 
 import math
@@ -11,20 +11,19 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_TINY = 1e-300
+"""Keeps 0 / 0 apart where the quotient is multiplied by 0 anyway."""
+
 
 def multiply(a: Array, b: Array) -> Array:
-    """Hamilton product of two quaternions, shape (..., 4)."""
-    aw, ax, ay, az = a[..., 0], a[..., 1], a[..., 2], a[..., 3]
-    bw, bx, by, bz = b[..., 0], b[..., 1], b[..., 2], b[..., 3]
-    return np.stack(
-        (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ),
-        axis=-1,
-    )
+    """Hamilton product of two quaternions, shape (..., 4).
+
+    Each is read as two complex numbers, w + ix and y + iz: the product is then four of theirs (Cayley, Dickson).
+    """
+    left, right = np.ascontiguousarray(a).view(np.complex128), np.ascontiguousarray(b).view(np.complex128)
+    other = right[..., ::-1].conj()
+    other[..., 0] *= -1.0
+    return np.asarray(left[..., :1] * right + left[..., 1:] * other).view(np.float64)
 
 
 def conjugate(q: Array) -> Array:
@@ -32,23 +31,38 @@ def conjugate(q: Array) -> Array:
     return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
-def normalise(q: Array) -> Array:
-    """Scale to unit length, shape (..., 4)."""
-    return np.asarray(q / np.sqrt((q * q).sum(axis=-1, keepdims=True)))
+def unit(q: Array) -> Array:
+    """Scaled to length 1, any last axis."""
+    return np.asarray(q / length(q))
+
+
+def length(v: Array) -> Array:
+    """Euclidean, over the last axis, which stays: (..., 1)."""
+    return np.asarray(np.sqrt(np.vecdot(v, v)[..., None]))
 
 
 def from_rotation_vector(r: Array) -> Array:
     """Exponential map: rotation vector (rad), shape (..., 3), to a unit quaternion."""
-    half = 0.5 * np.sqrt((r * r).sum(axis=-1, keepdims=True))
+    half = 0.5 * length(r)
     return np.concatenate((np.cos(half), 0.5 * r * np.sinc(half / np.pi)), axis=-1)
 
 
 def to_rotation_vector(q: Array) -> Array:
     """Logarithm: unit quaternion to the shorter rotation vector (rad), shape (..., 3)."""
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = np.sqrt((q[..., 1:] ** 2).sum(axis=-1, keepdims=True))
-    half = np.arctan2(sine, q[..., :1])
-    return np.asarray(q[..., 1:] * 2.0 / np.maximum(np.sinc(half / np.pi), 1e-12))
+    w, v = q[..., :1], q[..., 1:]
+    sine = length(v)
+    return np.asarray(v * (np.copysign(2.0, w) * np.arctan2(sine, np.abs(w)) / np.maximum(sine, _TINY)))
+
+
+def turned_by_small(q: Array, half_turn_rad: Array) -> Array:
+    """`q` after a further turn by twice `half_turn_rad` (..., 3) about body axes, shape (..., 4).
+
+    The half angle's tangent is a series: 3e-8 of a half turn of 0.125 rad is wrong, which is 50 rad/s at 5 ms.
+    """
+    square = np.vecdot(half_turn_rad, half_turn_rad)[..., None]
+    small = np.ones((*half_turn_rad.shape[:-1], 4))
+    np.multiply(half_turn_rad, 1.0 + square * (1.0 / 3.0 + square * (2.0 / 15.0)), out=small[..., 1:])
+    return unit(multiply(q, small))
 
 
 def to_matrix(q: Array) -> Array:

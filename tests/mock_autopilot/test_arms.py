@@ -175,7 +175,7 @@ def test_a_batch_of_vehicles_is_pushed_as_each_would_be_alone(a: Three, r: Three
     for step in range(1, 5):
         vehicles = replace(
             plant.at_rest(rng.normal(size=(*lead, 3))),
-            q_ned_frd_wxyz=quat.normalise(rng.normal(size=(*lead, 4))),
+            q_ned_frd_wxyz=quat.unit(rng.normal(size=(*lead, 4))),
             rate_frd_radps=rng.normal(size=(*lead, 3)),
             thrust_n=rng.uniform(30.0, 60.0, lead),
             on_ground=rng.random(lead) < 0.3,

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mock_autopilot import plant, plant_one
 from mock_autopilot import quaternion as quat
-from mock_autopilot import quaternion_batch as quick
+from mock_autopilot import quaternion_one as plain
 from mock_autopilot.plant import GRAVITY_MPS2, ROLL, YAW, Actuation, PlantParams, PlantState, Wrench
 
 Step = Callable[[PlantState, Actuation, Wrench, PlantParams, float], PlantState]
@@ -124,7 +124,7 @@ def test_a_roll_setpoint_rolls_right_and_moves_east() -> None:
 
 def test_a_batch_is_what_its_members_are() -> None:
     rng = np.random.default_rng(5)
-    q = quat.normalise(rng.normal(size=(6, 4)))
+    q = quat.unit(rng.normal(size=(6, 4)))
     batch = plant.at_rest(rng.normal(size=(6, 3)) - [0.0, 0.0, 20.0])
     batch = replace(batch, velocity_ned_mps=rng.normal(size=(6, 3)))
     singles = [_member(batch, i) for i in range(6)]
@@ -174,7 +174,7 @@ def test_every_vehicle_may_have_parameters_of_its_own(lead: tuple[int, ...]) -> 
     rng, count = np.random.default_rng(11), math.prod(lead)
     flat = _each(rng, max(count, 3))
     start = rng.normal(size=(count, 3)) - [0.0, 0.0, 1.5]
-    q, force = quat.normalise(rng.normal(size=(count, 4))), rng.normal(size=(count, 3))
+    q, force = quat.unit(rng.normal(size=(count, 4))), rng.normal(size=(count, 3))
     signal = rng.uniform(0.2, 0.9, count)
     shaped = _of(flat, lambda values: values[:count].reshape(*lead, *values.shape[1:]))
     batch = plant.at_rest(start.reshape(*lead, 3))
@@ -239,13 +239,20 @@ def test_steps_of_five_milliseconds_fly_as_short_ones_do() -> None:
 
 
 @given(st.lists(small, min_size=8, max_size=8).map(np.array), vectors)
-def test_the_quick_quaternions_are_the_plain_ones(pair: np.ndarray, turn: np.ndarray) -> None:
-    a, b = (quat.normalise(part + np.array([2.0, 0.0, 0.0, 0.0])) for part in (pair[:4], pair[4:]))
-    assert quick.multiply(a, b) == pytest.approx(quat.multiply(a, b))
-    assert quick.to_rotation_vector(a) == pytest.approx(quat.to_rotation_vector(a))
-    assert quick.to_rotation_vector(-a) == pytest.approx(quat.to_rotation_vector(-a))
-    after = quat.multiply(a, quat.from_rotation_vector(0.25 * turn))
-    assert quick.turned_by_small(a, 0.125 * turn) == pytest.approx(after, abs=1e-6)
+def test_the_arrays_quaternions_are_the_plain_ones(pair: np.ndarray, turn: np.ndarray) -> None:
+    a, b = (part + np.array([2.0, 0.0, 0.0, 0.0]) for part in (pair[:4], pair[4:]))
+    assert quat.unit(a) == pytest.approx(np.array(plain.unit(_four(a))))
+    a, b = quat.unit(a), quat.unit(b)
+    assert quat.multiply(a, b) == pytest.approx(np.array(plain.multiply(_four(a), _four(b))))
+    for same in (a, -a):
+        assert quat.to_rotation_vector(same) == pytest.approx(np.array(plain.to_rotation_vector(_four(same))))
+    after = quat.multiply(a, quat.from_rotation_vector(0.14 * turn))
+    assert quat.turned_by_small(a, 0.07 * turn) == pytest.approx(after, abs=3e-8), "a half turn of 0.121 rad at most"
+
+
+def _four(q: np.ndarray) -> tuple[float, float, float, float]:
+    w, x, y, z = q.tolist()
+    return w, x, y, z
 
 
 def _member(batch: PlantState, index: int | tuple[int, ...]) -> PlantState:
