@@ -89,7 +89,7 @@ def _seen(rows: int | slice, cycle: int, period_s: float) -> ControlInput:
         _frozen(_VELOCITY_MPS[rows]),
         _frozen(_Q[rows]),
         _frozen(_RATE_RADPS[rows]),
-        float(_AGE_S[rows, 0]) if isinstance(rows, int) else _frozen(_AGE_S),  # type: ignore[arg-type]
+        float(_AGE_S[rows, 0]) if isinstance(rows, int) else _frozen(_AGE_S),
         reference,
         _frozen(_SENT_MPS2[rows]),
         period_s,

@@ -34,8 +34,8 @@ class ControlInput:
     velocity_w_mps: Array
     q_w_flu_wxyz: Array
     rate_flu_radps: Array
-    age_s: float
-    """How long ago that state was true."""
+    age_s: float | Array
+    """How long ago that state was true; (..., 1) where vehicles differ."""
     reference: Reference
     """What is asked for `Controller.preview_s` from now."""
     sent_accel_w_mps2: Array
