@@ -4,10 +4,8 @@ import json
 import math
 import os
 import shlex
-import signal
-import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -38,6 +36,7 @@ from companion.experiments.search import (
     search,
 )
 from companion.experiments.tuning import shortened
+from companion.experiments.workers import workers
 from companion.ports import ConfigError
 from companion.types import Array
 
@@ -88,38 +87,17 @@ def tune(
     flew, and the best of them is written.
     """
     console = Console()
-    loops = _numbers("bandwidths", bandwidths)
-    plan = Plan(
-        scenes_of([shortened(load_scene(name)) for name in experiments.split(",")], loops),
-        len(loops),
-        generations,
-        population,
-        _numbers("weights", weights),
-        seed,
-    )
+    plan = _plan(generations, population, weights, seed, experiments, bandwidths)
     begin = START if start is None else _from_file(start)
-    check_output(out, summary)
-    if write is not None:
-        if write.is_dir():
-            raise ConfigError(f"--write {write} is a folder: give the name of a file")
-        check_output(write.parent, None)
+    _check_outputs(out, summary, write)
     told: list[tuple[Generation, Array]] = []
-    centres: list[Centre] = []
-    with ProcessPoolExecutor(jobs, initializer=_deaf_to_interrupts) as pool:
-        try:
-            with _progress(console, plan) as bar:
-
-                def note(generation: Generation, centre: Array) -> None:
-                    told.append((generation, centre))
-                    _keep(out, told)
-                    bar(len(told), generation)
-
-                centres = search(plan, shares_of(begin), pool, note)
+    try:
+        with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
+            centres = _search(plan, begin, pool, told, console, out)
             checked = _check(centres, plan, pool)
-        except KeyboardInterrupt:
-            pool.shutdown(cancel_futures=True)
-            console.print(f"interrupted after {len(told)} generations; their centres are in {out / 'generations.json'}")
-            raise typer.Exit(INTERRUPTED) from None
+    except KeyboardInterrupt:
+        console.print(f"interrupted after {len(told)} generations; their centres are in {out / 'generations.json'}")
+        raise typer.Exit(INTERRUPTED) from None
     best = min(checked, key=lambda one: one.distance)
     _print(console, checked, best)
     _draw([generation for generation, _ in told], checked, best, out / "front.png")
@@ -127,9 +105,48 @@ def tune(
     if summary is not None:
         _summarise(checked, summary)
     if write is not None:
+        asked: dict[str, object] = {
+            "generations": generations,
+            "population": population,
+            "weights": weights,
+            "seed": seed,
+        }
+        asked |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
         title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
-        write.write_text(controller_toml(best.values, title, "the ET-NN law, tuned", _command()), encoding="utf-8")
+        write.write_text(controller_toml(best.values, title, "the ET-NN law, tuned", _command(asked)), encoding="utf-8")
         console.print(f"wrote [bold]{write}[/]")
+
+
+def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:
+    loops = _numbers("bandwidths", bandwidths)
+    scenes = scenes_of([shortened(load_scene(name)) for name in experiments.split(",")], loops)
+    return Plan(scenes, len(loops), generations, population, _numbers("weights", weights), seed)
+
+
+def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:
+    check_output(out, summary)
+    if write is not None:
+        if write.is_dir():
+            raise ConfigError(f"--write {write} is a folder: give the name of a file")
+        check_output(write.parent, None)
+
+
+def _search(
+    plan: Plan,
+    begin: dict[str, float],
+    pool: Executor,
+    told: list[tuple[Generation, Array]],
+    console: Console,
+    out: Path,
+) -> list[Centre]:
+    with _progress(console, plan) as bar:
+
+        def note(generation: Generation, centre: Array) -> None:
+            told.append((generation, centre))
+            _keep(out, told)
+            bar(len(told), generation)
+
+        return search(plan, shares_of(begin), pool, note)
 
 
 def _from_file(name: str) -> dict[str, float]:
@@ -138,13 +155,10 @@ def _from_file(name: str) -> dict[str, float]:
     return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
 
 
-def _deaf_to_interrupts() -> None:
-    """Ctrl-C reaches the workers, too; only the command itself answers it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _command() -> str:
-    return "companion tune " + shlex.join(sys.argv[2:])
+def _command(asked: dict[str, object]) -> str:
+    """What to type for the same search again; where it writes and on how many processes makes no difference."""
+    given = [(f"--{name}", str(value)) for name, value in asked.items() if value is not None]
+    return shlex.join(["companion", "tune", *(part for pair in given for part in pair)])
 
 
 def _numbers(option: str, text: str) -> tuple[float, ...]:
