@@ -141,8 +141,8 @@ def _check_output(output: ControlOutput, lead: tuple[int, ...], file: LawFile, o
     if not isinstance(output.signals, dict):
         raise file.wrong(f".step gave {_described(output.signals)} as signals: must be a dict of arrays, {{}} for none")
     for name, signal in output.signals.items():
-        size = np.shape(signal)[-1:] or (1,)
-        _check_array(f"signals[{name!r}]", signal, (*lead, *size), file, of)
+        own = np.shape(signal)[len(lead) :] or (1,)
+        _check_array(f"signals[{name!r}]", signal, (*lead, *own), file, of)
 
 
 def _check_array(name: str, value: object, shape: tuple[int, ...], file: LawFile, of: str) -> None:
@@ -174,6 +174,9 @@ def _compare(alone: ControlOutput, batch: ControlOutput, row: int, file: LawFile
             f".step commands {batch.accel_w_mps2[row].tolist()} m/s^2 to a vehicle in a batch of two and "
             f"{alone.accel_w_mps2.tolist()} to the same vehicle alone: sums and norms must go along the last axis only"
         )
+    for name, signal in alone.signals.items():
+        shape, of = (2, *signal.shape), " with positions of shape (2, 3)"
+        _check_array(f"signals[{name!r}]", batch.signals.get(name), shape, file, of)
 
 
 def _described(value: object) -> str:

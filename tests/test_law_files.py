@@ -157,6 +157,7 @@ def test_a_step_that_is_not_pure(tmp_path: Path, instead: str) -> None:
     [
         (EVENT, "np.ones(1)", f"{TWO} gave event of shape (1,): must be (2, 1)"),
         ("error})", "error.T})", f"{TWO} gave signals['error'] of shape (3, 2): must be (2, 2)"),
+        ("error})", "error.reshape(-1, 3)})", f"{TWO} gave signals['error'] of shape (2, 3): must be (2, 1, 3)"),
         ("accel = ", "accel = 0.0 if error[2] > 1.0 else ", f"{TWO} raised IndexError: "),
         ("accel = ", "accel = -np.linalg.norm(error) - ", ".step commands ["),
     ],

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.control.etnn import Decided, Etnn, EtnnMemory
+from companion.control.etnn import Etnn
 from companion.control.frames import flip_yz
 from companion.control.gains import EtnnGains
 from companion.experiments.campaign import Item, controller_of, scene_of, tracking
@@ -57,23 +57,11 @@ class Detail:
         return self.trace.signals
 
 
-@dataclass(frozen=True)
-class _WithWeights(Etnn):
-    """The same law, which also records its weights."""
-
-    def settle(self, decided: Decided) -> tuple[EtnnMemory, dict[str, Array]]:
-        after, signals = super().settle(decided)
-        network = decided.before.network
-        return after, signals | {"v0": network.v0, "v1": network.v1}
-
-
 def look_closely(item: Item) -> Detail:
     """Fly an item's first seed alone and keep everything."""
     scene = scene_of(item.experiment, item.bandwidth_radps)
     loaded = controller_of(item, scene)
     law = loaded.law
-    if isinstance(law, Etnn):
-        loaded = replace(loaded, law=_WithWeights(law.gains, law.predictor))
     mission, vehicle, seed = scene.mission(law.preview_s), scene.vehicle(), item.seeds[0]
     trace = simulate(scene.pilot(loaded, item.feedforward), vehicle, mission, [seed], keep_signals=True)
     plant, mass_kg = vehicle.plant, float(vehicle.plant.mass_kg)
