@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import all_by_axis, joined, maths, parts
+from companion.control.components import joined, maths, parts
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.frames import up_axis_parts
 from companion.control.push_observer import Observed, nothing_observed, observe
@@ -27,9 +27,10 @@ from companion.types import Array
 
 @value
 class PredictorMemory:
-    """Accelerations asked for lately (m/s^2), newest last, (..., n, 3); modelled specific thrust (m/s^2), (..., 1)."""
+    """What the near future follows from: `drives` (..., 3, n + 2) in W, and the modelled specific thrust (..., 1)."""
 
-    sent: Array
+    drives: Array
+    """Accelerations asked for lately (m/s^2), oldest first, then acceleration and jerk (m/s^3) at the last capture."""
     thrust_mps2: Array
     observed: Observed
 
@@ -70,46 +71,37 @@ class Predictor:
 
     def initial(self, first: ControlInput) -> PredictorMemory:
         """As if the last command had been held for long."""
-        sent = np.repeat(first.sent_accel_w_mps2[..., None, :], self._weights.commands.shape[-3], axis=-2)
+        drives = np.repeat(first.sent_accel_w_mps2[..., None], self._weights.drives.shape[-1], axis=-1)
         thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
-        return PredictorMemory(sent, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
+        return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
 
     def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
         """The state then, and the memory with the newest command."""
-        sent = np.concatenate((memory.sent[..., 1:, :], now.sent_accel_w_mps2[..., None, :]), axis=-2)
-        thrust = self._thrust(memory.thrust_mps2, sent)
+        drives = np.empty_like(memory.drives)
+        drives[..., :-3] = memory.drives[..., 1:-2]
+        drives[..., -3] = now.sent_accel_w_mps2
+        thrust = self._thrust(memory.thrust_mps2, drives[..., 0])
         x, y, z = up_axis_parts(now.q_w_flu_wxyz)
-        (push_up,) = parts(thrust)
-        accel = joined(push_up * x, push_up * y, push_up * z - self.vehicle.gravity_mps2)
+        accel = joined(thrust * x, thrust * y, thrust * z - self.vehicle.gravity_mps2)
+        drives[..., -2] = accel
+        drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
         observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
-        return self._propagate(now, sent, thrust, accel, observed.push), PredictorMemory(sent, thrust, observed)
+        return self._propagate(now, drives, observed.push), PredictorMemory(drives, joined(thrust), observed)
 
-    def _thrust(self, thrust_mps2: Array, sent: Array) -> Array:
+    def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Any:
         """Specific thrust at capture time: the oldest kept command is the one that acted then."""
-        (x, y, z), (before,) = parts(sent[..., 0, :]), parts(thrust_mps2)
+        (x, y, z), (before,) = parts(oldest_sent), parts(thrust_mps2)
         up = z + self.vehicle.gravity_mps2
         size = maths(x).sqrt(x * x + y * y + up * up)
-        return joined(before + (size - before) * self._thrust_share)
+        return before + (size - before) * self._thrust_share
 
-    def _propagate(self, now: ControlInput, sent: Array, thrust: Array, accel: Array, push: Array) -> Prediction:
-        w = self._weights
-        up_rate = _up_axis_rate(now.q_w_flu_wxyz, now.rate_flu_radps)
+    def _propagate(self, now: ControlInput, drives: Array, push: Array) -> Prediction:
+        w, velocity = self._weights, now.velocity_w_mps
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
-        forced = np.einsum("...ni,...nki->...ki", sent, w.commands)
-        specific_thrust = thrust if thrust.ndim > 1 else thrust.item()
-
-        def at_horizon(
-            p: Any, v: Any, a: Any, up_rate: Any, push: Any, forced_p: Any, forced_v: Any, *weights: Any
-        ) -> Any:
-            a_p, a_v, j_p, j_v = weights
-            j = specific_thrust * up_rate
-            position = p + ahead * v + a_p * a + j_p * j + forced_p + (0.5 * ahead * ahead) * push
-            return position, v + a_v * a + j_v * j + forced_v + ahead * push
-
-        known = now.position_w_m, now.velocity_w_mps, accel, up_rate, push, forced[..., 0, :], forced[..., 1, :]
-        position, velocity = all_by_axis(at_horizon, *known, *w.accel, *w.jerk)
-        return Prediction(position, velocity, push)
+        driven = np.vecdot(w.drives, drives[..., None, :, :])
+        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * push + driven[..., 0, :]
+        return Prediction(position, velocity + ahead * push + driven[..., 1, :], push)
 
     @cached_property
     def _thrust_share(self) -> float:
@@ -127,28 +119,22 @@ class Predictor:
 
 @dataclass(frozen=True)
 class _Weights:
-    """Response of (position, velocity) at the horizon, per axis: accel, jerk (2, ..., 3); commands (..., n, 2, 3)."""
+    """Response of (position, velocity) at the horizon to the drives, per axis: (..., 2, 3, n + 2)."""
 
     horizon_s: Scalar
-    accel: Array
-    jerk: Array
-    commands: Array
+    drives: Array
 
 
 def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
     """One set for each vehicle of a batch of shape `lead`."""
-    one = weights[0]
-    return _Weights(
-        np.array([w.horizon_s for w in weights]).reshape(*lead, 1),
-        np.stack([w.accel for w in weights], axis=1).reshape(2, *lead, 3),
-        np.stack([w.jerk for w in weights], axis=1).reshape(2, *lead, 3),
-        np.stack([w.commands for w in weights]).reshape(*lead, *one.commands.shape),
-    )
+    horizon_s, drives = np.array([w.horizon_s for w in weights]), np.stack([w.drives for w in weights])
+    return _Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
 
 
-def _up_axis_rate(q: Array, rate_flu_radps: Array) -> Array:
-    """Rate of change of the body z axis in W (1/s): R (omega x e3), shape (..., 3)."""
+def _jerk(thrust_mps2: Any, q: Array, rate_flu_radps: Array) -> Array:
+    """What turning a steady thrust does: its size times R (omega x e3), shape (..., 3)."""
     (w, x, y, z), (roll, pitch, _) = parts(q), parts(rate_flu_radps)
+    roll, pitch = thrust_mps2 * roll, thrust_mps2 * pitch
     return joined(
         pitch * (1 - 2 * (y * y + z * z)) - roll * (2 * (x * y - w * z)),
         pitch * (2 * (x * y + w * z)) - roll * (1 - 2 * (x * x + z * z)),
@@ -161,22 +147,16 @@ def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_
     horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
     lag = _second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
     systems = (lag, lag, _first_order(vehicle.thrust_lag_s))
-    end = [_exponential(system * horizon) for system in systems]
-    accel = np.array([[m[row, 2] for m in end] for row in (0, 1)])
-    jerk = np.array([[m[row, 3] for m in end] for row in (0, 1)])
     count = int(np.ceil((vehicle.mocap_age_s + vehicle.setpoint_delay_s) / period_s - 1e-9)) + 1
     across = _command_spans(vehicle.mocap_age_s + vehicle.setpoint_delay_s, lead_s, period_s, count)
     upward = _command_spans(vehicle.mocap_age_s + vehicle.thrust_delay_s, thrust_lead_s, period_s, count)
-    commands = np.array(
-        [
-            [
-                [_span(system, horizon, row, *span) for system, span in zip(systems, (ab, ab, up), strict=True)]
-                for row in (0, 1)
-            ]
-            for ab, up in zip(across, upward, strict=True)
-        ]
-    )
-    return _Weights(horizon, accel, jerk, commands)
+
+    def of_axis(row: int, system: Array, spans: list[tuple[float, float]]) -> list[float]:
+        end = _exponential(system * horizon)
+        return [*(_span(system, horizon, row, *span) for span in spans), end[row, 2], end[row, 3]]
+
+    axes = list(zip(systems, (across, across, upward), strict=True))
+    return _Weights(horizon, np.array([[of_axis(row, *axis) for axis in axes] for row in (0, 1)]))
 
 
 def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -> list[tuple[float, float]]:

@@ -49,9 +49,14 @@ def breaks_of(known_s: float, lead_s: float, count: int) -> list[float]:
     return [known_s + lead_s, known_s, *(known_s - n * PERIOD_S for n in range(1, count + 1))]
 
 
+def sent_before(memory: PredictorMemory) -> Array:
+    """Commands oldest first, (n, 3): without the acceleration and the jerk that the memory keeps after them."""
+    return memory.drives[:, :-2].T
+
+
 def brute_force(now: ControlInput, memory: PredictorMemory, thrust: float, predictor: Predictor) -> tuple[Array, Array]:
     v = predictor.vehicle
-    sent = np.concatenate((memory.sent[1:], now.sent_accel_w_mps2[None]))
+    sent = np.concatenate((sent_before(memory)[1:], now.sent_accel_w_mps2[None]))
     horizon = v.mocap_age_s + v.setpoint_delay_s + float(predictor.lead_s)
     up = up_axis(now.q_w_flu_wxyz)
     step = 1e-7  # the body turns about its own axes: q then a small turn
@@ -126,13 +131,13 @@ def test_the_weights_are_the_models_integral(
     rng = np.random.default_rng(seed)
     now = random_input(rng, age + 0.004)
     memory = predictor.initial(now)
-    memory = replace(memory, sent=rng.normal(0.0, 2.0, memory.sent.shape))
+    memory = replace(memory, drives=rng.normal(0.0, 2.0, memory.drives.shape))
     predicted, after = predictor.step(memory, now)
     position, velocity = predicted.position_w_m, predicted.velocity_w_mps
     expected = brute_force(now, memory, float(after.thrust_mps2[0]), predictor)
     # commands older than the memory acted before the capture; only those still acting then may be missing
     known = age + max(delay, thrust_delay)
-    if thrust_delay > delay and math.ceil(known / PERIOD_S) > memory.sent.shape[0]:
+    if thrust_delay > delay and math.ceil(known / PERIOD_S) > len(sent_before(memory)):
         expected[0][2], expected[1][2] = position[2], velocity[2]
     np.testing.assert_allclose(position, expected[0], atol=1e-7)
     np.testing.assert_allclose(velocity, expected[1], atol=1e-7)
@@ -188,7 +193,7 @@ def test_the_modelled_thrust_follows_what_was_asked_for_with_its_lag() -> None:
     hover = ControlInput(np.zeros(3), np.zeros(3), level, np.zeros(3), 0.01, NOWHERE, np.zeros(3), 0.01)
     memory = predictor.initial(hover)
     assert float(memory.thrust_mps2[0]) == pytest.approx(G)
-    count = memory.sent.shape[0]
+    count = len(sent_before(memory))
     climb = ControlInput(**{**hover.__dict__, "sent_accel_w_mps2": np.array([0.0, 0.0, 1.0])})
     for n in range(count + 4):
         _, memory = predictor.step(memory, climb)
