@@ -57,10 +57,11 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     """
     (squared_1, theta_1), (squared_2, power_2) = _theta(state.iota1, gains), _power(state.iota2, gains)
     zeta, rho, eps, share_s = gains.zeta, gains.rho, gains.filter_eps, dt_s * gains.compensation
+    quick, m = dt_s / eps**2, maths(squared_1)
 
     def advanced(chi: Any, xi: Any, iota1: Any, iota2: Any, alpha1: Any, f_hat: Any, *diagonals: Any) -> Any:
-        (c1, k, k1, c2, k2), m, late = diagonals, maths(chi), chi - alpha1
-        xi_after = xi - dt_s / eps**2 * (zeta * m.atan(late) + rho * m.atan(eps * xi))
+        (c1, k, k1, c2, k2), late = diagonals, chi - alpha1
+        xi_after = xi - quick * (zeta * m.atan(late) + rho * m.atan(eps * xi))
         iota1_rate = iota2 + late - (c1 * squared_1 + k + k1 * theta_1) * iota1
         iota2_rate = f_hat - iota1 - (c2 * squared_2 + k2 * power_2) * iota2
         return chi + dt_s * xi_after, xi_after, iota1 + share_s * iota1_rate, iota2 + share_s * iota2_rate

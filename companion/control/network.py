@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import anywhere, by_axis, column, dot, maths
+from companion.control.components import anywhere, maths
 from companion.control.gains import EtnnGains
 from companion.control.values import value
 from companion.types import Array
@@ -33,7 +33,10 @@ def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkStat
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
     """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
     x_d = _with_one(velocity_ref)
-    return x_d, _with_one(by_axis(_sigmoid, _times(x_d, state.v0)))
+    inner = _times(x_d, state.v0)
+    if inner.ndim == 1:
+        return x_d, np.array([*map(_sigmoid, inner.tolist()), 1.0])
+    return x_d, _with_one(_sigmoid(inner))
 
 
 def _sigmoid(inner: Any) -> Any:
@@ -114,5 +117,8 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
 
 def _square(weights: Array) -> Any:
     """Squared Frobenius norm: a float, (..., 1, 1) for a batch."""
-    flat = weights.ravel() if weights.ndim == 2 else weights.reshape(*weights.shape[:-2], -1)
-    return column(column(dot(flat, flat)))
+    if weights.ndim == 2:
+        flat = weights.ravel()
+        return float(flat.dot(flat))
+    flat = weights.reshape(*weights.shape[:-2], -1)
+    return np.vecdot(flat, flat)[..., None, None]
