@@ -19,6 +19,7 @@ from companion.adapters.recorder import Recorder
 from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
+from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig, default_config_path, load_config
@@ -64,18 +65,12 @@ class Flown:
 
 def demo(
     trajectory: Annotated[str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.")] = "ellipse",
-    controller: Annotated[
-        str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
-    ] = None,
-    allow_unstable: Annotated[
-        bool, typer.Option("--allow-unstable", help="Fly a controller file that is refused as unstable.")
-    ] = False,
+    controller: ControllerName = None,
+    allow_unstable: AllowUnstable = False,
     arms: Annotated[
         str, typer.Option(help="swing, off, another name in config/arms/, or a file of joint motion.")
     ] = "swing",
-    feedforward: Annotated[
-        Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")
-    ] = None,
+    feedforward: ArmsFeedforward = None,
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
     period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
     size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
@@ -83,7 +78,7 @@ def demo(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the mocks' noise and disturbances.")] = 1,
     config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
     mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
-    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    summary: SummaryFile = None,
     out: Annotated[Path, typer.Option(help="Folder for the plot and the record.")] = Path("flights"),
     mocks: Annotated[
         bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")

@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
 from companion.config_controller import controller_path
 from companion.config_files import project_root
@@ -71,7 +72,7 @@ def experiments(
         typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the recorded PX4 has 6.3."),
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("flights/experiments"),
-    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    summary: SummaryFile = None,
     ablations: Annotated[bool, typer.Option(help="Fly each law also with one of its parts left out.")] = True,
     report: Annotated[bool, typer.Option(help="Draw the figures and write the report.")] = True,
     jobs: Annotated[int | None, typer.Option(min=1, max=256, help="Processes; one a CPU if not given.")] = None,

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
 from companion.config import default_config_path, load_config
@@ -37,16 +38,10 @@ def simulate(
     experiment: Annotated[
         str, typer.Argument(help="ellipse, figure8, another name in config/experiments/, or a TOML file.")
     ] = "ellipse",
-    controller: Annotated[
-        str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
-    ] = None,
-    allow_unstable: Annotated[
-        bool, typer.Option("--allow-unstable", help="Fly a controller file that is refused as unstable.")
-    ] = False,
+    controller: ControllerName = None,
+    allow_unstable: AllowUnstable = False,
     ablate: Annotated[Ablation | None, typer.Option(help="Fly the ET-NN law without this part.")] = None,
-    feedforward: Annotated[
-        Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")
-    ] = None,
+    feedforward: ArmsFeedforward = None,
     bandwidth: Annotated[
         float | None, typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the law knows.")
     ] = None,
@@ -79,7 +74,7 @@ def simulate(
     out: Annotated[
         Path | None, typer.Option(help="Folder for a picture and a record of every signal, of each flight.")
     ] = None,
-    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    summary: SummaryFile = None,
 ) -> None:
     """Fly an experiment in virtual time, as fast as this computer can, and say how good it was.
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
 from companion.experiments.sweep import ERROR, Columns, Sweep
 from companion.experiments.sweep_numbers import (
@@ -36,7 +37,7 @@ def sweep(
     controller: Annotated[str, typer.Option(help="A name in config/controllers/, or a TOML file.")] = "practical",
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for parts, table and picture.")] = Path("flights/sweep"),
-    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    summary: SummaryFile = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Fly everything again, whatever is there already.")] = False,
 ) -> None:
     """Fly vehicles that differ from what the companion believes, in virtual time, and say what the errors depend on.
