@@ -1,7 +1,6 @@
 """`companion tune`: searches gains for few updates and small errors, and checks the winners where they never were."""
 
 import json
-import math
 import os
 import shlex
 from collections.abc import Iterator, Sequence
@@ -21,9 +20,10 @@ from companion.cli.output import check_output
 from companion.config_controller import read_etnn
 from companion.control.reference import Ellipse, FigureEight, LapTiming
 from companion.experiments.controller_writer import controller_toml
-from companion.experiments.gain_space import START, rounded, shares_of, values_from
+from companion.experiments.gain_space import START, gain_fields, rounded, shares_of, values_from
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.search import (
+    CHECK_SEED,
     ERROR_M,
     UPDATES,
     Centre,
@@ -35,14 +35,12 @@ from companion.experiments.search import (
     scenes_of,
     search,
 )
-from companion.experiments.tuning import shortened
+from companion.experiments.tuning import WORST_M, shortened
 from companion.experiments.workers import workers
 from companion.ports import ConfigError
 from companion.types import Array
 
-INTERRUPTED = 130
-_CHECK_SEED = 900_001
-"""Never used in training, whose seeds begin at a million."""
+FAILED, INTERRUPTED = 1, 130
 _CHECK_VEHICLES = (2, 6)
 
 
@@ -63,8 +61,14 @@ class Checked:
         return self.update_share, self.error_m
 
     @property
+    def flies(self) -> bool:
+        """Whether it held every vehicle, and would be loaded."""
+        damping, needed = gain_fields(self.values).filter_loop()
+        return self.worst_m < WORST_M and damping > needed
+
+    @property
     def distance(self) -> float:
-        """How far from what is reached for; each objective counts alike."""
+        """How far from what is reached for: error as told, updates, and a third of the others' error."""
         return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
 
 
@@ -96,11 +100,17 @@ def tune(
             centres = _search(plan, begin, pool, told, console, out)
             checked = _check(centres, plan, pool)
     except KeyboardInterrupt:
-        console.print(f"interrupted after {len(told)} generations; their centres are in {out / 'generations.json'}")
+        kept = f"; their centres are in {out / 'generations.json'}" if told else ""
+        console.print(f"interrupted after {len(told)} generations{kept}")
         raise typer.Exit(INTERRUPTED) from None
-    best = min(checked, key=lambda one: one.distance)
+    best = best_of(checked)
     _print(console, checked, best)
     _draw([generation for generation, _ in told], checked, best, out / "front.png")
+    if best is None:
+        console.print(
+            "[red]no centre held every vehicle[/]: nothing is written; search longer, or from a better --start"
+        )
+        raise typer.Exit(FAILED)
     console.print(f"picture [bold]{out / 'front.png'}[/]", soft_wrap=True)
     if summary is not None:
         _summarise(checked, summary)
@@ -118,9 +128,9 @@ def tune(
 
 
 def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:
-    loops = _numbers("bandwidths", bandwidths)
-    scenes = scenes_of([shortened(load_scene(name)) for name in experiments.split(",")], loops)
-    return Plan(scenes, len(loops), generations, population, _numbers("weights", weights), seed)
+    loops = _numbers("bandwidths", bandwidths, 2.0, 40.0)
+    scenes = scenes_of([shortened(load_scene(name)) for name in map(str.strip, experiments.split(","))], loops)
+    return Plan(scenes, len(loops), generations, population, _numbers("weights", weights, 0.05, 20.0), seed)
 
 
 def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:
@@ -161,13 +171,13 @@ def _command(asked: dict[str, object]) -> str:
     return shlex.join(["companion", "tune", *(part for pair in given for part in pair)])
 
 
-def _numbers(option: str, text: str) -> tuple[float, ...]:
+def _numbers(option: str, text: str, least: float, most: float) -> tuple[float, ...]:
     try:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if not values or any(not (math.isfinite(value) and value > 0.0) for value in values):
-        raise ConfigError(f"--{option} {text}: must be positive numbers with commas between, such as 6.3,10")
+    if not values or any(not least <= value <= most for value in values):
+        raise ConfigError(f"--{option} {text}: must be numbers from {least:g} to {most:g} with commas between")
     return values
 
 
@@ -188,7 +198,7 @@ def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checke
     """On curves and seeds that no search flew."""
     values = [rounded(one.shares) for one in centres]
     points = np.array([shares_of(value) for value in values])
-    marks = marks_of([_elsewhere(scene) for scene in plan.scenes], points, _CHECK_SEED, _CHECK_VEHICLES, pool)
+    marks = marks_of([elsewhere(scene) for scene in plan.scenes], points, CHECK_SEED, _CHECK_VEHICLES, pool)
     error, other, updates = (
         np.mean([getattr(mark, name) for mark in marks], axis=0) for name in ("error_m", "other_m", "update_share")
     )
@@ -199,7 +209,12 @@ def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checke
     ]
 
 
-def _elsewhere(scene: Scene) -> Scene:
+def best_of(checked: Sequence[Checked]) -> Checked | None:
+    """The nearest to what is reached for, of those that fly."""
+    return min((one for one in checked if one.flies), key=lambda one: one.distance, default=None)
+
+
+def elsewhere(scene: Scene) -> Scene:
     """Another curve at another pace, in the same room: across where the trained one lies along."""
     centre = np.asarray(scene.trajectory.at(0.0).position_w_m * [0.0, 0.0, 1.0])
     kind, axes, period_s = (
@@ -208,7 +223,7 @@ def _elsewhere(scene: Scene) -> Scene:
     return replace(scene, trajectory=kind(centre, axes, LapTiming(period_s, 1, 4.0)))
 
 
-def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
+def _print(console: Console, checked: Sequence[Checked], best: Checked | None) -> None:
     table = Table(title="checked on seeds and curves that no search flew")
     for name in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
         table.add_column(name, justify="right")
@@ -226,10 +241,10 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked) -> None:
     console.print(table)
 
 
-def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked, path: Path) -> None:
+def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked | None, path: Path) -> None:
     from companion.experiments.tuning_plot import plot_search  # noqa: PLC0415 - matplotlib takes a second to import
 
-    plot_search(told, [one.point for one in checked], best.point, path)
+    plot_search(told, [one.point for one in checked], best.point if best else None, path)
 
 
 def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:

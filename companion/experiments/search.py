@@ -16,9 +16,13 @@ from companion.types import Array
 
 ERROR_M, UPDATES = 0.010, 0.05
 """What is reached for; the scale of both objectives."""
+CHECK_SEED = 900_001
+"""Of the vehicles that the centres are checked on: never trained on, those begin at a million."""
 _LEAST_MARGIN = 1.05
-"""A set whose filter loop is not stable by so much is marked down before it flies."""
+"""A set whose filter loop is not stable by so much is marked down."""
 _KEPT_EVERY = 10
+_LEAST_UPDATES = 0.001
+"""A vehicle that is given up sends nothing: no merit."""
 _STEP = 0.08
 """Standard deviation of the first generation, in the unit cube."""
 
@@ -126,7 +130,7 @@ def cost(marks: Sequence[Marks], weight: float) -> Array:
     """
     error = np.mean([np.log(mark.error_m / ERROR_M) for mark in marks], axis=0)
     other = np.mean([np.log(mark.other_m / ERROR_M) for mark in marks], axis=0)
-    updates = np.mean([np.log(mark.update_share / UPDATES) for mark in marks], axis=0)
+    updates = np.mean([np.log(np.maximum(mark.update_share, _LEAST_UPDATES) / UPDATES) for mark in marks], axis=0)
     return np.asarray(error + 0.5 * other + weight * updates)
 
 

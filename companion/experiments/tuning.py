@@ -65,7 +65,7 @@ class Marks:
 def evaluate(trial: Trial, shares: Array) -> Marks:
     """Fly every point (P, knobs) of the gain space on every vehicle of the trial."""
     scene, sets, told = trial.scene, len(shares), len(trial.told)
-    drawn = _drawn(trial)
+    drawn = drawn_vehicles(trial)
     each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values_of(shares).items()}
     law = law_of(each, scene.companion.vehicle_model(), scene.period_s)
     pilot = scene.pilot(LoadedController("candidate", law, ErrorLimits()))
@@ -89,8 +89,8 @@ def _capped(flown: Score) -> Array:
     return np.minimum(np.where(flown.diverged, math.inf, flown.error_m), WORST_M)
 
 
-def _drawn(trial: Trial) -> Drawn:
-    """The vehicles as told first."""
+def drawn_vehicles(trial: Trial) -> Drawn:
+    """A trial's vehicles: those as told first, then one that is hard to hold, then the others."""
     drawn = draw(trial.seed, (*trial.told, *trial.others))
     _make_hard(drawn, len(trial.told))
     same = _as_told(trial.scene, drawn.flight_seed[: len(trial.told)])

@@ -13,7 +13,7 @@ mpl.use("Agg")
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 
 
-def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Point, path: Path) -> None:
+def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Point | None, path: Path) -> None:
     """Written as PNG, or by the path's suffix."""
     figure = Figure(figsize=(9.0, 5.5), layout="constrained")
     axes = figure.subplots()
@@ -28,7 +28,8 @@ def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Poin
     axes.scatter(
         [100.0 * u for u, _ in checked], [1e3 * e for _, e in checked], s=30, color="k", label="checked elsewhere"
     )
-    axes.scatter([100.0 * best[0]], [1e3 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
+    if best is not None:
+        axes.scatter([100.0 * best[0]], [1e3 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
     axes.plot(100.0 * UPDATES, 1e3 * ERROR_M, "*", ms=12, color="0.5", label="reached for")
     axes.set(xlabel="cycles that send (%)", ylabel="mean error of vehicles as told (mm)", xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):

@@ -42,8 +42,8 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--weights", "0.5,-1"], "--weights 0.5,-1: must be positive numbers with commas between, such as 6.3,10"),
-        (["--bandwidths", "ten"], "--bandwidths ten: must be positive numbers"),
+        (["--weights", "0.5,-1"], "--weights 0.5,-1: must be numbers from 0.05 to 20 with commas between"),
+        (["--bandwidths", "ten"], "--bandwidths ten: must be numbers from 2 to 40"),
         (["--start", "pid"], "law = 'pid': must be 'etnn' here"),
         (["--experiments", "elipse"], "unknown experiment 'elipse'"),
         (["--write", "{folder}"], "is a folder: give the name of a file"),

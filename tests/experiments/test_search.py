@@ -6,11 +6,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cmaes import CMA
 
 from companion.control.reference import Ellipse, LapTiming
 from companion.experiments.gain_space import KNOBS, START, shares_of
-from companion.experiments.search import Centre, Generation, Plan, cost, front_of, penalty, search
-from companion.experiments.tuning import WORST_M, Marks, Trial, evaluate, shortened
+from companion.experiments.search import (
+    CHECK_SEED,
+    Centre,
+    Generation,
+    Plan,
+    cost,
+    front_of,
+    penalty,
+    scenes_of,
+    search,
+    training_seed,
+)
+from companion.experiments.sweep_vehicles import Drawn, draw
+from companion.experiments.tuning import WORST_M, Marks, Trial, drawn_vehicles, evaluate, shortened
 from tests.experiments.scenes import CENTRE, PUSHED, scene
 
 SHORT = scene(Ellipse(CENTRE, (0.4, 0.3), LapTiming(4.0, 1, 1.0)), settle_s=1.0, disturbance=PUSHED)
@@ -88,3 +101,51 @@ def test_a_shortened_scene_flies_one_lap_and_settles_half_as_long() -> None:
 def test_the_front_holds_what_no_other_beats_in_both() -> None:
     points = [(0.05, 0.02), (0.10, 0.01), (0.12, 0.015), (0.05, 0.03)]
     assert front_of(points) == [(0.05, 0.02), (0.10, 0.01)]
+
+
+def test_every_generation_of_every_run_has_a_seed_of_its_own() -> None:
+    plan = Plan((SHORT,), 1, 30, 4, (0.5, 1.0), 3)
+    seeds = [training_seed(plan, run, number) for run in range(2) for number in range(1, 31)]
+    assert len(set(seeds)) == 60
+    assert min(seeds) > CHECK_SEED > 1000, "neither the check nor the reported seeds are trained on"
+
+
+def test_each_loop_flies_the_experiments_in_turn() -> None:
+    first, second = replace(SHORT, name="first"), replace(SHORT, name="second")
+    plan = Plan(scenes_of([first, second], [6.0, 10.0]), 2, 1, 4, (1.0,), 1)
+    names = [[scene.name for scene in plan.turn(number)] for number in (0, 1)]
+    loops = [[scene.companion.vehicle.attitude_bandwidth_radps for scene in plan.turn(number)] for number in (0, 1)]
+    assert names == [["first", "second"], ["second", "first"]]
+    assert loops == [[6.0, 10.0], [6.0, 10.0]]
+
+
+def test_the_vehicles_of_a_trial_are_one_as_told_one_hard_to_hold_and_others() -> None:
+    drawn = drawn_vehicles(Trial(SHORT, 5, (0,), (1, 2)))
+    vehicle = SHORT.vehicle()
+    assert (drawn.mass_share[0], drawn.hover_share[0], drawn.bandwidth_share[0], drawn.noise_scale[0]) == (1, 1, 1, 1)
+    assert drawn.mocap_delay_s[0] == vehicle.mocap_delay_s
+    assert drawn.setpoint_delay_s[0] == vehicle.attitude_delay_s
+    assert not drawn.offset_w_m[0].any()
+    assert (drawn.bandwidth_share[1], drawn.hover_share[1]) == (0.7, 0.85)
+    assert (drawn.mocap_delay_s[1], drawn.setpoint_delay_s[1]) == (0.04, 0.04)
+    assert drawn.offset_w_m[1].any()
+    other = draw(5, (2,))
+    for name in Drawn.__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(drawn, name)[2], getattr(other, name)[0])
+
+
+def test_where_another_vehicle_begins_counts_for_its_error() -> None:
+    """Half a metre off at the start of 6 s: the way back alone is centimetres of mean error."""
+    trial = Trial(SHORT, 5, (0,), tuple(range(1, 5)))
+    marks = evaluate(trial, POINT[None])
+    offset_m = np.linalg.norm(drawn_vehicles(trial).offset_w_m[1:], axis=1)
+    assert marks.worst_m[0] > 0.04 * offset_m.max()
+
+
+def test_a_set_that_would_be_refused_costs_more_than_one_that_flies_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search itself adds the penalty to the cost."""
+    seen: list[float] = []
+    monkeypatch.setattr(CMA, "tell", lambda _, solutions: seen.extend(value for _, value in solutions))
+    monkeypatch.setattr("companion.experiments.search.penalty", lambda points: np.full(len(points), 1000.0))
+    run(generations=1)
+    assert min(seen) > 900.0
