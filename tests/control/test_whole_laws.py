@@ -215,3 +215,24 @@ def test_a_batch_of_gains_flies_each_vehicle_under_its_own() -> None:
             alone, expected = law.step(alone, at(now, (i,)))
             np.testing.assert_allclose(out.accel_w_mps2[i], expected.accel_w_mps2, rtol=1e-11, atol=1e-11)
             np.testing.assert_array_equal(out.event[i], expected.event)
+
+
+def test_a_share_of_the_observed_push_is_taken_off_the_command() -> None:
+    """Hovering, pushed by 0.5 m/s^2 along x for a second: u_bar is less by that share of what is observed."""
+    predictor = Predictor(VEHICLE, 0.01, 0.1, 0.03, observer_radps=6.0)
+    still, level, push = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
+    seen = [
+        ControlInput(0.5 * t * t * push, t * push, level, still, 0.01, Reference(still, still, still, 0.0), still, 0.01)
+        for t in np.arange(100) * 0.01
+    ]
+    commanded = {}
+    for share in (0.0, 0.8):
+        law = Etnn(DEPARTED.model_copy(update={"push_share": share}), predictor)
+        memory = law.initial(seen[0])
+        for now in seen:
+            memory, out = law.step(memory, now)
+        commanded[share] = out
+    observed = commanded[0.8].signals["push"]
+    assert observed[0] > 0.45, "it is found within a second"
+    taken = commanded[0.8].signals["u_bar"] - commanded[0.0].signals["u_bar"]
+    np.testing.assert_allclose(taken, -0.8 * observed, atol=1e-12)
