@@ -1,5 +1,6 @@
 """What one flight of each law says of its network and of the paper's proof, as grids of words."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -20,9 +21,9 @@ _NETWORK_NOTE = (
 _PROOF_NOTE = (
     "V of eq. V-comp, with the best output weights for the true friction as ideal ones. The bounds that the theorem "
     "takes for known are those that this flight kept: it is a statement about this flight. Delta is everything that "
-    "moved the vehicle and was neither u nor smooth friction at its velocity; so it holds what the theorem's vehicle "
-    "does not have, the delays and the lags of attitude and rotors. A law that predicts is judged by the errors of "
-    "the state it predicts."
+    "moved the vehicle and was neither u, nor smooth friction at its velocity, nor known of the arms; so it holds what "
+    "the theorem's vehicle does not have, the delays and the lags of attitude and rotors. V of a law that predicts is "
+    "that of the predicted errors; the theorem does not speak of them, as nothing bounds what then stands for Delta."
 )
 
 
@@ -96,7 +97,8 @@ def _largest(vectors: Array) -> float:
 
 def _verdict(detail: Detail, proof: Proof) -> str:
     name = label_of(detail.item.controller)
-    taken = f"with |Delta| up to {proof.delta_mps2:.2f} m/s² and L_f = {proof.lipschitz_per_s:.2f} 1/s"
+    delta = f"|Delta| up to {proof.delta_mps2:.2f} m/s² and " if math.isfinite(proof.delta_mps2) else ""
+    taken = f"with {delta}L_f = {proof.lipschitz_per_s:.2f} 1/s"
     if proof.bound.applies:
         return f"{name}: the theorem's conditions hold, {taken}."
     failed = "; ".join(str(condition) for condition in proof.bound.conditions if not condition.holds)

@@ -1,11 +1,13 @@
 """One vehicle of a campaign looked at closely: what its law thought, and what the proof says of it."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.control.etnn import Etnn
+from companion.control.event_trigger import continuous_control
 from companion.control.frames import flip_yz
 from companion.control.gains import EtnnGains
 from companion.experiments.campaign import Item, controller_of, scene_of, tracking
@@ -33,7 +35,7 @@ class Proof:
     lyapunov: Lyapunov
     bound: FixedTimeBound
     delta_mps2: float
-    """The largest of everything that moved the vehicle and was neither u nor smooth friction."""
+    """The largest that the proof has to count as Delta; infinite for a law that predicts, where nothing bounds it."""
     lipschitz_per_s: float
 
 
@@ -67,7 +69,7 @@ def look_closely(item: Item) -> Detail:
     plant, mass_kg = vehicle.plant, float(vehicle.plant.mass_kg)
     friction = friction_w_mps2(trace.reference_velocity_w_mps, plant)
     room = _room_w_mps2(scene, vehicle, trace, seed)
-    proof = _proof(law.gains, trace, friction, plant, scene.period_s) if isinstance(law, Etnn) else None
+    proof = _proof(law, trace, friction, plant, scene.period_s) if isinstance(law, Etnn) else None
     return Detail(item, trace, mass_kg, friction, room, proof)
 
 
@@ -86,36 +88,41 @@ def _room_w_mps2(scene: Scene, vehicle: VirtualVehicle, trace: Trace, seed: int)
     return np.asarray(flip_yz(each_cycle) / vehicle.plant.mass_kg)
 
 
-def _proof(gains: EtnnGains, trace: Trace, friction: Array, plant: PlantParams, period_s: float) -> Proof | None:
+def _proof(law: Etnn, trace: Trace, friction: Array, plant: PlantParams, period_s: float) -> Proof | None:
     """V along the flight, and the theorem with the bounds that were kept while the trajectory was flown."""
+    gains, predicts = law.gains, law.predictor is not None
     if not np.isfinite(trace.position_w_m).all():
         return None
     now = tracking(trace)
     wanted, signals = trace.reference_velocity_w_mps, trace.signals
     ideal = fit_ideal_output_weights(signals["v0"][-1], wanted, friction, gains)
-    delta = _largest_norm(delta_w_mps2(trace, plant, period_s)[now[1:]])
+    delta = math.inf if predicts else _largest_norm(delta_w_mps2(trace, gains, plant, period_s)[now[1:]])
     lipschitz = _steepest_per_s(plant, max(map(_largest_norm, (trace.velocity_w_mps[now], wanted))))
     kept = {name: values[now] for name, values in signals.items()}
     bounds = measured_bounds(kept, wanted[now], delta_mps2=delta, lipschitz_per_s=lipschitz, ideal=ideal)
-    return Proof(lyapunov_of(trace.signals, gains, ideal), fixed_time_bound(gains, bounds, _OMEGA), delta, lipschitz)
+    bound = fixed_time_bound(gains, bounds, _OMEGA, predicts)
+    return Proof(lyapunov_of(signals, gains, ideal), bound, delta, lipschitz)
 
 
 def _largest_norm(vectors: Array) -> float:
     return float(np.sqrt((vectors**2).sum(axis=-1)).max())
 
 
-def delta_w_mps2(trace: Trace, plant: PlantParams, period_s: float) -> Array:
-    """Delta of eq. mod, (n-1, 3): v' - u - f(v), with the dry friction's S = f(p') - f(p_d') in it.
+def delta_w_mps2(trace: Trace, gains: EtnnGains, plant: PlantParams, period_s: float) -> Array:
+    """Delta of eq. mod as the proof has to count it, (n-1, 3): v' - f(v) - u - known, of a law without prediction.
 
-    u is what the law asked for, so the lag and the delays of the attitude and the rotors count as disturbance; so does
-    what the arms do and the law does not know of.
+    u is what the law asked for, so the lag and the delays of the attitude and the rotors count as disturbance, and so
+    does the dry friction's S = f(p') - f(p_d'). `known` is what the law is told of the arms: eq. ETC-law less `known`
+    is its command, so Delta less `known` stands where the proof has Delta (docs/control.md).
     """
     smooth = replace(plant, coulomb_n=(0.0, 0.0, 0.0))
     wanted = trace.reference_velocity_w_mps
     dry_wanted = friction_w_mps2(wanted, plant) - friction_w_mps2(wanted, smooth)
-    known = friction_w_mps2(trace.velocity_w_mps, smooth) + dry_wanted
+    friction = friction_w_mps2(trace.velocity_w_mps, smooth) + dry_wanted
+    own = trace.signals
+    told = continuous_control(own["alpha2"], own["y2"], own["kappa"], gains) - own["u_bar"]
     moved = np.diff(trace.velocity_w_mps, axis=0) / period_s
-    return np.asarray(moved - (trace.accel_w_mps2 + known)[:-1])
+    return np.asarray(moved - (trace.accel_w_mps2 + told + friction)[:-1])
 
 
 def _steepest_per_s(plant: PlantParams, fastest_mps: float) -> float:

@@ -30,6 +30,8 @@ class Condition:
     value: float
     limit: float
     enough: bool = False
+    otherwise: str = ""
+    """What is to be said where it is not met, if the numbers say nothing."""
 
     @property
     def holds(self) -> bool:
@@ -37,6 +39,8 @@ class Condition:
         return self.value > self.limit or (self.enough and self.value == self.limit)
 
     def __str__(self) -> str:
+        if self.otherwise and not self.holds:
+            return self.otherwise
         return f"{self.name}: {self.value:.3g}, needs {'at least' if self.enough else 'more than'} {self.limit:.3g}"
 
 
@@ -83,8 +87,11 @@ class FixedTimeBound:
         return 2.0 * math.sqrt(self.v_bound)
 
 
-def fixed_time_bound(gains: EtnnGains, bounds: Bounds, omega: float = 0.5) -> FixedTimeBound:
+def fixed_time_bound(gains: EtnnGains, bounds: Bounds, omega: float = 0.5, predicts: bool = False) -> FixedTimeBound:
     """The theorem for these gains and bounds; `omega` in (0, 1) trades the size of the ball for the time to it.
+
+    It speaks of the state itself, so it does not apply to a law that `predicts`: a predicted velocity jumps with every
+    new command, and what stands for Delta then holds that command's rate of change, which nothing bounds.
 
     What the paper leaves free is chosen here: nu_3 of Lemma 2 for the largest m, and eta_1 .. eta_4, a of eq. NB-bound,
     the 1 in its |N_B3| and the tangent of eq. theta-bound for the smallest n. The departures that the proof still
@@ -103,13 +110,19 @@ def fixed_time_bound(gains: EtnnGains, bounds: Bounds, omega: float = 0.5) -> Fi
     )
     free = _best(lambda free: offset(gains, bounds, least, free))
     n = offset(gains, bounds, least, free)
-    conditions = _conditions(gains, least, sigma)
+    conditions = (*_conditions(gains, least, sigma), _of_the_state(predicts))
     if not all(condition.holds for condition in conditions):
         return FixedTimeBound(l_, m, n, math.inf, math.inf, conditions, free)
     ball = min((n / ((1.0 - omega) * l_)) ** (1.0 / gains.p), math.sqrt(n / ((1.0 - omega) * m)))
     time_s = 1.0 / (l_ * omega * (1.0 - gains.p)) + 1.0 / (omega * m)
     v_bound = ball + _largest_weight_part(gains, bounds)
     return FixedTimeBound(l_, m, n, v_bound, time_s, conditions, free)
+
+
+def _of_the_state(predicts: bool) -> Condition:
+    """That x_1 and x_2 are errors of the state, as eq. mod has it."""
+    otherwise = "the law controls a predicted state (docs/departures.md)"
+    return Condition("the state itself is controlled", float(not predicts), 1.0, enough=True, otherwise=otherwise)
 
 
 def _conditions(

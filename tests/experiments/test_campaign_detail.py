@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from companion.control.gains import EtnnGains
+from companion.experiments.ablations import Ablation
 from companion.experiments.campaign import Flown, Item, fly, scene_of
 from companion.experiments.campaign_closer import closer
 from companion.experiments.campaign_detail import Detail, delta_w_mps2, friction_w_mps2, learnt, look_closely
@@ -56,11 +58,17 @@ def test_the_room_pushes_as_configured(details: Sequence[Detail]) -> None:
     np.testing.assert_allclose(room, np.broadcast_to(np.array([0.5, 0.25, -0.1]) / 4.85, room.shape), atol=1e-12)
 
 
-def test_what_is_neither_u_nor_friction_is_delta(details: Sequence[Detail], experiment: str) -> None:
-    """A vehicle made to follow u + f(v) + d exactly, with the dry friction of the reference, has Delta = d."""
+def test_what_is_neither_u_nor_friction_nor_known_is_delta(details: Sequence[Detail], experiment: str) -> None:
+    """A vehicle made to follow u + f(v) + d exactly, with the dry friction of the reference, has Delta = d - known.
+
+    alpha_2 = (1, 2, 3) m/s^2, sigma + kappa/delta = 0.05 + 0.02/0.1 = 0.25 and y_2 = (+, -, 0): u_bar would be
+    (0.75, 2.25, 3.0); it is 0.2 m/s^2 less along y, which is known of the arms.
+    """
     plant, d = scene_of(experiment, None).mock.plant, np.array([0.3, -0.2, 0.1])
     smooth = replace(plant, coulomb_n=(0.0, 0.0, 0.0))
-    trace = details[1].trace
+    trace, rows = details[1].trace, np.ones((len(details[1].trace.time_s), 1))
+    inner = {"alpha2": [1.0, 2.0, 3.0], "y2": [0.4, -0.1, 0.0], "kappa": [0.02], "u_bar": [0.75, 2.05, 3.0]}
+    trace = replace(trace, signals={name: rows * value for name, value in inner.items()})
     dry = friction_w_mps2(trace.reference_velocity_w_mps, plant) - friction_w_mps2(
         trace.reference_velocity_w_mps, smooth
     )
@@ -68,8 +76,8 @@ def test_what_is_neither_u_nor_friction_is_delta(details: Sequence[Detail], expe
     for cycle in range(len(velocity) - 1):
         moved = trace.accel_w_mps2[cycle] + friction_w_mps2(velocity[cycle], smooth) + dry[cycle] + d
         velocity[cycle + 1] = velocity[cycle] + 0.01 * moved
-    found = delta_w_mps2(replace(trace, velocity_w_mps=velocity), plant, 0.01)
-    np.testing.assert_allclose(found, np.broadcast_to(d, found.shape), atol=1e-9)
+    found = delta_w_mps2(replace(trace, velocity_w_mps=velocity), EtnnGains(), plant, 0.01)
+    np.testing.assert_allclose(found, np.broadcast_to(d - [0.0, 0.2, 0.0], found.shape), atol=1e-9)
 
 
 def test_what_a_signal_knows(details: Sequence[Detail]) -> None:
@@ -102,9 +110,29 @@ def test_where_the_bound_does_not_apply_the_condition_is_named(details: Sequence
     conditions = practical.proof.bound.conditions
     broken = replace(conditions[0], value=conditions[0].limit - 1.0)
     bound = replace(practical.proof.bound, conditions=(broken, *conditions[1:]))
-    _, proof = closer([details[0], replace(practical, proof=replace(practical.proof, bound=bound))])
-    assert "practical: the fixed-time bound does not apply, with |Delta| up to" in proof.note
+    changed = replace(practical.proof, bound=bound, delta_mps2=0.75)
+    _, proof = closer([details[0], replace(practical, proof=changed)])
+    assert "practical: the fixed-time bound does not apply, with |Delta| up to 0.75 m/s²" in proof.note
     assert str(broken) in proof.note
+    assert [cell.text for cell in proof.rows[0][4:7]] == ["–", "–", "–"]
+
+
+def test_to_a_law_that_predicts_the_theorem_does_not_apply(details: Sequence[Detail], experiment: str) -> None:
+    """Its velocity jumps with each command, so no Delta is measured; without the prediction one is."""
+    predicting = details[1]
+    bare = look_closely(Item(experiment, "practical", (2,), without=Ablation.PREDICTION))
+    assert predicting.proof is not None
+    assert bare.proof is not None
+    said = "the law controls a predicted state (docs/departures.md)"
+    assert [str(one) for one in predicting.proof.bound.conditions if not one.holds][-1] == said
+    assert said not in [str(one) for one in bare.proof.bound.conditions if not one.holds]
+    assert np.isinf(predicting.proof.bound.v_bound)
+    assert np.isinf(predicting.proof.delta_mps2)
+    assert 0.0 < bare.proof.delta_mps2 < 10.0
+    _, proof = closer([predicting])
+    assert "|Delta| up to" not in proof.note
+    assert proof.note.endswith(f"{said}.")
+    assert float(proof.rows[0][2].text) > 0.0
     assert [cell.text for cell in proof.rows[0][4:7]] == ["–", "–", "–"]
 
 

@@ -39,6 +39,16 @@ def test_the_printed_gains_without_any_disturbance_by_hand() -> None:
     assert bound.applies
 
 
+def test_it_does_not_apply_to_a_predicted_state() -> None:
+    bound = fixed_time_bound(REPAIRED, Bounds(), predicts=True)
+    assert [str(one) for one in bound.conditions if not one.holds] == [
+        "the law controls a predicted state (docs/departures.md)"
+    ]
+    assert not bound.applies
+    assert math.isinf(bound.v_bound)
+    assert math.isinf(bound.settling_time_s)
+
+
 @pytest.mark.parametrize(("weak", "share"), [("c1", 0.75), ("beta1", 0.75), ("c2", 0.25), ("beta2", 0.5)])
 def test_m_is_what_the_weakest_cubic_gain_has_left(weak: str, share: float) -> None:
     gains = REPAIRED.model_copy(update={name: np.full(3, 9.0) for name in ("c1", "beta1", "c2", "beta2")})
