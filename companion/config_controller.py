@@ -12,7 +12,7 @@ from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.pid import Pid
 from companion.control.prediction import Predictor
-from companion.law_files import LAW_FORM, is_law_file, own_law
+from companion.law_files import LAW_FORM, is_law_file, law_path, own_law
 from companion.ports import ConfigError
 
 
@@ -72,6 +72,8 @@ class LoadedController:
     error_limits: ErrorLimits
     description: str = ""
     """What the file says of itself, for reports; empty if it says nothing."""
+    own_file: Path | None = None
+    """The Python file of a law of one's own."""
 
 
 def controller_path(name: str) -> Path:
@@ -112,7 +114,7 @@ def load_controller(
     if is_law_file(law):
         own = validate(OwnLawFile, data, path)
         made = own_law(own.law, own.gains, path, vehicle, period_s)
-        return LoadedController(name, made, own.error_limits, own.description)
+        return LoadedController(name, made, own.error_limits, own.description, law_path(own.law, path))
     if law is None:
         raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
     raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")
@@ -144,8 +146,8 @@ def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:
         raise ConfigError(
             f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
             f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
-            "filter_eps, raise rho, or load it all the same with allow_unstable = true in it (demo and simulate: "
-            "--allow-unstable)"
+            "filter_eps, raise rho, or load it all the same with allow_unstable = true in it (demo, simulate and "
+            "experiments: --allow-unstable)"
         )
     load = gains.filter_step_load(period_s)
     if load >= 4.0:

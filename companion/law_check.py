@@ -5,7 +5,8 @@ A law that passes runs in the flight loop and in batches (docs/own-law.md); whet
 
 import copy
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,12 +48,31 @@ class LawFile:
             raise self.wrong(f"{what} raised {raised(error, self.path)}") from error
 
 
+@contextmanager
+def in_flight(path: Path | None) -> Iterator[None]:
+    """Around a virtual flight: ConfigError for what the law in the Python file at `path` raises, as at loading.
+
+    None is a law of ours. What did not come through that file goes on as it is: no user can mend it.
+    """
+    try:
+        yield
+    except Exception as error:
+        if path is None or not _lines(error, path):
+            raise
+        raise ConfigError(f"{path}: raised in flight: {raised(error, path)}") from error
+
+
+def _lines(error: BaseException, path: Path) -> list[int | None]:
+    """The lines of the file at `path` that an exception came through."""
+    return [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+
+
 def raised(error: BaseException, path: Path) -> str:
     """An exception in one line, with the line of the file at `path` that it came from."""
     if isinstance(error, SyntaxError):
         where = "" if error.filename == str(path) else f"{error.filename}, "
         return f"{type(error).__name__}: {error.msg} ({where}line {error.lineno})"
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    lines = _lines(error, path)
     said = " ".join(f"{type(error).__name__}: {error}".split())
     return f"{said} (line {lines[-1]})" if lines else said
 

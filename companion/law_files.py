@@ -23,16 +23,21 @@ def is_law_file(law: object) -> bool:
     return isinstance(law, str) and ".py" in law
 
 
+def law_path(law: str, toml: Path) -> Path:
+    """The Python file that `law` ('my_law.py:MyLaw') of the controller file `toml` means."""
+    return toml.parent / law.rpartition(":")[0]
+
+
 def own_law(law: str, gains: dict[str, Any], toml: Path, vehicle: VehicleModel, period_s: float) -> Controller:
     """The law that `law` ('my_law.py:MyLaw') of the controller file `toml` names, as MyLaw(gains, vehicle, period_s).
 
     `gains` is that file's table; if MyLaw's first parameter is annotated with a subclass of `Gains`, it is checked and
     handed over as such, otherwise as the dict it is. Raises ConfigError, one sentence a mistake, for whatever is wrong.
     """
-    file_name, _, name = law.rpartition(":")
-    if not file_name.endswith(".py") or not name.isidentifier():
+    path, name = law_path(law, toml), law.rpartition(":")[2]
+    if path.suffix != ".py" or not name.isidentifier():
         raise ConfigError(f"{toml}: law = {law!r}: must be {LAW_FORM}")
-    file = LawFile(toml.parent / file_name, name)
+    file = LawFile(path, name)
     if not file.path.is_file():
         raise ConfigError(f"{toml}: law = {law!r}: there is no file {file.path}")
     module = _imported(file.path)

@@ -48,3 +48,19 @@ def still_at(offset_w_m: list[float]) -> ControlInput:
     reference = Reference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
     level, nothing = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
     return ControlInput(np.array(offset_w_m), nothing, level, nothing, 0.01, reference, nothing, 0.01)
+
+
+FAILING_LINE = PD.splitlines().index('        integral = memory["integral"] + error * now.dt_s') + 2
+
+
+def failing_law(folder: Path) -> Path:
+    """A controller file in the folder, whose law passes the check and raises in the tenth cycle of a flight."""
+    line = '        integral = memory["integral"] + error * now.dt_s\n'
+    code = PD.replace(
+        line, f'        age = memory.get("age", 0)\n        memory["none" if age > 9 else "integral"]\n{line}'
+    )
+    code = code.replace('return {"integral": integral}, C', 'return {"integral": integral, "age": age + 1}, C')
+    (folder / "pd.py").write_text(code, encoding="utf-8")
+    path = folder / "failing.toml"
+    path.write_text('law = "pd.py:Pd"\n', encoding="utf-8")
+    return path

@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,7 +16,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from companion.cli.options import SummaryFile
+from companion.cli.asked import FAILED, INTERRUPTED, names_of, seeds_of
+from companion.cli.options import AllowUnstable, SummaryFile
 from companion.cli.output import check_output
 from companion.config_controller import controller_path
 from companion.config_files import project_root
@@ -27,10 +27,6 @@ from companion.experiments.campaign_table import BAD, FAINT, GOOD, Grid
 from companion.experiments.scene import experiment_names
 from companion.experiments.workers import in_parallel
 from companion.ports import ConfigError
-
-FAILED = 1
-INTERRUPTED = 130
-MOST_SEEDS = 1000
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -47,6 +43,7 @@ class Campaign:
     controllers: tuple[str, ...]
     seeds: tuple[int, ...]
     bandwidth_radps: float | None
+    allow_unstable: bool
     wholes: tuple[Item, ...]
     variants: tuple[Item, ...]
 
@@ -56,7 +53,8 @@ class Campaign:
         bandwidth = [] if self.bandwidth_radps is None else ["--bandwidth", f"{self.bandwidth_radps:g}"]
         lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
         seeds = ["--seeds", f"{self.seeds[0]}:{self.seeds[-1]}"]
-        return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth])
+        unstable = ["--allow-unstable"] if self.allow_unstable else []
+        return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *unstable])
 
 
 def experiments(
@@ -66,7 +64,8 @@ def experiments(
     controllers: Annotated[
         str, typer.Option(help="Names in config/controllers/ or TOML files, separated by commas; pid is always flown.")
     ] = "practical,paper-repaired,pid",
-    seeds: Annotated[str, typer.Option(help="FIRST:LAST, both flown: one vehicle a seed.")] = "1:5",
+    allow_unstable: AllowUnstable = False,
+    seeds: Annotated[str, typer.Option(help="FIRST:LAST, both flown: one vehicle a seed; or one seed.")] = "1:5",
     bandwidth: Annotated[
         float | None,
         typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the recorded PX4 has 6.3."),
@@ -79,14 +78,14 @@ def experiments(
 ) -> None:
     """Fly the paper's experiments in virtual time, both arms swinging, and put the errors beside the paper's.
 
-    Exit code 0 only if no vehicle was lost and every whole law stayed inside its error limits; 1 if not, 2 for what
-    could not be flown, 130 after Ctrl-C, which keeps what was flown.
+    Exit code 0 only if no vehicle was lost and every flight of every whole law stayed inside the law's error limits; 1
+    if not, 2 for what could not be flown, 130 after Ctrl-C, which keeps what was flown.
     """
     console = Console()
     try:
-        campaign = _checked(
-            _listed(names, "experiments"), _listed(controllers, "controllers"), seeds, bandwidth, ablations
-        )
+        laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
+        chosen = _listed(names, "experiments")
+        campaign = _checked(chosen, laws, seeds_of(seeds), bandwidth, allow_unstable, ablations)
         folder = out if report else None
         check_output(folder, summary)
         raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
@@ -112,33 +111,36 @@ def _run(campaign: Campaign, console: Console, jobs: int, out: Path | None, summ
 
 def _listed(text: str, option: str) -> tuple[str, ...]:
     """Names between commas, each once; two files of one name would be one in the summary."""
-    names = tuple(name.strip() for name in text.split(",") if name.strip())
-    if not names:
-        raise ConfigError(f"--{option} {text!r}: give at least one name or TOML file")
+    names = names_of(text, option)
     (label, count), *_ = Counter(map(label_of, names)).most_common(1)
     if count > 1:
         raise ConfigError(f"--{option} {text}: {label} is there {count} times, every name may be there once")
     return names
 
 
+def _baseline_or_own(name: str) -> str:
+    """The baseline's file is the baseline; a file of one's own may not go by its name, beside which it would stand."""
+    if label_of(name) != BASELINE or name == BASELINE:
+        return name
+    if controller_path(name).samefile(controller_path(BASELINE)):
+        return BASELINE
+    raise ConfigError(
+        f"--controllers {name}: {BASELINE} is the name of the baseline, which is always flown: rename the file"
+    )
+
+
 def _checked(
-    names: tuple[str, ...], controllers: tuple[str, ...], seeds: str, bandwidth: float | None, ablations: bool
+    names: tuple[str, ...],
+    controllers: tuple[str, ...],
+    seeds: tuple[int, ...],
+    bandwidth: float | None,
+    allow_unstable: bool,
+    ablations: bool,
 ) -> Campaign:
     """Whatever cannot be flown is refused before anything flies."""
-    chosen = _seeds(seeds)
-    wholes = tuple(whole_items(names, controllers, chosen, bandwidth))
+    wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable))
     variants = tuple(variant for item in wholes for variant in variants_of(item))
-    return Campaign(names, controllers, chosen, bandwidth, wholes, variants if ablations else ())
-
-
-def _seeds(text: str) -> tuple[int, ...]:
-    bounds = re.fullmatch(r"([0-9]{1,9}):([0-9]{1,9})", text)
-    first, last = map(int, bounds.groups()) if bounds else (1, 0)
-    if first > last:
-        raise ConfigError(f"--seeds {text}: must be FIRST:LAST, two whole numbers from 0 on in this order, as in 1:5")
-    if last - first >= MOST_SEEDS:
-        raise ConfigError(f"--seeds {text}: {last - first + 1} seeds, at most {MOST_SEEDS} fly side by side")
-    return tuple(range(first, last + 1))
+    return Campaign(names, controllers, seeds, bandwidth, allow_unstable, wholes, variants if ablations else ())
 
 
 def _each(
@@ -232,7 +234,12 @@ def _verdict(wholes: Sequence[Flown], console: Console) -> int:
     """The exit code, and a sentence for each law that did badly."""
     bad = [flown for flown in wholes if not flown.good]
     for flown in bad:
-        what = f"lost {flown.diverged} of {len(flown.item.seeds)}" if flown.diverged else "outside its error limits"
+        count = len(flown.item.seeds)
+        what = (
+            f"lost {flown.diverged} of {count}"
+            if flown.diverged
+            else f"outside its error limits with {flown.outside} of {count} seeds"
+        )
         where = f"{label_of(flown.item.controller)} on {label_of(flown.item.experiment)}"
         console.print(f"[red]{where}: {what}[/]", highlight=False)
     return FAILED if bad else 0

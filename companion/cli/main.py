@@ -73,6 +73,11 @@ def main() -> None:
     except CompanionError as error:
         typer.echo(f"companion: {error}", err=True)
         sys.exit(BAD_INPUT)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        typer.echo(f"companion: {error.filename}: {error.strerror}", err=True)
+        sys.exit(BAD_INPUT)
 
 
 if __name__ == "__main__":

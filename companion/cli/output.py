@@ -1,16 +1,45 @@
-"""Where results go, checked before the work that makes them."""
+"""Where results go, tried before the work that makes them."""
 
+import tempfile
 from pathlib import Path
 
 from companion.ports import ConfigError
 
 
 def check_output(out: Path | None, summary: Path | None) -> None:
-    """Make the folders of `--out` and `--summary`; ConfigError when one cannot be written to."""
-    if summary is not None and summary.is_dir():
-        raise ConfigError(f"--summary {summary} is a folder: give the name of a file")
-    for folder in (*([out] if out else []), *([summary.parent] if summary else [])):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"cannot write to {folder}: {error.strerror}") from error
+    """Make the folders of `--out` and `--summary`, and try to write; ConfigError when one cannot be written to."""
+    if out is not None:
+        _check_folder(out)
+    if summary is not None:
+        check_file(summary, "summary")
+
+
+def check_file(file: Path, option: str) -> None:
+    """Make the folder of the file that `--option` names, and try to write; what is in the file already stays.
+
+    Raises ConfigError when it cannot be written to.
+    """
+    if file.is_dir():
+        raise ConfigError(f"--{option} {file} is a folder: give the name of a file")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        was_there = file.exists()
+        with file.open("a", encoding="utf-8"):
+            pass
+        if not was_there:
+            file.unlink()
+    except OSError as error:
+        raise _refused(file, error) from error
+
+
+def _check_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise _refused(folder, error) from error
+
+
+def _refused(path: Path, error: OSError) -> ConfigError:
+    return ConfigError(f"cannot write to {path}: {error.strerror}")

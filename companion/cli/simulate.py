@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from companion.cli.asked import FAILED, INTERRUPTED, seeds_of
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
@@ -21,14 +22,12 @@ from companion.experiments.demo_scene import demo_scene, load_mock
 from companion.experiments.mission import stacked
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.simulation import simulate as fly
+from companion.law_check import in_flight
 from companion.ports import ConfigError
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 
-FAILED = 1
-INTERRUPTED = 130
 _DEMO_ONLY = ("trajectory", "laps", "period", "size", "arms", "config", "mock_config")
-_MOST_SEEDS = 1000
 _SHOWN_CYCLES = 50
 """The bar moves once in so many."""
 
@@ -86,7 +85,7 @@ def simulate(
     console = Console()
     _refuse_mixtures(context, demo)
     check_output(out, summary)
-    numbers = _seeds(seed, seeds)
+    numbers = [seed] if seeds is None else list(seeds_of(seeds))
     if demo:
         settings = load_config(config or default_config_path("demo.toml"))
         curve = trajectory_named(trajectory, Curve(laps, period, size, settings.flight.takeoff_height_m))
@@ -123,18 +122,6 @@ def _refuse_mixtures(context: typer.Context, demo: bool) -> None:
         raise ConfigError("--seed and --seeds: give one of them")
 
 
-def _seeds(seed: int, seeds: str | None) -> list[int]:
-    """The seeds asked for."""
-    if seeds is None:
-        return [seed]
-    first, colon, last = seeds.partition(":")
-    if not (colon and first.isdecimal() and last.isdecimal() and 0 <= int(last) - int(first) < _MOST_SEEDS):
-        raise ConfigError(
-            f"--seeds {seeds}: must be FIRST:LAST, two whole numbers, at most {_MOST_SEEDS} seeds, like 1:5"
-        )
-    return list(range(int(first), int(last) + 1))
-
-
 def _controller(scene: Scene, name: str | None, allow_unstable: bool, ablation: Ablation | None) -> LoadedController:
     chosen, model = name or scene.companion.control.controller, scene.companion.vehicle_model()
     if ablation is not None:
@@ -169,6 +156,7 @@ def _fly(asked: _Asked, begun_s: float, console: Console) -> Flights:
                 bar.update(task, completed=cycle)
 
         ready_s = time.perf_counter()
-        trace = fly(pilot, vehicle, mission, seeds, keep_signals=asked.keep_signals, progress=show)
+        with in_flight(asked.controller.own_file):
+            trace = fly(pilot, vehicle, mission, seeds, keep_signals=asked.keep_signals, progress=show)
         end_s = time.perf_counter()
     return flights_of(scene, asked.controller, seeds, trace, end_s - ready_s, end_s - begun_s)

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
 from companion.experiments.sweep import ERROR, Columns, Sweep
@@ -26,9 +27,6 @@ from companion.experiments.sweep_numbers import (
     of_nominal,
 )
 from companion.experiments.sweep_run import Parts, Swept, run, write_part
-
-FAILED = 1
-INTERRUPTED = 130
 
 
 def sweep(

@@ -21,6 +21,7 @@ from companion.experiments.lyapunov import (
 from companion.experiments.scene import Scene
 from companion.experiments.simulation import Trace, simulate
 from companion.experiments.virtual_world import STEP_S, VirtualVehicle, VirtualWorld
+from companion.law_check import in_flight
 from companion.types import Array
 from mock_autopilot.plant import PlantParams, friction_ned_n
 
@@ -65,7 +66,8 @@ def look_closely(item: Item) -> Detail:
     loaded = controller_of(item, scene)
     law = loaded.law
     mission, vehicle, seed = scene.mission(law.preview_s), scene.vehicle(), item.seeds[0]
-    trace = simulate(scene.pilot(loaded, item.feedforward), vehicle, mission, [seed], keep_signals=True)
+    with in_flight(loaded.own_file):
+        trace = simulate(scene.pilot(loaded, item.feedforward), vehicle, mission, [seed], keep_signals=True)
     plant, mass_kg = vehicle.plant, float(vehicle.plant.mass_kg)
     friction = friction_w_mps2(trace.reference_velocity_w_mps, plant)
     room = _room_w_mps2(scene, vehicle, trace, seed)

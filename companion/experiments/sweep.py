@@ -14,6 +14,7 @@ from companion.experiments.scene import Scene
 from companion.experiments.simulation import Trace, simulate
 from companion.experiments.sweep_vehicles import Drawn, draw, vehicles
 from companion.experiments.virtual_world import VirtualVehicle
+from companion.law_check import in_flight
 
 Columns = dict[str, NDArray[Any]]
 """A table, one row a vehicle: each column (N, ...)."""
@@ -75,7 +76,8 @@ def fly(
     drawn = draw(batch.seed, batch.indices)
     mission = stacked([scene.mission(controller.law.preview_s)] * len(batch.indices))
     true = vehicles(scene, drawn, len(mission.time_s))
-    trace = simulate(scene.pilot(controller), true, mission, drawn.flight_seed.tolist(), progress=progress)
+    with in_flight(controller.own_file):
+        trace = simulate(scene.pilot(controller), true, mission, drawn.flight_seed.tolist(), progress=progress)
     return _parameters(batch, drawn, true, scene) | results(trace)
 
 

@@ -20,7 +20,7 @@ from companion.config_files import project_root, read_toml
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.sweep import Batch, Columns, Sweep, fly, joined
 from companion.experiments.workers import SPAWN, workers
-from companion.law_files import is_law_file
+from companion.law_files import is_law_file, law_path
 from companion.ports import CompanionError
 
 _POLL_S = 0.2
@@ -166,4 +166,4 @@ def _controller_files(name: str) -> list[Path]:
     """The controller's own file, and that of a law of one's own."""
     path = controller_path(name)
     law = read_toml(path).get("law")
-    return [path, path.parent / str(law).rpartition(":")[0]] if is_law_file(law) else [path]
+    return [path, law_path(str(law), path)] if is_law_file(law) else [path]

@@ -11,6 +11,7 @@ from companion.experiments import campaign
 from companion.experiments.campaign import Flown, Item
 from tests.cli.typed import Type, typing
 from tests.experiments.short_experiments import short_experiment
+from tests.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
 PRACTICAL = ROOT / "config" / "controllers" / "practical.toml"
@@ -100,11 +101,57 @@ def test_what_was_flown_before_an_interruption_is_kept(
     assert list(data["experiments"]["short"]) == ["pid"]
 
 
+def test_a_file_may_not_go_by_the_baselines_name_unless_it_is_the_baseline(
+    typed: Type, short: Path, tmp_path: Path
+) -> None:
+    shipped, own, summary = ROOT / "config" / "controllers" / "pid.toml", tmp_path / "pid.toml", tmp_path / "s.json"
+    own.write_text(shipped.read_text(encoding="utf-8"), encoding="utf-8")
+    asked = ("--experiments", short, "--seeds", "2", "--no-report", "--no-ablations", "--summary", summary)
+    refused = typed(*asked, "--controllers", own)
+    assert refused.code == 2
+    assert (
+        f"--controllers {own}: pid is the name of the baseline, which is always flown: rename the file" in refused.err
+    )
+    assert len(refused.err.strip().splitlines()) == 1
+    flown = typed(*asked, "--controllers", shipped)
+    assert flown.code == 0, flown.out + flown.err
+    assert "reduced (%)" not in flown.out, "it stands there once"
+    assert list(json.loads(summary.read_text(encoding="utf-8"))["experiments"]["short"]) == ["pid"]
+
+
+def test_the_law_as_printed_stands_beside_the_others(typed: Type, short: Path, tmp_path: Path) -> None:
+    """It is lost, and the table and the report can say so."""
+    out, summary = tmp_path / "out", tmp_path / "s.json"
+    asked = ("--experiments", short, "--controllers", "paper", "--seeds", "1", "--jobs", "1", "--no-ablations")
+    ended = typed(*asked, "--allow-unstable", "--out", out, "--summary", summary)
+    assert ended.code == 1, ended.err
+    assert "paper on short: lost 1 of 1" in ended.out
+    assert json.loads(summary.read_text(encoding="utf-8"))["experiments"]["short"]["paper"]["diverged"] == 1
+    text = (out / "report.html").read_text(encoding="utf-8")
+    assert "--seeds 1:1 --allow-unstable" in text
+    assert "paper, lost 1 of 1" in text
+    assert "paper: the fixed-time bound does not apply" in text
+
+
+def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(typed: Type, short: Path, tmp_path: Path) -> None:
+    """In another process as in this one."""
+    toml = failing_law(tmp_path)
+    asked = ("--experiments", short, "--controllers", toml, "--seeds", "1", "--no-ablations", "--no-report")
+    for jobs in ("1", "2"):
+        ended = typed(*asked, "--jobs", jobs)
+        assert ended.code == 2
+        assert f"{tmp_path / 'pd.py'}: raised in flight: KeyError: 'none' (line {FAILING_LINE})" in ended.err
+        assert len(ended.err.strip().splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--seeds", "5:1"), "--seeds 5:1: must be FIRST:LAST, two whole numbers from 0 on in this order, as in 1:5"),
-        (("--seeds", "3"), "--seeds 3: must be FIRST:LAST"),
+        (
+            ("--seeds", "5:1"),
+            "--seeds 5:1: must be FIRST:LAST, two whole numbers from 0 on in this order, as in 1:5, or one seed",
+        ),
+        (("--seeds", "3:"), "--seeds 3:: must be FIRST:LAST"),
         (("--seeds", "-1:2"), "--seeds -1:2: must be FIRST:LAST"),
         (("--seeds", "0:1000"), "1001 seeds, at most 1000"),
         (("--experiments", "oval"), "unknown experiment 'oval': give a TOML file or one of ellipse, figure8"),
@@ -114,6 +161,8 @@ def test_what_was_flown_before_an_interruption_is_kept(
         (("--controllers", f"practical,{PRACTICAL}"), "practical is there 2 times, every name may be there once"),
         (("--controllers", "pid", "--summary", "/proc/none/s.json"), "cannot write to /proc/none"),
         (("--controllers", "pid", "--summary", "."), "--summary . is a folder"),
+        (("--controllers", "pid", "--summary", "/proc/s.json"), "cannot write to /proc/s.json"),
+        (("--controllers", "pid", "--out", "/proc"), "cannot write to /proc"),
     ],
 )
 def test_refused_in_a_sentence(typed: Type, arguments: tuple[str, ...], sentence: str) -> None:

@@ -11,6 +11,7 @@ from matplotlib.image import imread
 from companion.cli import simulate
 from companion.experiments.summary import summarise
 from tests.cli.typed import Type, typing
+from tests.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
 SHORT = """
@@ -150,7 +151,7 @@ def test_the_demo_without_its_sockets(typed: Type, tmp_path: Path) -> None:
         (("--mock-config", "x.toml"), "--mock-config is for --demo"),
         (("ellipse", "--demo"), "ellipse: an experiment or --demo, not both"),
         (("--seed", "3", "--seeds", "1:2"), "--seed and --seeds: give one of them"),
-        (("--seeds", "5"), "--seeds 5: must be FIRST:LAST"),
+        (("--seeds", "5:"), "--seeds 5:: must be FIRST:LAST"),
         (("--seeds", "5:1"), "--seeds 5:1: must be FIRST:LAST"),
         (("--seeds", "-1:4"), "--seeds -1:4: must be FIRST:LAST"),
         (("--controller", "none"), "unknown controller 'none'"),
@@ -162,6 +163,8 @@ def test_the_demo_without_its_sockets(typed: Type, tmp_path: Path) -> None:
         (("--demo", "--mock-config", "nowhere.toml"), "cannot read nowhere.toml"),
         (("--summary", "config"), "--summary config is a folder: give the name of a file"),
         (("--out", "README.md"), "cannot write to README.md: File exists"),
+        (("--out", "/proc"), "cannot write to /proc: "),
+        (("--summary", "/proc/x.json"), "cannot write to /proc/x.json: "),
     ],
 )
 def test_what_cannot_be_flown_is_one_sentence(typed: Type, arguments: tuple[str, ...], said: str) -> None:
@@ -170,6 +173,23 @@ def test_what_cannot_be_flown_is_one_sentence(typed: Type, arguments: tuple[str,
     assert said in ran.err
     assert ran.err.count("\n") == 1
     assert "Traceback" not in ran.out + ran.err
+
+
+def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(typed: Type, tmp_path: Path) -> None:
+    ran = typed(short(tmp_path), "--controller", failing_law(tmp_path))
+    assert ran.code == 2
+    assert f"{tmp_path / 'pd.py'}: raised in flight: KeyError: 'none' (line {FAILING_LINE})" in ran.err
+    assert ran.err.count("\n") == 1
+
+
+def test_a_file_that_turns_out_not_to_be_writable_is_one_sentence(
+    typed: Type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a disk that has become full."""
+    monkeypatch.setattr(simulate, "keep_flights", lambda *_: (tmp_path / "gone" / "x.png").write_bytes(b""))
+    ran = typed(short(tmp_path), "--out", tmp_path / "out")
+    assert ran.code == 2
+    assert ran.err == f"companion: {tmp_path / 'gone' / 'x.png'}: No such file or directory\n"
 
 
 def test_ctrl_c_ends_in_order(typed: Type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from companion.cli.main import app
 from companion.experiments.sweep import Sweep
 from companion.ports import ConfigError
 from tests.experiments.sweep_rig import short_experiment
+from tests.first_law import FAILING_LINE, failing_law
 
 
 @pytest.fixture(autouse=True)
@@ -93,6 +94,12 @@ class Idle:
         accel = 0.0 * now.position_w_m + [3.0, 0.0, 0.0]
         return None, ControlOutput(accel, np.ones((*accel.shape[:-1], 1)), {})
 """
+
+
+def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(tmp_path: Path) -> None:
+    ran = _sweep(tmp_path, "--vehicles", "1", "--controller", str(failing_law(tmp_path)))
+    assert isinstance(ran.exception, ConfigError)
+    assert str(ran.exception) == f"{tmp_path / 'pd.py'}: raised in flight: KeyError: 'none' (line {FAILING_LINE})"
 
 
 def test_ctrl_c_says_how_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

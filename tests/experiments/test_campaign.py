@@ -76,6 +76,8 @@ def test_what_is_no_number_is_null() -> None:
 
 def test_good_means_none_lost_and_inside_the_limits() -> None:
     assert flown([[0.05, 0.01, 0.01]], [[0.2, 0.1, 0.1]]).good
+    one_outside = flown([[0.051, 0.01, 0.01], [0.01, 0.01, 0.01]], [[0.2, 0.1, 0.1], [0.1, 0.1, 0.1]])
+    assert (one_outside.good, one_outside.outside) == (False, 1)
     assert not flown([[0.051, 0.01, 0.01]], [[0.2, 0.1, 0.1]]).good
     assert not flown([[0.05, 0.01, 0.01]], [[0.2, 0.1, 0.21]]).good
     assert not flown([[0.01, 0.01, 0.01], [0.01, 0.01, 0.01]], diverged=1).good
@@ -102,7 +104,19 @@ def test_an_experiment_the_paper_has_not_is_beside_our_own_baseline_only() -> No
 
 def test_events_and_what_lies_between_them() -> None:
     (row,) = events([flown([[0.01, 0.01, 0.01]])]).rows
-    assert [cell.text for cell in row] == ["practical", "4", "5.0%", "5.0%", "10 ms", "40 ms", "70 ms", "no"]
+    assert [cell.text for cell in row] == ["practical", "4", "5.0%", "5.0%", "10 ms", "40 ms", "70 ms", "25.0%"]
+
+
+def test_only_the_cycles_that_fly_the_trajectory_count(tmp_path: Path) -> None:
+    """One lap of 4 s, and 1 s more for getting under way and to rest: 500 cycles; the 50 of hover before do not count.
+
+    PID sends in each, so there are 499 gaps of one cycle.
+    """
+    found = fly(Item(str(short_experiment(tmp_path / "short.toml")), "pid", (1, 2)))
+    assert found.events.tolist() == [500.0, 500.0]
+    assert found.gap_cycles.tolist() == [1] * (2 * 499)
+    law = fly(Item(str(tmp_path / "short.toml"), "practical", (1, 2)))
+    np.testing.assert_array_equal(law.events, np.rint(law.score.event_share * 500))
 
 
 def test_an_ablation_says_what_was_left_out_and_what_it_cost() -> None:
