@@ -29,7 +29,7 @@ _PROOF_NOTE = (
 
 def closer(details: Sequence[Detail]) -> list[Grid]:
     """Of one experiment; empty where no law is the paper's."""
-    thinking = [detail for detail in details if "f_hat" in detail.signals]
+    thinking = [detail for detail in details if "f_hat" in detail.signals and not detail.lost]
     proved = [(detail, detail.proof) for detail in details if detail.proof is not None]
     grids = []
     if thinking:
@@ -38,7 +38,10 @@ def closer(details: Sequence[Detail]) -> list[Grid]:
         grids.append(Grid("what the network learns", columns, rows, _NETWORK_NOTE))
     if proved:
         rows = tuple(_proof_row(detail, proof) for detail, proof in proved)
-        verdicts = " ".join(_verdict(detail, proof) for detail, proof in proved)
+        gone = (label_of(detail.item.controller) for detail in details if detail.lost)
+        verdicts = " ".join(
+            [*(_verdict(detail, proof) for detail, proof in proved), *(f"{name}: lost, so left out." for name in gone)]
+        )
         grids.append(
             Grid("the Lyapunov function and the fixed-time bound", _PROOF_COLUMNS, rows, f"{_PROOF_NOTE} {verdicts}")
         )

@@ -18,6 +18,7 @@ from companion.experiments.lyapunov import (
     lyapunov_of,
     measured_bounds,
 )
+from companion.experiments.metrics import score
 from companion.experiments.scene import Scene
 from companion.experiments.simulation import Trace, simulate
 from companion.experiments.virtual_world import STEP_S, VirtualVehicle, VirtualWorld
@@ -52,7 +53,12 @@ class Detail:
     room_w_mps2: Array
     """The room's pushes, (n, 3): what it can learn as well, as far as they are slow."""
     proof: Proof | None
-    """None for a law that is not the paper's."""
+    """None for a law that is not the paper's, and for a vehicle that was lost: then nothing was bounded."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether the vehicle was."""
+        return is_lost(self.trace)
 
     @property
     def signals(self) -> Mapping[str, Array]:
@@ -90,10 +96,16 @@ def _room_w_mps2(scene: Scene, vehicle: VirtualVehicle, trace: Trace, seed: int)
     return np.asarray(flip_yz(each_cycle) / vehicle.plant.mass_kg)
 
 
+def is_lost(trace: Trace) -> bool:
+    """Whether a flight of one vehicle diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return bool(score(trace).diverged)
+
+
 def _proof(law: Etnn, trace: Trace, friction: Array, plant: PlantParams, period_s: float) -> Proof | None:
     """V along the flight, and the theorem with the bounds that were kept while the trajectory was flown."""
     gains, predicts = law.gains, law.predictor is not None
-    if not np.isfinite(trace.position_w_m).all():
+    if is_lost(trace):
         return None
     now = tracking(trace)
     wanted, signals = trace.reference_velocity_w_mps, trace.signals

@@ -24,14 +24,16 @@ _WIDTH = 11.0
 
 
 def draw_experiment(details: Sequence[Detail], folder: Path) -> list[Drawn]:
-    """All figures of one experiment's flights, the baseline first."""
+    """All figures of one experiment's flights, the baseline first; a lost vehicle's would hide the others'."""
+    left_out = "".join(f" {label_of(one.item.controller)} was lost and is left out." for one in details if one.lost)
+    details = [detail for detail in details if not detail.lost] or details[:1]
     experiment = label_of(details[0].item.experiment)
     thinking = [detail for detail in details if "f_hat" in detail.signals]
     triggered = [detail for detail in details if not detail.trace.event.all()]
     proved = [(detail, detail.proof) for detail in details if detail.proof is not None]
     figures: list[tuple[str, str, Figure]] = [
         ("flown", "What was flown: the reference from above, its speed, and the arms' joints.", _flown(details[0])),
-        ("position", "Position and error. The reference is dashed.", _positions(details)),
+        ("position", f"Position and error. The reference is dashed.{left_out}", _positions(details)),
         ("force", "Force inputs U_c = m_t (u + g e_3), held between events.", _forces(details)),
     ]
     if thinking:

@@ -41,6 +41,9 @@ class Grid:
         return replace(self, columns=tuple(self.columns[index] for index in kept), rows=rows)
 
 
+_READABLE_M = 1000.0
+"""Beyond that an error of a lost vehicle says nothing more, and may be infinite."""
+
 _ERRORS = ("mean x", "y", "z", "max x", "y", "z")
 
 _MEANING = {
@@ -75,7 +78,7 @@ def comparison(flights: Sequence[Flown]) -> Grid:
     rows = [] if paper is None else _paper_rows(paper)
     for flown in flights:
         rows.append(_our_row(flown))
-        if flown is not baseline:
+        if flown is not baseline and not flown.diverged:
             rows.append(_reduction_row(flown, baseline, paper))
     return Grid(
         f"position errors on {experiment} (m)", ("", *_ERRORS, "updates"), tuple(rows), _beside_words(baseline, paper)
@@ -96,7 +99,8 @@ def _our_row(flown: Flown) -> tuple[Cell, ...]:
     errors = (*flown.mean_error_m, *flown.max_error_m)
     name = label_of(flown.item.controller) + (f", {_lost(flown)}" if flown.diverged else "")
     tone = BAD if flown.diverged else PLAIN
-    return Cell(name, tone), *(Cell(f"{value:.4f}", tone) for value in errors), Cell(f"{flown.update_share:.1%}")
+    numbers = (f"{value:.4f}" if value < _READABLE_M else "–" for value in errors)
+    return Cell(name, tone), *(Cell(number, tone) for number in numbers), Cell(f"{flown.update_share:.1%}")
 
 
 def _reduction_row(flown: Flown, baseline: Flown, paper: PaperExperiment | None) -> tuple[Cell, ...]:

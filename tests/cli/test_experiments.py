@@ -130,7 +130,7 @@ def test_the_law_as_printed_stands_beside_the_others(typed: Type, short: Path, t
     text = (out / "report.html").read_text(encoding="utf-8")
     assert "--seeds 1:1 --allow-unstable" in text
     assert "paper, lost 1 of 1" in text
-    assert "paper: the fixed-time bound does not apply" in text
+    assert "paper was lost and is left out" in text
 
 
 def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(typed: Type, short: Path, tmp_path: Path) -> None:

@@ -102,6 +102,13 @@ def test_an_experiment_the_paper_has_not_is_beside_our_own_baseline_only() -> No
     assert [cell.text for cell in grid.rows[2][1:4]] == ["80.00", "50.00", "-100.00"]
 
 
+def test_a_lost_law_is_in_the_table_without_a_reduction() -> None:
+    pid = flown([[0.1, 0.1, 0.1]], controller="pid", experiment="mine.toml")
+    grid = comparison([pid, flown([[np.inf, 2000.0, 3.0]], experiment="mine.toml", diverged=1)])
+    assert [row[0].text for row in grid.rows] == ["pid", "practical, lost 1 of 1"]
+    assert [cell.text for cell in grid.rows[1][1:4]] == ["–", "–", "3.0000"]
+
+
 def test_events_and_what_lies_between_them() -> None:
     (row,) = events([flown([[0.01, 0.01, 0.01]])]).rows
     assert [cell.text for cell in row] == ["practical", "4", "5.0%", "5.0%", "10 ms", "40 ms", "70 ms", "25.0%"]

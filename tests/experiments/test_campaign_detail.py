@@ -136,6 +136,16 @@ def test_to_a_law_that_predicts_the_theorem_does_not_apply(details: Sequence[Det
     assert [cell.text for cell in proof.rows[0][4:7]] == ["–", "–", "–"]
 
 
+def test_a_lost_vehicle_has_no_proof_and_spoils_no_table(details: Sequence[Detail]) -> None:
+    trace = details[1].trace
+    away = np.where(trace.time_s[:, None] > 1.0, 1e200, trace.position_w_m)
+    lost = replace(details[1], trace=replace(trace, position_w_m=away), proof=None)
+    assert (lost.lost, details[1].lost) == (True, False)
+    network, proof = closer([details[0], lost, details[1]])
+    assert [row[0].text for row in network.rows if "f_hat" in row[0].text] == ["practical: f_hat"]
+    assert proof.note.endswith("practical: lost, so left out.")
+
+
 @pytest.fixture(scope="module")
 def drawn(details: Sequence[Detail], tmp_path_factory: pytest.TempPathFactory) -> list[Drawn]:
     return draw_experiment(details, tmp_path_factory.mktemp("figures"))
