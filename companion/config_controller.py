@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.control.controller import Controller, VehicleModel
@@ -43,6 +43,16 @@ class EtnnFile(Section):
     gains: EtnnGains = Field(default_factory=EtnnGains)
     prediction: PredictionConfig = PredictionConfig()
     error_limits: ErrorLimits = ErrorLimits()
+
+    @model_validator(mode="after")
+    def _a_push_that_is_taken_off_is_observed(self) -> Self:
+        observed = self.prediction.enabled and self.prediction.observer_radps > 0.0
+        if self.gains.push_share > 0.0 and not observed:
+            raise ValueError(
+                f"gains.push_share = {self.gains.push_share:g}: must be 0 unless a push is observed, which needs "
+                "prediction.enabled = true and prediction.observer_radps above 0"
+            )
+        return self
 
 
 class PidFile(Section):

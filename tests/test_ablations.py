@@ -1,6 +1,7 @@
 """Ablations: one part of the law is gone, and nothing else is touched."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +76,29 @@ def test_without_its_prediction_the_law_sees_the_state_as_it_is() -> None:
     assert etnn_law(bare, VEHICLE, 0.01).preview_s == 0.0
     seen = signals(bare)
     np.testing.assert_array_equal(seen["x1"], [now.position_w_m for now in swaying()])
+
+
+def test_the_observer_goes_with_the_prediction() -> None:
+    """What is left of push_share has no effect then: the command is what it is without any."""
+    bare = ablated(PREDICTING, Ablation.PREDICTION)
+    none = bare.model_copy(update={"gains": bare.gains.model_copy(update={"push_share": 0.0})})
+    assert bare.gains.push_share > 0.0
+    assert not signals(bare)["push"].any()
+    np.testing.assert_array_equal(signals(bare)["u_bar"], signals(none)["u_bar"])
+
+
+@pytest.mark.parametrize("prediction", ["", "enabled = true", "observer_radps = 2.0"])
+def test_a_share_of_no_push_is_refused(tmp_path: Path, prediction: str) -> None:
+    path = tmp_path / "mine.toml"
+    text = 'law = "etnn"\n[gains]\npush_share = 0.5\n[prediction]\n'
+    path.write_text(text + prediction, encoding="utf-8")
+    sentence = f"^{path}: gains.push_share = 0.5: must be 0 unless a push is observed, which needs "
+    with pytest.raises(ConfigError, match=sentence) as caught:
+        read_etnn(str(path))
+    assert "\n" not in str(caught.value)
+    path.write_text(text + "enabled = true\nobserver_radps = 2.0", encoding="utf-8")
+    without = load_ablated(str(path), VEHICLE, 0.01, Ablation.PREDICTION)
+    assert without.law.preview_s == 0.0
 
 
 def test_without_its_push_observer_nothing_pushes_as_far_as_the_law_knows() -> None:

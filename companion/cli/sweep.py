@@ -1,5 +1,6 @@
 """`companion sweep`: how robust a controller is, by many vehicles that differ from what it is told."""
 
+import hashlib
 import json
 import math
 import os
@@ -15,6 +16,8 @@ from rich.table import Table
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
+from companion.config_controller import controller_path
+from companion.config_files import project_root
 from companion.experiments.sweep import ERROR, Columns, Sweep
 from companion.experiments.sweep_numbers import (
     PARAMETERS,
@@ -126,13 +129,21 @@ def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
     """The table of all vehicles, and the picture."""
     from companion.experiments.sweep_plots import plot_sweep  # noqa: PLC0415 - matplotlib takes a second to import
 
-    name = f"{Path(wanted.controller).stem}-seed{wanted.seed}"
+    name = f"{_label(wanted.controller)}-seed{wanted.seed}"
     title = (
         f"{wanted.vehicles} vehicles that differ from what {Path(wanted.controller).name} is told, seed {wanted.seed}"
     )
     write_part(out / f"{name}.npz", columns)
     plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
     console.print(f"picture [bold]{out / name}.png[/] and .pdf, table {out / name}.npz", soft_wrap=True)
+
+
+def _label(controller: str) -> str:
+    """For names of files: a file of one's own has some digits of its path, as two of one name may be swept."""
+    path = controller_path(controller).resolve()
+    if path.parent == (project_root() / "config" / "controllers").resolve():
+        return path.stem
+    return f"{path.stem}-{hashlib.sha256(str(path).encode()).hexdigest()[:6]}"
 
 
 def _summary(wanted: Sweep, swept: Swept) -> dict[str, Any]:

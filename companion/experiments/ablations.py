@@ -19,7 +19,7 @@ class Ablation(StrEnum):
     COMPENSATOR = "compensator"
     """iota_1 = iota_2 = 0 (eq. iota-dyn): dynamic-surface control. f_hat acts through iota_2, so it is off as well."""
     PREDICTION = "prediction"
-    """The law sees the state as it is, as printed."""
+    """The law sees the state as it is, as printed; without it there is no push observer, and no push to take off."""
     PUSH = "push"
     """No push is observed, so none is predicted with, and none is taken off the command, as printed."""
 

@@ -13,6 +13,7 @@ from companion.experiments.sweep import Sweep
 from companion.ports import ConfigError
 from tests.experiments.sweep_rig import short_experiment
 from tests.first_law import FAILING_LINE, failing_law
+from tests.flights.command import ROOT
 
 
 @pytest.fixture(autouse=True)
@@ -73,7 +74,22 @@ def test_a_vehicle_that_diverges_is_exit_code_one(tmp_path: Path) -> None:
     assert numbers["diverged"] == 4
     assert numbers["error_p95_m"] == {"12.0": None, "6.3": None}
     assert "diverged" in ran.output
-    assert (tmp_path / "out" / "idle-seed1.png").is_file()
+    assert len(list((tmp_path / "out").glob("idle-??????-seed1.png"))) == 1
+
+
+def test_two_controllers_of_one_name_leave_two_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("companion.experiments.sweep_plots.plot_sweep", lambda *_: None)
+    shipped = (ROOT / "config" / "controllers" / "pid.toml").read_text(encoding="utf-8")
+    for folder in ("a", "b"):
+        path = tmp_path / folder / "pid.toml"
+        path.parent.mkdir()
+        path.write_text(shipped, encoding="utf-8")
+        for _ in range(2):
+            assert _sweep(tmp_path, "--vehicles", "1", "--controller", str(path)).exit_code == 0
+    assert _sweep(tmp_path, "--vehicles", "1", "--controller", "pid").exit_code == 0
+    tables = sorted(table.name for table in (tmp_path / "out").glob("*.npz"))
+    assert len(tables) == 3
+    assert "pid-seed1.npz" in tables
 
 
 _IDLE = """
