@@ -44,7 +44,7 @@ def sweep(
     """Fly vehicles that differ from what the companion believes, in virtual time, and say what the errors depend on.
 
     What is flown is kept at once: after Ctrl-C (exit code 130) the same command goes on, and more --vehicles add to
-    what is there. Exit code 1 if any vehicle diverged, 2 for what could not be started.
+    what is there. Exit code 1 if any vehicle diverged, 2 for what could not be flown.
     """
     console = Console()
     check_output(out / "parts", summary)

@@ -136,13 +136,13 @@ def _beside_words(baseline: Flown, paper: PaperExperiment | None) -> str:
 
 def events(flights: Sequence[Flown]) -> Grid:
     """How often each law sends, and how far apart."""
-    columns = ("", "events", "of cycles", "sent", "least gap", "mean", "largest", "one period")
+    columns = ("", "events", "of cycles", "sent", "least gap", "mean", "largest", "1 cycle")
     rows = tuple(_event_row(flown) for flown in flights)
     note = (
         "Events of a flight, on average; share of the cycles with an event, and with a setpoint sent: after an event "
         "the gate may send a few more on the way to it. Zeno behaviour is excluded by construction, whatever the law: "
-        f"no two events can be nearer than one control period, {1e3 * flights[0].period_s:.0f} ms. One period: share "
-        "of the gaps that are limited by the control period alone."
+        f"no two events can be nearer than one control period, {1e3 * flights[0].period_s:.0f} ms. 1 cycle: share of "
+        "the gaps that are one period long, which is limited by the control period alone."
     )
     return Grid(f"events on {label_of(flights[0].item.experiment)}", columns, rows, note)
 
