@@ -34,11 +34,13 @@ def until(phase: Phase) -> Step:
 
 
 def wait(seconds: float) -> Step:
-    ends: list[float] = []
+    """From when it is first asked in a flight; the same step may be part of many flights."""
+    ends: list[tuple[Flight, float]] = []
 
     def step(flight: Flight) -> bool:
-        ends.append(flight.room.now_s() + seconds)
-        return flight.room.now_s() >= ends[0]
+        if not ends or ends[-1][0] is not flight:
+            ends.append((flight, flight.room.now_s() + seconds))
+        return flight.room.now_s() >= ends[-1][1]
 
     return step
 
