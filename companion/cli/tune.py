@@ -16,7 +16,9 @@ from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
-from companion.cli.output import check_output
+from companion.cli.asked import FAILED, INTERRUPTED, names_of
+from companion.cli.options import SummaryFile
+from companion.cli.output import check_file, check_output
 from companion.config_controller import read_etnn
 from companion.control.reference import Ellipse, FigureEight, LapTiming
 from companion.experiments.controller_writer import controller_toml
@@ -40,7 +42,6 @@ from companion.experiments.workers import workers
 from companion.ports import ConfigError
 from companion.types import Array
 
-FAILED, INTERRUPTED = 1, 130
 _CHECK_VEHICLES = (2, 6)
 
 
@@ -83,7 +84,7 @@ def tune(
     bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
     out: Annotated[Path, typer.Option(help="Folder for the search's progress and picture.")] = Path("flights/tune"),
-    summary: Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")] = None,
+    summary: SummaryFile = None,
 ) -> None:
     """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
 
@@ -129,16 +130,14 @@ def tune(
 
 def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:
     loops = _numbers("bandwidths", bandwidths, 2.0, 40.0)
-    scenes = scenes_of([shortened(load_scene(name)) for name in map(str.strip, experiments.split(","))], loops)
+    scenes = scenes_of([shortened(load_scene(name)) for name in names_of(experiments, "experiments")], loops)
     return Plan(scenes, len(loops), generations, population, _numbers("weights", weights, 0.05, 20.0), seed)
 
 
 def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:
     check_output(out, summary)
     if write is not None:
-        if write.is_dir():
-            raise ConfigError(f"--write {write} is a folder: give the name of a file")
-        check_output(write.parent, None)
+        check_file(write, "write")
 
 
 def _search(
