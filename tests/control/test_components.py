@@ -1,4 +1,4 @@
-"""One formula for one vehicle and for many: what the helpers give in both cases, and their ways with NaN."""
+"""One formula for one vehicle and for many: what the small functions give in both cases, and their ways with NaN."""
 
 import math
 from itertools import product
