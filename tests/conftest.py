@@ -1,11 +1,16 @@
 """Shared fixtures: no task may outlive its test."""
 
 import asyncio
+import signal
 from collections.abc import AsyncIterator
 
 import hypothesis
 import pytest
 import pytest_asyncio
+
+# A run begun in the background is deaf to Ctrl-C, and so would be every command that a test starts and interrupts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Examples are timed by the wall clock, and these machines are shared: a slow moment is no defect.
 hypothesis.settings.register_profile("patient", deadline=None)
