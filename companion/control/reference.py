@@ -1,7 +1,7 @@
 """Reference trajectories: smooth to the third derivative, as the paper's Property 2 asks."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -183,28 +183,6 @@ def _on_curve(
     velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
     acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
     return Reference(centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, yaw_rad)
-
-
-@dataclass(frozen=True)
-class Shifted:
-    """Another trajectory, begun at `start_s` of an outer clock."""
-
-    inner: Trajectory
-    start_s: float
-
-    @property
-    def duration_s(self) -> float:
-        """End on the outer clock."""
-        return self.start_s + self.inner.duration_s
-
-    def at(self, time_s: float) -> Reference:
-        """The inner reference at the outer time."""
-        return self.inner.at(time_s - self.start_s)
-
-
-def with_yaw(reference: Reference, yaw_rad: float) -> Reference:
-    """The same motion with another heading."""
-    return replace(reference, yaw_rad=yaw_rad)
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def simulate(
     """Fly a mission from a level hover; `seeds` has one entry a vehicle. `progress` is told of each cycle."""
     count, lead = len(mission.time_s), mission.lead
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
-    eyes = _Batch(pilot) if lead else _One(pilot)
+    eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
     stage = ControlStage(pilot.law, pilot.thrust, pilot.limits, lead)
     stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
     rows = _Rows(keep_signals)

@@ -15,10 +15,8 @@ from companion.control.reference import (
     Hold,
     LapTiming,
     MinimumJerk,
-    Shifted,
     Trajectory,
     minimum_jerk_duration_s,
-    with_yaw,
 )
 from companion.control.waypoints import Waypoints
 from companion.types import Array
@@ -36,7 +34,6 @@ CURVES: list[Trajectory] = [
     FigureEight(CENTRE, (0.4, 0.3), LapTiming(9.0, 3, 2.0)),
     MinimumJerk(np.zeros(3), np.array([1.0, -2.0, 0.5]), 3.0, 3.0, -3.0),
     WAYPOINTS,
-    Shifted(Ellipse(CENTRE), 2.0),
 ]
 STARTED: list[Trajectory] = [
     MinimumJerk(
@@ -191,4 +188,3 @@ def test_holding_is_standing_still() -> None:
     np.testing.assert_array_equal(at.position_w_m, CENTRE)
     np.testing.assert_array_equal(at.velocity_w_mps, np.zeros(3))
     assert at.yaw_rad == 0.4
-    assert with_yaw(at, 1.0).yaw_rad == 1.0
