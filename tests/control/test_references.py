@@ -45,7 +45,7 @@ STARTED: list[Trajectory] = [
     ),
     Descent(np.array([0.0, 0.0, 1.0]), np.array([0.3, -0.2, 0.4]), 0.25, 0.5, duration_s=5.0),
 ]
-NAMES = ["ellipse", "eight", "quickest ellipse", "three eights", "minimum jerk", "waypoints", "shifted"]
+NAMES = ["ellipse", "eight", "quickest ellipse", "three eights", "minimum jerk", "waypoints"]
 STARTED_NAMES = ["minimum jerk begun in flight", "descent begun in flight"]
 
 
