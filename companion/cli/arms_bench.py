@@ -11,13 +11,10 @@ import typer
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.cli.asked import FAILED, INTERRUPTED
 from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_arms import ArmsConfig
 from companion.ports import ArmError, ConfigError
-
-FAILED = 1
-"""It was begun, and did not end well."""
-INTERRUPTED = 130
 
 CLOCK = MonotonicClock()
 T = TypeVar("T")

@@ -8,10 +8,11 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from companion.cli.arms_bench import FAILED, INTERRUPTED, Bench, open_bus, run
+from companion.cli.arms_bench import Bench, open_bus, run
 from companion.cli.arms_motion import move_arms
 from companion.cli.arms_plan import Wish, draw, preview
 from companion.cli.arms_table import torque_words
+from companion.cli.asked import FAILED, INTERRUPTED
 from companion.ports import ConfigError
 from companion.types import ArmStatus, Array
 

@@ -17,9 +17,10 @@ from companion.arm_stage import ArmStage, ArmTick
 from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_NAMES
 from companion.arms.trajectory import JointTrajectory
-from companion.cli.arms_bench import CLOCK, FAILED, INTERRUPTED, Bench, cycles, open_bus
+from companion.cli.arms_bench import CLOCK, Bench, cycles, open_bus
 from companion.cli.arms_plan import Wish
 from companion.cli.arms_table import REFRESH_HZ, CycleMeter, state_table
+from companion.cli.asked import FAILED, INTERRUPTED
 from companion.ports import ArmError
 from companion.supervisor.flight import Flight
 from companion.types import ArmFaultKind, Array

@@ -10,8 +10,9 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.adapters.dynamixel import DynamixelBus
-from companion.cli.arms_bench import CLOCK, FAILED, Bench, cycles, failed, open_bus
+from companion.cli.arms_bench import CLOCK, Bench, cycles, failed, open_bus
 from companion.cli.arms_table import REFRESH_HZ, CycleMeter, found_table, state_json, state_table, torque_words
+from companion.cli.asked import FAILED
 from companion.ports import ArmError
 from companion.types import ArmStatus
 

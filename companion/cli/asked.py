@@ -5,7 +5,7 @@ import re
 from companion.ports import ConfigError
 
 FAILED = 1
-"""Exit code: flown, and not good."""
+"""Exit code: begun, and not ended well."""
 INTERRUPTED = 130
 """Exit code: Ctrl-C."""
 _MOST_SEEDS = 1000

@@ -16,6 +16,7 @@ import uvloop
 from rich.console import Console
 
 from companion.adapters.recorder import Recorder
+from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
@@ -32,9 +33,6 @@ from companion.service import Service, open_service
 from companion.supervisor.flight import Phase
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
-
-FAILED = 1
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.control.components import joined, parts
+from companion.control.components import column, joined, parts
 from companion.control.frames import matrix_from_quat
 from companion.control.switching import Scalar
 from companion.estimation import attitude as att
@@ -88,15 +88,11 @@ def _seen(
 ) -> BatchEstimate:
     """All vehicles carried on to the stamp and corrected, as an accepted frame of `estimator.step`."""
     dt_s = stamp_s - before.seen_s
-    motion = kalman.predict(before.motion, _column(dt_s), params.jerk_density)
+    motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
     surprise = att.surprise_of_quat_rad(attitude, tuple(parts(q_w_flu_wxyz)))
     return BatchEstimate(motion, att.update(attitude, surprise, params.noise_rad**2), stamp_s)
-
-
-def _column(dt_s: Scalar) -> Scalar:
-    return dt_s[..., None] if isinstance(dt_s, np.ndarray) else dt_s
 
 
 def _chosen(fresh: NDArray[np.bool_], after: Any, before: Any) -> Any:

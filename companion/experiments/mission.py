@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.control.reference import Trajectory
 from companion.types import Array, Reference
@@ -53,9 +51,15 @@ class Mission:
 
 def mission_of(trajectory: Trajectory, preview_s: float, settle_s: float, period_s: float) -> Mission:
     """One vehicle's mission."""
-    time_s = np.asarray(np.arange(round((settle_s + trajectory.duration_s) / period_s)) * period_s - settle_s)
+    time_s = _times_s(trajectory, settle_s, period_s)
     now = _table(trajectory, time_s)
     return Mission(time_s, now, _table(trajectory, time_s + preview_s) if preview_s else now)
+
+
+def _times_s(trajectory: Trajectory, settle_s: float, period_s: float, beyond: int = 0) -> Array:
+    """Of each cycle, and of so many beyond the last."""
+    count = round((settle_s + trajectory.duration_s) / period_s) + beyond
+    return np.asarray(np.arange(count) * period_s - settle_s)
 
 
 def stacked(missions: Sequence[Mission]) -> Mission:
@@ -69,7 +73,7 @@ def stacked(missions: Sequence[Mission]) -> Mission:
     )
 
 
-def _table(trajectory: Trajectory, time_s: NDArray[np.floating[Any]]) -> References:
+def _table(trajectory: Trajectory, time_s: Array) -> References:
     points = [trajectory.at(float(instant)) for instant in time_s]
     return References(
         np.array([point.position_w_m for point in points]),
@@ -94,9 +98,9 @@ def looking_ahead(trajectory: Trajectory, previews_s: Array, settle_s: float, pe
 
     The reference ahead is interpolated between cycles: at 100 Hz that is wrong by micrometres.
     """
-    now = mission_of(trajectory, 0.0, settle_s, period_s)
-    count, extra = len(now.time_s), int(np.ceil(previews_s.max() / period_s)) + 1
-    whole = _table(trajectory, np.arange(count + extra) * period_s - settle_s)
+    beyond = int(np.ceil(previews_s.max() / period_s)) + 1
+    time_s = _times_s(trajectory, settle_s, period_s, beyond)
+    count, whole = len(time_s) - beyond, _table(trajectory, time_s)
     steps = previews_s / period_s
     first = np.floor(steps).astype(np.int64)
     rows, share = np.arange(count)[:, None] + first, steps - first
@@ -106,4 +110,4 @@ def looking_ahead(trajectory: Trajectory, previews_s: Array, settle_s: float, pe
         for column in each
     ]
     here = [np.repeat(column[:count, None], len(previews_s), axis=1) for column in each]
-    return Mission(now.time_s, References(*here), References(*ahead))
+    return Mission(time_s[:count], References(*here), References(*ahead))

@@ -56,11 +56,6 @@ class Marks:
     update_share: Array
     """Of all of them."""
 
-    def of(self, row: int) -> "Marks":
-        """One set's."""
-        cut = slice(row, row + 1)
-        return Marks(self.error_m[cut], self.other_m[cut], self.worst_m[cut], self.update_share[cut])
-
 
 def evaluate(trial: Trial, shares: Array) -> Marks:
     """Fly every point (P, knobs) of the gain space on every vehicle of the trial."""
