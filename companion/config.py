@@ -8,6 +8,7 @@ from companion.arms.feedforward import Airframe
 from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
+from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
 from companion.control.limits import Limits
@@ -115,7 +116,25 @@ class CompanionConfig(Section):
     control: ControlConfig = ControlConfig()
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
+    fence: FenceConfig = FenceConfig()
+    safety: SafetyConfig = SafetyConfig()
     arms: ArmsConfig | None = None
+
+    @model_validator(mode="after")
+    def _room_inside_fence(self) -> "CompanionConfig":
+        """A trajectory that is allowed must not bring the vehicle near its fence."""
+        room, fence = self.room, self.fence
+        for name, inner, outer in (
+            ("x_m", room.x_m, fence.x_m),
+            ("y_m", room.y_m, fence.y_m),
+            ("z_m", (0.0, room.z_m[1]), (-fence.margin_m, fence.top_m)),
+        ):
+            if inner[0] - fence.margin_m < outer[0] or inner[1] + fence.margin_m > outer[1]:
+                raise ValueError(
+                    f"room.{name} must stay fence.margin_m = {fence.margin_m:g} m inside the fence: make the room "
+                    "smaller, or the fence larger if the net allows"
+                )
+        return self
 
     def flight_rules(self) -> FlightRules:
         """The phase machine's numbers."""

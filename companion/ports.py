@@ -64,6 +64,9 @@ class Autopilot(Protocol):
     def status(self) -> AutopilotStatus:
         """The last known state; never waits."""
 
+    def stop_stream(self) -> None:
+        """No setpoint leaves any more, not even the last one again, until the next `send_setpoint`; never waits."""
+
     async def start_offboard(self) -> None:
         """Ask for OFFBOARD and wait until the autopilot itself shows it; AutopilotError with its reason otherwise."""
 
@@ -78,6 +81,23 @@ class Autopilot(Protocol):
 
     async def kill(self) -> None:
         """Stop the motors at once, also in the air."""
+
+
+class DeadMan(Protocol):
+    """Ends this process when the control loop stops, so that no setpoint leaves it any more."""
+
+    def renew(self) -> None:
+        """Once a cycle while setpoints leave: so much time again from now."""
+
+    def release(self) -> None:
+        """Nothing is streamed any more: the process may take its time."""
+
+
+class OperatorLink(Protocol):
+    """The way to the operator's commands."""
+
+    def age_s(self) -> float:
+        """Since the broker was last there, s; 0 while it is. Never waits."""
 
 
 class ArmBus(Protocol):

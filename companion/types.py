@@ -4,6 +4,7 @@ World frame W: right-handed, z up, metres. Body: FLU (forward, left, up). Quater
 turning body coordinates into W. Control code broadcasts, so vectors are (..., 3) and quaternions (..., 4).
 """
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -82,7 +83,7 @@ class FlightMode(StrEnum):
 
 @dataclass(frozen=True)
 class AutopilotStatus:
-    """What the autopilot last said of itself; ages are for the caller to compute from `heartbeat_s`."""
+    """What the autopilot last said of itself; ages are for the caller to compute from `heard_s`, `heartbeat_s`."""
 
     connected: bool
     heartbeat_s: float
@@ -96,6 +97,10 @@ class AutopilotStatus:
     """The autopilot's own attitude estimate, already in our frames."""
     last_text: str
     """The newest STATUSTEXT."""
+    heard_s: float = -math.inf
+    """Arrival of the newest message of any kind on our monotonic clock; -inf before the first."""
+    boot_s: float = math.nan
+    """The autopilot's own time since its boot, as it last said; NaN before."""
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,10 @@ def refusal(path: Path) -> str:
         ("[vehicle]\nmas_kg = 4.0", "vehicle.mas_kg: unknown key, did you mean 'mass_kg'?"),
         ("[flight]\ntakeoff_heigth_m = 1.0", "flight.takeoff_heigth_m: unknown key, did you mean 'takeoff_height_m'?"),
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
-        ("[zzz]\na = 1", "zzz: unknown key; known here are arms, control, flight, limits, mocap, px4, room, vehicle"),
+        (
+            "[zzz]\na = 1",
+            "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, px4, room, safety, vehicle",
+        ),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
         ("[vehicle]\nmass_kg = nan", "vehicle.mass_kg = nan: input should be a finite number"),

@@ -160,6 +160,10 @@ class Px4:
         except MavsdkError as error:
             raise AutopilotError(f"vision pose not sent: {error}") from error
 
+    def stop_stream(self) -> None:
+        """Silence MAVSDK's own repetition of the last setpoint; it asks PX4 for Hold, too, whose answer is ignored."""
+        self._offboard.stop_async(lambda _result, _: None)
+
     async def start_offboard(self) -> None:
         """Ask for OFFBOARD and wait until the HEARTBEAT shows it; a setpoint must have been sent before."""
         since_s = self._clock.now_s()

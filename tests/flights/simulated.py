@@ -152,6 +152,9 @@ class SimulatedAutopilot:
             self._bench.setpoint = None  # MAVSDK stops its stream when a HEARTBEAT shows another mode
         return AutopilotStatus(True, beat.time_s, armed, mode, self._in_air, 1.0, 16.0, level, "")
 
+    def stop_stream(self) -> None:
+        self._bench.setpoint = None
+
     async def start_offboard(self) -> None:
         self.command(176, 1.0, 6.0, 0.0)
 

@@ -1,0 +1,259 @@
+"""Every fault the supervisor knows, and what follows from it: one table, from which docs/safety.md is printed.
+
+A health check (`health.py`) turns what is known into events; this table gives each event its reaction, by the stage of
+the flight; the phase machine (`phases.py`) carries the strongest one out. It only ever escalates: what was begun ends
+with the operator or on the ground.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+
+
+class Reaction(IntEnum):
+    """What is done, weakest first."""
+
+    NOTE = 0
+    """Told and recorded; the flight goes on."""
+    STOP = 1
+    """On the ground: preparation ends, the motors stop. Never in the air."""
+    HOLD = 2
+    """Brake and hover; the trajectory is not taken up again without the operator."""
+    LAND = 3
+    """Land with our own controller where the vehicle is, arms folded first."""
+    AUTOPILOT_LAND = 4
+    """Leave a level setpoint and let PX4 land by itself."""
+    LET_GO = 5
+    """Send nothing more: the autopilot or its pilot has the vehicle."""
+    TERMINATE = 6
+    """Stop the motors at once, in the air too."""
+
+    @property
+    def words(self) -> str:
+        """As printed."""
+        return "PX4 lands" if self is Reaction.AUTOPILOT_LAND else self.name.lower().replace("_", " ")
+
+
+class Stage(StrEnum):
+    """Where in a flight, as far as reactions differ."""
+
+    GROUND = "ground"
+    """Nothing turns, or the rotors idle on the ground."""
+    FLYING = "flying"
+    LANDING = "landing"
+    """With our own controller."""
+    HANDED_OVER = "handed over"
+
+
+class Fault(StrEnum):
+    """What can be wrong; the value is the name in table, log, record and `faults.json`."""
+
+    MOCAP_LATE = "mocap late"
+    MOCAP_DEGRADED = "mocap degraded"
+    MOCAP_SILENT = "mocap silent"
+    MOCAP_FROZEN = "mocap frozen"
+    MOCAP_NAN = "mocap lost the body"
+    MOCAP_INVALID = "mocap invalid"
+    MOCAP_OUTLIERS = "mocap implausible"
+    MOCAP_JUMPED = "mocap jumped"
+    MOCAP_SLOW = "mocap slow"
+    MOCAP_DELAYED = "mocap delayed"
+    MOCAP_OUT_OF_ORDER = "mocap out of order"
+    MOCAP_CLOCK_JUMP = "mocap clock jumped"
+    ATTITUDE_DISAGREES = "attitudes disagree"
+    HEADING_DISAGREES = "headings disagree"
+    SETPOINT_NOT_FOLLOWED = "setpoint not followed"
+    TRACKING_ERROR = "tracking error"
+    TRACKING_LOST = "tracking lost"
+    FENCE_NEAR = "fence near"
+    FENCE_LEFT = "fence left"
+    ROOM_LEFT = "room left"
+    THRUST_SATURATED = "thrust saturated"
+    LAW_FAILED = "control law failed"
+    LOOP_LATE = "loop late"
+    AUTOPILOT_SILENT = "autopilot silent"
+    AUTOPILOT_REBOOTED = "autopilot rebooted"
+    AUTOPILOT_DISARMED = "autopilot disarmed"
+    MODE_CHANGED = "mode changed"
+    LAND_REFUSED = "landing refused"
+    BATTERY_LOW = "battery low"
+    BATTERY_CRITICAL = "battery critical"
+    ARMS = "arms"
+    LANDING_TOO_LONG = "landing too long"
+    HOLD_TOO_LONG = "hold too long"
+    OPERATOR_GONE = "broker gone"
+    DISK_FULL = "disk full"
+    OFFBOARD_REFUSED = "offboard refused"
+    SERVICE_TWICE = "duplicate service"
+    LOOP_STOPPED = "loop stopped"
+    ABORT = "operator aborts"
+    KILL = "operator kills"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A fault that is there now, in words."""
+
+    fault: Fault
+    text: str
+    """What is wrong, with numbers; begins small, ends without a full stop."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table."""
+
+    fault: Fault
+    sign: str
+    """How it is recognised; {names} are keys of SafetyRules and are printed with their values."""
+    why: str
+    """Why this limit and this reaction."""
+    flying: Reaction
+    landing: Reaction
+    ground: Reaction
+    handed_over: Reaction = Reaction.NOTE
+
+    def reaction(self, stage: Stage) -> Reaction:
+        """What is done about it in this stage of the flight."""
+        return {
+            Stage.GROUND: self.ground,
+            Stage.FLYING: self.flying,
+            Stage.LANDING: self.landing,
+            Stage.HANDED_OVER: self.handed_over,
+        }[stage]
+
+
+_NOTE, _STOP, _HOLD, _LAND = Reaction.NOTE, Reaction.STOP, Reaction.HOLD, Reaction.LAND
+_PX4, _LET_GO, _OFF = Reaction.AUTOPILOT_LAND, Reaction.LET_GO, Reaction.TERMINATE
+
+TABLE: tuple[Row, ...] = (
+    Row(Fault.MOCAP_LATE, "newest usable frame older than {coast_s} s",
+        "five frames: the law predicts over that much as it does over every delay; the guard begins to flatten",
+        _NOTE, _NOTE, _NOTE),
+    Row(Fault.MOCAP_DEGRADED, "newest usable frame older than {degraded_s} s",
+        "velocity is a guess by now; the guard has levelled the vehicle, which costs the least if the pose comes back",
+        _NOTE, _NOTE, _NOTE),
+    Row(Fault.MOCAP_SILENT, "no usable frame for {silent_s} s",
+        "at 1 m/s a third of a metre is flown blind; PX4 lands on its own estimate, which drifts, but is there",
+        _PX4, _PX4, _STOP),
+    Row(Fault.MOCAP_FROZEN, "frames arrive, the pose is the same to the last bit, for {frozen_s} s",
+        "a measured pose has noise; one that never changes would be flown away from",
+        _PX4, _PX4, _STOP),
+    Row(Fault.MOCAP_NAN, "frames arrive without the body for {silent_s} s",
+        "covered markers; as silent",
+        _PX4, _PX4, _STOP),
+    Row(Fault.MOCAP_INVALID, "no rotation, or outside of any room, for {silent_s} s",
+        "a broken or foreign stream; as silent",
+        _PX4, _PX4, _STOP),
+    Row(Fault.MOCAP_OUTLIERS, "frames further off than the vehicle can have moved, for {silent_s} s",
+        "reflections, a half-covered body, another body now and then; as silent",
+        _PX4, _PX4, _STOP),
+    Row(Fault.MOCAP_JUMPED, "ten frames agree on a place the vehicle cannot have reached (bodies swapped, mirrored, "
+        "upside down, origin moved)",
+        "one of two truths is wrong and we cannot tell which; vision is withheld from PX4, too",
+        _PX4, _PX4, _NOTE),
+    Row(Fault.MOCAP_SLOW, "fewer than {slow_hz} usable frames in a second",
+        "the filter's noise and the law's delay grow; still enough to land with",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.MOCAP_DELAYED, "median age over half a second above {delayed_s} s, or the latency grew by that",
+        "a steady delay looks like fresh frames to a clock that adapts; the law is tuned to the known one",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.MOCAP_OUT_OF_ORDER, "more than {out_of_order_share} of a second's frames older than one already used",
+        "each such frame is dropped; many mean that the network reorders or that two servers send",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.MOCAP_CLOCK_JUMP, "stamp and arrival of two frames in a row disagree by {clock_jump_s} s",
+        "velocities and ages hang on that clock",
+        _PX4, _PX4, _STOP),
+    Row(Fault.ATTITUDE_DISAGREES, "tilt of motion capture and autopilot {tilt_apart_rad} rad apart for {apart_s} s",
+        "mirrored axes, a slipped marker plate, a broken gyro: PX4 holds its own horizon, ours is the other",
+        _PX4, _PX4, _STOP),
+    Row(Fault.HEADING_DISAGREES, "headings {heading_apart_rad} rad apart for {apart_s} s",
+        "every correction goes sideways: the toilet bowl",
+        _PX4, _PX4, _STOP),
+    Row(Fault.SETPOINT_NOT_FOLLOWED, "attitude {not_followed_rad} rad off the answer a healthy vehicle would give, "
+        "for {not_followed_s} s",
+        "setpoints do not arrive, or a motor or propeller fails; PX4 has the shorter loop",
+        _PX4, _PX4, _NOTE),
+    Row(Fault.TRACKING_ERROR, "further than {tracking_m} m from the reference for {tracking_s} s",
+        "ten times the usual error: model or room is not what we think; slow down to land",
+        _LAND, _NOTE, _NOTE),
+    Row(Fault.TRACKING_LOST, "further than {lost_m} m from the reference, or above {tracking_m} m and growing for "
+        "{growing_s} s",
+        "our controller does not hold the vehicle",
+        _PX4, _PX4, _NOTE),
+    Row(Fault.FENCE_NEAR, "the predicted stopping point is outside the fence",
+        "the guard brakes at the same moment; the trajectory must not push on",
+        _HOLD, _NOTE, _NOTE),
+    Row(Fault.FENCE_LEFT, "outside the fence",
+        "neither law nor guard kept it in",
+        _PX4, _PX4, _STOP),
+    Row(Fault.ROOM_LEFT, "{beyond_m} m beyond the fence, and still armed",
+        "the net is next; falling here is better than flying on there",
+        _OFF, _OFF, _STOP, _OFF),
+    Row(Fault.THRUST_SATURATED, "thrust at its upper limit for {saturated_s} s",
+        "no reserve against a disturbance: weak battery, too heavy, a motor gone",
+        _LAND, _NOTE, _NOTE),
+    Row(Fault.LAW_FAILED, "the law raises, or gives no finite command for {not_finite_cycles} cycles",
+        "whatever else is right, nobody computes where to tilt",
+        _PX4, _PX4, _STOP),
+    Row(Fault.LOOP_LATE, "control cycles on average later than {loop_late_s} s over a second",
+        "computer overloaded; one late cycle is bridged, the dead man ends a stop of {dead_man_s} s",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.AUTOPILOT_SILENT, "nothing heard from the autopilot for {autopilot_silent_s} s",
+        "PX4 does not hear us either and starts its own failsafe; a stream that comes back would take it over again",
+        _LET_GO, _LET_GO, _STOP),
+    Row(Fault.AUTOPILOT_REBOOTED, "its time since boot went back",
+        "motors are off, its estimator begins anew",
+        _LET_GO, _LET_GO, _STOP),
+    Row(Fault.AUTOPILOT_DISARMED, "disarmed without our asking",
+        "motors are off",
+        _LET_GO, _LET_GO, _NOTE),
+    Row(Fault.MODE_CHANGED, "the first message that shows another mode than OFFBOARD",
+        "a pilot or a failsafe of PX4 has the vehicle: never fight over it",
+        _LET_GO, _LET_GO, _STOP),
+    Row(Fault.LAND_REFUSED, "still in OFFBOARD {land_refused_s} s after PX4 was told to land",
+        "without setpoints PX4 lands by its own offboard-loss failsafe",
+        _NOTE, _NOTE, _NOTE, _LET_GO),
+    Row(Fault.BATTERY_LOW, "below {battery_low} of its charge",
+        "enough to fold the arms and land in order",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.BATTERY_CRITICAL, "below {battery_critical} of its charge",
+        "down at once, arms as they are",
+        _PX4, _PX4, _STOP),
+    Row(Fault.ARMS, "a servo or the bus reports a fault, or is silent",
+        "the arms hold still where they are; see docs/arms.md; [arms] land_on_fault = false makes it a note",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.LANDING_TOO_LONG, "{landing_s} s longer in the landing than its descent should take",
+        "our own landing does not get down",
+        _PX4, _PX4, _NOTE),
+    Row(Fault.HOLD_TOO_LONG, "{hold_s} s in a hold that a fault began",
+        "nobody answers, and the battery will not wait",
+        _LAND, _NOTE, _NOTE),
+    Row(Fault.OPERATOR_GONE, "no broker for {operator_gone_s} s",
+        "the flight is the vehicle's own; the pilot's remote control is the other way to stop it",
+        _NOTE, _NOTE, _STOP),
+    Row(Fault.DISK_FULL, "less than {disk_free_mb} MB free where records go",
+        "a flight is worth more than its record",
+        _NOTE, _NOTE, _STOP),
+    Row(Fault.OFFBOARD_REFUSED, "OFFBOARD or arming is not shown by the autopilot's own messages",
+        "an acknowledgement proves nothing; the words of the autopilot are the operator's answer",
+        _NOTE, _NOTE, _STOP),
+    Row(Fault.SERVICE_TWICE, "another service holds the lock of this autopilot's link",
+        "two streams of setpoints fight over one vehicle; the second service does not start",
+        _NOTE, _NOTE, _STOP),
+    Row(Fault.LOOP_STOPPED, "no control cycle for {dead_man_s} s, whatever the reason",
+        "MAVSDK would repeat the last setpoint for ever: the kernel ends the process, PX4's offboard loss lands",
+        _LET_GO, _LET_GO, _NOTE),
+    Row(Fault.ABORT, "the operator says abort (or land, or Ctrl-C)",
+        "the normal way down, from every phase",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.KILL, "the operator says kill, and confirms",
+        "the last resort, at once and in every phase",
+        _OFF, _OFF, _OFF, _OFF),
+)  # fmt: skip
+
+ROWS: dict[Fault, Row] = {row.fault: row for row in TABLE}
+
+
+def reaction_to(fault: Fault, stage: Stage) -> Reaction:
+    """What the table says."""
+    return ROWS[fault].reaction(stage)

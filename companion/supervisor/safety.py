@@ -1,0 +1,40 @@
+"""The numbers of the health checks; the configuration's [safety] table fills them in."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SafetyRules:
+    """Limits; why each is what it is stands in faults.TABLE."""
+
+    coast_s: float = 0.05
+    degraded_s: float = 0.10
+    silent_s: float = 0.25
+    """With frame time, cycle and command it is 0.3 s until PX4 lands."""
+    frozen_s: float = 0.15
+    slow_hz: float = 50.0
+    delayed_s: float = 0.06
+    out_of_order_share: float = 0.2
+    clock_jump_s: float = 0.1
+    tilt_apart_rad: float = 0.25
+    heading_apart_rad: float = 0.35
+    apart_s: float = 0.3
+    not_followed_rad: float = 0.3
+    not_followed_s: float = 0.4
+    tracking_m: float = 0.5
+    tracking_s: float = 0.3
+    lost_m: float = 1.0
+    growing_s: float = 0.6
+    beyond_m: float = 0.5
+    saturated_s: float = 0.7
+    not_finite_cycles: int = 20
+    loop_late_s: float = 0.02
+    dead_man_s: float = 0.2
+    autopilot_silent_s: float = 0.5
+    land_refused_s: float = 3.0
+    battery_low: float = 0.25
+    battery_critical: float = 0.12
+    landing_s: float = 15.0
+    hold_s: float = 30.0
+    operator_gone_s: float = 2.0
+    disk_free_mb: float = 200.0
