@@ -1,0 +1,108 @@
+"""One connection to a broker: aiomqtt's client, made to end at once and leave nothing behind.
+
+As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled; a packet that makes paho
+raise is handed to it again and again without pause; and a packet may say that it has 256 MB.
+"""
+
+import asyncio
+import logging
+import socket
+from types import TracebackType
+from typing import Self
+
+import aiomqtt
+
+from companion.config_operator import OperatorConfig
+
+ANSWER_S = 1.0
+"""Whatever the broker does not answer within this, it does not answer."""
+MAX_PACKET_BYTES = 1_000_000
+_KEEPALIVE_S = 5
+"""After one and a half of these the broker gives us up and says so to everyone (the last will)."""
+
+_QUIET = logging.getLogger("companion.adapters.mqtt.wire")
+_QUIET.setLevel(logging.CRITICAL)
+"""The libraries log every bad packet, which would fill a disk; what ends a connection is told once, in link.py."""
+
+
+class Connection(aiomqtt.Client):
+    """A context manager for one use: MqttError, OSError or ValueError when the broker cannot be had.
+
+    MQTT 3.1.1, which every broker speaks.
+    """
+
+    def __init__(self, config: OperatorConfig, waiting_orders: int) -> None:
+        super().__init__(
+            config.host,
+            config.port,
+            identifier=f"{config.prefix}-{config.vehicle}",
+            protocol=aiomqtt.ProtocolVersion.V311,
+            clean_session=True,
+            will=aiomqtt.Will(config.topic("status"), b"offline", qos=1, retain=True),
+            timeout=ANSWER_S,
+            keepalive=_KEEPALIVE_S,
+            max_queued_incoming_messages=waiting_orders,
+            logger=_QUIET,
+        )
+        self._client.connect_timeout = ANSWER_S
+        self._receive = self._client._sock_recv
+        self._client._sock_recv = self._receive_bounded  # type: ignore[method-assign, assignment]
+
+    async def __aenter__(self) -> Self:
+        """Connect. Whatever goes wrong, cancellation too, the socket is closed again."""
+        try:
+            await _to_its_end(self._loop.run_in_executor(None, self._client_connect))
+            wire = self._client.socket()
+            if isinstance(wire, socket.socket):
+                wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            await self._acknowledged()
+        except BaseException:
+            await self._drop()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the socket without a farewell, so that the broker publishes the last will, however we end."""
+        await self._drop()
+
+    def check(self) -> None:
+        """MqttError when the broker sends what was not subscribed to: at QoS 2, of which paho keeps all it gets."""
+        if self._client._in_messages:
+            raise aiomqtt.MqttError("a message at QoS 2, which was not asked for")
+
+    async def _acknowledged(self) -> None:
+        ends = (self._connected, self._disconnected)
+        await asyncio.wait(ends, timeout=ANSWER_S, return_when=asyncio.FIRST_COMPLETED)
+        if self._disconnected.done():
+            raise aiomqtt.MqttError("broken off") from self._disconnected.exception()
+        if not self._connected.done():
+            raise aiomqtt.MqttError("no answer to CONNECT")
+        self._connected.result()
+
+    async def _drop(self) -> None:
+        self._client._sock_close()
+        for end in (self._connected, self._disconnected):
+            if end.done() and not end.cancelled():
+                end.exception()  # looked at, or asyncio logs that nobody did
+        if self._misc_task is not None:
+            self._misc_task.cancel()
+            await asyncio.wait([self._misc_task])
+
+    def _receive_bounded(self, size: int) -> bytes:
+        """What paho reads with; `size` is what is missing of a packet, as its head says."""
+        if size > MAX_PACKET_BYTES:
+            raise ConnectionError(f"a packet of {size} bytes")
+        return self._receive(size)
+
+
+async def _to_its_end(work: "asyncio.Future[None]") -> None:
+    """Wait for a thread, also when cancelled: it opens a socket that somebody must close. It takes ANSWER_S at most,
+    apart from the name service.
+    """
+    try:
+        await asyncio.shield(work)
+    except asyncio.CancelledError:
+        await asyncio.wait([work])
+        raise

@@ -1,0 +1,78 @@
+"""A real MQTT broker for tests, in a process of its own: it can be stopped, hung and begun again on its port."""
+
+import asyncio
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from amqtt.broker import Broker  # type: ignore[import-untyped]
+
+_PATIENCE_S = 15.0
+
+
+class BrokerProcess:
+    """Begun by `broker`; always on the same port."""
+
+    def __init__(self) -> None:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            self.port: int = free.getsockname()[1]
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Returns once it accepts connections."""
+        self._process = subprocess.Popen([sys.executable, "-m", "tests.broker", str(self.port)])
+        end_s = time.monotonic() + _PATIENCE_S
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", self.port)).close()
+            except OSError:
+                if self._process.poll() is not None or time.monotonic() > end_s:
+                    raise
+                time.sleep(0.02)
+            else:
+                return
+
+    def stop(self) -> None:
+        """As when its computer is switched off, except that the sockets are closed."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def hang(self) -> None:
+        """Its sockets stay open and nobody answers."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """After `hang`."""
+        assert self._process is not None
+        self._process.send_signal(signal.SIGCONT)
+
+
+@contextmanager
+def broker() -> Iterator[BrokerProcess]:
+    """A broker on a free port of this machine."""
+    process = BrokerProcess()
+    process.start()
+    try:
+        yield process
+    finally:
+        process.stop()
+
+
+async def serve(port: int) -> None:
+    """Until killed."""
+    anonymous = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+    listener = {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}}
+    await Broker({"listeners": listener, "plugins": anonymous}).start()
+    await asyncio.Event().wait()
+
+
+if __name__ == "__main__":
+    asyncio.run(serve(int(sys.argv[1])))
