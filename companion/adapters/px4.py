@@ -2,8 +2,8 @@
 
 NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
 - A mode command gets two COMMAND_ACKs and MAVSDK believes the first, which only means "well-formed". So a mode, and the
-  armed state, count as reached only when the HEARTBEAT shows them, up to a second later.
-- MAVSDK re-sends the last setpoint at 20 Hz by itself, and stops when HEARTBEATs show another mode for 3 s.
+  armed state, count as reached only when PX4's own messages show them (`px4_direct`).
+- MAVSDK re-sends the last setpoint at 20 Hz by itself, for as long as the process lives and PX4 shows OFFBOARD.
 - `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
   seconds, and MAVSDK crashes when it is destroyed under a blocking call. The synchronous setpoint takes 0.1 ms, and the
   commands that take a callback block nobody.
@@ -12,12 +12,10 @@ NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this
 import asyncio
 import logging
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from mavsdk.component_type import ComponentType
 from mavsdk.connection_result import ConnectionResult
 from mavsdk.exceptions import MavsdkError
@@ -25,27 +23,14 @@ from mavsdk.logging import LogLevel, log_subscribe
 from mavsdk.mavsdk import Configuration, Mavsdk
 from mavsdk.plugins.action import Action
 from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, VisionPositionEstimate
-from mavsdk.plugins.offboard import Attitude, Offboard
-from mavsdk.plugins.telemetry import FlightMode as Px4Mode
-from mavsdk.plugins.telemetry import LandedState, Telemetry
+from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 
+from companion.adapters.px4_direct import Px4Direct
+from companion.adapters.px4_heard import LocalEstimate, Px4Heard
 from companion.config import Px4Config
-from companion.control.frames import euler_ned_frd_deg, flip_quat, flip_yz
+from companion.control.frames import euler_ned_frd_deg, flip_yz
 from companion.ports import AutopilotError, Clock
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
-
-_MODES = {
-    Px4Mode.OFFBOARD: FlightMode.OFFBOARD,
-    Px4Mode.HOLD: FlightMode.HOLD,
-    Px4Mode.TAKEOFF: FlightMode.TAKEOFF,
-    Px4Mode.LAND: FlightMode.LAND,
-    Px4Mode.RETURN_TO_LAUNCH: FlightMode.RETURN,
-    Px4Mode.MISSION: FlightMode.MISSION,
-    Px4Mode.POSCTL: FlightMode.POSITION,
-    Px4Mode.ALTCTL: FlightMode.ALTITUDE,
-    Px4Mode.MANUAL: FlightMode.MANUAL,
-    Px4Mode.STABILIZED: FlightMode.MANUAL,
-}
 
 LOG = logging.getLogger(__name__)
 _LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogLevel.WARN: logging.INFO}
@@ -57,6 +42,7 @@ _KEPT: list[Any] = []
 _POLL_S = 0.02
 _RETRY_S = 0.5
 _WORDS_S = 0.5
+_KILL_AGAIN_S = 0.1
 _ADVICE = {
     ConnectionResult.BIND_ERROR: "is another program using that port?",
     ConnectionResult.CONNECTION_URL_INVALID: "not a MAVSDK URL such as udpin://0.0.0.0:14540 or serial:///dev/ttyUSB0:921600",
@@ -83,6 +69,7 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
             )
         px4 = Px4(system, config, clock)
         try:
+            await px4.see_modes_early()
             yield px4
         finally:
             px4.keep_callbacks()
@@ -118,29 +105,49 @@ Command = Callable[[Callable[[Any, Any], None]], None]
 
 
 class Px4:
-    """ports.Autopilot over MAVSDK. Telemetry arrives on MAVSDK's thread and replaces one frozen status."""
+    """ports.Autopilot over MAVSDK."""
 
     def __init__(self, system: Any, config: Px4Config, clock: Clock) -> None:
-        self._system, self._config, self._clock = system, config, clock
+        self._config, self._clock = config, clock
         self._offboard, self._action = Offboard(system), Action(system)
-        self._telemetry, self._mocap = Telemetry(system), Mocap(system)
-        level = np.array([1.0, 0.0, 0.0, 0.0])
-        self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, False, math.nan, math.nan, level, "")
-        self._texts: list[tuple[float, str]] = []
-        self._subscribe()
+        self._mocap, self._direct = Mocap(system), Px4Direct(system)
+        self._heard = Px4Heard(system, self._direct, clock)
+        self.warnings: tuple[str, ...] = ()
+        """What the operator should know of this autopilot's link."""
 
     def keep_callbacks(self) -> None:
         """Call before MAVSDK is destroyed: it forgets the callbacks of unanswered commands, but calls them."""
         for plugin in (self._offboard, self._action):
             _KEPT.extend(plugin._callbacks)
+        _KEPT.extend(self._direct.kept_callbacks)
+
+    async def see_modes_early(self) -> None:
+        """Ask for the message that shows a change of mode within 50 ms; a warning when PX4 does not grant it."""
+        loop = asyncio.get_running_loop()
+        answered: asyncio.Future[Any] = loop.create_future()
+        self._direct.ask_for_current_mode(lambda granted: _deliver(loop, answered, granted))
+        try:
+            async with asyncio.timeout(self._config.answer_timeout_s):
+                granted = await answered
+        except TimeoutError:
+            granted = False
+        if not granted:
+            self.warnings = (
+                "the autopilot does not send CURRENT_MODE faster (an older PX4?): a change of mode by the pilot or a "
+                "failsafe is seen up to a second late",
+            )
 
     def status(self) -> AutopilotStatus:
         """The last known state; never waits."""
-        return self._status
+        return self._heard.status
 
-    def texts_since(self, time_s: float) -> list[str]:
-        """STATUSTEXTs since `time_s` on our clock, oldest first."""
-        return [text for at_s, text in self._texts if at_s >= time_s]
+    def local(self) -> LocalEstimate:
+        """Where the autopilot itself believes to be; never waits."""
+        return self._heard.local
+
+    async def params(self, names: Sequence[str]) -> dict[str, float]:
+        """Values of PX4's parameters; those it does not know, or does not answer for, are absent."""
+        return await self._direct.params(names)
 
     def send_setpoint(self, setpoint: AttitudeThrust) -> None:
         """Send one attitude setpoint on the calling thread (0.1 ms)."""
@@ -161,38 +168,45 @@ class Px4:
             raise AutopilotError(f"vision pose not sent: {error}") from error
 
     def stop_stream(self) -> None:
-        """Silence MAVSDK's own repetition of the last setpoint; it asks PX4 for Hold, too, whose answer is ignored."""
-        self._offboard.stop_async(lambda _result, _: None)
+        """Silence MAVSDK's own repetition of the last setpoint (5 us); nothing is sent and no mode commanded.
+
+        MAVSDK repeats setpoints of one kind at a time: one of another kind, with nothing in it, replaces the attitude.
+        """
+        self._offboard.set_actuator_control(ActuatorControl([]))
 
     async def start_offboard(self) -> None:
-        """Ask for OFFBOARD and wait until the HEARTBEAT shows it; a setpoint must have been sent before."""
+        """Ask for OFFBOARD and wait until the autopilot shows it; a setpoint must have been sent before."""
         since_s = self._clock.now_s()
         await self._call("start offboard mode", self._offboard.start_async, since_s)
-        await self._shown("OFFBOARD mode", since_s, lambda status: status.mode is FlightMode.OFFBOARD)
+        await self._shown("OFFBOARD mode", since_s, lambda: self._heard.mode_since(since_s) is FlightMode.OFFBOARD)
 
     async def arm(self) -> None:
         """Arm and wait until the HEARTBEAT shows it; asks again while PX4 says no, as it does while it warms up."""
         since_s = self._clock.now_s()
         await self._insist("arm", self._action.arm_async, since_s, self._config.arm_timeout_s)
-        await self._shown("armed", since_s, lambda status: status.armed)
+        await self._shown("armed", since_s, lambda: self._heard.armed_since(since_s) is True)
 
     async def disarm(self) -> None:
         """Disarm and wait until shown; PX4 refuses in the air and for about a second after touchdown."""
         since_s = self._clock.now_s()
         await self._insist("disarm", self._action.disarm_async, since_s, self._config.answer_timeout_s)
-        await self._shown("disarmed", since_s, lambda status: not status.armed)
+        await self._shown("disarmed", since_s, lambda: self._heard.armed_since(since_s) is False)
 
     async def land(self) -> None:
         """Hand over to PX4's own landing and wait until OFFBOARD is left."""
         since_s = self._clock.now_s()
         await self._call("land", self._action.land_async, since_s)
-        await self._shown("leaving OFFBOARD", since_s, lambda status: status.mode is not FlightMode.OFFBOARD)
+        still = {None, FlightMode.OFFBOARD}
+        await self._shown("leaving OFFBOARD", since_s, lambda: self._heard.mode_since(since_s) not in still)
 
     async def kill(self) -> None:
-        """Stop the motors at once, also in the air."""
+        """Stop the motors at once, also in the air: told again and again until the HEARTBEAT shows it."""
         since_s = self._clock.now_s()
-        await self._call("kill", self._action.kill_async, since_s)
-        await self._shown("disarmed", since_s, lambda status: not status.armed)
+        while self._heard.armed_since(since_s) is not False:
+            self._direct.kill()
+            if self._clock.now_s() - since_s > self._config.answer_timeout_s:
+                raise AutopilotError("the autopilot was told to stop the motors but does not show it: look at the link")
+            await asyncio.sleep(_KILL_AGAIN_S)
 
     async def _call(self, what: str, command: Command, since_s: float) -> None:
         """Give a command and wait for its answer without blocking a thread: a link may be silent for ever."""
@@ -218,9 +232,9 @@ class Px4:
             else:
                 return
 
-    async def _shown(self, what: str, since_s: float, reached: Callable[[AutopilotStatus], bool]) -> None:
+    async def _shown(self, what: str, since_s: float, reached: Callable[[], bool]) -> None:
         asked_s = self._clock.now_s()
-        while not (reached(self._status) and self._status.heartbeat_s > since_s):
+        while not reached():
             if self._clock.now_s() - asked_s > self._config.answer_timeout_s:
                 said = await self._reason("no reason given", since_s)
                 raise AutopilotError(f"the autopilot accepted the command but does not show {what}: {said}")
@@ -229,40 +243,14 @@ class Px4:
     async def _reason(self, result: str, since_s: float) -> str:
         """The autopilot's own words, which may come a little after its refusal; MAVSDK's if it gives none."""
         for _ in range(round(_WORDS_S / _POLL_S)):
-            if self.texts_since(since_s):
+            if self._heard.texts_since(since_s):
                 break
             await asyncio.sleep(_POLL_S)
-        words = list(dict.fromkeys(self.texts_since(since_s)))
+        words = list(dict.fromkeys(self._heard.texts_since(since_s)))
         return "; ".join(words) or result.lower().replace("_", " ")
-
-    def _subscribe(self) -> None:
-        t = self._telemetry
-        self._system.subscribe_is_connected(lambda up, _: self._update(connected=up))
-        t.subscribe_flight_mode(
-            lambda mode, _: self._update(mode=_MODES.get(mode, FlightMode.OTHER), heartbeat_s=self._clock.now_s())
-        )
-        t.subscribe_armed(lambda armed, _: self._update(armed=armed))
-        t.subscribe_landed_state(lambda state, _: self._update(in_air=state is not LandedState.ON_GROUND))
-        t.subscribe_attitude_quaternion(lambda q, _: self._update(q_w_flu_wxyz=_from_px4(q)))
-        t.subscribe_battery(
-            lambda b, _: self._update(battery_fraction=b.remaining_percent / 100.0, battery_v=b.voltage_v)
-        )
-        t.subscribe_status_text(lambda text, _: self._on_text(text.text))
-
-    def _update(self, **changes: Any) -> None:
-        self._status = replace(self._status, **changes)
-
-    def _on_text(self, text: str) -> None:
-        text = text.strip()
-        self._texts = [*self._texts[-49:], (self._clock.now_s(), text)]
-        self._update(last_text=text)
 
 
 def _to_our_log(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
     """MAVSDK prints every message to standard output unless somebody takes it."""
     LOG.log(_LOG_LEVELS.get(level, logging.INFO), "%s", message)
     return True
-
-
-def _from_px4(q: Any) -> Array:
-    return flip_quat(np.array([q.w, q.x, q.y, q.z]))
