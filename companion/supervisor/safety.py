@@ -21,6 +21,9 @@ class SafetyRules:
     apart_s: float = 0.3
     not_followed_rad: float = 0.3
     not_followed_s: float = 0.4
+    follow_radps: float = 7.0
+    """Attitude loop of a healthy vehicle, all delays counted as slowness: sound ones have 6.3 to 12 rad/s."""
+    follow_damping: float = 0.8
     tracking_m: float = 0.5
     tracking_s: float = 0.3
     lost_m: float = 1.0

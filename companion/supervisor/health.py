@@ -1,0 +1,49 @@
+"""The health checks: from what is known to the faults that are there now. Pure; runs in every cycle.
+
+What each fault is and what follows from it stands in faults.TABLE; the checks themselves in health_mocap (is there a
+pose), health_stream (how good is the stream), health_attitude, health_place, health_autopilot and health_flight.
+OFFBOARD_REFUSED, SERVICE_TWICE, LOOP_STOPPED, ABORT and KILL are seen where they happen, not here.
+"""
+
+from dataclasses import dataclass, field
+
+from companion.control.fence import Fence
+from companion.supervisor.faults import TABLE, Event
+from companion.supervisor.health_attitude import AttitudeHealth, look_at_attitude
+from companion.supervisor.health_autopilot import AutopilotHealth, look_at_autopilot
+from companion.supervisor.health_flight import FlightHealth, look_at_flight
+from companion.supervisor.health_mocap import MocapHealth, look_at_mocap
+from companion.supervisor.health_place import PlaceHealth, look_at_place
+from companion.supervisor.health_stream import StreamHealth, look_at_stream
+from companion.supervisor.observed import Observed
+from companion.supervisor.safety import SafetyRules
+
+_ORDER = {row.fault: place for place, row in enumerate(TABLE)}
+
+
+@dataclass(frozen=True)
+class Health:
+    """Everything the checks remember; `Health()` is the beginning."""
+
+    frame: int = -1
+    """Number of the newest frame."""
+    mocap: MocapHealth = field(default_factory=MocapHealth)
+    stream: StreamHealth = field(default_factory=StreamHealth)
+    attitude: AttitudeHealth = field(default_factory=AttitudeHealth)
+    place: PlaceHealth = field(default_factory=PlaceHealth)
+    autopilot: AutopilotHealth = field(default_factory=AutopilotHealth)
+    flight: FlightHealth = field(default_factory=FlightHealth)
+
+
+def assess(memory: Health, now: Observed, rules: SafetyRules, fence: Fence) -> tuple[Health, tuple[Event, ...]]:
+    """What is wrong now, in the table's order, each fault at most once; and what to remember for the next cycle."""
+    new = now.seen.frame != memory.frame
+    mocap, of_mocap = look_at_mocap(memory.mocap, now, rules, new)
+    stream, of_stream = look_at_stream(memory.stream, now, rules, new)
+    attitude, of_attitude = look_at_attitude(memory.attitude, now, rules)
+    place, of_place = look_at_place(memory.place, now, rules, fence, new)
+    autopilot, of_autopilot = look_at_autopilot(memory.autopilot, now, rules)
+    flight, of_flight = look_at_flight(memory.flight, now, rules)
+    events = of_mocap + of_stream + of_attitude + of_place + of_autopilot + of_flight
+    memory = Health(now.seen.frame, mocap, stream, attitude, place, autopilot, flight)
+    return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()

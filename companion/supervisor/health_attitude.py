@@ -1,0 +1,120 @@
+"""Do motion capture and autopilot agree on the attitude, and does the vehicle follow its setpoint. Pure."""
+
+from math import atan2, cos, exp, hypot, isfinite, remainder, sin, sqrt, tau
+
+from companion.control.frames import up_axis_parts, yaw_of
+from companion.control.values import value
+from companion.supervisor.faults import Event, Fault
+from companion.supervisor.health_memory import NEVER, since
+from companion.supervisor.observed import Observed
+from companion.supervisor.safety import SafetyRules
+from companion.types import Array, AttitudeThrust, VehicleState
+
+HEARD_S = 0.2
+"""An attitude of the autopilot older than this is compared with nothing."""
+
+Axis = tuple[float, float, float]
+
+
+@value
+class Answer:
+    """Tilt of a healthy vehicle: x and y of its up axis in W, and their rates (1/s)."""
+
+    x: float
+    y: float
+    x_rate: float = 0.0
+    y_rate: float = 0.0
+    sent: AttitudeThrust | None = None
+    """What it answers from now on."""
+    at_s: float = 0.0
+
+
+@value
+class AttitudeHealth:
+    """What is remembered."""
+
+    tilt_since_s: float = NEVER
+    heading_since_s: float = NEVER
+    answer: Answer | None = None
+    """None on the ground."""
+    not_followed_since_s: float = NEVER
+
+
+_NOTHING = AttitudeHealth()
+
+
+def look_at_attitude(memory: AttitudeHealth, now: Observed, rules: SafetyRules) -> tuple[AttitudeHealth, list[Event]]:
+    """Only while the autopilot is commanded: an EKF that has still to find its heading is the preflight's matter."""
+    vehicle = now.seen.vehicle
+    if vehicle is None or not now.commanded:
+        return _NOTHING, []
+    fresh = now.seen.age_s < rules.degraded_s
+    up = up_axis_parts(vehicle.q_w_flu_wxyz)
+    tilt_rad = heading_rad = 0.0
+    if fresh and now.time_s - now.autopilot.heard_s <= HEARD_S:
+        tilt_rad = _between(up, up_axis_parts(now.autopilot.q_w_flu_wxyz))
+        heading_rad = _turn(vehicle.q_w_flu_wxyz, now.autopilot.q_w_flu_wxyz)
+    answer = _answered(memory.answer, now, vehicle, rules) if now.airborne else None
+    off_rad = _between(up, _up_of(answer)) if answer is not None and fresh else 0.0
+    memory = AttitudeHealth(
+        since(memory.tilt_since_s, tilt_rad > rules.tilt_apart_rad, now.time_s),
+        since(memory.heading_since_s, heading_rad > rules.heading_apart_rad, now.time_s),
+        answer,
+        since(memory.not_followed_since_s, off_rad > rules.not_followed_rad, now.time_s),
+    )
+    return memory, _events(memory, now.time_s, (tilt_rad, heading_rad, off_rad), rules)
+
+
+def _events(memory: AttitudeHealth, now_s: float, off_rad: Axis, rules: SafetyRules) -> list[Event]:
+    events = []
+    if now_s - memory.tilt_since_s >= rules.apart_s:
+        text = f"motion capture and autopilot disagree on the tilt by {off_rad[0]:.2f} rad"
+        events.append(Event(Fault.ATTITUDE_DISAGREES, text))
+    if now_s - memory.heading_since_s >= rules.apart_s:
+        text = f"motion capture and autopilot disagree on the heading by {off_rad[1]:.2f} rad"
+        events.append(Event(Fault.HEADING_DISAGREES, text))
+    if now_s - memory.not_followed_since_s >= rules.not_followed_s:
+        text = f"the tilt is {off_rad[2]:.2f} rad off the answer of a healthy vehicle"
+        events.append(Event(Fault.SETPOINT_NOT_FOLLOWED, text))
+    return events
+
+
+def _between(a: Axis, b: Axis) -> float:
+    """Angle, rad; NaN if there is one in it."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return atan2(hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), ax * bx + ay * by + az * bz)
+
+
+def _turn(a: Array, b: Array) -> float:
+    """From one heading to the other the short way, rad, without sign."""
+    return abs(remainder(float(yaw_of(a)) - float(yaw_of(b)), tau))
+
+
+def _up_of(answer: Answer) -> Axis:
+    return answer.x, answer.y, sqrt(max(0.0, 1.0 - answer.x * answer.x - answer.y * answer.y))
+
+
+def _answered(answer: Answer | None, now: Observed, vehicle: VehicleState, rules: SafetyRules) -> Answer:
+    """The answer to what was sent, one cycle on; begins as the vehicle is, at rest.
+
+    Second order, solved exactly for a setpoint that stood still through the cycle: a late cycle makes no error.
+    """
+    if answer is None or answer.sent is None or not isfinite(answer.x + answer.y):
+        x, y, _ = up_axis_parts(vehicle.q_w_flu_wxyz)
+        return Answer(x, y, 0.0, 0.0, now.sent, now.time_s)
+    wanted_x, wanted_y, _ = up_axis_parts(answer.sent.q_w_flu_wxyz)
+    w, damping = rules.follow_radps, rules.follow_damping
+    passed_s = min(max(0.0, now.time_s - answer.at_s), 1.0)
+    turning_radps = w * sqrt(1.0 - damping * damping)
+    fall = exp(-damping * w * passed_s)
+    c, s = fall * cos(turning_radps * passed_s), fall * sin(turning_radps * passed_s) / turning_radps
+    damped = damping * w * s
+    off_x, off_y = answer.x - wanted_x, answer.y - wanted_y
+    return Answer(
+        wanted_x + off_x * (c + damped) + answer.x_rate * s,
+        wanted_y + off_y * (c + damped) + answer.y_rate * s,
+        answer.x_rate * (c - damped) - off_x * w * w * s,
+        answer.y_rate * (c - damped) - off_y * w * w * s,
+        now.sent,
+        now.time_s,
+    )

@@ -1,0 +1,74 @@
+"""Is the autopilot there, does it do as told, and has it a battery. Pure."""
+
+from math import isfinite, nan
+
+from companion.control.values import value
+from companion.supervisor.faults import Event, Fault
+from companion.supervisor.health_memory import NEVER, since
+from companion.supervisor.observed import Observed
+from companion.supervisor.safety import SafetyRules
+from companion.types import FlightMode
+
+BOOT_BACK_S = 1.0
+"""Messages that overtake each other take the time since boot back by less."""
+BATTERY_S = 0.5
+"""One bad sample is not an empty battery."""
+
+
+@value
+class AutopilotHealth:
+    """What is remembered."""
+
+    boot_s: float = nan
+    """The autopilot's time since boot, as last known."""
+    reboot: str = ""
+    """How it rebooted while setpoints left."""
+    low_since_s: float = NEVER
+    critical_since_s: float = NEVER
+
+
+def look_at_autopilot(
+    memory: AutopilotHealth, now: Observed, rules: SafetyRules
+) -> tuple[AutopilotHealth, list[Event]]:
+    """A battery that does not say its charge (NaN, or negative as MAVLink has it) is not judged."""
+    status = now.autopilot
+    charge = status.battery_fraction
+    memory = AutopilotHealth(
+        status.boot_s if isfinite(status.boot_s) else memory.boot_s,
+        _of_reboot(memory, now),
+        since(memory.low_since_s, 0.0 <= charge < rules.battery_low, now.time_s),
+        since(memory.critical_since_s, 0.0 <= charge < rules.battery_critical, now.time_s),
+    )
+    events = _of_link(memory, now, rules)
+    if now.time_s - memory.critical_since_s >= BATTERY_S:
+        text = f"{100.0 * charge:.0f} % of the battery's charge left, below {100.0 * rules.battery_critical:.0f} %"
+        events.append(Event(Fault.BATTERY_CRITICAL, text))
+    elif now.time_s - memory.low_since_s >= BATTERY_S:
+        text = f"{100.0 * charge:.0f} % of the battery's charge left, below {100.0 * rules.battery_low:.0f} %"
+        events.append(Event(Fault.BATTERY_LOW, text))
+    return memory, events
+
+
+def _of_reboot(memory: AutopilotHealth, now: Observed) -> str:
+    boot_s = now.autopilot.boot_s
+    if memory.boot_s - boot_s > BOOT_BACK_S:
+        return f"the autopilot rebooted: its time since boot went from {memory.boot_s:.1f} s to {boot_s:.1f} s"
+    return memory.reboot if now.streaming else ""
+
+
+def _of_link(memory: AutopilotHealth, now: Observed, rules: SafetyRules) -> list[Event]:
+    status, events = now.autopilot, []
+    silent_s, asked_s = now.time_s - status.heard_s, now.time_s - now.land_asked_s
+    if silent_s > rules.autopilot_silent_s:
+        how_long = f"for {silent_s:.2f} s" if isfinite(silent_s) else "yet"
+        events.append(Event(Fault.AUTOPILOT_SILENT, f"nothing heard from the autopilot {how_long}"))
+    if memory.reboot:
+        events.append(Event(Fault.AUTOPILOT_REBOOTED, memory.reboot))
+    if now.commanded and not status.armed:
+        events.append(Event(Fault.AUTOPILOT_DISARMED, "the autopilot disarmed without our asking"))
+    if now.commanded and status.mode is not FlightMode.OFFBOARD:
+        events.append(Event(Fault.MODE_CHANGED, f"the autopilot shows mode {status.mode.value}, not offboard"))
+    if asked_s > rules.land_refused_s:
+        text = f"the autopilot still shows offboard {asked_s:.1f} s after it was told to land"
+        events.append(Event(Fault.LAND_REFUSED, text))
+    return events

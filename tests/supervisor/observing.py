@@ -1,0 +1,102 @@
+"""Observed flights for the tests of the health checks: a healthy hover, of which a test changes what it is about.
+
+Times are multiples of 1/128 s, so that sums of them are exact and a limit can be met to the last bit.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from companion.control.fence import Fence
+from companion.control.frames import quat_multiply
+from companion.estimation.state import Verdict
+from companion.supervisor.faults import Event, Fault, Stage
+from companion.supervisor.health import Health, assess
+from companion.supervisor.observed import Observed, Seen
+from companion.supervisor.safety import SafetyRules
+from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, VehicleState
+
+CYCLE_S = 1.0 / 128.0
+START_S = 1000.0
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+FENCE = Fence((-4.0, -4.0), (4.0, 4.0, 3.0), braking_mps2=2.0, reaction_s=0.5)
+RULES = SafetyRules()
+
+Change = Callable[[Observed], Observed]
+
+
+def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)) -> Observed:
+    """One cycle of a hover: a frame came in it and was used."""
+    time_s = START_S + cycle * CYCLE_S
+    place = np.array(position)
+    vehicle = VehicleState(time_s - 1.0 / 64.0, place, np.zeros(3), LEVEL, np.zeros(3))
+    seen = Seen(1.0 / 64.0, Verdict.ACCEPTED, cycle, 7.0 + cycle * CYCLE_S, time_s, vehicle)
+    status = AutopilotStatus(
+        True, time_s, True, FlightMode.OFFBOARD, True, 0.75, 15.0, LEVEL, "", heard_s=time_s, boot_s=50.0 + time_s
+    )
+    sent = AttitudeThrust(LEVEL, np.array(0.5))
+    return Observed(
+        *(time_s, Stage.FLYING, True, True, True, seen, status, place, sent, False, "", 0.0),
+        phase_since_s=START_S,
+        landing_due_s=math.inf,
+        held_by_fault_since_s=math.inf,
+        land_asked_s=math.inf,
+        arm_fault="",
+        operator_age_s=0.0,
+        disk_free_mb=1e4,
+    )
+
+
+def with_seen(now: Observed, **changes: Any) -> Observed:
+    """Motion capture seen differently."""
+    return replace(now, seen=replace(now.seen, **changes))
+
+
+def with_vehicle(now: Observed, **changes: Any) -> Observed:
+    """The estimate differently."""
+    assert now.seen.vehicle is not None
+    return with_seen(now, vehicle=replace(now.seen.vehicle, **changes))
+
+
+def with_status(now: Observed, **changes: Any) -> Observed:
+    """The autopilot differently."""
+    return replace(now, autopilot=replace(now.autopilot, **changes))
+
+
+def on_ground(now: Observed) -> Observed:
+    """Before arming, nothing sent."""
+    now = replace(now, stage=Stage.GROUND, commanded=False, streaming=False, airborne=False, reference_w_m=None)
+    return replace(with_status(now, armed=False, mode=FlightMode.HOLD, in_air=False), sent=None)
+
+
+def watched(
+    flight: Iterator[Observed] | list[Observed], rules: SafetyRules = RULES, fence: Fence = FENCE
+) -> list[tuple[Event, ...]]:
+    """The events of each cycle."""
+    memory, events = Health(), []
+    for now in flight:
+        memory, found = assess(memory, now, rules, fence)
+        events.append(found)
+    return events
+
+
+def faults(events: tuple[Event, ...]) -> list[Fault]:
+    """Without their texts."""
+    return [event.fault for event in events]
+
+
+def text_of(events: tuple[Event, ...], fault: Fault) -> str:
+    """Of the one event of this fault."""
+    (text,) = [event.text for event in events if event.fault is fault]
+    return text
+
+
+def tilted(x_rad: float, y_rad: float = 0.0, yaw_rad: float = 0.0) -> Array:
+    """Turned about world x, then y, then z: attitude (4,)."""
+    roll = np.array([math.cos(x_rad / 2), math.sin(x_rad / 2), 0.0, 0.0])
+    pitch = np.array([math.cos(y_rad / 2), 0.0, math.sin(y_rad / 2), 0.0])
+    yaw = np.array([math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)])
+    return quat_multiply(yaw, quat_multiply(pitch, roll))
