@@ -11,6 +11,8 @@ from mock_autopilot.arm_bodies import ArmBodies
 from mock_autopilot.arms import JOINT_COUNT, Assembly
 from mock_autopilot.disturbance import Forces, Sinusoid
 from mock_autopilot.dynamixel_config import DynamixelConfig
+from mock_autopilot.fault_words import keys_of
+from mock_autopilot.faults import Fault, check_fits
 from mock_autopilot.params import ParamTable, UnknownParamError
 from mock_autopilot.plant import PlantParams
 from mock_autopilot.qualisys_config import QualisysConfig
@@ -130,6 +132,15 @@ class Px4Config(_Strict):
         return value
 
 
+def _said(value: Any) -> Any:
+    """A fault in words: `say = "mocap stuck at 12 s for 2 s"`."""
+    if not isinstance(value, dict) or "say" not in value:
+        return value
+    if len(value) > 1 or not isinstance(value["say"], str):
+        raise ValueError('say = "..." is a whole fault in words and stands alone')
+    return keys_of(value["say"])
+
+
 class MockConfig(_Strict):
     """Everything `python -m mock_autopilot` can be told by file."""
 
@@ -141,6 +152,13 @@ class MockConfig(_Strict):
     mavlink: LinkConfig = Field(default_factory=LinkConfig)
     gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)
     qualisys: QualisysConfig = Field(default_factory=lambda: QualisysConfig.model_validate({}))
+    faults: tuple[Annotated[Fault, BeforeValidator(_said)], ...] = Field((), description="docs/faults.md")
+
+    @model_validator(mode="after")
+    def _servos_are_there(self) -> Self:
+        for fault in self.faults:
+            check_fits(fault, self.arms.enabled)
+        return self
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:

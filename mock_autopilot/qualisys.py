@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from mock_autopilot import qtm_packets as qtm
+from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.qtm_camera import Camera
 from mock_autopilot.qtm_session import NO_MORE_DATA, Session, StreamRequest
 from mock_autopilot.qualisys_config import QualisysConfig
@@ -24,6 +25,8 @@ class QualisysServer:
 
     config: QualisysConfig
     seed: int = 0
+    faults: MocapFaults | None = None
+    """What goes wrong between cameras and clients, if anything can."""
     capturing: bool = field(default=True, init=False)
     _clients: set["_Client"] = field(default_factory=set, init=False)
     last_frame: qtm.Frame | None = field(default=None, init=False)
@@ -70,7 +73,8 @@ class QualisysServer:
 
     def publish(self, truth: Truth) -> None:
         """Take the next truth (in order, every few milliseconds of its time) and send the frames that are due."""
-        for frame in self._camera.look(truth):
+        frames = self._camera.look(truth)
+        for frame in frames if self.faults is None else self.faults.pass_on(frames, truth.time_s):
             if self.capturing:
                 self.last_frame = frame
                 for client in tuple(self._clients):
@@ -143,7 +147,8 @@ class _Client(asyncio.Protocol):
         """Send a frame the way the client asked for it, if it did."""
         stream = self._session.stream
         if stream is not None and stream.wants(frame.number, self._server.config.rate_hz):
-            self._send_streamed(qtm.data_packet(frame, stream.components), stream)
+            packet, faults = qtm.data_packet(frame, stream.components), self._server.faults
+            self._send_streamed(packet if faults is None else faults.packet(packet), stream)
 
     def send_no_more_data(self) -> None:
         """Tell a streaming client that the capture has ended."""

@@ -6,6 +6,7 @@ import time
 
 from mock_autopilot.config import MockConfig
 from mock_autopilot.dynamixel import ServoBus
+from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.mavlink import MavlinkLink
 from mock_autopilot.qualisys import QualisysServer
 from mock_autopilot.streams import TICK_S
@@ -23,8 +24,10 @@ class Simulator:
         self.links = [MavlinkLink(config.mavlink, self.world)]
         if config.gcs.enabled:
             self.links.append(MavlinkLink(config.gcs, self.world))
-        self.qualisys = QualisysServer(config.qualisys, seed) if with_qualisys else None
-        if self.qualisys is not None:
+        self.qualisys: QualisysServer | None = None
+        if with_qualisys:
+            faults = MocapFaults(self.world.faults, self.world.fault_rng(), config.qualisys.rate_hz)
+            self.qualisys = QualisysServer(config.qualisys, seed, faults)
             self.world.observers.append(self.qualisys.publish)
         self.servo_bus: ServoBus | None = None
         if self.world.servos is not None:

@@ -153,6 +153,11 @@ class Vehicle:
         return LandedState.IN_AIR
 
     @property
+    def lands(self) -> bool:
+        """It comes down by itself, told to or by a failsafe."""
+        return self.armed and (self.mode is Mode.DESCEND or self.landed_state is LandedState.LANDING)
+
+    @property
     def attitude_estimate_wxyz(self) -> Array:
         """Attitude as reported: the truth, turned by the heading error."""
         return quat.turned_about_z(self.estimator.yaw_error_rad, self.felt.q_ned_frd_wxyz)

@@ -16,6 +16,8 @@ from mock_autopilot.arms import Arms
 from mock_autopilot.config import ArmsConfig, MockConfig
 from mock_autopilot.disturbance import Disturbance
 from mock_autopilot.estimator import Motion
+from mock_autopilot.fault_schedule import FaultSchedule
+from mock_autopilot.faults import Fault, check_fits
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
 from mock_autopilot.servo_rack import ServoRack
@@ -31,7 +33,8 @@ class World:
 
     def __init__(self, config: MockConfig | None = None, seed: int = 1) -> None:
         config = config or MockConfig()
-        vehicle_rng, force_rng = (np.random.default_rng(part) for part in np.random.SeedSequence(seed).spawn(2))
+        self._seed = np.random.SeedSequence(seed)
+        vehicle_rng, force_rng = (np.random.default_rng(part) for part in self._seed.spawn(2))
         start = config.vehicle
         self._params = config.plant
         self._start = np.array(start.start_position_ned_m)
@@ -51,6 +54,8 @@ class World:
         """Both arms, if the vehicle has them."""
         if config.arms.enabled:
             self._fit_arms(config.arms)
+        self.faults = FaultSchedule(config.faults)
+        """What goes wrong, and when."""
         self.observers: list[Callable[[Truth], None]] = []
         """Called with the truth of every step, in order."""
 
@@ -90,12 +95,26 @@ class World:
 
     def _step(self) -> None:
         self._steps += 1
+        self._turn_faults()
         demand = self.vehicle.step(self.time_s, self._felt(), STEP_S)
         actuation = self._delayed(demand)
         pushes = [self.external_wrench] + ([self.arms.step(self._state, STEP_S)] if self.arms is not None else [])
         force = self._disturbance.step(self.time_s) + sum(push.force_ned_n for push in pushes)
         wrench = Wrench(force, np.asarray(sum(push.angular_frd_radps2 for push in pushes)))
         self._state = plant_one.step(self._state, actuation, wrench, self._params, STEP_S)
+
+    def inject(self, fault: Fault) -> None:
+        """Let this go wrong, from now on or when its own time comes; ValueError when there is no such part."""
+        check_fits(fault, self.arms is not None)
+        self.faults.inject(fault, self.time_s)
+
+    def fault_rng(self) -> np.random.Generator:
+        """Chance for one part's faults, another one with each call; what else is random does not depend on it."""
+        return np.random.default_rng(self._seed.spawn(1)[0])
+
+    def _turn_faults(self) -> None:
+        vehicle = self.vehicle
+        self.faults.step(self.time_s, vehicle.armed, not self._state.on_ground, vehicle.lands)
 
     def _delayed(self, demand: Demand) -> Actuation:
         """Transport delay of the setpoints; switching the motors off takes none."""

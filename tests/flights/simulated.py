@@ -6,7 +6,7 @@ fast as the machine can, and the same seed gives the same flight.
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -23,6 +23,9 @@ from companion.ports import AutopilotError, MocapError
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
+from mock_autopilot.fault_mocap import MocapFaults
+from mock_autopilot.fault_schedule import Turn
+from mock_autopilot.fault_words import parse
 from mock_autopilot.qtm_camera import Camera
 from mock_autopilot.qtm_packets import Frame
 from mock_autopilot.qualisys_config import QualisysConfig
@@ -46,11 +49,18 @@ class Room:
         mocap: dict[str, Any] | None = None,
         start: dict[str, Any] | None = None,
         arms: dict[str, Any] | None = None,
+        faults: Sequence[str] = (),
     ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        self.bench = Bench(NO_GPS | {"COM_OBL_RC_ACT": 4}, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms)
+        params = NO_GPS | {"COM_OBL_RC_ACT": 4}
+        self.bench = Bench(params, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms, faults=faults)
         self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
-        self._camera = Camera(QualisysConfig.model_validate(mocap or {}), seed)
+        cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
+        self._camera = Camera(cameras, seed)
+        self._faults = MocapFaults(world.faults, world.fault_rng(), cameras.rate_hz)
+        self.fault_turns: list[Turn] = []
+        """Every fault that began or ended, and when."""
+        world.faults.observers.append(self.fault_turns.append)
         self.frame: MocapFrame | None = None
         self.new_frame = False
         self.offset_w_m = np.zeros(3)
@@ -60,6 +70,10 @@ class Room:
     def now_s(self) -> float:
         """ports.Clock: simulated time."""
         return self.bench.now_s
+
+    def inject(self, sentence: str) -> None:
+        """Let something go wrong, from now on or when its time comes: "mocap stuck for 2 s" (docs/faults.md)."""
+        self.bench.world.inject(parse(sentence))
 
     @property
     def truth_w_m(self) -> Array:
@@ -75,7 +89,9 @@ class Room:
                 return
 
     def _look(self, truth: Truth) -> None:
-        for frame in self._camera.look(truth):
+        for frame in self._faults.pass_on(self._camera.look(truth), truth.time_s):
+            if self._faults.breaks_packets:
+                continue  # the client cannot make anything of it
             seen = _received(frame, truth.time_s)
             self.frame, self.new_frame = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m), True
 
@@ -246,12 +262,13 @@ async def fly(
     lost_land_commands: int = 0,
     raise_in_sink_at_s: float = math.inf,
     mocap_lost_at_s: float = math.inf,
+    faults: Sequence[str] = (),
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises."""
     config = config or CompanionConfig(arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
-    room = Room(seed, plant, mocap, start, arms)
+    room = Room(seed, plant, mocap, start, arms, faults)
     done = asyncio.Event()
     steps = list(script)
 

@@ -4,7 +4,7 @@ Messages go in and come out as real MAVLink objects; only UDP and the wall clock
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
@@ -70,12 +70,14 @@ class Bench:
         seed: int = 1,
         vehicle: Mapping[str, Any] | None = None,
         arms: Mapping[str, Any] | None = None,
+        faults: Sequence[str] = (),
     ) -> None:
         config = {
             "px4": {"params": dict(params or {})},
             "plant": dict(plant or {}),
             "vehicle": dict(vehicle or {}),
             "arms": dict(arms or {}),
+            "faults": [{"say": sentence} for sentence in faults],
         }
         self.world = World(MockConfig.from_dict(config), seed)
         self.link = OfflineLink(self.world)
