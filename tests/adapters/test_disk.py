@@ -43,7 +43,7 @@ def test_it_goes_on_asking_until_closed(tmp_path: Path, monkeypatch: pytest.Monk
         return real
 
     monkeypatch.setattr(os, "statvfs", counted)
-    with DiskWatch(tmp_path, PERIOD_S) as disk:
+    with DiskWatch(tmp_path, PERIOD_S):
         wait_until(lambda: asked[0] > 5)
     time.sleep(10.0 * PERIOD_S)
     asked_then = asked[0]
