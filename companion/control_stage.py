@@ -1,6 +1,7 @@
 """From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
 
 from dataclasses import replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_
 from companion.control.components import anywhere, chosen, column, parts
 from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
 from companion.control.frames import quat_from_yaw
+from companion.control.guard import Guard
 from companion.control.limits import Gated, Limits, gate
 from companion.control.values import value
 from companion.types import Array, AttitudeThrust, Reference, VehicleState
@@ -33,11 +35,20 @@ class ControlStage:
     """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate.
 
     For one vehicle, or for a batch that flies side by side: `lead` is its shape, the leading axes of vehicle states, of
-    `sent` and of all that comes out; thrust model and limits are the batch's.
+    `sent` and of all that comes out; thrust model and limits are the batch's. With a guard, which is for one vehicle,
+    it has the last word instead of the bare gate.
     """
 
-    def __init__(self, controller: Controller, model: ThrustModel, limits: Limits, lead: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        model: ThrustModel,
+        limits: Limits,
+        lead: tuple[int, ...] = (),
+        guard: Guard | None = None,
+    ) -> None:
         self._controller, self._model, self._limits, self._lead = controller, model, limits, lead
+        self._guard = guard
         self._halves = controller if isinstance(controller, TwoHalves) else None
         self._memory: Any = None
         self._decided: Any = None
@@ -86,12 +97,17 @@ class ControlStage:
         self.forget()
 
     def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> Gated:
-        """A level setpoint while the law sleeps; the rotors may idle."""
+        """A level setpoint while the law sleeps; the rotors may idle.
+
+        Neither age nor fence has a say in it: the vehicle stands, and level is what the guard would make of it.
+        """
         return gate(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
 
     def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
-        """A level setpoint within the limits, at once and whatever was sent before."""
-        return gate(idle_setpoint(yaw_rad, thrust), idle_setpoint(yaw_rad, thrust), self._limits, 1.0).setpoint
+        """A level setpoint within the limits, at once and whatever was sent before; the guard's own if it is none."""
+        wanted = idle_setpoint(yaw_rad, thrust)
+        fallback = wanted if self._guard is None else self._guard.level(0.0)
+        return gate(wanted, fallback, self._limits, inf).setpoint
 
     def fly(
         self, vehicle: VehicleState, age_s: Any, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
@@ -115,7 +131,12 @@ class ControlStage:
         self._countered_w_mps2 = known_accel_w_mps2
         output = self._decide(now)
         self._wanted = self._latest(output, ahead.yaw_rad)
-        return Asked(ahead, output, gate(self._wanted, self.sent, self._limits, dt_s))
+        return Asked(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s))
+
+    def _let_through(self, wanted: AttitudeThrust, vehicle: VehicleState, age_s: Any, dt_s: float) -> Gated:
+        if self._guard is None:
+            return gate(wanted, self.sent, self._limits, dt_s)
+        return self._guard.check(wanted, self.sent, vehicle, age_s, dt_s)
 
     def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
         """The setpoint wanted: a new one where there is an event or the heading has turned, elsewhere the held one."""

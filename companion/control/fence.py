@@ -1,13 +1,28 @@
-"""The box the vehicle must stay in, and where it would come to rest if it began to brake now. Pure, single vehicle."""
+"""The box the vehicle must stay in, and how hard it must brake to stay there. Pure, single vehicle, plain floats."""
 
+import math
 from dataclasses import dataclass
 
 from companion.types import Array
 
+Three = tuple[float, float, float]
+Range = tuple[float, float]
+"""Least and largest acceleration along one axis that may be asked for, m/s^2."""
+_LEAST_S = 0.01
+"""Half a reaction lasts a control cycle at least."""
+
 
 @dataclass(frozen=True)
 class Fence:
-    """A box in W without a floor: coming down is always allowed."""
+    """A box in W without a floor: coming down is always allowed.
+
+    A speed v towards a face is legal where its stopping distance v t + v^2 / 2a is left, with the defaults:
+
+    ========================== ==== ==== ==== ==== ====
+    speed towards it, m/s      0.5  0.8  1.0  1.5  2.0
+    distance to the face, m    0.26 0.48 0.65 1.16 1.80
+    ========================== ==== ==== ==== ==== ====
+    """
 
     low_m: tuple[float, float]
     """Least x and y."""
@@ -15,7 +30,7 @@ class Fence:
     """Largest x, y and z."""
     braking_mps2: float = 2.0
     """Deceleration that is counted on."""
-    reaction_s: float = 0.3
+    reaction_s: float = 0.4
     """Until the vehicle begins to brake: the attitude loop's and all delays."""
 
     def beyond_m(self, position_w_m: Array) -> float:
@@ -24,10 +39,40 @@ class Fence:
         (x0, y0), (x1, y1, z1) = self.low_m, self.high_m
         return float(max(x0 - x, x - x1, y0 - y, y - y1, z - z1))
 
-    def stopping_point_w_m(self, position_w_m: Array, velocity_w_mps: Array) -> tuple[float, float, float]:
+    def stopping_point_w_m(self, position_w_m: Array, velocity_w_mps: Array) -> Three:
         """Where a vehicle at this place and velocity (3,) comes to rest: v t + v |v| / 2a further, axis by axis."""
         x, y, z = (
             p + v * self.reaction_s + v * abs(v) / (2.0 * self.braking_mps2)
             for p, v in zip(position_w_m.tolist(), velocity_w_mps.tolist(), strict=True)
         )
         return x, y, z
+
+    def allowed_accel_w_mps2(self, place_w_m: Three, velocity_w_mps: Three, carried_w_mps2: Three) -> list[Range]:
+        """What may be asked for along x, y and z, so that the vehicle comes to rest at a face at the latest.
+
+        For the first half of the reaction the vehicle is `carried` on by what acts already, for the second by what is
+        asked for now, and then it brakes. Where nothing is carried on and nothing asked for, the limit is passed
+        exactly when the stopping point leaves the fence. NaN gives NaN.
+        """
+        lead_s = max(0.5 * self.reaction_s, _LEAST_S)
+        (x0, y0), (x1, y1, z1) = self.low_m, self.high_m
+        ranges = []
+        for p, v, a, low, high in zip(
+            place_w_m, velocity_w_mps, carried_w_mps2, (x0, y0, -math.inf), (x1, y1, z1), strict=True
+        ):
+            then, speed = p + (v + 0.5 * a * lead_s) * lead_s, v + a * lead_s
+            ranges.append((-self._most_mps2(then - low, -speed, lead_s), self._most_mps2(high - then, speed, lead_s)))
+        return ranges
+
+    def _most_mps2(self, left_m: float, speed_mps: float, for_s: float) -> float:
+        """Largest acceleration towards a face, `left_m` away, for so long, from which braking still stops at it.
+
+        With u the speed after it: left = (v + u) t / 2 + u^2 / 2a. Beyond the face u is what brings the vehicle back in
+        as fast as it can stop there. Both without a jump, or the vehicle would rattle at the face.
+        """
+        at = self.braking_mps2 * for_s
+        root = at * at - 4.0 * self.braking_mps2 * (speed_mps * for_s - 2.0 * left_m)
+        end_mps = 0.5 * (math.sqrt(root) - at) if root > 0.0 else -0.5 * at
+        if left_m < 0.0:
+            end_mps = min(end_mps, -math.sqrt(-2.0 * self.braking_mps2 * left_m))
+        return (end_mps - speed_mps) / for_s

@@ -4,7 +4,7 @@ Deliberately simpler than anything in front of it: what comes in is cut to what 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,10 @@ Mask = NDArray[np.bool_]
 
 _CLEARLY = 1e-9
 """Margin of a quick look at a limit: what passes is inside beyond rounding, all else is looked at exactly."""
+
+
+def _no() -> Mask:
+    return np.array(False)
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,12 @@ class Gated:
     tilt_cut: Mask
     thrust_cut: Mask
     slew_cut: Mask
+    age_cut: Mask = field(default_factory=_no)
+    """By the guard: the state was too old to be steered by."""
+    fence_cut: Mask = field(default_factory=_no)
+    """By the guard: less towards the fence than was wanted."""
+    failure: str = ""
+    """Why the guard itself failed and levelled the vehicle; empty when it did not."""
 
 
 def gate(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: float) -> Gated:
@@ -60,7 +70,7 @@ def gate(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: flo
     """
     q, asked, not_finite = _usable(wanted, last)
     turned, turn_cut = _slew_attitude(q, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
-    inside, tilt_cut = _inside_cone(turned, limits.max_tilt_rad)
+    inside, tilt_cut = inside_cone(turned, limits.max_tilt_rad)
     thrust, before, step = (
         _between(asked, limits.min_thrust, limits.max_thrust),
         number(last.thrust),
@@ -106,8 +116,11 @@ def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, A
     return chosen(column(cut), quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut
 
 
-def _inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
-    """Turn back along the shortest way to the cone, about the horizontal axis the vehicle is tilted around."""
+def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
+    """Turn back along the shortest way to the cone, about the horizontal axis the vehicle is tilted around.
+
+    Unit quaternions (..., 4) that tilt by `max_tilt_rad` at most, and where one was cut, (...,).
+    """
     x, y, z = up_axis_parts(q)
     beyond = z <= math.cos(min(max_tilt_rad, math.pi)) + _CLEARLY
     if not anywhere(beyond):
