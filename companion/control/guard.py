@@ -63,7 +63,8 @@ class Guard:
             return self._checked(wanted, last, vehicle, age_s, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
         except Exception as error:  # whatever it is: nothing goes out without a guard
             level = self.level(_heading_rad(last, wanted))
-            return Gated(level, _YES, _YES, _YES, _YES, _YES, _YES, f"{type(error).__name__}: {error}")
+            words = f"{type(error).__name__}: {error}"
+            return Gated(level, _YES, _YES, _YES, _YES, age_cut=_YES, fence_cut=_YES, failure=words)
 
     def level(self, yaw_rad: float) -> AttitudeThrust:
         """Level at this heading, sinking gently."""
@@ -188,7 +189,7 @@ def _motion(vehicle: VehicleState | None) -> Motion | None:
 
 def _is_rotation(q: Array) -> bool:
     w, x, y, z = q.tolist()
-    return abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3
+    return bool(abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3)
 
 
 def _unusable(setpoint: AttitudeThrust) -> bool:

@@ -4,7 +4,7 @@ Deliberately simpler than anything in front of it: what comes in is cut to what 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,7 @@ class Gated:
     tilt_cut: Mask
     thrust_cut: Mask
     slew_cut: Mask
+    _: KW_ONLY
     age_cut: Mask = field(default_factory=_no)
     """By the guard: the state was too old to be steered by."""
     fence_cut: Mask = field(default_factory=_no)
@@ -77,8 +78,8 @@ def gate(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: flo
         limits.max_thrust_rate_ps * dt_s,
     )
     slewed = _between(thrust, before - step, before + step)
-    flags = not_finite, tilt_cut, thrust != asked, turn_cut | (slewed != thrust)
-    return Gated(AttitudeThrust(inside, np.asarray(slewed)), *map(np.asarray, flags))
+    cuts = map(np.asarray, (not_finite, tilt_cut, thrust != asked, turn_cut | (slewed != thrust)))
+    return Gated(AttitudeThrust(inside, np.asarray(slewed)), *cuts)
 
 
 def _between(value: Any, low: Any, high: Any) -> Any:
