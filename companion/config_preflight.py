@@ -1,0 +1,78 @@
+"""The [preflight] table, and the recommended parameters of the autopilot."""
+
+import math
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from companion.config import CompanionConfig
+from companion.config_files import Section, project_root, read_toml, validate
+from companion.ports import ConfigError
+from companion.preflight.parameters import Recommended
+
+
+class PreflightConfig(Section):
+    """What arming asks for; the defaults are for a real room."""
+
+    realtime: bool = Field(True, description="arming needs a real-time priority; false: its lack is a warning")
+    by_hand_within_h: float = Field(
+        24.0, ge=0.0, le=10_000.0, description="carried by hand not longer ago, h; 0: not asked for"
+    )
+    mocap_hz: float = Field(90.0, ge=10.0, le=500.0, description="frames a second, at least")
+    residual_m: float = Field(0.003, gt=0.0, le=0.1, description="median marker residual, at most, m")
+    tilt_apart_rad: float = Field(0.05, gt=0.0, le=0.5, description="roll and pitch, mocap to autopilot, rad")
+    heading_apart_rad: float = Field(0.1, gt=0.0, le=0.5, description="heading, mocap to autopilot, rad")
+    position_apart_m: float = Field(0.1, gt=0.0, le=1.0, description="position, mocap to autopilot, m")
+    delay_apart_s: float = Field(0.02, gt=0.0, le=0.2, description="EKF2_EV_DELAY to mocap's measured delay, s")
+    battery: float = Field(0.5, ge=0.0, le=1.0, description="charge at which a flight may begin, share")
+    parameters: str = Field("recommended", min_length=1, description="name in config/px4/ or a TOML file")
+
+
+class RecommendedConfig(Section):
+    """One parameter of a list; at least one condition."""
+
+    set_to: float
+    why: str = Field(min_length=1)
+    must: bool = True
+    one_of: tuple[float, ...] = ()
+    bits: int = Field(0, ge=0)
+    at_least: float | None = None
+    at_most: float | None = None
+    reboot: bool = False
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not self.recommended("").wanted:
+            raise ValueError("needs a condition: one_of, bits, at_least or at_most")
+        if not self.recommended("").accepts(self.set_to):
+            raise ValueError(f"set_to = {self.set_to:g} does not meet its own condition: {self.recommended('').wanted}")
+        return self
+
+    def recommended(self, name: str) -> Recommended:
+        """For the check."""
+        given = self.model_dump(exclude={"at_least", "at_most"})
+        least = -math.inf if self.at_least is None else self.at_least
+        most = math.inf if self.at_most is None else self.at_most
+        return Recommended(name=name, at_least=least, at_most=most, **given)
+
+
+def load_recommended(name: str) -> tuple[Recommended, ...]:
+    """A list of parameters in config/px4/ by its name, or a TOML file; ConfigError with what is wrong."""
+    path = project_root() / "config" / "px4" / f"{name}.toml"
+    if not path.is_file():
+        path = Path(name)
+    if not path.is_file():
+        raise ConfigError(f"preflight.parameters = {name!r}: is no file, and no name in {project_root()}/config/px4")
+    tables = read_toml(path)
+    return tuple(
+        validate(RecommendedConfig, table, path, parameter).recommended(parameter)
+        for parameter, table in tables.items()
+    )
+
+
+def load_both(path: Path) -> tuple[CompanionConfig, PreflightConfig]:
+    """The configuration file and its [preflight] table; ConfigError naming file, key and what would be right."""
+    data = read_toml(path)
+    wanted = validate(PreflightConfig, data.pop("preflight", {}), path, "preflight")
+    return validate(CompanionConfig, data, path), wanted

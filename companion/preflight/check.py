@@ -1,0 +1,32 @@
+"""What one check says, and what many of them mean for arming."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the list."""
+
+    name: str
+    passed: bool
+    says: str
+    """What was found, with numbers and units."""
+    todo: str = ""
+    """What to do where it did not pass; begins small, ends without a full stop."""
+    must: bool = True
+    """Arming is refused while it fails; False: a warning."""
+
+    @property
+    def refuses(self) -> bool:
+        """Whether it keeps the vehicle on the ground."""
+        return self.must and not self.passed
+
+
+def refusal(checks: Iterable[Check]) -> str:
+    """Why the vehicle may not arm, every reason with what to do; empty when it may."""
+    failed = [check for check in checks if check.refuses]
+    if not failed:
+        return ""
+    count = "a preflight check fails" if len(failed) == 1 else f"{len(failed)} preflight checks fail"
+    return "\n".join([f"cannot arm: {count}", *(f"  {check.name}: {check.says}; {check.todo}" for check in failed)])

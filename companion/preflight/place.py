@@ -1,0 +1,39 @@
+"""Whether vehicle and trajectory stay inside the fence, with its margin."""
+
+import numpy as np
+
+from companion.control.fence import Fence
+from companion.control.reference import Trajectory
+from companion.preflight.check import Check
+from companion.types import Array
+
+_STEP_S = 0.02
+
+
+def check_standing(position_w_m: Array | None, takeoff_height_m: float, fence: Fence, margin_m: float) -> Check:
+    """Whether the place where the vehicle stands, (3,) in W, and the hover above it are inside."""
+    if position_w_m is None:
+        return Check("fence around the vehicle", False, "where it stands is not known", "see the mocap checks")
+    above = position_w_m + np.array([0.0, 0.0, takeoff_height_m])
+    inside_m = -fence.beyond_m(above)
+    x, y, z = position_w_m.tolist()
+    says = f"stands at {x:.2f} {y:.2f} {z:.2f} m, hovers {inside_m:.2f} m inside, at least {margin_m:g} wanted"
+    todo = "carry it further inside, or lower flight.takeoff_height_m"
+    return Check("fence around the vehicle", inside_m >= margin_m, says, todo)
+
+
+def check_trajectory(trajectory: Trajectory, fence: Fence, margin_m: float) -> Check:
+    """Every 20 ms of it: the place with the margin, and where braking would end."""
+    times_s = np.arange(0.0, trajectory.duration_s + _STEP_S, _STEP_S)
+    references = [trajectory.at(float(time_s)) for time_s in times_s]
+    inside_m = [-fence.beyond_m(reference.position_w_m) for reference in references]
+    stopping_m = [
+        -fence.beyond_m(np.array(fence.stopping_point_w_m(reference.position_w_m, reference.velocity_w_mps)))
+        for reference in references
+    ]
+    says = (
+        f"{min(inside_m):.2f} m inside, at least {margin_m:g} wanted; braking would end {min(stopping_m):.2f} m inside"
+    )
+    row = int(np.argmin(inside_m if min(inside_m) < margin_m else stopping_m))
+    todo = f"make it smaller, slower or move it: at {times_s[row]:.1f} s it comes too near"
+    return Check("fence around the trajectory", min(inside_m) >= margin_m and min(stopping_m) > 0.0, says, todo)

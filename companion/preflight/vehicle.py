@@ -1,0 +1,80 @@
+"""The vehicle itself: link, battery, thrust, arms, and whether it stands disarmed."""
+
+import math
+from dataclasses import dataclass
+
+from companion.preflight.check import Check
+from companion.types import AutopilotStatus
+
+_HOVER_APART = 0.1
+_PLAUSIBLE = (0.2, 0.7)
+"""Hover thrust below wants a heavier load or smaller rotors; above it there is no reserve to brake and to climb."""
+
+
+@dataclass(frozen=True)
+class ArmsSeen:
+    """The arms' servos."""
+
+    unread_s: float
+    """Since the joint that was read last was read; infinite when none ever was."""
+    fault: str
+    """What is wrong, naming the joint; empty when nothing is."""
+    off_stow: str
+    """The joint farthest from its stowed angle, in words; empty when the arms are stowed."""
+
+
+def check_link(status: AutopilotStatus, now_s: float, most_s: float) -> Check:
+    """Whether the autopilot is heard."""
+    age_s = now_s - status.heard_s
+    known = math.isfinite(age_s) and status.connected
+    says = f"heard {1e3 * age_s:.0f} ms ago, at most {1e3 * most_s:.0f} wanted" if known else "not heard"
+    return Check("autopilot heard", known and age_s <= most_s, says, "look at the cable, px4.url and PX4's power")
+
+
+def check_ground(status: AutopilotStatus) -> Check:
+    """Whether it stands disarmed: this service does not take over what it did not start."""
+    where = "in the air" if status.in_air else "armed" if status.armed else "on the ground, disarmed"
+    return Check("disarmed", not (status.in_air or status.armed), where, "land and disarm it first")
+
+
+def check_battery(status: AutopilotStatus, least: float) -> Check:
+    """Whether the charge is known and enough for a flight."""
+    fraction = status.battery_fraction
+    if math.isnan(fraction):
+        todo = "set up PX4's battery estimate: BAT1_N_CELLS, BAT1_CAPACITY, BAT1_V_CHARGED, BAT1_V_EMPTY"
+        return Check("battery", False, "its charge is not known", todo)
+    says = f"{fraction:.0%}, {status.battery_v:.1f} V, at least {least:.0%} wanted"
+    return Check("battery", fraction >= least, says, "charge it, or take another one")
+
+
+def check_hover_thrust(hover_thrust: float, mpc_thr_hover: float) -> Check:
+    """vehicle.hover_thrust against PX4's own MPC_THR_HOVER (NaN when it is not known)."""
+    low, high = _PLAUSIBLE
+    says = f"vehicle.hover_thrust = {hover_thrust:g}, MPC_THR_HOVER = {mpc_thr_hover:g}"
+    todo = (
+        f"measure the thrust of a calm hover, which should be {low:g} to {high:g}, and write it into both: they may "
+        f"differ by {_HOVER_APART:g}"
+    )
+    plausible = low <= hover_thrust <= high and abs(hover_thrust - mpc_thr_hover) <= _HOVER_APART
+    return Check("hover thrust", plausible, says, todo)
+
+
+def check_thrust_curve(thrust_curve: float, thr_mdl_fac: float) -> Check:
+    """The curve of thrust over signal must be corrected once: here, by PX4, or by the motor controllers."""
+    says = f"vehicle.thrust_curve = {thrust_curve:g}, THR_MDL_FAC = {thr_mdl_fac:g}"
+    once = math.isfinite(thr_mdl_fac) and not (thrust_curve > 0.0 and thr_mdl_fac > 0.0)
+    todo = "it is corrected twice: set vehicle.thrust_curve = 0 where PX4 has THR_MDL_FAC"
+    return Check("thrust curve", once, says, todo)
+
+
+def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
+    """Whether all joints answer, without a fault, in their stowed pose; nothing for a vehicle without arms."""
+    if seen is None:
+        return ()
+    there = seen.unread_s <= most_s and not seen.fault
+    says = seen.fault or ("all joints answer" if there else f"not read for {seen.unread_s:.1f} s")
+    stowed = not seen.off_stow
+    return (
+        Check("arms present", there, says, "see `companion arms ping`; `companion arms clear` forgets faults"),
+        Check("arms stowed", stowed, seen.off_stow or "stowed", "fold them: `companion arms stow`"),
+    )

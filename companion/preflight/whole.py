@@ -1,0 +1,113 @@
+"""The whole list, from facts and configuration."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from companion.config import CompanionConfig
+from companion.config_preflight import PreflightConfig
+from companion.control.reference import Trajectory
+from companion.preflight import agreement, machine, mocap, place, vehicle
+from companion.preflight.agreement import Apart, VisionSeen
+from companion.preflight.by_hand import Kept, check_kept
+from companion.preflight.check import Check
+from companion.preflight.machine import MachineSeen
+from companion.preflight.mocap import MocapSeen
+from companion.preflight.parameters import Recommended, check_parameters
+from companion.preflight.vehicle import ArmsSeen
+from companion.types import Array, AutopilotStatus
+
+DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
+"""Parameters that are compared with what is configured or measured here, and not with a list."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that was seen."""
+
+    time_s: float
+    """On our monotonic clock."""
+    when: datetime
+    """On the system clock, with its time zone."""
+    mocap: MocapSeen
+    position_w_m: Array | None
+    """Where the vehicle stands, (3,) in W; None when it is not known."""
+    status: AutopilotStatus
+    apart: Apart
+    vision: VisionSeen
+    parameters: Mapping[str, float]
+    """The autopilot's, by name; those that it did not tell are left out."""
+    arms: ArmsSeen | None
+    machine: MachineSeen
+    kept: Kept | None
+
+
+def check_all(
+    facts: Facts,
+    config: CompanionConfig,
+    wanted: PreflightConfig,
+    recommended: Iterable[Recommended],
+    trajectory: Trajectory | None = None,
+) -> tuple[Check, ...]:
+    """Every check, in the order in which a person would go about it."""
+    return (
+        *check_machine(facts.machine, config, wanted),
+        *check_mocap(facts.mocap, config, wanted),
+        vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
+        vehicle.check_ground(facts.status),
+        *check_agreement(facts.apart, wanted),
+        agreement.check_vision(facts.vision, wanted.position_apart_m),
+        *_compared(facts, config, wanted),
+        *check_parameters(recommended, facts.parameters),
+        vehicle.check_battery(facts.status, wanted.battery),
+        *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
+        *check_place(facts.position_w_m, config, trajectory),
+        check_kept(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
+    )
+
+
+def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """This computer."""
+    return (
+        machine.check_alone(seen),
+        machine.check_disk(seen, config.safety.disk_free_mb),
+        *machine.check_clock(seen),
+        machine.check_priority(seen, wanted.realtime),
+    )
+
+
+def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Motion capture."""
+    return (
+        mocap.check_body(seen),
+        mocap.check_rate(seen, wanted.mocap_hz),
+        mocap.check_age(seen, config.safety.coast_s),
+        mocap.check_residual(seen, wanted.residual_m),
+    )
+
+
+def check_agreement(apart: Apart, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Both attitudes of a vehicle that stands."""
+    return (
+        agreement.check_heading(apart, wanted.heading_apart_rad),
+        *agreement.check_tilts(apart, wanted.tilt_apart_rad),
+    )
+
+
+def check_place(
+    position_w_m: Array | None, config: CompanionConfig, trajectory: Trajectory | None
+) -> tuple[Check, ...]:
+    """The fence around what stands, and around what will be flown if it is known already."""
+    fence, margin_m = config.fence.fence(), config.fence.margin_m
+    standing = place.check_standing(position_w_m, config.flight.takeoff_height_m, fence, margin_m)
+    return (standing,) if trajectory is None else (standing, place.check_trajectory(trajectory, fence, margin_m))
+
+
+def _compared(facts: Facts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    delay_ms, hover, curve = (facts.parameters.get(name, math.nan) for name in (DELAY, HOVER, CURVE))
+    return (
+        agreement.check_delay(delay_ms, facts.mocap.delay_s, wanted.delay_apart_s),
+        vehicle.check_hover_thrust(config.vehicle.hover_thrust, hover),
+        vehicle.check_thrust_curve(config.vehicle.thrust_curve, curve),
+    )

@@ -1,0 +1,62 @@
+"""A vehicle that is ready in every respect, to spoil one thing at a time."""
+
+import math
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from companion.config_preflight import load_recommended
+from companion.preflight.agreement import Apart, VisionSeen
+from companion.preflight.by_hand import Kept
+from companion.preflight.machine import MachineSeen
+from companion.preflight.mocap import MocapSeen
+from companion.preflight.vehicle import ArmsSeen
+from companion.preflight.whole import CURVE, DELAY, HOVER, Facts
+from companion.types import AutopilotStatus, FlightMode
+from mock_autopilot.config import MockConfig
+from mock_autopilot.params import ParamTable
+
+ROOT = Path(__file__).resolve().parents[2]
+NOW_S = 100.0
+RECOMMENDED = load_recommended("recommended")
+MOCAP = MocapSeen("dauam", 150, 1.5, 150, 0.02, 0.011, 0.0005)
+MACHINE = MachineSeen(5000.0, 1e-9, True, True, 50, 0, "")
+ARMS = ArmsSeen(0.01, "", "")
+STATUS = AutopilotStatus(
+    connected=True,
+    heartbeat_s=NOW_S - 0.5,
+    armed=False,
+    mode=FlightMode.HOLD,
+    in_air=False,
+    battery_fraction=0.95,
+    battery_v=16.4,
+    q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    last_text="",
+    heard_s=NOW_S - 0.01,
+    boot_s=60.0,
+)
+
+
+def mock_parameters() -> dict[str, float]:
+    """What the demo's vehicle tells."""
+    table = ParamTable(MockConfig.load(ROOT / "config" / "mock.toml").px4.params)
+    return {name: table[name] for name in (*(one.name for one in RECOMMENDED), DELAY, HOVER, CURVE)}
+
+
+def ready() -> Facts:
+    """All is well."""
+    now = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
+    return Facts(
+        NOW_S,
+        now,
+        MOCAP,
+        np.array([0.3, -0.2, 0.1]),
+        STATUS,
+        Apart(0.01, -0.01, math.radians(2.0)),
+        VisionSeen(True, 0.02),
+        mock_parameters(),
+        ARMS,
+        MACHINE,
+        Kept("dauam", now),
+    )

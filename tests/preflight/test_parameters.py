@@ -1,0 +1,98 @@
+"""The recommended list: what it accepts, what it says, and that the demo's vehicle has it."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from companion.config_preflight import load_recommended
+from companion.ports import ConfigError
+from companion.preflight.parameters import Recommended, check_parameters
+from mock_autopilot.config import MockConfig
+from mock_autopilot.params import ParamTable
+
+ROOT = Path(__file__).resolve().parents[2]
+LIST = {one.name: one for one in load_recommended("recommended")}
+
+
+def of_the_mock(changed: dict[str, float]) -> dict[str, float]:
+    table = ParamTable(changed)
+    return {name: table[name] for name in LIST}
+
+
+def test_every_parameter_of_the_list_is_one_of_the_recorded_px4() -> None:
+    table = ParamTable()
+    assert [name for name in LIST if table.find(name) is None] == []
+
+
+def test_the_demos_vehicle_has_all_that_is_recommended() -> None:
+    changed = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
+    failed = [check for check in check_parameters(LIST.values(), of_the_mock(dict(changed))) if not check.passed]
+    assert failed == []
+
+
+def test_a_px4_as_it_comes_out_of_the_box_is_refused_for_what_would_hurt_indoors() -> None:
+    failed = {check.name for check in check_parameters(LIST.values(), of_the_mock({})) if check.refuses}
+    assert failed == {
+        "COM_OF_LOSS_T",
+        "COM_OBL_RC_ACT",
+        "COM_RC_OVERRIDE",
+        "NAV_RCL_ACT",
+        "COM_LOW_BAT_ACT",
+        "EKF2_EV_CTRL",
+        "EKF2_HGT_REF",
+        "EKF2_GPS_CTRL",
+        "EKF2_MAG_TYPE",
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "good", "bad"),
+    [
+        ("EKF2_EV_CTRL", (11.0, 15.0), (0.0, 3.0, 7.0)),
+        ("COM_OF_LOSS_T", (0.2, 0.5, 0.5000000001), (0.0, 0.51, 1.0)),
+        ("COM_OBL_RC_ACT", (4.0,), (0.0, 3.0, 5.0, 6.0, 7.0)),
+        ("NAV_DLL_ACT", (0.0, 3.0), (1.0, 2.0, 5.0, 6.0)),
+        ("COM_RC_OVERRIDE", (2.0, 3.0), (0.0, 1.0)),
+    ],
+)
+def test_values(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> None:
+    assert all(LIST[name].accepts(value) for value in good)
+    assert not any(LIST[name].accepts(value) for value in bad)
+
+
+def test_a_failed_one_says_what_is_what_should_be_what_to_do_and_why() -> None:
+    [check] = check_parameters([LIST["EKF2_EV_CTRL"]], {"EKF2_EV_CTRL": 3.0})
+    assert check.refuses
+    assert check.says == "is 3, should be bits 0, 1, 3 set"
+    assert check.todo.startswith("set it to 15 and reboot PX4: ")
+    assert LIST["EKF2_EV_CTRL"].why in check.todo
+
+
+def test_what_the_autopilot_does_not_tell_fails() -> None:
+    untold, must_not = Recommended("A", 1.0, "why", one_of=(1.0,)), Recommended("B", 1.0, "why", False, one_of=(1.0,))
+    first, second = check_parameters([untold, must_not], {"A": math.nan})
+    assert first.refuses
+    assert not second.passed
+    assert not second.refuses
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ('[A]\nset_to = 1\nwhy = "x"\n', "A: needs a condition"),
+        ('[A]\nset_to = 1\nwhy = "x"\nat_least = 2\n', "A: set_to = 1 does not meet its own condition: at least 2"),
+        ('[A]\nset_to = 1\nwhy = "x"\nmost = 2\n', "A.most: unknown key"),
+        ("[A]\nset_to = 1\nat_most = 2\n", "A.why: is missing"),
+    ],
+)
+def test_a_list_of_ones_own_with_a_mistake_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=sentence):
+        load_recommended(str(path))
+
+
+def test_an_unknown_list_names_where_lists_are() -> None:
+    with pytest.raises(ConfigError, match="'nowhere': is no file, and no name in"):
+        load_recommended("nowhere")

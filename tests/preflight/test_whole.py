@@ -1,0 +1,192 @@
+"""The whole list: a ready vehicle passes, and each thing that is wrong fails its own check and says what to do."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig
+from companion.config_arms import ArmsConfig
+from companion.config_preflight import PreflightConfig
+from companion.control.frames import quat_from_rotation_vector, quat_from_yaw
+from companion.control.reference import Ellipse, LapTiming
+from companion.preflight.agreement import Apart, VisionSeen, apart, check_heading, check_tilts
+from companion.preflight.by_hand import Kept
+from companion.preflight.check import Check, refusal
+from companion.preflight.whole import Facts, check_all
+from companion.types import Array
+from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
+
+CONFIG = CompanionConfig(arms=ArmsConfig())
+WANTED = PreflightConfig()
+
+
+def failed(facts: Facts, wanted: PreflightConfig = WANTED, config: CompanionConfig = CONFIG) -> list[Check]:
+    return [check for check in check_all(facts, config, wanted, RECOMMENDED) if not check.passed]
+
+
+def test_a_ready_vehicle_may_arm() -> None:
+    assert failed(ready()) == []
+    assert refusal(check_all(ready(), CONFIG, WANTED, RECOMMENDED)) == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"mocap": replace(MOCAP, tracked=140)}, "body seen"),
+        ({"mocap": replace(MOCAP, frames=120, tracked=120)}, "mocap rate"),
+        ({"mocap": replace(MOCAP, age_s=0.06)}, "mocap age"),
+        ({"mocap": replace(MOCAP, residual_m=0.004)}, "mocap residual"),
+        ({"mocap": replace(MOCAP, delay_s=0.04)}, "vision delay"),
+        ({"position_w_m": np.array([4.3, 0.0, 0.0])}, "fence around the vehicle"),
+        ({"position_w_m": np.array([0.0, 0.0, 2.1])}, "fence around the vehicle"),
+        ({"position_w_m": None}, "fence around the vehicle"),
+        ({"status": replace(STATUS, heard_s=99.0)}, "autopilot heard"),
+        ({"status": replace(STATUS, connected=False)}, "autopilot heard"),
+        ({"status": replace(STATUS, armed=True)}, "disarmed"),
+        ({"status": replace(STATUS, in_air=True)}, "disarmed"),
+        ({"status": replace(STATUS, battery_fraction=0.45)}, "battery"),
+        ({"status": replace(STATUS, battery_fraction=math.nan)}, "battery"),
+        ({"apart": Apart(0.06, 0.0, 0.0)}, "roll agrees"),
+        ({"apart": Apart(0.0, -0.06, 0.0)}, "pitch agrees"),
+        ({"apart": Apart(0.0, 0.0, -0.11)}, "heading agrees"),
+        ({"vision": VisionSeen(False, 0.01)}, "vision fused"),
+        ({"vision": VisionSeen(True, 0.15)}, "vision fused"),
+        ({"vision": VisionSeen(True, math.nan)}, "vision fused"),
+        ({"parameters": mock_parameters() | {"EKF2_EV_DELAY": 175.0}}, "vision delay"),
+        ({"parameters": mock_parameters() | {"MPC_THR_HOVER": 0.35}}, "hover thrust"),
+        ({"parameters": mock_parameters() | {"MPC_THR_HOVER": math.nan}}, "hover thrust"),
+        ({"parameters": mock_parameters() | {"THR_MDL_FAC": math.nan}}, "thrust curve"),
+        ({"parameters": mock_parameters() | {"COM_OF_LOSS_T": 1.0}}, "COM_OF_LOSS_T"),
+        ({"arms": replace(ARMS, fault="left.claw (ID 8) is silent")}, "arms present"),
+        ({"arms": replace(ARMS, unread_s=math.inf)}, "arms present"),
+        ({"arms": replace(ARMS, off_stow="left.elbow_pitch is 20 degrees from its stowed angle")}, "arms stowed"),
+        ({"machine": replace(MACHINE, disk_free_mb=250.0)}, "disk space"),
+        ({"machine": replace(MACHINE, clock_resolution_s=0.004)}, "clock"),
+        ({"machine": replace(MACHINE, clock_sane=False)}, "clock"),
+        ({"machine": replace(MACHINE, realtime_priority=0)}, "real-time priority"),
+        ({"machine": replace(MACHINE, other_service="process 17 flies it")}, "no other service"),
+        ({"kept": None}, "carried by hand"),
+        ({"kept": Kept("drone", ready().when)}, "carried by hand"),
+    ],
+)
+def test_what_is_wrong_refuses_arming_and_says_what_to_do(change: dict[str, Any], name: str) -> None:
+    [check] = failed(replace(ready(), **change))
+    assert check.name == name
+    assert check.refuses
+    assert check.says
+    assert check.todo
+    text = refusal([check])
+    assert text.startswith("cannot arm: a preflight check fails\n")
+    assert check.says in text
+    assert check.todo in text
+
+
+def test_a_missing_body_fails_all_that_depends_on_it_without_an_exception() -> None:
+    nothing = replace(MOCAP, frames=0, tracked=0, age_s=math.inf, delay_s=math.nan, residual_m=math.nan)
+    unknown = Apart(math.nan, math.nan, math.nan)
+    facts = replace(ready(), mocap=nothing, position_w_m=None, apart=unknown, parameters={})
+    names = {check.name for check in failed(facts)}
+    assert {"body seen", "mocap rate", "mocap age", "heading agrees", "roll agrees", "vision delay"} <= names
+    assert {one.name for one in RECOMMENDED} <= names, "an autopilot that tells none of its parameters"
+
+
+def test_warnings_do_not_refuse() -> None:
+    facts = replace(ready(), machine=replace(MACHINE, clock_synchronised=False, realtime_priority=0))
+    relaxed = PreflightConfig(realtime=False, by_hand_within_h=0.0)
+    checks = failed(replace(facts, kept=None), relaxed)
+    assert [(check.name, check.must) for check in checks] == [
+        ("clock synchronised", False),
+        ("real-time priority", False),
+    ]
+    assert refusal(checks) == ""
+
+
+def test_a_niceness_will_do_for_a_real_time_priority() -> None:
+    assert failed(replace(ready(), machine=replace(MACHINE, realtime_priority=0, nice=-15))) == []
+
+
+def test_a_curve_that_is_corrected_twice_is_refused() -> None:
+    curved = CONFIG.model_copy(update={"vehicle": CONFIG.vehicle.model_copy(update={"thrust_curve": 0.4})})
+    assert failed(ready(), config=curved) == []
+    both = replace(ready(), parameters=mock_parameters() | {"THR_MDL_FAC": 0.3})
+    assert [check.name for check in failed(both, config=curved)] == ["thrust curve"]
+    assert failed(both) == []
+
+
+def test_a_vehicle_without_arms_is_not_asked_for_them() -> None:
+    names = [check.name for check in check_all(replace(ready(), arms=None), CompanionConfig(), WANTED, RECOMMENDED)]
+    assert not any("arms" in name for name in names)
+
+
+def test_every_failed_check_stands_in_the_refusal() -> None:
+    facts = replace(ready(), kept=None, status=replace(STATUS, battery_fraction=0.1))
+    text = refusal(check_all(facts, CONFIG, WANTED, RECOMMENDED))
+    assert text.splitlines()[0] == "cannot arm: 2 preflight checks fail"
+    assert "battery: 10%" in text
+    assert "carried by hand: never" in text
+
+
+@pytest.mark.parametrize(
+    ("size_m", "period_s", "centre_m", "good"),
+    [(1.0, 15.0, 0.0, True), (1.0, 15.0, 3.0, True), (1.0, 15.0, 3.3, False), (3.0, 4.0, 1.1, False)],
+)
+def test_a_trajectory_must_stay_inside_and_be_able_to_brake(
+    size_m: float, period_s: float, centre_m: float, good: bool
+) -> None:
+    centre = np.array([centre_m, 0.0, 1.2])
+    ellipse = Ellipse(centre, (size_m, 0.6 * size_m), LapTiming(period_s, 2))
+    checks = check_all(ready(), CONFIG, WANTED, RECOMMENDED, ellipse)
+    [check] = [check for check in checks if check.name == "fence around the trajectory"]
+    assert check.passed is good
+    assert good or "at " in check.todo
+
+
+def _pairs(mocap: Array, autopilot: Array) -> Apart:
+    return apart(np.tile(mocap, (20, 1)), np.tile(autopilot, (20, 1)))
+
+
+@pytest.mark.parametrize("heading_rad", [0.0, 1.0, 3.1, -2.0])
+def test_attitudes_are_compared_axis_by_axis_whatever_the_heading(heading_rad: float) -> None:
+    level = quat_from_yaw(heading_rad)
+    off = _pairs(level, quat_from_yaw(heading_rad + 0.2))
+    assert (off.roll_rad, off.pitch_rad, off.heading_rad) == pytest.approx((0.0, 0.0, 0.2), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("turned", "roll_deg", "pitch_deg"),
+    [((0.2, 0.0, 0.0), 11.5, 0.0), ((0.0, 0.2, 0.0), 0.0, -11.5), ((math.pi, 0.0, 0.0), 180.0, 0.0)],
+)
+def test_roll_is_right_side_down_and_pitch_is_nose_up(
+    turned: tuple[float, float, float], roll_deg: float, pitch_deg: float
+) -> None:
+    off = _pairs(np.array([1.0, 0.0, 0.0, 0.0]), quat_from_rotation_vector(np.array(turned)))
+    assert abs(math.degrees(off.roll_rad)) == pytest.approx(abs(roll_deg), abs=0.1)
+    assert math.degrees(off.pitch_rad) == pytest.approx(pitch_deg, abs=0.1)
+
+
+def test_angles_around_half_a_turn_do_not_average_to_none() -> None:
+    mocap = np.tile(quat_from_yaw(0.0), (2, 1))
+    off = apart(mocap, np.stack((quat_from_yaw(3.13), quat_from_yaw(-3.13))))
+    assert abs(off.heading_rad) > 3.0
+
+
+@pytest.mark.parametrize(
+    ("off", "words"),
+    [
+        (Apart(0.0, 0.0, math.radians(88.0)), "as if the frames were turned by 90 degrees"),
+        (Apart(0.0, 0.0, math.radians(-95.0)), "as if the frames were turned by -90 degrees"),
+        (Apart(0.0, 0.0, math.radians(179.0)), "as if the frames were turned by 180 degrees"),
+    ],
+)
+def test_a_heading_off_by_a_quarter_is_told_so(off: Apart, words: str) -> None:
+    assert words in check_heading(off, 0.1).todo
+
+
+def test_a_body_upside_down_is_told_so() -> None:
+    roll, pitch = check_tilts(Apart(math.pi, 0.01, 0.0), 0.05)
+    assert not roll.passed
+    assert "turned by 180 degrees about its x axis" in roll.todo
+    assert pitch.passed
