@@ -86,6 +86,15 @@ async def operating(port: int) -> AsyncIterator[Operator]:
     await asyncio.sleep(0.01)  # its own last task ends a little later
 
 
+@asynccontextmanager
+async def operated(port: int, vehicle: Vehicle) -> AsyncIterator[tuple[MqttOperator, Operator]]:
+    """Both, one after the other: amqtt 0.12 loses a client that connects while another subscribes."""
+    async with linked(port, vehicle) as link:
+        await until(lambda: link.age_s() == 0.0)
+        async with operating(port) as operator:
+            yield link, operator
+
+
 async def until(holds: Callable[[], object]) -> None:
     """Wait for something that has to come; fails when it does not."""
     async with asyncio.timeout(PATIENCE_S):

@@ -10,7 +10,7 @@ import pytest
 from companion.operator_orders import Order, OrderKind
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
-from tests.adapters.mqtt_rig import STATUS, Vehicle, linked, operating, ticking, until
+from tests.adapters.mqtt_rig import STATUS, Vehicle, linked, operated, operating, ticking, until
 from tests.adapters.qtm_scripts import Silent, listening
 from tests.broker import BrokerProcess, broker
 
@@ -28,8 +28,7 @@ def running() -> Iterator[BrokerProcess]:
 
 async def test_orders_reach_the_vehicle(running: BrokerProcess) -> None:
     vehicle = Vehicle()
-    async with linked(running.port, vehicle) as link, operating(running.port) as operator:
-        await until(lambda: link.age_s() == 0.0)
+    async with operated(running.port, vehicle) as (_, operator):
         for kind in OrderKind:
             confirmed = {"confirm": "kill"} if kind is OrderKind.KILL else {}
             name = await operator.order(kind, **confirmed)
@@ -39,8 +38,7 @@ async def test_orders_reach_the_vehicle(running: BrokerProcess) -> None:
 
 async def test_what_is_refused_changes_nothing_and_the_operator_is_told(running: BrokerProcess) -> None:
     vehicle = Vehicle()
-    async with linked(running.port, vehicle) as link, operating(running.port) as operator:
-        await until(lambda: link.age_s() == 0.0)
+    async with operated(running.port, vehicle) as (_, operator):
         await operator.order("kill")
         assert 'needs "confirm": "kill"' in (await operator.refusal())["reason"]
         await operator.order("land", id="late", sent_s=time.time() - 6.0)
@@ -57,8 +55,7 @@ async def test_what_is_refused_changes_nothing_and_the_operator_is_told(running:
 
 async def test_what_the_flight_cannot_do_is_a_refusal_and_a_defect_of_it_no_end(running: BrokerProcess) -> None:
     vehicle = Vehicle()
-    async with linked(running.port, vehicle) as link, operating(running.port) as operator:
-        await until(lambda: link.age_s() == 0.0)
+    async with operated(running.port, vehicle) as (link, operator):
         vehicle.error = FlightError("cannot resume in phase standby")
         name = await operator.order("resume")
         assert await operator.refusal() == {"id": name, "reason": "cannot resume in phase standby"}
@@ -73,8 +70,7 @@ async def test_what_the_flight_cannot_do_is_a_refusal_and_a_defect_of_it_no_end(
 
 async def test_an_abort_comes_through_a_flood(running: BrokerProcess) -> None:
     vehicle = Vehicle()
-    async with linked(running.port, vehicle) as link, operating(running.port) as operator:
-        await until(lambda: link.age_s() == 0.0)
+    async with operated(running.port, vehicle) as (_, operator):
         async with ticking() as longest_s:
             for _ in range(300):
                 await operator.say(b"\xff" * 100)
