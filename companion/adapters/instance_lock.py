@@ -1,0 +1,58 @@
+"""One companion at a time on one autopilot: two streams of setpoints would fight over the vehicle.
+
+The lock is a Unix socket in Linux' abstract namespace, which is no file: the kernel frees it however the process ends,
+nothing stale can stay behind, and it is the same for every user of this machine, wherever their temporary files are.
+"""
+
+import hashlib
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from companion.ports import AutopilotError
+
+_WAITING = 4096
+"""Others that may ask who holds it; they are never answered, their connection alone tells."""
+_CREDENTIALS = struct.Struct("iII")
+"""struct ucred: process, user, group."""
+
+
+@contextmanager
+def instance_lock(url: str) -> Iterator[None]:
+    """Hold the lock of the autopilot's link; AutopilotError naming the process that already does.
+
+    `url` is a MAVSDK URL; two spellings of one UDP port, or of one serial device, are one link.
+    """
+    name = "\0dauam-companion-" + hashlib.sha256(_link(url).encode()).hexdigest()[:16]
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as lock:
+        try:
+            lock.bind(name)
+        except OSError as error:
+            raise AutopilotError(f"another companion{_holder(name)} already flies {url}: stop it first") from error
+        lock.listen(_WAITING)
+        yield
+
+
+def _link(url: str) -> str:
+    """What two URLs of one link have in common."""
+    scheme, _, rest = url.partition("://")
+    if scheme == "serial":
+        return "serial " + os.path.realpath(rest.rpartition(":")[0] if ":" in rest else rest)
+    if scheme in {"udp", "udpin"}:
+        return "udp port " + rest.rpartition(":")[2]
+    return f"{scheme} {rest}"
+
+
+def _holder(name: str) -> str:
+    """Who holds the lock, for a sentence; empty when the kernel does not tell."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as question:
+        question.setblocking(False)
+        try:
+            question.connect(name)
+            answer = question.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+        except OSError:
+            return ""
+    process, _, _ = _CREDENTIALS.unpack(answer)
+    return f" (process {process})"

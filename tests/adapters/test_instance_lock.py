@@ -1,0 +1,67 @@
+"""The lock against a second companion, between real processes."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from companion.adapters.instance_lock import instance_lock
+from companion.ports import AutopilotError
+
+URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"
+HOLD = """
+import sys
+from companion.adapters.instance_lock import instance_lock
+with instance_lock(sys.argv[1]):
+    print("holding", flush=True)
+    sys.stdin.read()
+"""
+
+
+@contextmanager
+def another(url: str) -> Iterator[subprocess.Popen[str]]:
+    """Another companion's process, holding the lock."""
+    command = [sys.executable, "-c", HOLD, url]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "holding\n"
+        yield process
+        process.kill()
+
+
+def test_the_second_is_told_who_the_first_is_until_that_one_is_gone() -> None:
+    with another(URL) as first:
+        for _ in range(2):
+            with pytest.raises(AutopilotError, match=rf"another companion \(process {first.pid}\) already flies {URL}"):
+                instance_lock(URL).__enter__()
+        first.kill()  # it cannot tidy up
+        first.wait()
+        with instance_lock(URL):
+            pass
+        with instance_lock(URL):
+            pass
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("udpin://0.0.0.0:14540", "udpin://127.0.0.1:14540"),
+        ("udp://:14540", "udpin://0.0.0.0:14540"),
+        ("serial:///dev/ttyUSB0:921600", "serial:///dev/../dev/ttyUSB0:57600"),
+    ],
+)
+def test_two_spellings_are_one_link(one: str, other: str) -> None:
+    with instance_lock(one), pytest.raises(AutopilotError, match=rf"process {os.getpid()}\)"):
+        instance_lock(other).__enter__()
+
+
+@pytest.mark.parametrize(
+    "other",
+    ["udpin://0.0.0.0:14541", "udpout://0.0.0.0:14540", "serial:///dev/ttyUSB1:921600", "tcpin://0.0.0.0:14540"],
+)
+def test_another_link_is_another_vehicle(other: str) -> None:
+    with instance_lock("udpin://0.0.0.0:14540"), instance_lock(other):
+        pass
