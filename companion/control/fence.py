@@ -67,12 +67,10 @@ class Fence:
     def _most_mps2(self, left_m: float, speed_mps: float, for_s: float) -> float:
         """Largest acceleration towards a face, `left_m` away, for so long, from which braking still stops at it.
 
-        With u the speed after it: left = (v + u) t / 2 + u^2 / 2a. Beyond the face u is what brings the vehicle back in
-        as fast as it can stop there. Both without a jump, or the vehicle would rattle at the face.
+        With u the speed after it: left = (v + u) t / 2 + u^2 / 2a. Where not even that is left, u points inwards, the
+        more the further beyond, as fast as the vehicle can stop again. Without a jump: it would rattle at the face.
         """
         at = self.braking_mps2 * for_s
         root = at * at - 4.0 * self.braking_mps2 * (speed_mps * for_s - 2.0 * left_m)
-        end_mps = 0.5 * (math.sqrt(root) - at) if root > 0.0 else -0.5 * at
-        if left_m < 0.0:
-            end_mps = min(end_mps, -math.sqrt(-2.0 * self.braking_mps2 * left_m))
+        end_mps = 0.5 * (math.copysign(math.sqrt(abs(root)), root) - at)
         return (end_mps - speed_mps) / for_s
