@@ -13,6 +13,7 @@ import numpy as np
 import uvloop
 from pydantic import BaseModel
 
+from companion.adapters.dead_man import KernelDeadMan
 from companion.adapters.recorder import Recorder
 from companion.config import CompanionConfig
 from companion.config_controller import load_controller
@@ -37,7 +38,8 @@ def main() -> None:
 
 async def _fly(task: Task) -> None:
     recorder = Recorder()
-    async with open_service(task.config, _law(task), recorder) as service:
+    dead_man = KernelDeadMan(task.config.safety.dead_man_s)
+    async with open_service(task.config, _law(task), recorder, dead_man) as service:
         await service.ready()
         await service.arm()
         await service.take_off(task.config.flight.takeoff_height_m)

@@ -86,7 +86,6 @@ class FlightConfig(Section):
     spool_up_s: float = Field(1.0, gt=0.2, le=10.0, description="idle to 80 % of hover thrust on the ground, s")
     descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="landing, m/s")
     settle_s: float = Field(2.0, ge=0.0, le=30.0, description="hold before and after a trajectory, s")
-    mocap_timeout_s: float = Field(0.3, ge=0.05, le=1.0, description="land when the newest frame is older, s")
 
 
 class RoomConfig(Section):
@@ -144,7 +143,6 @@ class CompanionConfig(Section):
             climb_speed_mps=f.climb_speed_mps,
             spool_up_s=f.spool_up_s,
             descent_speed_mps=f.descent_speed_mps,
-            mocap_timeout_s=f.mocap_timeout_s,
             stow_time_s=arms.stow_time_s,
             land_on_arm_fault=arms.land_on_fault,
         )

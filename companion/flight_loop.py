@@ -3,21 +3,24 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from companion.arm_stage import ArmStage
+from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
+from companion.control.guard import Guard
 from companion.control.limits import Gated
 from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
-from companion.ports import ArmBus, Autopilot, Clock, CompanionError, MocapSource
+from companion.health_stage import UNTRUSTED, Cycle, HealthStage, Sides
+from companion.ports import ArmBus, Autopilot, Clock, CompanionError, DeadMan, MocapSource
 from companion.supervisor import phases
+from companion.supervisor.faults import Event, Reaction
 from companion.supervisor.flight import (
     COMMANDED,
     IN_THE_AIR,
@@ -32,10 +35,10 @@ from companion.supervisor.flight import (
 )
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
+from companion.types import FlightMode
 
 LOG = logging.getLogger(__name__)
 
-_NOT_FINITE_CYCLES = 20
 _SINKING = 0.97
 """Share of hover thrust with which the vehicle comes down gently while nobody steers it."""
 _TURNS = 3
@@ -51,7 +54,9 @@ class Devices:
     mocap: MocapSource
     autopilot: Autopilot
     clock: Clock
+    dead_man: DeadMan
     arms: ArmBus | None = None
+    sides: Sides = field(default_factory=Sides)
 
 
 class FlightLoop:
@@ -59,11 +64,15 @@ class FlightLoop:
 
     def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
+        self._dead_man = devices.dead_man
+        self._calls = AutopilotCalls(devices.autopilot)
         self._sink: TickSink | None = sink
-        self._not_finite = 0
         self._period_s = 1.0 / config.control.rate_hz
-        self._rules = config.flight_rules()
-        self._stage = ControlStage(controller, config.vehicle.thrust_model(), config.limits.limits())
+        self._rules, self._safety = config.flight_rules(), config.safety.rules()
+        model, limits = config.vehicle.thrust_model(), config.limits.limits()
+        guard = Guard(limits, model, config.fence.fence(), self._safety.coast_s, self._safety.degraded_s)
+        self._stage = ControlStage(controller, model, limits, guard=guard)
+        self._health = HealthStage(self._safety, config.fence.fence(), devices.sides)
         self.arms = self._arm_stage(devices.arms, config)
         """The arms' part; None for a vehicle without."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
@@ -76,11 +85,11 @@ class FlightLoop:
         self._streaming = False
         self._ticking = False
         self._last_tick_s = -math.inf
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._law_fault = ""
+        self._not_finite = 0
+        self._max_thrust, self._at_max_thrust = limits.max_thrust, False
         self.missed_cycles = 0
         """Whole periods that passed without a cycle."""
-        self.action_failure = ""
-        """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
 
     @staticmethod
     def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
@@ -98,16 +107,30 @@ class FlightLoop:
         """What is known of the vehicle's motion."""
         return self._estimate
 
-    def ask(self, wanted: Request) -> bool:
-        """Hand in an operator's request; False when it does not fit the phase."""
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What is wrong now."""
+        return self._health.events
+
+    @property
+    def action_failure(self) -> str:
+        """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
+        return self._calls.failure
+
+    def refusal(self, wanted: Request) -> str:
+        """Why an operator's request cannot be met now; empty when it can."""
         status = self._autopilot.status()
         if isinstance(wanted, Prepare) and (status.armed or status.in_air):
-            return False  # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
-        fits = phases.can(self._flight, wanted)
-        if fits:
-            facts = self._facts(self._clock.now_s())
-            self._enter(phases.request(self._flight, wanted, facts, self._rules))
-        return fits
+            # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
+            return "the vehicle is already armed or in the air"
+        return phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)
+
+    def ask(self, wanted: Request) -> bool:
+        """Hand in an operator's request; False when it is refused."""
+        if self.refusal(wanted):
+            return False
+        self._enter(phases.request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
+        return True
 
     async def run(self) -> None:
         """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
@@ -127,9 +150,8 @@ class FlightLoop:
             raise
         finally:
             self._ticking = False
-            for task in list(self._tasks):
-                task.cancel()
-            await asyncio.gather(*self._tasks, return_exceptions=True)
+            await self._calls.cancel()
+            self._end_stream()
             if self.arms is not None:
                 await self.arms.close()
 
@@ -160,13 +182,14 @@ class FlightLoop:
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
         frame_received_s = self._read()
-        self._judge_estimate()
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
+        events = self._look(now_s, late_s)
         facts = self._facts(now_s)
         self._enter(phases.advance(self._flight, facts, self._rules))
-        asked, gated = self._control_or_hand_over(facts)
+        asked, gated = self._control_or_fail(facts)
         sent_s = self._send(gated)
+        self._keep_or_end_stream()
         late_signals = self._stage.settle()
         self._forward_vision(now_s, frame_received_s)
         self._last_tick_s = now_s
@@ -177,7 +200,7 @@ class FlightLoop:
                 frame_received_s,
                 sent_s,
                 self._estimate.vehicle,
-                facts.mocap_age_s,
+                self._age_s(now_s),
                 self._autopilot.status(),
                 self._flight,
                 phases.reference_at(self._flight, now_s) if asked else None,
@@ -185,6 +208,7 @@ class FlightLoop:
                 gated,
                 late_signals,
                 self.arms.tick(now_s, self._flight) if self.arms is not None else None,
+                events,
             )
         )
 
@@ -197,49 +221,60 @@ class FlightLoop:
         self._estimate = estimator.step(self._estimate, frame, self._estimator_params)
         return frame.received_s
 
+    def _look(self, now_s: float, late_s: float) -> tuple[Event, ...]:
+        """What is wrong now; a pose that is not to be trusted is withheld from the autopilot from now on."""
+        cycle = Cycle(
+            now_s,
+            late_s,
+            self._mocap.latest(),
+            self._estimate,
+            self._autopilot.status(),
+            self._streaming,
+            self._stage.sent if self._streaming else None,
+            self._at_max_thrust,
+            self._law_fault,
+            self.arms.fault if self.arms is not None else "",
+        )
+        events = self._health.look(cycle, self._flight)
+        if events and self._flight.airborne and any(event.fault in UNTRUSTED for event in events):
+            self._vision_trusted = False
+        return events
+
+    def _age_s(self, now_s: float) -> float:
+        vehicle = self._estimate.vehicle
+        return math.inf if vehicle is None else now_s - vehicle.time_s
+
     def _facts(self, now_s: float) -> Facts:
-        status, vehicle = self._autopilot.status(), self._estimate.vehicle
+        status, vehicle, events = self._autopilot.status(), self._estimate.vehicle, self._health.events
         if vehicle is None:
             nowhere = np.full(3, np.nan)
-            return Facts(now_s, nowhere, nowhere, 0.0, math.inf, status.armed, status.mode, *self._of_the_arms())
+            return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *self._of_the_arms(), events)
         yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
-        age_s = now_s - vehicle.time_s
         position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
-        return Facts(now_s, position, velocity, yaw_rad, age_s, status.armed, status.mode, *self._of_the_arms())
+        return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *self._of_the_arms(), events)
 
     def _of_the_arms(self) -> tuple[bool, str, str]:
         """Whether they are stowed, what is wrong with them, and why they cannot be stowed."""
         arms = self.arms
         return (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
 
-    def _judge_estimate(self) -> None:
-        """A filter that had to begin anew in the air means that motion capture jumped: nothing known before holds."""
-        if self._flight.airborne and self._estimate.verdict is Verdict.STARTED:
-            self._vision_trusted = False  # the autopilot, landing on its own, must not follow the jump either
-            self._hand_over("motion capture jumped, or came back after a gap, by more than the vehicle can move")
-
-    def _control_or_hand_over(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
+    def _control_or_fail(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
         """A law that raises, or goes on giving what is no number, has lost the vehicle; the loop and vision go on."""
         try:
             asked, gated = self._control(facts)
         except Exception as error:
             LOG.exception("the control law failed")
-            self._hand_over(f"the control law failed: {type(error).__name__}: {error}")
+            self._law_fault = f"the control law failed: {type(error).__name__}: {error}"
             return None, None
         bad = gated is not None and bool(gated.not_finite.any())
         self._not_finite = self._not_finite + 1 if bad else 0
-        if self._not_finite > _NOT_FINITE_CYCLES:
-            self._hand_over(f"the control law gave no finite command for {_NOT_FINITE_CYCLES} cycles")
-            return asked, None
+        if self._not_finite > self._safety.not_finite_cycles:
+            self._law_fault = f"the control law gave no finite command for {self._safety.not_finite_cycles} cycles"
+        self._at_max_thrust = asked is not None and float(asked.gated.setpoint.thrust) >= self._max_thrust
         return asked, gated
 
-    def _hand_over(self, reason: str) -> None:
-        """Let the autopilot land. MAVSDK goes on re-sending our last setpoint until it does: that one must be level."""
-        facts = self._facts(self._clock.now_s())
-        self._enter(phases.request(self._flight, HandOver(reason), facts, self._rules))
-
     def _leave_level(self) -> None:
-        """The last setpoint of ours: level and sinking gently, whatever the law wanted last."""
+        """The last setpoint of ours, which MAVSDK repeats until PX4 lands: level and sinking gently, not the law's."""
         level = self._stage.level(self._flight.yaw_rad, _SINKING * self._rules.hover_thrust)
         self._autopilot.send_setpoint(level)
         self._stage.sent = level
@@ -265,7 +300,7 @@ class FlightLoop:
             return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
         ahead = phases.reference_at(flight, facts.time_s + self._stage.preview_s)
         known = self.arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz) if self.arms is not None else _NOTHING
-        asked = self._stage.fly(vehicle, facts.mocap_age_s, ahead, dt_s, known)
+        asked = self._stage.fly(vehicle, self._age_s(facts.time_s), ahead, dt_s, known)
         return asked, asked.gated
 
     def _send(self, gated: Gated | None) -> float:
@@ -285,6 +320,21 @@ class FlightLoop:
         self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
         self._autopilot.send_vision(vehicle.position_w_m, vehicle.q_w_flu_wxyz)
 
+    def _keep_or_end_stream(self) -> None:
+        """Setpoints leave only while we fly, or until PX4 has begun to land; without them the dead man may rest."""
+        flight, offboard = self._flight, self._autopilot.status().mode is FlightMode.OFFBOARD
+        landing = flight.phase is Phase.HANDED_OVER and flight.level is Reaction.AUTOPILOT_LAND and offboard
+        if flight.phase not in STREAMING and not landing:
+            self._end_stream()
+        elif self._streaming:
+            self._dead_man.renew()
+
+    def _end_stream(self) -> None:
+        if self._streaming:
+            self._autopilot.stop_stream()
+            self._streaming = False
+        self._dead_man.release()
+
     def _enter(self, flight: Flight) -> None:
         """Take over the flight's next state, and do what its changes ask of the loop."""
         before, self._flight = self._flight, flight
@@ -292,29 +342,14 @@ class FlightLoop:
             LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
         if flight.action is Action.AUTOPILOT_LAND and before.phase in IN_THE_AIR and self._streaming:
             self._leave_level()
-        if flight.phase is Phase.PREFLIGHT and before.phase is not Phase.PREFLIGHT:
-            self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad), False
-            self._vision_trusted = True
+        if flight.phase is not before.phase and flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
+            thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
+            self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad, thrust), False
+            self._vision_trusted, self._law_fault = True, ""
         if flight.airborne and not before.airborne:
             self._stage.forget()  # what was integrated on the ground would be of the ground
         if flight.action is not None and flight is not before:
-            self._act(flight.action)
-
-    def _act(self, action: Action) -> None:
-        call = self._autopilot.disarm() if action is Action.DISARM else self._autopilot.land()
-        task = asyncio.get_running_loop().create_task(self._attempt(call), name=f"companion.{action}")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-
-    async def _attempt(self, call: Awaitable[None]) -> None:
-        try:
-            await call
-        except CompanionError as error:
-            self.action_failure = str(error)
-            LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
-        except Exception as error:
-            self.action_failure = f"{type(error).__name__}: {error}"
-            LOG.exception("what the loop asked of the autopilot failed")
+            self._calls.begin(flight.action)
 
     async def _abandon(self, reason: str) -> None:
         """The autopilot lands what is still flown, and we send nothing more.
@@ -322,13 +357,25 @@ class FlightLoop:
         Waits until it has answered, and until the arms have folded.
         """
         if self._flight.phase in COMMANDED:
-            self._hand_over(reason)
-        told = asyncio.gather(*self._tasks, return_exceptions=True)  # each logs its own failure
+            facts = self._facts(self._clock.now_s())
+            self._enter(phases.request(self._flight, HandOver(reason), facts, self._rules))
+        ending = asyncio.create_task(self._end_stream_when_told(), name="companion.end_of_stream")
         try:
             await self._settle_arms()
         except Exception:
             LOG.exception("the arms could not be folded")
-        await told
+        await ending
+        await self._calls.answered()
+
+    async def _end_stream_when_told(self) -> None:
+        """The level setpoint is repeated until PX4 has answered, but not for long: then its own failsafe lands."""
+        end_s = self._clock.now_s() + self._safety.land_refused_s
+        while self._calls.pending and self._clock.now_s() < end_s and not self._ticking:
+            if self._streaming:
+                self._dead_man.renew()
+            await asyncio.sleep(self._period_s)
+        if not self._ticking:
+            self._end_stream()
 
     async def _settle_arms(self) -> None:
         """Let the arms fold, or at least come to rest, for as long as that may take; nothing else is done any more."""

@@ -16,9 +16,10 @@ from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop
-from companion.ports import Autopilot, AutopilotError, CompanionError, FlightError, MocapError
+from companion.ports import Autopilot, AutopilotError, CompanionError, DeadMan, FlightError, MocapError
 from companion.service_arms import ArmVerbs
-from companion.supervisor.flight import Fly, Land, Phase, Prepare, Request, TakeOff
+from companion.supervisor.faults import Reaction
+from companion.supervisor.flight import Brake, Fly, Kill, Land, Phase, Prepare, Request, Resume, TakeOff
 from companion.tick import TickSink
 
 LOG = logging.getLogger(__name__)
@@ -36,7 +37,9 @@ _APPROACH_S = 60.0
 
 
 @asynccontextmanager
-async def open_service(config: CompanionConfig, law: Controller, sink: TickSink) -> AsyncIterator["Service"]:
+async def open_service(
+    config: CompanionConfig, law: Controller, sink: TickSink, dead_man: DeadMan
+) -> AsyncIterator["Service"]:
     """Devices connected and the loop ticking.
 
     Raises MocapError, AutopilotError or ArmError when a device cannot be reached or the first two fail later, and
@@ -47,7 +50,7 @@ async def open_service(config: CompanionConfig, law: Controller, sink: TickSink)
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
-        loop = FlightLoop(Devices(mocap, autopilot, clock, arms), law, config, sink)
+        loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms), law, config, sink)
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
@@ -177,12 +180,27 @@ class Service:
         await asyncio.sleep(settle_s)
         self._expect(Phase.HOLD)
 
+    async def hold(self) -> None:
+        """Brake and hover; what was flown is not taken up again."""
+        self._ask(Brake(), "hold")
+
+    async def resume(self) -> None:
+        """Take the vehicle back from the autopilot or its pilot, and hover where it is."""
+        self._ask(Resume(), "take the vehicle back")
+        await self._reach(Phase.HOLD, self._config.px4.answer_timeout_s)
+
+    async def kill(self) -> None:
+        """Stop the motors at once, wherever the vehicle is; whoever calls this has had it confirmed."""
+        self._ask(Kill(), "stop the motors")
+        if not await self._until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
+            raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
+
     async def land(self) -> None:
         """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground.
 
         When the flight loop has failed it has told the autopilot to land: then the autopilot's landing is awaited.
         """
-        if self.phase in {Phase.STANDBY, Phase.DISARMED}:
+        if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
             return
         self.loop.ask(Land())
         vehicle = self.loop.estimate.vehicle
@@ -191,7 +209,7 @@ class Service:
 
         def down() -> bool:
             status = self._autopilot.status()
-            over = self._ticking.done() or self.phase is Phase.DISARMED
+            over = self._ticking.done() or self.phase in {Phase.DISARMED, Phase.TERMINATED}
             return not status.connected or (over and not status.armed)
 
         stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
@@ -204,12 +222,13 @@ class Service:
             )
 
     def _ask(self, wanted: Request, what: str) -> None:
-        if not self.loop.ask(wanted):
-            why = f": {self.loop.flight.reason}" if self.loop.flight.reason else ""
-            raise FlightError(f"cannot {what} in phase {self.phase}{why}")
+        refusal = self.loop.refusal(wanted)
+        if refusal or not self.loop.ask(wanted):
+            before = f" ({self.loop.flight.reason})" if self.loop.flight.reason else ""
+            raise FlightError(f"cannot {what}: {refusal}{before}")
 
     def _expect(self, phase: Phase) -> None:
-        if self.phase is not phase:
+        if self.phase is not phase or self.loop.flight.level > Reaction.NOTE:
             why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
             raise FlightError(f"the flight was ended: {why}")
 

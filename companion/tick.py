@@ -6,6 +6,7 @@ from typing import Protocol
 from companion.arm_stage import ArmTick
 from companion.control.limits import Gated
 from companion.control_stage import Asked
+from companion.supervisor.faults import Event
 from companion.supervisor.flight import Flight
 from companion.types import Array, AutopilotStatus, Reference, VehicleState
 
@@ -31,6 +32,8 @@ class Tick:
     late_signals: dict[str, Array]
     """Inner values of the law that it worked out after the setpoint had left."""
     arms: ArmTick | None
+    events: tuple[Event, ...]
+    """What was wrong."""
 
 
 class TickSink(Protocol):

@@ -56,11 +56,14 @@ class Recorder:
             "sent_s": tick.sent_s,
             "airborne": tick.flight.airborne,
             "touched_down": tick.flight.touched_down,
+            "reason": tick.flight.reason,
+            "faults": ", ".join(event.fault for event in tick.events),
             "armed": tick.status.armed,
             "mode": str(tick.status.mode),
             "event": bool(asked.output.event.any()) if asked else False,
             "setpoint_thrust": float(gated.setpoint.thrust) if gated else np.nan,
             "gate_cut": bool(gated.not_finite | gated.tilt_cut | gated.thrust_cut | gated.slew_cut) if gated else False,
+            "guard_cut": bool(gated.age_cut | gated.fence_cut) if gated else False,
         }
         vectors: dict[str, Array] = {
             "position_w_m": vehicle.position_w_m if vehicle else _NOWHERE,

@@ -15,6 +15,7 @@ import typer
 import uvloop
 from rich.console import Console
 
+from companion.adapters.dead_man import KernelDeadMan
 from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.demo_arms import plan_arms
@@ -197,7 +198,8 @@ async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDispla
         display.take(tick)
 
     display.say("connecting to motion capture and autopilot")
-    async with open_service(flight.config, flight.controller.law, sink) as service:
+    dead_man = KernelDeadMan(flight.config.safety.dead_man_s)
+    async with open_service(flight.config, flight.controller.law, sink, dead_man) as service:
         yield service
 
 

@@ -10,7 +10,8 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.arms.machine import ArmPhase
-from companion.supervisor.flight import Phase
+from companion.supervisor.faults import Fault
+from companion.supervisor.flight import STREAMING, Phase
 from companion.tick import Tick
 from companion.types import Array
 
@@ -32,6 +33,7 @@ class FlightDisplay:
         self._tick: Tick | None = None
         self._phase: Phase | None = None
         self._arms: ArmPhase | None = None
+        self._faults: set[Fault] = set()
         self._reason = ""
         self._note = ""
         self._started_s = math.nan
@@ -74,10 +76,18 @@ class FlightDisplay:
             why = f": {tick.flight.reason}" if news else ""
             self._reason = tick.flight.reason
             self._lines.put(f"{self._clock(tick):>8}  [bold]{self._phase}[/]{why}")
+        self._announce_faults(tick)
         if tick.arms is not None and tick.arms.phase is not self._arms:
             self._arms = tick.arms.phase
             if self._arms is ArmPhase.FAULT and tick.arms.reason != self._reason:
                 self._lines.put(f"{self._clock(tick):>8}  [red]arms: fault[/]: {tick.arms.reason}")
+
+    def _announce_faults(self, tick: Tick) -> None:
+        """Those that are new; one that ended the flight was told with the phase."""
+        for event in tick.events:
+            if event.fault not in self._faults and tick.flight.phase in STREAMING:
+                self._lines.put(f"{self._clock(tick):>8}  [yellow]{event.fault}[/]: {event.text}")
+        self._faults = {event.fault for event in tick.events}
 
     def _clock(self, tick: Tick) -> str:
         return "" if math.isnan(self._started_s) else f"{tick.time_s - self._started_s:.1f} s"

@@ -74,7 +74,7 @@ def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromL
     """Climb, way to the start, wait, trajectory: the legs of the demo, planned by the phase machine."""
     rules, height_m = companion.flight_rules(), companion.flight.takeoff_height_m
     above = _up(height_m)
-    facts = Facts(0.0, above, np.zeros(3), 0.0, 0.0, armed=True, mode=FlightMode.OFFBOARD)
+    facts = Facts(0.0, above, np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
     holding = Flight(Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
     legs = phases.request(holding, Fly(trajectory, companion.flight.settle_s), facts, rules).legs
     climb_s = minimum_jerk_duration_s(height_m - rules.lift_off_m, rules.climb_speed_mps, rules.climb_accel_mps2)

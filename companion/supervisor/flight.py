@@ -1,9 +1,11 @@
 """What the phase machine speaks of: phases, facts, requests, rules and its own state. Plain values."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
 from companion.control.reference import Trajectory
+from companion.supervisor.faults import Event, Fault, Reaction, Stage
 from companion.types import Array, FlightMode
 
 
@@ -26,12 +28,16 @@ class Phase(StrEnum):
     """The flight is over."""
     HANDED_OVER = "handed over"
     """The autopilot or its pilot has the vehicle; nothing is sent until the operator begins anew."""
+    RESUME = "resume"
+    """The operator wants the vehicle back from the autopilot: level setpoints stream until OFFBOARD shows."""
+    TERMINATED = "terminated"
+    """The motors were stopped, wherever it was."""
 
 
 IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.STOW, Phase.LAND})
 COMMANDED = IN_THE_AIR | {Phase.ARMED}
 """Phases in which the autopilot must be armed and in OFFBOARD."""
-STREAMING = COMMANDED | {Phase.PREFLIGHT}
+STREAMING = COMMANDED | {Phase.PREFLIGHT, Phase.RESUME}
 """Phases in which setpoints are sent."""
 
 
@@ -40,6 +46,8 @@ class Action(StrEnum):
 
     DISARM = "disarm"
     AUTOPILOT_LAND = "autopilot land"
+    OFFBOARD = "offboard"
+    KILL = "kill"
 
 
 @dataclass(frozen=True)
@@ -49,9 +57,10 @@ class FlightRules:
     hover_thrust: float = 0.5
     climb_speed_mps: float = 0.5
     climb_accel_mps2: float = 0.6
+    braking_mps2: float = 2.0
+    """Peak deceleration of a stop: what the fence counts on, or the reference would stop outside of it."""
     spool_up_s: float = 1.0
     descent_speed_mps: float = 0.25
-    mocap_timeout_s: float = 0.3
     lift_off_m: float = 0.02
     """Height above the ground that counts as flying."""
     lift_off_wait_s: float = 1.0
@@ -72,6 +81,12 @@ class FlightRules:
     """Ask again when the autopilot is still armed; longer than one attempt takes."""
     land_again_s: float = 2.0
     """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
+    kill_again_s: float = 0.3
+    """Ask again while motors that were to stop still turn."""
+    kill_settles_s: float = 5.0
+    """Disarmed later than this, the motors have been stopped; who arms them afterwards is not stopped any more."""
+    resume_s: float = 3.0
+    """OFFBOARD must show within this after the operator asked for the vehicle."""
     turn_radps: float = 1.0
     """Peak rate at which the heading changes on the way to a trajectory's start."""
     stow_time_s: float = 6.0
@@ -88,7 +103,6 @@ class Facts:
     position_w_m: Array
     velocity_w_mps: Array
     yaw_rad: float
-    mocap_age_s: float
     armed: bool
     mode: FlightMode
     arms_stowed: bool = True
@@ -97,6 +111,8 @@ class Facts:
     """What is wrong with the arms, naming the joint; empty when nothing is."""
     cannot_stow: str = ""
     """Why the arms cannot be folded; empty when they can."""
+    events: tuple[Event, ...] = ()
+    """What is wrong now, in the order of faults.TABLE, see health.assess."""
 
 
 @dataclass(frozen=True)
@@ -123,6 +139,14 @@ class Fly:
 class Land:
     """Come down where the vehicle is."""
 
+    reason: str = ""
+    """Why, if the flight was to be another one."""
+
+
+@dataclass(frozen=True)
+class Brake:
+    """Come to rest and hover; what was flown is not taken up again."""
+
 
 @dataclass(frozen=True)
 class HandOver:
@@ -131,7 +155,17 @@ class HandOver:
     reason: str
 
 
-Request = Prepare | TakeOff | Fly | Land | HandOver
+@dataclass(frozen=True)
+class Resume:
+    """Take the vehicle back from the autopilot or its pilot, and hover."""
+
+
+@dataclass(frozen=True)
+class Kill:
+    """Stop the motors at once; whoever sends it has had it confirmed."""
+
+
+Request = Prepare | TakeOff | Fly | Brake | Land | HandOver | Resume | Kill
 
 
 @dataclass(frozen=True)
@@ -162,10 +196,37 @@ class Flight:
     touched_down: bool = False
     disarm_asked_s: float | None = None
     """When the autopilot was last asked to disarm after touchdown."""
-    land_asked_s: float = 0.0
-    """When the autopilot was last asked to land after handing over."""
+    asked_again_s: float = 0.0
+    """When the autopilot was last asked to land after handing over, or to stop the motors; infinite: not any more."""
+    level: Reaction = Reaction.NOTE
+    """The strongest reaction so far; only the operator goes back."""
+    cause: Fault | None = None
+    """What led to it; None for the operator's wish."""
+    landing_due_s: float = math.inf
+    """When the descent should be over."""
     action: Action | None = None
     """Set for exactly one tick."""
     reason: str = ""
     """Why the flight was ended or handed over."""
     takeoff_height_m: float = 0.0
+
+    @property
+    def stage(self) -> Stage:
+        """What the table of reactions goes by."""
+        if self.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
+            return Stage.HANDED_OVER
+        if self.airborne:
+            return Stage.LANDING if self.phase in {Phase.STOW, Phase.LAND} else Stage.FLYING
+        return Stage.FLYING if self.phase is Phase.RESUME else Stage.GROUND
+
+    @property
+    def held_by_fault_since_s(self) -> float:
+        """Begin of a hold that a fault caused; infinite when none did."""
+        held = self.phase is Phase.HOLD and self.level is Reaction.HOLD
+        return self.since_s if held else math.inf
+
+    @property
+    def landing_asked_s(self) -> float:
+        """When the autopilot was told to land; infinite when it was not, or when we have let go."""
+        asked = self.phase is Phase.HANDED_OVER and self.level is Reaction.AUTOPILOT_LAND
+        return self.since_s if asked else math.inf

@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 
 from companion.adapters.recorder import Recorder
+from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight import Flight, Phase
 from companion.tick import Tick
 from companion.types import AutopilotStatus, FlightMode, VehicleState
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+WRONG = (Event(Fault.BATTERY_LOW, "20 % left"), Event(Fault.DISK_FULL, "1 MB free"))
 STATUS = AutopilotStatus(True, 0.0, False, FlightMode.HOLD, False, 1.0, 16.0, LEVEL, "")
 
 
@@ -18,7 +20,20 @@ def tick(number: int, seen: bool) -> Tick:
     vehicle = VehicleState(number * 0.01, where, 0.0 * where, LEVEL, 0.0 * where) if seen else None
     late = {"f_hat": where} if number >= 1500 else {}
     return Tick(
-        number * 0.01, 0.0, np.nan, np.nan, vehicle, 0.01, STATUS, Flight(Phase.STANDBY), None, None, None, late, None
+        number * 0.01,
+        0.0,
+        np.nan,
+        np.nan,
+        vehicle,
+        0.01,
+        STATUS,
+        Flight(Phase.STANDBY),
+        None,
+        None,
+        None,
+        late,
+        None,
+        WRONG,
     )
 
 
@@ -34,6 +49,7 @@ def test_every_tick_is_kept_in_order_beyond_the_first_buffers(tmp_path: Path) ->
         assert np.isnan(kept["law_f_hat"][:1500]).all()
         assert (kept["law_f_hat"][1500:, 0] == np.arange(1500, 3000)).all()
         assert set(kept["phase"]) == {"standby"}
+        assert set(kept["faults"]) == {"battery low, disk full"}
     assert not recorder.flew
 
 

@@ -31,6 +31,7 @@ from mock_autopilot.qtm_packets import Frame
 from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
+from tests.dead_man import NoDeadMan
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import NO_GPS, Bench, Sent
 
@@ -131,6 +132,7 @@ class SimulatedAutopilot:
         self._bench = room.bench
         self.setpoints: list[tuple[float, AttitudeThrust]] = []
         self._beat: Sent | None = None
+        self._heard: Sent | None = None
         self._in_air = False
         self.land_calls = 0
         self.deaf_to_land = 0
@@ -157,6 +159,8 @@ class SimulatedAutopilot:
                 self._beat = sent
             if sent.type == "EXTENDED_SYS_STATE":
                 self._in_air = sent.message.landed_state != ON_GROUND
+            if sent.type == "ATTITUDE_QUATERNION":
+                self._heard = sent
         self._read = len(self._bench.sent)
         level = np.array([1.0, 0.0, 0.0, 0.0])
         if self._beat is None:
@@ -166,7 +170,11 @@ class SimulatedAutopilot:
         mode = _MODES.get(beat.message.custom_mode, FlightMode.OTHER)
         if mode is not FlightMode.OFFBOARD:
             self._bench.setpoint = None  # MAVSDK stops its stream when a HEARTBEAT shows another mode
-        return AutopilotStatus(True, beat.time_s, armed, mode, self._in_air, 1.0, 16.0, level, "")
+        heard = self._heard.message if self._heard is not None else None
+        heard_s = self._heard.time_s if self._heard is not None else -math.inf
+        q = level if heard is None else flip_quat(np.array([heard.q1, heard.q2, heard.q3, heard.q4]))
+        boot_s = math.nan if heard is None else heard.time_boot_ms * 1e-3
+        return AutopilotStatus(True, beat.time_s, armed, mode, self._in_air, 1.0, 16.0, q, "", heard_s, boot_s)
 
     def stop_stream(self) -> None:
         self._bench.setpoint = None
@@ -291,7 +299,7 @@ async def fly(
     servos = SimulatedServos(room) if arms is not None else None
     cameras = SimulatedMocap(room, every_tick)
     cameras.lost_at_s = mocap_lost_at_s
-    loop = FlightLoop(Devices(cameras, autopilot, room, servos), law, config, sink)
+    loop = FlightLoop(Devices(cameras, autopilot, room, NoDeadMan(), servos), law, config, sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     waiting = asyncio.create_task(done.wait(), name="script")

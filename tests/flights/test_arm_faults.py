@@ -25,6 +25,7 @@ from companion.config import CompanionConfig, load_config
 from companion.config_controller import load_controller
 from companion.service import Service, open_service
 from companion.supervisor.flight import Phase
+from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 
 pytestmark = pytest.mark.realtime
@@ -106,7 +107,7 @@ async def stack() -> AsyncIterator[Stack]:
     recorder = Recorder()
     async with (
         mock_process(ROOT / "config" / "mock.toml", 1, ports) as mocks,
-        open_service(config, law, recorder) as service,
+        open_service(config, law, recorder, NoDeadMan()) as service,
     ):
         yield Stack(service, mocks, config, recorder)
 

@@ -1,0 +1,56 @@
+"""What the flight loop asks of the autopilot, apart from setpoints, without waiting for the answer."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable
+
+from companion.ports import Autopilot, CompanionError
+from companion.supervisor.flight import Action
+
+LOG = logging.getLogger(__name__)
+
+
+class AutopilotCalls:
+    """Begins calls and keeps hold of them; one that fails is logged, and its sentence kept for the operator."""
+
+    def __init__(self, autopilot: Autopilot) -> None:
+        self._how: dict[Action, Callable[[], Awaitable[None]]] = {
+            Action.DISARM: autopilot.disarm,
+            Action.AUTOPILOT_LAND: autopilot.land,
+            Action.OFFBOARD: autopilot.start_offboard,
+            Action.KILL: autopilot.kill,
+        }
+        self._tasks: set[asyncio.Task[None]] = set()
+        self.failure = ""
+        """Why the autopilot did not do the last thing it did not do; empty if it did all."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether an answer is still awaited."""
+        return bool(self._tasks)
+
+    def begin(self, action: Action) -> None:
+        """Ask; returns at once."""
+        task = asyncio.get_running_loop().create_task(self._attempt(action), name=f"companion.{action}")
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _attempt(self, action: Action) -> None:
+        try:
+            await self._how[action]()
+        except CompanionError as error:
+            self.failure = str(error)
+            LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator, the trace would hide it
+        except Exception as error:
+            self.failure = f"{type(error).__name__}: {error}"
+            LOG.exception("what the loop asked of the autopilot failed")
+
+    async def cancel(self) -> None:
+        """Wait for nothing more."""
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def answered(self) -> None:
+        """Until every call has its answer; each logs its own failure."""
+        await asyncio.gather(*self._tasks, return_exceptions=True)

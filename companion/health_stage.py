@@ -1,0 +1,113 @@
+"""The health checks' part of a tick: gathers what they look at, keeps their memory, and says what is new."""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from companion.control.fence import Fence
+from companion.estimation.estimator import EstimatorState
+from companion.ports import OperatorLink
+from companion.supervisor import health
+from companion.supervisor.faults import Event, Fault, Reaction, reaction_to
+from companion.supervisor.flight import COMMANDED, STREAMING, Flight, Phase
+from companion.supervisor.health import Health
+from companion.supervisor.observed import Observed, Seen
+from companion.supervisor.phases import reference_at
+from companion.supervisor.safety import SafetyRules
+from companion.types import AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
+
+LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Sides:
+    """What is watched beside the flight itself."""
+
+    operator: OperatorLink | None = None
+    """None: none is configured."""
+    disk_free_mb: Callable[[], float] | None = None
+    """None: nothing is recorded to disk."""
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What the loop knows of the cycle before its setpoint; see Observed."""
+
+    time_s: float
+    late_s: float
+    frame: MocapFrame | None
+    """The newest, used or not."""
+    estimate: EstimatorState
+    status: AutopilotStatus
+    streaming: bool
+    sent: AttitudeThrust | None
+    at_max_thrust: bool
+    law_fault: str
+    arm_fault: str
+
+
+class HealthStage:
+    """Holds the checks' memory. Call `look` once a cycle."""
+
+    def __init__(self, rules: SafetyRules, fence: Fence, sides: Sides) -> None:
+        self._rules, self._fence, self._sides = rules, fence, sides
+        self._memory = Health()
+        self.events: tuple[Event, ...] = ()
+        """What is wrong now."""
+
+    def look(self, cycle: Cycle, flight: Flight) -> tuple[Event, ...]:
+        """Run the checks; what was not there a cycle ago is logged."""
+        before = {event.fault for event in self.events}
+        self._memory, self.events = health.assess(self._memory, self._observed(cycle, flight), self._rules, self._fence)
+        for event in self.events:
+            if event.fault not in before:
+                self._tell(event, flight)
+        return self.events
+
+    @staticmethod
+    def _tell(event: Event, flight: Flight) -> None:
+        reaction = reaction_to(event.fault, flight.stage)
+        level = logging.ERROR if reaction > Reaction.NOTE else logging.WARNING
+        under_way = flight.phase in STREAMING or flight.phase is Phase.HANDED_OVER
+        LOG.log(level if under_way else logging.DEBUG, "%s: %s (%s)", event.fault, event.text, reaction.words)
+
+    def _observed(self, cycle: Cycle, flight: Flight) -> Observed:
+        operator, disk_free_mb = self._sides.operator, self._sides.disk_free_mb
+        offboard = cycle.status.mode is FlightMode.OFFBOARD
+        return Observed(
+            time_s=cycle.time_s,
+            stage=flight.stage,
+            commanded=flight.phase in COMMANDED,
+            streaming=cycle.streaming,
+            airborne=flight.airborne,
+            seen=_seen(cycle),
+            autopilot=cycle.status,
+            reference_w_m=reference_at(flight, cycle.time_s).position_w_m if flight.airborne else None,
+            sent=cycle.sent,
+            at_max_thrust=cycle.at_max_thrust,
+            law_fault=cycle.law_fault,
+            late_s=cycle.late_s,
+            phase_since_s=flight.since_s,
+            landing_due_s=flight.landing_due_s,
+            held_by_fault_since_s=flight.held_by_fault_since_s,
+            land_asked_s=flight.landing_asked_s if offboard else math.inf,
+            arm_fault=cycle.arm_fault,
+            operator_age_s=operator.age_s() if operator is not None else 0.0,
+            disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
+        )
+
+
+def _seen(cycle: Cycle) -> Seen:
+    frame, vehicle = cycle.frame, cycle.estimate.vehicle
+    age_s = cycle.time_s - vehicle.time_s if vehicle is not None else math.inf
+    if frame is None:
+        return Seen(age_s, None, -1, math.nan, math.nan, vehicle)
+    return Seen(age_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle)
+
+
+UNTRUSTED = frozenset({
+    Fault.MOCAP_JUMPED, Fault.MOCAP_FROZEN, Fault.MOCAP_INVALID, Fault.MOCAP_OUTLIERS, Fault.MOCAP_DELAYED,
+    Fault.MOCAP_CLOCK_JUMP, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
+})  # fmt: skip
+"""Poses that the autopilot, landing on its own, must not follow either."""
