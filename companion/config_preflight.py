@@ -27,6 +27,9 @@ class PreflightConfig(Section):
     delay_apart_s: float = Field(0.02, gt=0.0, le=0.2, description="EKF2_EV_DELAY to mocap's measured delay, s")
     battery: float = Field(0.5, ge=0.0, le=1.0, description="charge at which a flight may begin, share")
     parameters: str = Field("recommended", min_length=1, description="name in config/px4/ or a TOML file")
+    state_folder: str = Field(
+        "~/.local/state/dauam", min_length=1, description="keeps when the vehicle was last carried by hand"
+    )
 
 
 class RecommendedConfig(Section):

@@ -19,6 +19,7 @@ COMMANDS = {
     "sweep": "companion.cli.sweep:sweep",
     "tune": "companion.cli.tune:tune",
     "arms": "companion.cli.arms:app",
+    "preflight": "companion.cli.preflight:preflight",
 }
 """Where each command is: a function, or a group of commands."""
 

@@ -16,7 +16,7 @@ def check_standing(position_w_m: Array | None, takeoff_height_m: float, fence: F
         return Check("fence around the vehicle", False, "where it stands is not known", "see the mocap checks")
     above = position_w_m + np.array([0.0, 0.0, takeoff_height_m])
     inside_m = -fence.beyond_m(above)
-    x, y, z = position_w_m.tolist()
+    x, y, z = (position_w_m.round(2) + 0.0).tolist()  # no -0.00
     says = f"stands at {x:.2f} {y:.2f} {z:.2f} m, hovers {inside_m:.2f} m inside, at least {margin_m:g} wanted"
     todo = "carry it further inside, or lower flight.takeoff_height_m"
     return Check("fence around the vehicle", inside_m >= margin_m, says, todo)

@@ -16,7 +16,7 @@ class ArmsSeen:
     """The arms' servos."""
 
     unread_s: float
-    """Since the joint that was read last was read; infinite when none ever was."""
+    """Since the joint that waits longest was read; infinite when it never was."""
     fault: str
     """What is wrong, naming the joint; empty when nothing is."""
     off_stow: str

@@ -1,0 +1,121 @@
+"""`companion preflight`: the list of what must be right before a vehicle may arm."""
+
+import asyncio
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from companion.by_hand_file import write_kept
+from companion.cli.asked import FAILED, INTERRUPTED
+from companion.cli.by_hand import carry
+from companion.config import CompanionConfig, default_config_path
+from companion.config_preflight import PreflightConfig, load_both
+from companion.control.reference import Trajectory
+from companion.onlooker import open_onlooker
+from companion.ports import FlightError
+from companion.preflight.by_hand import Kept
+from companion.preflight.check import Check
+from companion.service_preflight import preflight as check_everything
+from companion.service_preflight import settle
+from companion.trajectory_check import check_trajectory
+from companion.trajectory_files import Curve, trajectory_named
+
+ConfigFile = Annotated[Path | None, typer.Option(help="Companion configuration; config/lab.toml if not given.")]
+Records = Annotated[Path, typer.Option(help="Folder of the records.")]
+
+
+def preflight(
+    config: ConfigFile = None,
+    trajectory: Annotated[
+        str | None,
+        typer.Option(help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?"),
+    ] = None,
+    by_hand: Annotated[
+        bool, typer.Option("--by-hand", help="Carry the vehicle, disarmed: do mocap and autopilot see the same?")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    out: Records = Path("flights"),
+) -> None:
+    """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
+
+    Nothing is commanded; only poses go to the autopilot's estimator. Exit code 0 if the vehicle may arm, 1 if not, 2
+    for what could not be started, 130 after Ctrl-C.
+    """
+    settings, wanted = load_both(config or default_config_path("lab.toml"))
+    flown = trajectory_of(trajectory, settings)
+    console = Console(stderr=as_json)
+    try:
+        if by_hand:
+            checks = asyncio.run(_by_hand(settings, wanted, out, console))
+        else:
+            checks = asyncio.run(_look(settings, wanted, flown, out, console))
+    except KeyboardInterrupt:
+        console.print("[yellow]interrupted[/]")
+        raise typer.Exit(INTERRUPTED) from None
+    show(checks, console, as_json)
+    raise typer.Exit(FAILED if any(check.refuses for check in checks) else 0)
+
+
+def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | None:
+    """What `--trajectory` names; ConfigError when it cannot be flown in this room."""
+    if name is None:
+        return None
+    trajectory = trajectory_named(name, Curve(height_m=config.flight.takeoff_height_m))
+    check_trajectory(trajectory, config.room, name)
+    return trajectory
+
+
+async def _look(
+    config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None, out: Path, console: Console
+) -> tuple[Check, ...]:
+    with console.status("connecting to motion capture, autopilot and arms") as status:
+        async with open_onlooker(config, out, forward_vision=True) as (running, _):
+            status.update("looking at motion capture and the autopilot, asking for its parameters")
+            return await check_everything(running, config, wanted, trajectory)
+
+
+async def _by_hand(config: CompanionConfig, wanted: PreflightConfig, out: Path, console: Console) -> tuple[Check, ...]:
+    async with open_onlooker(config, out, forward_vision=True) as (running, _):
+        await settle(running, wanted)
+        if running.autopilot.status().armed:
+            raise FlightError("the vehicle is armed: it is carried by hand only disarmed, better without propellers")
+        checks = await carry(running, console)
+    if all(check.passed for check in checks):
+        path = write_kept(wanted, Kept(config.mocap.body, datetime.now(tz=UTC)))
+        console.print(f"kept in {path}", highlight=False, soft_wrap=True)
+    return checks
+
+
+def show(checks: Sequence[Check], console: Console, as_json: bool) -> None:
+    """The table, with what to do underneath what failed, or JSON on standard output."""
+    if as_json:
+        typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
+        return
+    console.print(_table(checks))
+    refused = sum(check.refuses for check in checks)
+    warned = sum(not check.passed for check in checks) - refused
+    warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
+    verdict = f"[red]{refused} of {len(checks)} fail: arming is refused[/]" if refused else "[green]it may arm[/]"
+    console.print(f"{verdict}{warnings}", highlight=False)
+
+
+def _table(checks: Sequence[Check]) -> Table:
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for check in checks:
+        word, style = ("pass", "green") if check.passed else ("FAIL", "red") if check.must else ("warn", "yellow")
+        says = Text(check.says)
+        if not check.passed:
+            says.append(f"\n-> {check.todo}", style=style)
+        table.add_row(Text(word, style=style), check.name, says)
+    return table

@@ -1,0 +1,120 @@
+"""Looks on: reads all devices and estimates as in flight, and has no way to command anything.
+
+At most it forwards poses to the autopilot's estimator, as a service does while the vehicle stands.
+"""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
+
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.disk import DiskWatch
+from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.px4 import open_px4
+from companion.adapters.qualisys import open_qualisys
+from companion.arm_stage import ArmStage
+from companion.config import CompanionConfig
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.ports import ArmBus, Clock, MocapSource
+from companion.service_preflight import Running
+from companion.supervisor.flight import Flight
+from companion.types import Array
+
+_DEADLINE_S = 0.02
+"""A cycle begins without a frame, too."""
+_DISK_S = 5.0
+_EARLY = 0.25
+"""Share of the time between two poses to the autopilot by which a frame may be too early."""
+_USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
+SendVision = Callable[[Array, Array], None]
+"""Position (3,) in W and attitude (4,)."""
+
+
+class Onlooker:
+    """One cycle for every frame; `each` is called with its time and the arrival of its frame, NaN without one."""
+
+    def __init__(
+        self,
+        mocap: MocapSource,
+        clock: Clock,
+        config: CompanionConfig,
+        arms: ArmStage | None,
+        vision: SendVision | None,
+    ) -> None:
+        self._mocap, self._clock, self._arms, self._vision = mocap, clock, arms, vision
+        self._params = EstimatorParams(delay_s=config.mocap.delay_s)
+        rate_hz = config.px4.vision_rate_hz
+        self._vision_period_s = 1.0 / rate_hz if rate_hz > 0.0 else math.inf
+        self._vision_due_s = -math.inf
+        self.estimate = EstimatorState()
+        self.each: Callable[[float, float], None] | None = None
+
+    async def run(self) -> None:
+        """Until cancelled; raises what motion capture raises when its connection is lost."""
+        while True:
+            fresh = await self._mocap.wait_frame(_DEADLINE_S)
+            now_s = self._clock.now_s()
+            received_s = self._read(now_s) if fresh else math.nan
+            if self._arms is not None:
+                self._arms.read(now_s, Flight())
+            if self.each is not None:
+                self.each(now_s, received_s)
+
+    def _read(self, now_s: float) -> float:
+        frame = self._mocap.latest()
+        if frame is None:
+            return math.nan
+        self.estimate = estimator.step(self.estimate, frame, self._params)
+        vehicle = self.estimate.vehicle
+        usable = vehicle is not None and self.estimate.verdict in _USED
+        due = now_s >= self._vision_due_s - _EARLY * self._vision_period_s
+        if vehicle is not None and usable and due and self._vision is not None:
+            self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
+            self._vision(vehicle.position_w_m, vehicle.q_w_flu_wxyz)
+        return frame.received_s
+
+
+@asynccontextmanager
+async def open_onlooker(
+    config: CompanionConfig, records: Path, forward_vision: bool
+) -> AsyncIterator[tuple[Running, Onlooker]]:
+    """Devices connected and read; `records` is the folder whose disk is watched.
+
+    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, or motion capture fails later. Servos
+    that are missing or at fault show in `Running.arms`.
+    """
+    clock = MonotonicClock()
+    async with AsyncExitStack() as devices:
+        mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
+        autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
+        arms = None
+        if config.arms is not None:
+            bus = await devices.enter_async_context(open_dynamixel(config.arms, clock, strict=False))
+            arms = _arm_stage(bus, config)
+        disk = devices.enter_context(DiskWatch(records, _DISK_S))
+        onlooker = Onlooker(mocap, clock, config, arms, autopilot.send_vision if forward_vision else None)
+        running = Running(mocap, autopilot, clock, lambda: onlooker.estimate, arms, disk.free_mb)
+        async with _kept_going(onlooker):
+            yield running, onlooker
+
+
+@asynccontextmanager
+async def _kept_going(onlooker: Onlooker) -> AsyncIterator[None]:
+    """What ends the onlooker ends whoever waits meanwhile, with that error."""
+    try:
+        async with asyncio.TaskGroup() as group:
+            looking = group.create_task(onlooker.run(), name="companion.onlooker")
+            yield
+            looking.cancel()
+    except BaseExceptionGroup as errors:
+        raise errors.exceptions[0] from None
+
+
+def _arm_stage(bus: ArmBus, config: CompanionConfig) -> ArmStage | None:
+    """Only ever read from: nothing here moves it."""
+    if config.arms is None:
+        return None
+    return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

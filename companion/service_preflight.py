@@ -1,0 +1,236 @@
+"""The preflight of a running service: gathers the facts from its devices, in about two seconds."""
+
+import asyncio
+import ctypes
+import math
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from companion.adapters.px4_heard import LocalEstimate
+from companion.arm_stage import ArmStage
+from companion.by_hand_file import read_kept
+from companion.config import CompanionConfig
+from companion.config_preflight import PreflightConfig, load_recommended
+from companion.control.reference import Trajectory
+from companion.estimation.clock_sync import to_local_s
+from companion.estimation.estimator import EstimatorState
+from companion.ports import Clock, FlightError, MocapSource
+from companion.preflight.agreement import Apart, VisionSeen, apart
+from companion.preflight.check import Check, refusal
+from companion.preflight.machine import MachineSeen
+from companion.preflight.mocap import MocapSeen
+from companion.preflight.vehicle import ArmsSeen
+from companion.preflight.whole import CURVE, DELAY, HOVER, Facts, check_all
+from companion.types import Array, AutopilotStatus, MocapFrame
+
+_WATCH_S = 1.5
+_POLL_S = 0.002
+"""Frames come every 3 ms at most."""
+_PAIR_S = 0.02
+_SETTLE_S = 6.0
+"""EKF2 takes some 2 s to trust vision; its flags and the battery's state come once in 1 and 2 s."""
+_SETTLE_POLL_S = 0.05
+_FLAGS_S = 3.0
+"""Older flags are worth nothing."""
+_UNSYNCHRONISED = 5
+"""TIME_ERROR of adjtimex(2)."""
+_TIMEX_BYTES = 512
+"""More than struct timex has."""
+
+
+class Answering(Protocol):
+    """An autopilot that is looked at and asked, and not commanded."""
+
+    def status(self) -> AutopilotStatus:
+        """See ports.Autopilot."""
+
+    def local(self) -> LocalEstimate:
+        """Where the autopilot itself believes to be; never waits."""
+
+    async def params(self, names: Sequence[str]) -> dict[str, float]:
+        """Values of its parameters; those it does not know are absent."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """What a preflight looks at; a flight loop, or an onlooker, keeps it going."""
+
+    mocap: MocapSource
+    autopilot: Answering
+    clock: Clock
+    estimate: Callable[[], EstimatorState]
+    arms: ArmStage | None = None
+    disk_free_mb: Callable[[], float] | None = None
+    """None: nothing is recorded to disk."""
+    other_service: str = ""
+    """Who else has the autopilot's link, in words; empty when nobody has."""
+
+
+async def require_preflight(
+    running: Running, config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None = None
+) -> tuple[Check, ...]:
+    """Every check; FlightError with all that fail, and what to do, when the vehicle may not arm."""
+    checks = await preflight(running, config, wanted, trajectory)
+    refused = refusal(checks)
+    if refused:
+        raise FlightError(refused)
+    return checks
+
+
+async def preflight(
+    running: Running, config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None = None
+) -> tuple[Check, ...]:
+    """Every check. Takes 1.5 s, and up to 6 s more while the autopilot still settles on vision.
+
+    Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
+    """
+    recommended = load_recommended(wanted.parameters)
+    names = [*(one.name for one in recommended), DELAY, HOVER, CURVE]
+    _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
+    watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
+    return check_all(facts_of(running, watched, parameters, wanted), config, wanted, recommended, trajectory)
+
+
+async def settle(running: Running, wanted: PreflightConfig) -> bool:
+    """Wait, for a while, until what comes late is there: vision fused, heading taken over, battery known."""
+
+    def settled() -> bool:
+        vehicle, status = running.estimate().vehicle, running.autopilot.status()
+        if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running):
+            return False
+        off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
+        return abs(off.heading_rad) <= wanted.heading_apart_rad
+
+    end_s = running.clock.now_s() + _SETTLE_S
+    while not settled():
+        if running.clock.now_s() > end_s:
+            return False
+        await asyncio.sleep(_SETTLE_POLL_S)
+    return True
+
+
+def _fused(running: Running) -> bool:
+    local = running.autopilot.local()
+    return local.vision_fused and running.clock.now_s() - local.flags_s < _FLAGS_S
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Some seconds of both."""
+
+    mocap: MocapSeen
+    apart: Apart
+    vision_apart_m: float
+
+
+class _Watch:
+    """Collects while a loop reads and estimates; call `look` every few milliseconds."""
+
+    def __init__(self, running: Running, delay_s: float) -> None:
+        self._running, self._delay_s = running, delay_s
+        self._newest: MocapFrame | None = running.mocap.latest()
+        self._pair_due_s = -math.inf
+        self.frames = self.tracked = 0
+        self.ages_s: list[float] = []
+        self.delays_s: list[float] = []
+        self.residuals_m: list[float] = []
+        self.pairs: list[tuple[Array, Array]] = []
+        self.distances_m: list[float] = []
+
+    def look(self, now_s: float) -> None:
+        frame, estimate = self._running.mocap.latest(), self._running.estimate()
+        if frame is not None and frame is not self._newest:
+            self._newest = frame
+            self._take(frame, estimate)
+        vehicle = estimate.vehicle
+        self.ages_s.append(now_s - vehicle.time_s if vehicle is not None else math.inf)
+        if vehicle is not None and now_s >= self._pair_due_s:
+            self._pair_due_s = now_s + _PAIR_S
+            self.pairs.append((vehicle.q_w_flu_wxyz, self._running.autopilot.status().q_w_flu_wxyz))
+            distance_m = np.linalg.norm(self._running.autopilot.local().position_w_m - vehicle.position_w_m)
+            self.distances_m.append(float(distance_m))
+
+    def _take(self, frame: MocapFrame, estimate: EstimatorState) -> None:
+        self.frames += 1
+        if frame.tracked:
+            self.tracked += 1
+            self.residuals_m.append(frame.residual_m)
+        if estimate.vehicle is not None:
+            self.delays_s.append(frame.received_s - to_local_s(estimate.clock, frame.stamp_s, self._delay_s))
+
+
+async def watch(running: Running, body: str, delay_s: float, for_s: float) -> Watched:
+    """Motion capture and the autopilot's estimate for `for_s`; `delay_s` is the configured least delay of mocap."""
+    clock, seen = running.clock, _Watch(running, delay_s)
+    begun_s = now_s = clock.now_s()
+    while now_s - begun_s < for_s:
+        seen.look(now_s)
+        await asyncio.sleep(_POLL_S)
+        now_s = clock.now_s()
+    ours, theirs = (np.array([pair[place] for pair in seen.pairs]).reshape(-1, 4) for place in (0, 1))
+    mocap = MocapSeen(
+        body,
+        seen.frames,
+        now_s - begun_s,
+        seen.tracked,
+        sorted(seen.ages_s)[int(0.95 * len(seen.ages_s))],
+        _median(seen.delays_s),
+        _median(seen.residuals_m),
+    )
+    return Watched(mocap, apart(ours, theirs), _median(seen.distances_m))
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return float(np.median(known)) if known else math.nan
+
+
+def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:
+    """What was watched, and the rest as it is now."""
+    vehicle, now_s = running.estimate().vehicle, running.clock.now_s()
+    return Facts(
+        now_s,
+        datetime.now(tz=UTC),
+        watched.mocap,
+        vehicle.position_w_m if vehicle is not None else None,
+        running.autopilot.status(),
+        watched.apart,
+        VisionSeen(_fused(running), watched.vision_apart_m),
+        parameters,
+        _arms_of(running.arms, now_s),
+        machine_of(running),
+        read_kept(wanted),
+    )
+
+
+def _arms_of(arms: ArmStage | None, now_s: float) -> ArmsSeen | None:
+    if arms is None:
+        return None
+    return ArmsSeen(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow)
+
+
+def machine_of(running: Running) -> MachineSeen:
+    """This computer and this process, whose main thread runs the control loop."""
+    realtime = os.sched_getscheduler(0) in {os.SCHED_FIFO, os.SCHED_RR}
+    return MachineSeen(
+        running.disk_free_mb() if running.disk_free_mb is not None else math.inf,
+        time.get_clock_info("monotonic").resolution,
+        time.time() >= Path(__file__).stat().st_mtime,
+        _synchronised(),
+        os.sched_getparam(0).sched_priority if realtime else 0,
+        os.getpriority(os.PRIO_PROCESS, 0),
+        running.other_service,
+    )
+
+
+def _synchronised() -> bool | None:
+    """Whether a time service keeps the system clock, by adjtimex(2); None when the kernel does not tell."""
+    state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES))  # modes = 0: only asks
+    return None if state < 0 else state != _UNSYNCHRONISED
