@@ -8,6 +8,7 @@ from companion.arms.feedforward import Airframe
 from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
+from companion.config_operator import OperatorConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
@@ -118,6 +119,7 @@ class CompanionConfig(Section):
     fence: FenceConfig = FenceConfig()
     safety: SafetyConfig = SafetyConfig()
     arms: ArmsConfig | None = None
+    operator: OperatorConfig | None = None
 
     @model_validator(mode="after")
     def _room_inside_fence(self) -> "CompanionConfig":

@@ -6,9 +6,13 @@ import logging
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
+from pathlib import Path
 
 from companion.adapters.clock import MonotonicClock
+from companion.adapters.disk import DiskWatch
 from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.instance_lock import instance_lock
+from companion.adapters.mqtt import open_operator
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
 from companion.config import CompanionConfig
@@ -16,8 +20,11 @@ from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop
+from companion.health_stage import Sides
+from companion.operator_orders import Order
 from companion.ports import Autopilot, AutopilotError, CompanionError, DeadMan, FlightError, MocapError
 from companion.service_arms import ArmVerbs
+from companion.service_orders import obey
 from companion.supervisor.faults import Reaction
 from companion.supervisor.flight import Brake, Fly, Kill, Land, Phase, Prepare, Request, Resume, TakeOff
 from companion.tick import TickSink
@@ -31,6 +38,7 @@ _KNOWN_VELOCITY_MPS = 0.1
 _HEADING_RAD = 0.1
 _FIRST_STATES_S = 1.2
 """EXTENDED_SYS_STATE comes at 1 Hz once MAVSDK has asked for it."""
+_DISK_S = 2.0
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
@@ -38,29 +46,47 @@ _APPROACH_S = 60.0
 
 @asynccontextmanager
 async def open_service(
-    config: CompanionConfig, law: Controller, sink: TickSink, dead_man: DeadMan
+    config: CompanionConfig, law: Controller, sink: TickSink, dead_man: DeadMan, records: Path | None = None
 ) -> AsyncIterator["Service"]:
-    """Devices connected and the loop ticking.
+    """Devices connected and the loop ticking; `records` is the folder whose disk must not be full.
 
-    Raises MocapError, AutopilotError or ArmError when a device cannot be reached or the first two fail later, and
-    whatever the law raises.
+    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
+    autopilot, or when the first two devices fail later, and whatever the law raises.
     """
-    clock = MonotonicClock()
+    clock, obeying = MonotonicClock(), _Obeying()
     async with AsyncExitStack() as devices:
+        devices.enter_context(instance_lock(config.px4.url))
+        disk = devices.enter_context(DiskWatch(records, _DISK_S))
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
-        loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms), law, config, sink)
+        listening = open_operator(config.operator, clock, obeying.take) if config.operator else None
+        operator = await devices.enter_async_context(listening) if listening else None
+        sides = Sides(operator, disk.free_mb)
+        loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms, sides), law, config, sink)
+        obeying.loop = loop
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
             service = Service(loop, autopilot, config, ticking)
-            service.warnings = arms.warnings if arms is not None else ()
+            service.warnings = (*autopilot.warnings, *(arms.warnings if arms is not None else ()))
             yield service
         finally:
             await loop.close()
             ticking.cancel()
             await asyncio.gather(ticking, return_exceptions=True)
+
+
+class _Obeying:
+    """Between the operator's link, which is opened first, and the flight loop."""
+
+    loop: FlightLoop | None = None
+
+    def take(self, order: Order) -> None:
+        """FlightError with the reason when the order does not fit."""
+        if self.loop is None:
+            raise FlightError("the service is not ready yet")
+        obey(self.loop, order)
 
 
 def _spare_the_collector() -> None:

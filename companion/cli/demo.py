@@ -50,6 +50,8 @@ class DemoFlight:
     ports: MockPorts
     seed: int
     start_mocks: bool
+    records: Path
+    """Where the record goes."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +110,7 @@ def demo(
             ports,
             seed,
             mocks,
+            out,
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]
@@ -199,7 +202,7 @@ async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDispla
 
     display.say("connecting to motion capture and autopilot")
     dead_man = KernelDeadMan(flight.config.safety.dead_man_s)
-    async with open_service(flight.config, flight.controller.law, sink, dead_man) as service:
+    async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
         yield service
 
 
