@@ -32,7 +32,7 @@ class MocapHealth:
     """What is remembered."""
 
     vehicle: VehicleState | None = None
-    """As of the last usable frame."""
+    """The estimate of the newest frame's cycle."""
     repeats_from_s: float = NEVER
     """Arrival of the first frame of those that repeat a pose."""
     jump: str = ""
@@ -46,10 +46,10 @@ def look_at_mocap(memory: MocapHealth, now: Observed, rules: SafetyRules, new: b
         memory = _with_frame(memory, seen, now.airborne)
     elif memory.jump and not now.airborne:
         memory = MocapHealth(memory.vehicle, memory.repeats_from_s)
-    repeats_s = seen.received_s - memory.repeats_from_s
-    if not now.streaming or (seen.age_s <= rules.coast_s and repeats_s < rules.frozen_s and not memory.jump):
+    if not now.streaming:
         return memory, []
     events = _of_age(now, rules)
+    repeats_s = seen.received_s - memory.repeats_from_s
     if repeats_s >= rules.frozen_s and seen.age_s <= rules.silent_s:
         events.append(Event(Fault.MOCAP_FROZEN, f"the pose is the same to the last bit for {repeats_s:.2f} s"))
     if memory.jump:
@@ -64,7 +64,7 @@ def _with_frame(memory: MocapHealth, seen: Seen, airborne: bool) -> MocapHealth:
     repeats_from_s = NEVER
     if seen.verdict is Verdict.REPEATED:
         repeats_from_s = min(memory.repeats_from_s, seen.received_s)
-    return MocapHealth(seen.vehicle if seen.verdict in USABLE else memory.vehicle, repeats_from_s, jump)
+    return MocapHealth(seen.vehicle, repeats_from_s, jump)
 
 
 def _of_jump(before: VehicleState | None, after: VehicleState | None) -> str:

@@ -23,7 +23,25 @@ CYCLE_S = 1.0 / 128.0
 START_S = 1000.0
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 FENCE = Fence((-4.0, -4.0), (4.0, 4.0, 3.0), braking_mps2=2.0, reaction_s=0.5)
-RULES = SafetyRules()
+RULES = SafetyRules(
+    coast_s=0.0625,
+    degraded_s=0.125,
+    silent_s=0.25,
+    frozen_s=0.125,
+    delayed_s=0.0625,
+    out_of_order_share=0.25,
+    clock_jump_s=0.125,
+    heading_apart_rad=0.375,
+    apart_s=0.25,
+    not_followed_rad=0.25,
+    not_followed_s=0.5,
+    tracking_s=0.25,
+    growing_s=0.5,
+    saturated_s=0.75,
+    loop_late_s=1.0 / 64.0,
+    battery_critical=0.125,
+)
+"""The usual ones, but as binary fractions."""
 
 Change = Callable[[Observed], Observed]
 

@@ -20,7 +20,7 @@ def test_a_healthy_flight_has_no_events() -> None:
 
 
 def test_events_come_in_the_order_of_the_table_and_once_each() -> None:
-    now = with_status(with_seen(healthy(0), age_s=0.06), armed=False, battery_fraction=0.2)
+    now = with_status(with_seen(healthy(0), age_s=0.07), armed=False, battery_fraction=0.2)
     now = replace(now, law_fault="no", arm_fault="the elbow", disk_free_mb=1.0, operator_age_s=9.0)
     later = replace(now, time_s=now.time_s + 0.5625)
     assert faults(watched([now, later])[-1]) == [

@@ -1,0 +1,283 @@
+"""Rate, delay, order and clock of the frames: at their limits, and what must not be taken for what."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import pytest
+
+from companion.estimation.state import Verdict
+from companion.supervisor.faults import Event, Fault
+from companion.supervisor.observed import Observed
+from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_seen
+
+SECOND = round(1.0 / CYCLE_S)
+
+
+def share(cycle: int, of_a_second: int) -> bool:
+    """True so often in any second, evenly."""
+    return cycle * of_a_second // SECOND != (cycle - 1) * of_a_second // SECOND
+
+
+def seldom_usable(cycles: Iterable[int], of_a_second: int) -> list[Observed]:
+    lost = Verdict.OUTLIER
+    return [healthy(k) if share(k, of_a_second) else with_seen(healthy(k), verdict=lost) for k in cycles]
+
+
+def when(events: list[tuple[Event, ...]], fault: Fault) -> list[int]:
+    """Cycles in which a fault is there."""
+    return [cycle for cycle, found in enumerate(events) if fault in faults(found)]
+
+
+def test_fifty_usable_frames_in_a_second_are_enough() -> None:
+    assert not any(watched(seldom_usable(range(3 * SECOND), 50)))
+
+
+def test_fewer_are_not_once_a_whole_second_was_seen() -> None:
+    events = watched(seldom_usable(range(3, 2 * SECOND), 49))
+    first = 3 - 3  # the third cycle brings the first usable frame
+    assert when(events, Fault.MOCAP_SLOW) == list(range(first + SECOND, 2 * SECOND - 3))
+    assert set(events[-1]) == {Event(Fault.MOCAP_SLOW, "49 usable frames in a second, fewer than 50")}
+
+
+def test_a_start_is_usable_too() -> None:
+    flight = [replace(with_seen(healthy(k), verdict=Verdict.STARTED), airborne=False) for k in range(2 * SECOND)]
+    assert not any(watched(flight))
+
+
+def test_a_second_without_new_frames_counts() -> None:
+    """Every third cycle brings one."""
+    flight = [with_seen(healthy(k), frame=k // 3, stamp_s=(k // 3) * 3 * CYCLE_S) for k in range(2 * SECOND)]
+    events = watched([with_seen(now, received_s=now.seen.stamp_s + 900.0) for now in flight])
+    assert when(events, Fault.MOCAP_SLOW) == list(range(SECOND, 2 * SECOND))
+    assert events[-1][0].text == "43 usable frames in a second, fewer than 50"
+
+
+def test_after_a_silence_the_second_begins_anew() -> None:
+    flight = [healthy(k) for k in range(SECOND)]
+    gap = [with_seen(healthy(SECOND - 1), age_s=0.26)] * 1
+    silent = [replace(gap[0], time_s=healthy(SECOND + k).time_s) for k in range(100)]
+    back = [healthy(k) for k in range(SECOND + 100, 3 * SECOND)]
+    events = watched([*flight, *silent, *back])
+    assert not when(events, Fault.MOCAP_SLOW)
+    slow = seldom_usable(range(SECOND + 100, 3 * SECOND), 30)
+    began = next(k for k in range(SECOND + 100, 3 * SECOND) if share(k, 30))
+    assert when(watched([*flight, *silent, *slow]), Fault.MOCAP_SLOW)[0] == began + SECOND
+
+
+@pytest.mark.parametrize(("age_s", "slow"), [(0.25, True), (0.2501, False)])
+def test_frames_that_come_silently_late_are_no_stream(age_s: float, slow: bool) -> None:
+    flight = [with_seen(now, age_s=age_s) for now in seldom_usable(range(2 * SECOND), 20)]
+    events = watched(flight)
+    assert bool(when(events, Fault.MOCAP_SLOW)) is slow
+    assert bool(when(events, Fault.MOCAP_DELAYED)) is slow
+
+
+def test_a_stream_is_watched_before_it_is_told_of() -> None:
+    flight = [on_ground(now) for now in seldom_usable(range(2 * SECOND), 20)]
+    events = watched([*flight, *seldom_usable([2 * SECOND], 20)])
+    assert when(events, Fault.MOCAP_SLOW) == [2 * SECOND]
+
+
+def stale(cycle: int) -> Observed:
+    return with_seen(healthy(cycle), verdict=Verdict.STALE)
+
+
+def test_a_quarter_of_the_frames_may_be_stale() -> None:
+    assert not any(watched([stale(k) if share(k, 32) else healthy(k) for k in range(2 * SECOND)]))
+
+
+def test_more_than_a_quarter_may_not() -> None:
+    events = watched([stale(k) if share(k, 33) else healthy(k) for k in range(2 * SECOND)])
+    assert when(events, Fault.MOCAP_OUT_OF_ORDER) == list(range(SECOND + 1, 2 * SECOND))
+    assert events[-1] == (
+        Event(Fault.MOCAP_OUT_OF_ORDER, "33 of 128 frames in a second are older than one already used"),
+    )
+
+
+def test_stale_frames_are_forgotten_after_a_second() -> None:
+    flight = [stale(k) if 64 <= k < 102 else healthy(k) for k in range(4 * SECOND)]
+    events = when(watched(flight), Fault.MOCAP_OUT_OF_ORDER)
+    assert events == list(range(SECOND, 64 + SECOND + 5))
+
+
+def late(cycle: int, age_s: float) -> Observed:
+    return with_seen(healthy(cycle), age_s=age_s)
+
+
+def test_a_lasting_age_is_a_delay_after_half_a_second() -> None:
+    events = watched([late(k, 0.0626) for k in range(SECOND)])
+    assert when(events, Fault.MOCAP_DELAYED) == list(range(SECOND // 2, SECOND))
+    text = "poses come 0.063 s late for 0.5 s, more than 0.0625 s"
+    assert text_of(events[-1], Fault.MOCAP_DELAYED) == text
+    assert not when(watched([late(k, 0.0625) for k in range(SECOND)]), Fault.MOCAP_DELAYED)
+
+
+def test_the_median_decides() -> None:
+    half = [late(k, 0.25 if k % 2 else 0.0) for k in range(2 * SECOND)]
+    assert not when(watched(half), Fault.MOCAP_DELAYED)
+    more = [late(k, (0.0, 0.125, 0.25)[k % 3]) for k in range(2 * SECOND)]
+    found = watched(more)
+    assert when(found, Fault.MOCAP_DELAYED) == list(range(SECOND // 2, 2 * SECOND))
+    assert text_of(found[-1], Fault.MOCAP_DELAYED).startswith("poses come 0.125 s late")
+
+
+@pytest.mark.parametrize(("count", "median"), [(33, "0.063"), (40, "0.117"), (64, "0.250")])
+def test_the_median_is_told(count: int, median: str) -> None:
+    """Of 64 delays, `count` above the limit and growing by 1/128 s: the lower one of the two in the middle."""
+    ages = [0.0] * (64 - count) + [0.0626 + i * (0.25 - 0.0626) / 64 for i in range(count)]
+    if count == 64:
+        ages = [0.25] * 64
+    flight = [healthy(k) for k in range(64)] + [late(64 + k, age_s) for k, age_s in enumerate(ages)]
+    text = text_of(watched(flight)[127], Fault.MOCAP_DELAYED)
+    expected = sorted(ages)[31]
+    assert text.startswith(f"poses come {expected:.3f} s late")
+
+
+def test_the_age_between_frames_is_no_delay() -> None:
+    """Sixteen frames a second are used as soon as they come; between them the pose grows old."""
+    slow = replace(RULES, slow_hz=5.0)
+    flight = []
+    for k in range(3 * SECOND):
+        last = k - k % 8
+        now = with_seen(healthy(last), age_s=(k - last) * CYCLE_S + 1.0 / 64.0)
+        flight.append(replace(now, time_s=healthy(k).time_s, late_s=0.0))
+    assert not when(watched(flight, slow), Fault.MOCAP_DELAYED)
+
+
+def delayed_by(now: Observed, delay_s: float) -> Observed:
+    """The estimator's clock has got used to it: the age does not show it."""
+    return with_seen(now, stamp_s=now.seen.stamp_s - delay_s, frame=now.seen.frame - round(delay_s / CYCLE_S))
+
+
+@pytest.mark.parametrize(("delay_s", "told"), [(0.0625, False), (0.0703125, True)])
+def test_a_latency_that_grew_is_a_delay_for_minutes(delay_s: float, told: bool) -> None:
+    rare = replace(RULES, slow_hz=5.0)
+    flight = [healthy(k) for k in range(SECOND)]
+    flight += [delayed_by(healthy(k), delay_s) for k in range(SECOND, 3 * SECOND)]
+    flight += [delayed_by(healthy(k), delay_s) for k in range(3 * SECOND, 63 * SECOND, 16)]
+    events = watched(flight, rare)
+    half = SECOND + SECOND // 4
+    assert when(events, Fault.MOCAP_DELAYED) == (list(range(half, len(flight))) if told else [])
+
+
+@pytest.mark.parametrize(("drift", "told"), [(9e-5, False), (-1e-3, False), (2e-4, True)])
+def test_clocks_may_part_slowly(drift: float, told: bool) -> None:
+    """A quarter of an hour, eight frames a second."""
+    rare = replace(RULES, slow_hz=5.0)
+    flight = [
+        with_seen(now := healthy(k), stamp_s=now.seen.stamp_s - drift * k * CYCLE_S) for k in range(0, 115200, 16)
+    ]
+    assert bool(when(watched(flight, rare), Fault.MOCAP_DELAYED)) is told
+
+
+def test_a_drift_beyond_crystals_shows_when_it_adds_up() -> None:
+    rare = replace(RULES, slow_hz=5.0)
+    flight = [with_seen(now := healthy(k), stamp_s=now.seen.stamp_s - 3e-4 * k * CYCLE_S) for k in range(0, 57600, 16)]
+    first = when(watched(flight, rare), Fault.MOCAP_DELAYED)[0] * 16 * CYCLE_S
+    assert first == pytest.approx(0.0625 / (3e-4 - 1e-4), abs=1.0)
+
+
+def jumped(cycle: int, by_s: float) -> Observed:
+    now = healthy(cycle)
+    return with_seen(now, stamp_s=now.seen.stamp_s + by_s)
+
+
+@pytest.mark.parametrize(
+    ("by_s", "words"), [(0.1328125, "+0.13"), (-0.1328125, "-0.13"), (30.0, "+30.00"), (-0.5, "-0.50")]
+)
+def test_stamps_that_jump_and_stay_so_are_a_clock_jump(by_s: float, words: str) -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, by_s) for k in range(10, 3 * SECOND)]
+    events = watched(flight)
+    assert when(events, Fault.MOCAP_CLOCK_JUMP) == list(range(12, 3 * SECOND))
+    text = f"motion capture's stamps jumped by {words} s against their arrival"
+    assert events[12] == events[-1] == (Event(Fault.MOCAP_CLOCK_JUMP, text),)
+
+
+@pytest.mark.parametrize("by_s", [0.125, -0.125])
+def test_a_small_step_is_none(by_s: float) -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, by_s) for k in range(10, SECOND)]
+    assert not when(watched(flight), Fault.MOCAP_CLOCK_JUMP)
+
+
+def test_steps_do_not_add_up_to_a_jump() -> None:
+    assert not when(watched([jumped(k, 0.125 * (k // 10)) for k in range(SECOND)]), Fault.MOCAP_CLOCK_JUMP)
+
+
+def test_two_broken_stamps_are_no_jump_and_leave_no_delay() -> None:
+    flight = [jumped(k, 5.0) if k in {20, 21, 30, 31} else healthy(k) for k in range(3 * SECOND)]
+    assert not any(watched(flight))
+    flight = [jumped(k, -5.0) if k in {20, 21, 30, 31} else healthy(k) for k in range(3 * SECOND)]
+    assert not any(watched(flight))
+
+
+def test_many_broken_stamps_are_no_delay_either() -> None:
+    flight = [jumped(k, -5.0) if k > 20 and k % 3 else healthy(k) for k in range(3 * SECOND)]
+    assert not any(watched(flight))
+
+
+def test_a_jump_is_told_as_long_as_setpoints_leave() -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, 5.0) for k in range(10, 20)]
+    down = [on_ground(jumped(20, 5.0)), jumped(21, 5.0), on_ground(healthy(21)), jumped(22, 5.0)]
+    assert when(watched([*flight, *down]), Fault.MOCAP_CLOCK_JUMP) == list(range(12, 20))
+
+
+def test_a_jump_before_anything_is_sent_is_taken_as_it_is() -> None:
+    flight = [on_ground(healthy(k)) for k in range(10)] + [on_ground(jumped(k, -5.0)) for k in range(10, 20)]
+    assert not any(watched([*flight, *(jumped(k, -5.0) for k in range(20, 2 * SECOND))]))
+
+
+def test_two_jumps_are_two() -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, 5.0) for k in range(10, 20)]
+    events = watched([*flight, *(jumped(k, 7.0) for k in range(20, 30))])
+    assert "+5.00" in events[21][0].text
+    assert "+2.00" in events[22][0].text
+
+
+def test_a_new_measurement_counts_from_zero() -> None:
+    again = [with_seen(healthy(k), frame=k - 200, stamp_s=(k - 200) * CYCLE_S) for k in range(200, 300)]
+    events = watched([*(healthy(k) for k in range(200)), *again])
+    assert when(events, Fault.MOCAP_CLOCK_JUMP) == list(range(202, 300))
+
+
+def test_frames_from_before_a_reordering_are_no_jump() -> None:
+    flight = [healthy(k) for k in range(40)]
+    for k in (30, 31):
+        old = healthy(k - 20).seen
+        flight[k] = with_seen(flight[k], frame=old.frame, stamp_s=old.stamp_s, verdict=Verdict.STALE)
+    assert not any(watched(flight))
+
+
+def test_a_stalled_network_that_delivers_all_at_once_is_no_jump() -> None:
+    """Thirty frames are held back; the first comes that much late, the rest in the next cycles, two at a time."""
+    flight = [healthy(k) for k in range(100)]
+    for k in range(100, 130):
+        flight.append(replace(flight[99], time_s=healthy(k).time_s, autopilot=healthy(k).autopilot))
+    for k in range(130, 150):
+        held = healthy(100 + 2 * (k - 130) if k < 145 else k)
+        flight.append(with_seen(healthy(k), frame=held.seen.frame, stamp_s=held.seen.stamp_s))
+    flight += [healthy(k) for k in range(150, 300)]
+    assert not any(watched(flight))
+
+
+def test_a_delay_that_comes_and_goes_is_a_delay_and_no_jump() -> None:
+    flight = [healthy(k) for k in range(100)]
+    flight += [replace(flight[99], time_s=(now := healthy(k)).time_s, autopilot=now.autopilot) for k in range(100, 124)]
+    flight += [delayed_by(healthy(k), 0.1875) for k in range(124, 300)]
+    flight += [healthy(k) for k in range(300, 500)]
+    events = watched(flight)
+    assert not when(events, Fault.MOCAP_CLOCK_JUMP)
+    assert when(events, Fault.MOCAP_DELAYED) == list(range(144, 331))
+
+
+def test_a_clock_that_jumped_begins_anew_with_delays() -> None:
+    rare = replace(RULES, slow_hz=5.0)
+    flight = [healthy(k) for k in range(100)] + [jumped(k, -5.0) for k in range(100, 400)]
+    flight += [delayed_by(jumped(k, -5.0), 0.1015625) for k in range(400, 600)]
+    assert when(watched(flight, rare), Fault.MOCAP_DELAYED) == list(range(432, 600))
+
+
+@pytest.mark.parametrize("stamp_s", [math.nan, math.inf, -math.inf])
+def test_stamps_that_are_no_numbers_do_no_lasting_harm(stamp_s: float) -> None:
+    flight = [with_seen(healthy(k), stamp_s=stamp_s) if k in {10, 20, 21} else healthy(k) for k in range(2 * SECOND)]
+    assert not any(watched(flight))
