@@ -6,7 +6,6 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from companion.config import CompanionConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.ports import ConfigError
 from companion.preflight.parameters import Recommended
@@ -72,10 +71,3 @@ def load_recommended(name: str) -> tuple[Recommended, ...]:
         validate(RecommendedConfig, table, path, parameter).recommended(parameter)
         for parameter, table in tables.items()
     )
-
-
-def load_both(path: Path) -> tuple[CompanionConfig, PreflightConfig]:
-    """The configuration file and its [preflight] table; ConfigError naming file, key and what would be right."""
-    data = read_toml(path)
-    wanted = validate(PreflightConfig, data.pop("preflight", {}), path, "preflight")
-    return validate(CompanionConfig, data, path), wanted

@@ -12,6 +12,7 @@ from pathlib import Path
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.disk import DiskWatch
 from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.instance_lock import instance_lock
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
 from companion.arm_stage import ArmStage
@@ -83,11 +84,13 @@ async def open_onlooker(
 ) -> AsyncIterator[tuple[Running, Onlooker]]:
     """Devices connected and read; `records` is the folder whose disk is watched.
 
-    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, or motion capture fails later. Servos
-    that are missing or at fault show in `Running.arms`.
+    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, AutopilotError when a service has the
+    autopilot, and MocapError when motion capture fails later. Servos that are missing or at fault show in
+    `Running.arms`.
     """
     clock = MonotonicClock()
     async with AsyncExitStack() as devices:
+        devices.enter_context(instance_lock(config.px4.url))
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = None

@@ -69,8 +69,6 @@ class Running:
     arms: ArmStage | None = None
     disk_free_mb: Callable[[], float] | None = None
     """None: nothing is recorded to disk."""
-    other_service: str = ""
-    """Who else has the autopilot's link, in words; empty when nobody has."""
 
 
 async def require_preflight(
@@ -226,7 +224,6 @@ def machine_of(running: Running) -> MachineSeen:
         _synchronised(),
         os.sched_getparam(0).sched_priority if realtime else 0,
         os.getpriority(os.PRIO_PROCESS, 0),
-        running.other_service,
     )
 
 

@@ -17,7 +17,8 @@ from companion.by_hand_file import write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
 from companion.config import CompanionConfig, default_config_path
-from companion.config_preflight import PreflightConfig, load_both
+from companion.config_files import read_toml, validate
+from companion.config_preflight import PreflightConfig
 from companion.control.reference import Trajectory
 from companion.onlooker import open_onlooker
 from companion.ports import FlightError
@@ -62,6 +63,13 @@ def preflight(
         raise typer.Exit(INTERRUPTED) from None
     show(checks, console, as_json)
     raise typer.Exit(FAILED if any(check.refuses for check in checks) else 0)
+
+
+def load_both(path: Path) -> tuple[CompanionConfig, PreflightConfig]:
+    """The configuration file and its [preflight] table; ConfigError naming file, key and what would be right."""
+    data = read_toml(path)
+    wanted = validate(PreflightConfig, data.pop("preflight", {}), path, "preflight")
+    return validate(CompanionConfig, data, path), wanted
 
 
 def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | None:

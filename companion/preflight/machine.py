@@ -1,4 +1,4 @@
-"""The computer that flies: disk, clock, priority, and that no other service has the vehicle."""
+"""The computer that flies: disk, clock, priority."""
 
 import math
 from dataclasses import dataclass
@@ -26,8 +26,6 @@ class MachineSeen:
     realtime_priority: int
     """Of SCHED_FIFO or SCHED_RR; 0 for a process without."""
     nice: int
-    other_service: str
-    """Who else has the autopilot's link, in words; empty when nobody has."""
 
 
 def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
@@ -65,8 +63,3 @@ def check_priority(seen: MachineSeen, must: bool) -> Check:
         "hand: `sudo chrt -f 50`); where none can be had, [preflight] realtime = false makes this a warning"
     )
     return Check("real-time priority", realtime or seen.nice <= _NICE, says, todo, must)
-
-
-def check_alone(seen: MachineSeen) -> Check:
-    """Two streams of setpoints would fight over one vehicle."""
-    return Check("no other service", not seen.other_service, seen.other_service or "none", "stop it first")

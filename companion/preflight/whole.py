@@ -70,7 +70,6 @@ def check_all(
 def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     """This computer."""
     return (
-        machine.check_alone(seen),
         machine.check_disk(seen, config.safety.disk_free_mb),
         *machine.check_clock(seen),
         machine.check_priority(seen, wanted.realtime),

@@ -67,7 +67,6 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"machine": replace(MACHINE, clock_resolution_s=0.004)}, "clock"),
         ({"machine": replace(MACHINE, clock_sane=False)}, "clock"),
         ({"machine": replace(MACHINE, realtime_priority=0)}, "real-time priority"),
-        ({"machine": replace(MACHINE, other_service="process 17 flies it")}, "no other service"),
         ({"kept": None}, "carried by hand"),
         ({"kept": Kept("drone", ready().when)}, "carried by hand"),
     ],
