@@ -4,13 +4,12 @@ import asyncio
 import time
 from collections.abc import Iterator
 
-import psutil
 import pytest
 
 from companion.operator_orders import Order, OrderKind
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
-from tests.adapters.mqtt_rig import STATUS, Vehicle, linked, operated, operating, ticking, until
+from tests.adapters.mqtt_rig import STATUS, Vehicle, linked, open_files, operated, operating, ticking, until
 from tests.adapters.qtm_scripts import Silent, listening
 from tests.broker import BrokerProcess, broker
 
@@ -122,7 +121,7 @@ async def test_a_broker_that_hangs_is_as_good_as_gone() -> None:
 
 
 async def test_a_server_that_says_nothing_costs_nothing_and_leaves_nothing() -> None:
-    open_before = psutil.Process().num_fds()
+    open_before = open_files()
     async with listening(Silent) as port:
         async with ticking() as longest_s, linked(port, Vehicle()) as link:
             await until(lambda: link.age_s() > SafetyRules().operator_gone_s)
@@ -130,4 +129,4 @@ async def test_a_server_that_says_nothing_costs_nothing_and_leaves_nothing() -> 
             async with linked(port, Vehicle()):
                 await asyncio.sleep(0.0)
         assert longest_s[0] < BLOCKED_S
-    await until(lambda: psutil.Process().num_fds() <= open_before)
+    await until(lambda: open_files() <= open_before)

@@ -1,7 +1,8 @@
 """One connection to a broker: aiomqtt's client, made to end at once and leave nothing behind.
 
-As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled; a packet that makes paho
-raise is handed to it again and again without pause; and a packet may say that it has 256 MB.
+As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled, and may watch the number of
+a socket that is closed; a packet that makes paho raise is handed to it again and again without pause; and a packet may
+say that it has 256 MB.
 """
 
 import asyncio
@@ -11,6 +12,8 @@ from types import TracebackType
 from typing import Self
 
 import aiomqtt
+import paho.mqtt.client as paho
+from aiomqtt.types import PahoSocket
 
 from companion.config_operator import OperatorConfig
 
@@ -80,6 +83,30 @@ class Connection(aiomqtt.Client):
         if not self._connected.done():
             raise aiomqtt.MqttError("no answer to CONNECT")
         self._connected.result()
+
+    def _on_socket_register_write(
+        self,
+        client: paho.Client,
+        userdata: object,  # noqa: ARG002
+        sock: PahoSocket,
+    ) -> None:
+        """As aiomqtt does it a turn of the loop later, but not when the socket is closed by then.
+
+        Its number would be nobody's, or the next one's that is opened.
+        """
+
+        def write() -> None:
+            try:
+                client.loop_write()
+            except Exception as error:  # a broken pipe, as a rule
+                if not self._disconnected.done():
+                    self._disconnected.set_exception(error)
+
+        def register() -> None:
+            if sock.fileno() >= 0:
+                self._loop.add_writer(sock.fileno(), write)
+
+        self._loop.call_soon_threadsafe(register)
 
     async def _drop(self) -> None:
         self._client._sock_close()
