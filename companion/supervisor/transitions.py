@@ -14,6 +14,8 @@ _LEAVING = 4.0
 """Minimum jerk from a speed v to a place anywhere near peaks at 3.9 v/T."""
 _STOPPING = 1.5
 """Minimum jerk from a speed v to rest v T/2 further on peaks at 1.5 v/T."""
+_LEAST_STOP_S = 0.8
+"""The vehicle tilts first: less would be a jerk, and more leads further than the fence counts on."""
 
 
 def reference_at(flight: Flight, time_s: float) -> Reference:
@@ -87,7 +89,7 @@ def resume(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 
 
 def _rest(flight: Flight, facts: Facts, rules: FlightRules, phase: Phase, now: Reference) -> Flight:
-    stop_s = max(1.0, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
+    stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
     end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
     stop = MinimumJerk(
         now.position_w_m, end, stop_s, now.yaw_rad, now.yaw_rad, now.velocity_w_mps, now.acceleration_w_mps2

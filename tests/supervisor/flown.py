@@ -1,0 +1,187 @@
+"""Flights brought into every state of the phase machine, by the machine itself, and the facts that go with them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from companion.control.reference import Ellipse, Trajectory
+from companion.supervisor.faults import Event, Fault
+from companion.supervisor.flight import (
+    Action,
+    Facts,
+    Flight,
+    FlightRules,
+    Fly,
+    HandOver,
+    Kill,
+    Land,
+    Phase,
+    Prepare,
+    Request,
+    Resume,
+    TakeOff,
+)
+from companion.supervisor.phases import advance, reference_at, request
+from companion.types import FlightMode
+
+RULES = FlightRules()
+DT_S = 0.01
+GROUND = np.array([1.0, 2.0, 0.1])
+CENTRE = np.array([0.0, 0.0, 1.2])
+CURVE: Trajectory = Ellipse(CENTRE)
+
+
+def event(fault: Fault, text: str = "") -> Event:
+    return Event(fault, text or f"{fault} it is")
+
+
+def facts(
+    time_s: float,
+    height_m: float = 0.0,
+    *faults: Fault,
+    climb_mps: float = 0.0,
+    armed: bool = True,
+    mode: FlightMode = FlightMode.OFFBOARD,
+) -> Facts:
+    """A vehicle above its ground, with these faults there."""
+    position = GROUND + np.array([0.0, 0.0, height_m])
+    events = tuple(event(fault) for fault in faults)
+    return Facts(time_s, position, np.array([0.0, 0.0, climb_mps]), 0.3, armed, mode, events=events)
+
+
+def with_faults(seen: Facts, *faults: Fault) -> Facts:
+    return replace(seen, events=tuple(event(fault) for fault in faults))
+
+
+def on_reference(flight: Flight, time_s: float) -> Facts:
+    """The vehicle exactly where it should be, on the ground at the lowest."""
+    if not flight.airborne:
+        return facts(time_s, 0.0)
+    ref = reference_at(flight, time_s)
+    at_ground = np.maximum(ref.position_w_m, [-np.inf, -np.inf, GROUND[2]])
+    velocity = ref.velocity_w_mps if ref.position_w_m[2] >= GROUND[2] else np.zeros(3)
+    return replace(facts(time_s), position_w_m=at_ground, velocity_w_mps=velocity)
+
+
+def until(
+    flight: Flight, time_s: float, done: Callable[[Flight], bool], within_s: float = 60.0
+) -> tuple[Flight, float]:
+    """Tick with the vehicle on its reference until `done`."""
+    end_s = time_s + within_s
+    while not done(flight):
+        assert time_s < end_s, f"still {flight.phase} after {within_s} s"
+        time_s += DT_S
+        flight = advance(flight, on_reference(flight, time_s), RULES)
+    return flight, time_s
+
+
+def preflight() -> Flight:
+    return request(Flight(), Prepare(), facts(0.0, armed=False), RULES)
+
+
+def armed() -> Flight:
+    return advance(preflight(), facts(0.1), RULES)
+
+
+def spooling() -> Flight:
+    return request(armed(), TakeOff(1.2), facts(1.0), RULES)
+
+
+def climbing() -> Flight:
+    return advance(spooling(), facts(2.5, 0.05, climb_mps=0.2), RULES)
+
+
+def hovering() -> tuple[Flight, float]:
+    return until(climbing(), 2.5, lambda flight: flight.phase is Phase.HOLD)
+
+
+def _asked(state: tuple[Flight, float], wanted: Request) -> tuple[Flight, float]:
+    flight, time_s = state
+    return request(flight, wanted, on_reference(flight, time_s), RULES), time_s
+
+
+def _hit(state: tuple[Flight, float], fault: Fault) -> tuple[Flight, float]:
+    flight, time_s = state
+    return advance(flight, with_faults(on_reference(flight, time_s + DT_S), fault), RULES), time_s + DT_S
+
+
+def approaching() -> tuple[Flight, float]:
+    return _asked(hovering(), Fly(CURVE, 1.0))
+
+
+def tracking() -> tuple[Flight, float]:
+    flight, time_s = until(*approaching(), lambda now: now.phase is Phase.TRACK)
+    full_speed_s = time_s + 5.0
+    while time_s < full_speed_s:
+        time_s += DT_S
+        flight = advance(flight, on_reference(flight, time_s), RULES)
+    return flight, time_s
+
+
+def descending() -> tuple[Flight, float]:
+    return _asked(hovering(), Land())
+
+
+def stowing() -> tuple[Flight, float]:
+    flight, time_s = tracking()
+    return request(flight, Land(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
+
+
+def touched_down() -> tuple[Flight, float]:
+    flight, time_s = descending()
+    return until(flight, time_s, lambda now: now.touched_down)
+
+
+def given_up() -> tuple[Flight, float]:
+    return _asked(hovering(), HandOver("it broke"))
+
+
+def resuming() -> tuple[Flight, float]:
+    flight, time_s = _hit(hovering(), Fault.MODE_CHANGED)
+    time_s += 1.0
+    return request(flight, Resume(), facts(time_s, 1.0, mode=FlightMode.POSITION), RULES), time_s
+
+
+STATES: dict[str, tuple[Flight, float]] = {
+    "standby": (Flight(), 0.0),
+    "preflight": (preflight(), 0.1),
+    "armed": (armed(), 0.5),
+    "stopping": _hit((armed(), 0.5), Fault.MOCAP_SLOW),
+    "spooling up": (spooling(), 1.5),
+    "climbing": (climbing(), 3.0),
+    "hovering": hovering(),
+    "approaching": approaching(),
+    "tracking": tracking(),
+    "held by a fault": _hit(tracking(), Fault.FENCE_NEAR),
+    "stowing": stowing(),
+    "descending": descending(),
+    "landing by a fault": _hit(tracking(), Fault.BATTERY_LOW),
+    "touched down": touched_down(),
+    "disarmed": (request(preflight(), Land(), facts(0.2, armed=False), RULES), 0.3),
+    "handed over": given_up(),
+    "let go": _hit(hovering(), Fault.MODE_CHANGED),
+    "resuming": resuming(),
+    "terminated": _asked(hovering(), Kill()),
+}
+IN_THE_AIR = [
+    "climbing", "hovering", "approaching", "tracking", "held by a fault", "stowing", "descending", "landing by a fault",
+]  # fmt: skip
+ON_THE_GROUND = ["armed", "spooling up", "stopping", "touched down"]
+COMMANDED = IN_THE_AIR + ON_THE_GROUND
+
+
+def usual(state: str, later_s: float = DT_S) -> Facts:
+    """What is seen in a state as long as nothing happens."""
+    flight, time_s = STATES[state]
+    seen = on_reference(flight, time_s + later_s)
+    if flight.phase in {Phase.HANDED_OVER, Phase.RESUME, Phase.TERMINATED}:
+        seen = facts(time_s + later_s, 1.0)
+    if flight.phase in {Phase.STANDBY, Phase.PREFLIGHT, Phase.DISARMED}:
+        return replace(seen, armed=False, mode=FlightMode.POSITION)
+    theirs = flight.phase is Phase.RESUME or state in {"handed over", "let go"}
+    return replace(seen, mode=FlightMode.POSITION) if theirs else seen
+
+
+def end_of(flight: Flight) -> tuple[Phase, Action | None]:
+    return flight.phase, flight.action
