@@ -39,10 +39,13 @@ class Guard:
     thrust is drawn to just below hover; beyond, and without a state, the vehicle is level and sinks gently whatever is
     wanted, and the fence has no say, as nothing is known.
 
-    Towards a face of the fence no more is asked for than leaves room to stop (Fence.allowed_accel_w_mps2). The other
-    axes keep what they want as far as the tilt cone has room, which braking takes first; it holds a vehicle that wants
-    to fall, as far as braking sideways takes it and never further than hover. A flight that stays legal (Fence: which
-    speed where) goes through to the last bit.
+    Towards a face of the fence no more is asked for than leaves room to stop 5 cm before it: what may be asked for is
+    Fence.allowed_accel_w_mps2. The other axes keep what they want as far as the tilt cone has room, which braking takes
+    first; it holds a vehicle that wants to fall as far as braking sideways takes it, and never further than hover.
+    Below a ceiling half the weight stays on the rotors. The heading is left as it is while it brakes.
+
+    A legal flight goes through to the last bit. Legal is a speed towards a face that Fence's table has room for, and at
+    rest half a metre before a face still a push of 2.5 m/s^2 towards it; along a face any speed.
     """
 
     def __init__(self, limits: Limits, model: ThrustModel, fence: Fence, coast_s: float, degraded_s: float) -> None:
@@ -97,8 +100,8 @@ class Guard:
         return replace(
             out,
             not_finite=within.not_finite,
-            tilt_cut=within.tilt_cut | out.tilt_cut,
-            thrust_cut=within.thrust_cut | out.thrust_cut,
+            tilt_cut=np.asarray(within.tilt_cut | out.tilt_cut),
+            thrust_cut=np.asarray(within.thrust_cut | out.thrust_cut),
             age_cut=np.array(known < 1.0),
             fence_cut=np.array(braked is not within.setpoint),
         )
