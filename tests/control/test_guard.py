@@ -333,7 +333,11 @@ UNKNOWN = [
     *(
         vehicle
         for bad in (math.nan, math.inf, -math.inf)
-        for vehicle in (at((bad, 0.0, 1.5)), at((0.0, 0.0, 1.5), (0.0, bad, 0.0)), at((0.0, 0.0, 1.5), q=LEVEL * bad))
+        for vehicle in (
+            at((bad, 0.0, 1.5)),
+            at((0.0, 0.0, 1.5), (0.0, bad, 0.0)),
+            at((0.0, 0.0, 1.5), q=np.full(4, bad)),
+        )
     ),
     at((0.0, 0.0, 1.5), (math.inf, -math.inf, 0.0)),
     at((0.0, 0.0, 1.5), q=np.zeros(4)),
