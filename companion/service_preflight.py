@@ -164,11 +164,16 @@ class _Watch:
             self.delays_s.append(frame.received_s - to_local_s(estimate.clock, frame.stamp_s, self._delay_s))
 
 
-async def watch(running: Running, body: str, delay_s: float, for_s: float) -> Watched:
-    """Motion capture and the autopilot's estimate for `for_s`; `delay_s` is the configured least delay of mocap."""
+async def watch(
+    running: Running, body: str, delay_s: float, for_s: float, enough: Callable[[], bool] = lambda: False
+) -> Watched:
+    """Motion capture and the autopilot's estimate for `for_s`, or until `enough` says so.
+
+    `delay_s` is the configured least delay of motion capture.
+    """
     clock, seen = running.clock, _Watch(running, delay_s)
     begun_s = now_s = clock.now_s()
-    while now_s - begun_s < for_s:
+    while now_s - begun_s < for_s and not enough():
         seen.look(now_s)
         await asyncio.sleep(_POLL_S)
         now_s = clock.now_s()

@@ -20,6 +20,7 @@ COMMANDS = {
     "tune": "companion.cli.tune:tune",
     "arms": "companion.cli.arms:app",
     "preflight": "companion.cli.preflight:preflight",
+    "dry-run": "companion.cli.dry_run:dry_run",
 }
 """Where each command is: a function, or a group of commands."""
 

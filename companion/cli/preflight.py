@@ -102,8 +102,14 @@ async def _by_hand(config: CompanionConfig, wanted: PreflightConfig, out: Path, 
     return checks
 
 
-def show(checks: Sequence[Check], console: Console, as_json: bool) -> None:
-    """The table, with what to do underneath what failed, or JSON on standard output."""
+def show(
+    checks: Sequence[Check],
+    console: Console,
+    as_json: bool,
+    good: str = "it may arm",
+    bad: str = "fail: arming is refused",
+) -> None:
+    """The table, with what to do underneath what failed, and what it means; or JSON on standard output."""
     if as_json:
         typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
         return
@@ -111,7 +117,7 @@ def show(checks: Sequence[Check], console: Console, as_json: bool) -> None:
     refused = sum(check.refuses for check in checks)
     warned = sum(not check.passed for check in checks) - refused
     warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
-    verdict = f"[red]{refused} of {len(checks)} fail: arming is refused[/]" if refused else "[green]it may arm[/]"
+    verdict = f"[red]{refused} of {len(checks)} {bad}[/]" if refused else f"[green]{good}[/]"
     console.print(f"{verdict}{warnings}", highlight=False)
 
 

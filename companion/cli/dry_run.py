@@ -1,0 +1,182 @@
+"""`companion dry-run`: everything live on the real room, disarmed, and nothing sent."""
+
+import asyncio
+import math
+import signal
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import uvloop
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from companion.adapters.recorder import Recorder
+from companion.cli.asked import FAILED, INTERRUPTED
+from companion.cli.options import AllowUnstable, ControllerName
+from companion.cli.preflight import ConfigFile, load_both, show, trajectory_of
+from companion.config import CompanionConfig, default_config_path
+from companion.config_controller import load_controller
+from companion.config_preflight import PreflightConfig
+from companion.control.controller import Controller
+from companion.control.frames import up_axis, yaw_of
+from companion.control.reference import Trajectory
+from companion.dry_law import DryLaw
+from companion.onlooker import open_onlooker
+from companion.ports import AutopilotError, FlightError
+from companion.preflight import agreement, vehicle
+from companion.preflight.agreement import apart
+from companion.preflight.check import Check
+from companion.preflight.dry import DrySeen, check_health, check_law
+from companion.preflight.whole import Facts, check_mocap, check_place
+from companion.service_preflight import Running, facts_of, watch
+from companion.tick import Tick
+
+_REFRESH_HZ = 4.0
+_POLL_S = 0.02
+_FIRST_STATES_S = 1.2
+"""The landed state comes at 1 Hz once it has been asked for."""
+
+
+def dry_run(
+    config: ConfigFile = None,
+    seconds: Annotated[float, typer.Option(min=1.0, max=3600.0, help="How long.")] = 20.0,
+    trajectory: Annotated[
+        str | None, typer.Option(help="Fly this in its mind (ellipse, figure8, a CSV file); else hold where it stands.")
+    ] = None,
+    controller: ControllerName = None,
+    allow_unstable: AllowUnstable = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
+    out: Annotated[Path, typer.Option(help="Folder for the record.")] = Path("flights"),
+) -> None:
+    """Read the real room and show what would be sent, disarmed: no setpoint, pose, mode, torque or goal leaves.
+
+    Exit code 0 if a flight would have gone on, 1 if something would have failed, 2 for what could not be started or a
+    vehicle that is armed, 130 after Ctrl-C, which ends it early and keeps the record.
+    """
+    settings, wanted = load_both(config or default_config_path("lab.toml"))
+    flown = trajectory_of(trajectory, settings)
+    name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
+    law = load_controller(name, settings.vehicle_model(), period_s, allow_unstable).law
+    console = Console(stderr=as_json)
+    dry = _DryRun(settings, wanted, law, flown, out, console)
+    try:
+        checks = uvloop.run(dry.run(seconds))
+    except KeyboardInterrupt:
+        console.print("[yellow]interrupted[/] before it began")
+        raise typer.Exit(INTERRUPTED) from None
+    show(checks, console, as_json, "nothing would have ended a flight", "would have ended a flight")
+    record = out / f"{datetime.now(tz=UTC).astimezone():%Y%m%d-%H%M%S}-dry-run.npz"
+    dry.recorder.write(record)
+    console.print(f"record {record}", highlight=False, soft_wrap=True)
+    failed = FAILED if any(check.refuses for check in checks) else 0
+    raise typer.Exit(INTERRUPTED if dry.interrupted else failed)
+
+
+class _DryRun:
+    """One run: devices, law, display and record."""
+
+    def __init__(
+        self,
+        config: CompanionConfig,
+        wanted: PreflightConfig,
+        law: Controller,
+        trajectory: Trajectory | None,
+        out: Path,
+        console: Console,
+    ) -> None:
+        self._config, self._wanted, self._law, self._trajectory = config, wanted, law, trajectory
+        self._out, self._console = out, console
+        self._tick: Tick | None = None
+        self._end_s = math.inf
+        self.recorder = Recorder()
+        self.interrupted = False
+
+    async def run(self, seconds: float) -> tuple[Check, ...]:
+        """Look on for so long; what would have failed."""
+        async with open_onlooker(self._config, self._out, forward_vision=False) as (running, onlooker):
+            await _disarmed(running, self._config.px4.answer_timeout_s)
+            dry = DryLaw(running, self._config, self._law, self._trajectory, self._take)
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
+            self._console.print(f"looking on for {seconds:g} s, sending nothing", highlight=False)
+            onlooker.each = dry
+            self._end_s = running.clock.now_s() + seconds
+            mocap = self._config.mocap
+            with Live(
+                console=self._console, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=self._table
+            ):
+                watched = await watch(running, mocap.body, mocap.delay_s, seconds, lambda: self.interrupted)
+            onlooker.each = None
+            return self._judge(facts_of(running, watched, {}, self._wanted), dry.seen)
+
+    def _interrupt(self) -> None:
+        self.interrupted = True
+
+    def _take(self, tick: Tick) -> None:
+        self._tick = tick
+        self.recorder(tick)
+
+    def _judge(self, facts: Facts, seen: DrySeen) -> tuple[Check, ...]:
+        """Of the preflight's checks those that can be made without sending anything; the EKF has no poses here."""
+        config, wanted = self._config, self._wanted
+        tilts = agreement.check_tilts(facts.apart, wanted.tilt_apart_rad)
+        arms = vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf)
+        return (
+            *check_mocap(facts.mocap, config, wanted),
+            vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
+            vehicle.check_ground(facts.status),
+            *tilts,
+            vehicle.check_battery(facts.status, config.safety.battery_low),
+            *arms,
+            *check_place(facts.position_w_m, config, self._trajectory),
+            check_law(seen),
+            check_health(seen),
+        )
+
+    def _table(self) -> Table:
+        """What is seen, and what would be sent."""
+        table = Table(box=None, pad_edge=False, show_header=False)
+        tick = self._tick
+        if tick is None or tick.vehicle is None:
+            table.add_row("motion capture", "no pose yet")
+            return table
+        where = " ".join(f"{value:+.3f}" for value in tick.vehicle.position_w_m.tolist())
+        heading_deg = math.degrees(float(yaw_of(tick.vehicle.q_w_flu_wxyz)))
+        off = apart(tick.vehicle.q_w_flu_wxyz[None], tick.status.q_w_flu_wxyz[None])
+        angles = (("roll", off.roll_rad), ("pitch", off.pitch_rad), ("heading", off.heading_rad))
+        table.add_row("left", f"{max(0.0, self._end_s - tick.time_s):.0f} s")
+        table.add_row(
+            "motion capture", f"{1e3 * tick.age_s:.0f} ms old, at {where} m, heading {heading_deg:+.1f} degrees"
+        )
+        apart_words = ", ".join(f"{name} {math.degrees(angle):+.1f}" for name, angle in angles)
+        table.add_row("autopilot less mocap", f"{apart_words} degrees (its heading is its own: it is sent no poses)")
+        table.add_row("would send", _setpoint(tick))
+        if tick.events:
+            table.add_row("[red]faults[/]", "; ".join(f"{event.fault}: {event.text}" for event in tick.events))
+        return table
+
+
+def _setpoint(tick: Tick) -> str:
+    if tick.gated is None:
+        return "nothing"
+    up = up_axis(tick.gated.setpoint.q_w_flu_wxyz)
+    lean_deg = math.degrees(math.acos(min(1.0, float(up[2]))))
+    return (
+        f"lean {lean_deg:.1f} degrees ({up[0]:+.3f} {up[1]:+.3f} in W), thrust {float(tick.gated.setpoint.thrust):.3f}"
+    )
+
+
+async def _disarmed(running: Running, timeout_s: float) -> None:
+    """Wait until the autopilot has said what it does; FlightError when the vehicle is armed or in the air."""
+    clock = running.clock
+    begun_s = clock.now_s()
+    while not math.isfinite(running.autopilot.status().heartbeat_s) or clock.now_s() - begun_s < _FIRST_STATES_S:
+        if clock.now_s() - begun_s > timeout_s:
+            raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
+        await asyncio.sleep(_POLL_S)
+    status = running.autopilot.status()
+    if status.armed or status.in_air:
+        raise FlightError("the vehicle is armed or in the air: a dry run is for one that stands, disarmed")

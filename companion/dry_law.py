@@ -1,0 +1,110 @@
+"""The law in front of the real room: it works out what would be sent, and there is nothing to send it with."""
+
+import logging
+import math
+
+import numpy as np
+
+from companion.arm_stage import ArmTick
+from companion.config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.frames import up_axis, yaw_of
+from companion.control.guard import Guard
+from companion.control.reference import Hold, Trajectory
+from companion.control_stage import Asked, ControlStage
+from companion.health_stage import Cycle, HealthStage, Sides
+from companion.preflight.dry import DrySeen
+from companion.service_preflight import Running
+from companion.supervisor.faults import Fault
+from companion.supervisor.flight import Flight
+from companion.tick import Tick, TickSink
+from companion.types import Reference, VehicleState
+
+LOG = logging.getLogger(__name__)
+
+
+class DryLaw:
+    """Call it once a cycle. It holds where the vehicle stood first, or flies a trajectory in its mind."""
+
+    def __init__(
+        self, running: Running, config: CompanionConfig, law: Controller, trajectory: Trajectory | None, sink: TickSink
+    ) -> None:
+        self._running, self._trajectory, self._sink = running, trajectory, sink
+        model, limits, safety = config.vehicle.thrust_model(), config.limits.limits(), config.safety.rules()
+        guard = Guard(limits, model, config.fence.fence(), safety.coast_s, safety.degraded_s)
+        self._stage = ControlStage(law, model, limits, guard=guard)
+        self._health = HealthStage(safety, config.fence.fence(), Sides(disk_free_mb=running.disk_free_mb))
+        self._period_s = 1.0 / config.control.rate_hz
+        self._begun_s = math.nan
+        self._last_s = -math.inf
+        self._fault = ""
+        self._cycles = self._not_finite = 0
+        self._most_tilt_rad, self._thrust = 0.0, (math.inf, -math.inf)
+        self._events: dict[Fault, str] = {}
+
+    def __call__(self, now_s: float, frame_received_s: float) -> None:
+        """One cycle, at most as often as in flight."""
+        if now_s - self._last_s < 0.75 * self._period_s:
+            return
+        dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        self._last_s = now_s
+        estimate, status = self._running.estimate(), self._running.autopilot.status()
+        vehicle = estimate.vehicle
+        age_s = math.inf if vehicle is None else now_s - vehicle.time_s
+        asked = None if vehicle is None or self._fault else self._fly(vehicle, now_s, age_s, dt_s)
+        arms, frame = self._running.arms, self._running.mocap.latest()
+        arm_fault = arms.fault if arms is not None else ""
+        cycle = Cycle(now_s, 0.0, frame, estimate, status, False, None, False, self._fault, arm_fault)
+        events = self._health.look(cycle, Flight())
+        for event in events:
+            self._events.setdefault(event.fault, event.text)
+        arm_tick = ArmTick(arms.state.phase, "", None, arms.status, np.zeros(3)) if arms is not None else None
+        self._sink(
+            Tick(
+                time_s=now_s,
+                late_s=0.0,
+                frame_received_s=frame_received_s,
+                sent_s=math.nan,
+                vehicle=vehicle,
+                age_s=age_s,
+                status=status,
+                flight=Flight(),
+                reference=self._reference(now_s) if asked is not None else None,
+                asked=asked,
+                gated=asked.gated if asked is not None else None,
+                late_signals={} if self._fault else self._stage.settle(),
+                arms=arm_tick,
+                events=events,
+            )
+        )
+
+    @property
+    def seen(self) -> DrySeen:
+        """All of it so far."""
+        return DrySeen(
+            self._cycles, self._not_finite, self._fault, self._most_tilt_rad, self._thrust, dict(self._events)
+        )
+
+    def _fly(self, vehicle: VehicleState, now_s: float, age_s: float, dt_s: float) -> Asked | None:
+        if self._trajectory is None:
+            self._trajectory = Hold(vehicle.position_w_m, float(yaw_of(vehicle.q_w_flu_wxyz)))
+        if math.isnan(self._begun_s):
+            self._begun_s = now_s
+        try:
+            asked = self._stage.fly(vehicle, age_s, self._reference(now_s + self._stage.preview_s), dt_s)
+        except Exception as error:
+            LOG.exception("the control law failed")
+            self._fault = f"the control law failed: {type(error).__name__}: {error}"
+            return None
+        self._stage.sent = setpoint = asked.gated.setpoint
+        self._fault = asked.gated.failure
+        thrust = float(setpoint.thrust)
+        self._cycles += 1
+        self._not_finite += bool(asked.gated.not_finite)
+        self._most_tilt_rad = max(self._most_tilt_rad, math.acos(min(1.0, float(up_axis(setpoint.q_w_flu_wxyz)[2]))))
+        self._thrust = min(self._thrust[0], thrust), max(self._thrust[1], thrust)
+        return asked
+
+    def _reference(self, time_s: float) -> Reference:
+        assert self._trajectory is not None
+        return self._trajectory.at(time_s - self._begun_s)
