@@ -19,7 +19,8 @@ from companion.config_operator import OperatorConfig
 
 ANSWER_S = 1.0
 """Whatever the broker does not answer within this, it does not answer."""
-MAX_PACKET_BYTES = 1_000_000
+MAX_PACKET_BYTES = 64_000
+"""To read more in one go would hold up the flight loop; an order has a sixteenth of it."""
 _KEEPALIVE_S = 5
 """After one and a half of these the broker gives us up and says so to everyone (the last will)."""
 
