@@ -25,7 +25,7 @@ CHECKS_PASS_S = 3.9
 PREFLIGHT_DISARM_EXTRA_S = 1.0
 """Recorded: 11.0 s of the simulator's time with COM_DISARM_PRFLT = 10."""
 NEEDS_PILOT = frozenset({Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.ACRO, Mode.STABILIZED})
-"""Modes that need a remote control, which this vehicle does not have."""
+"""Modes that need a remote control; the only pilot there may be (a fault) knows but Position."""
 NO_ARMING = frozenset({Mode.LAND, Mode.RTL, Mode.DESCEND})
 AUTO_SUB_MODES = {2: Mode.TAKEOFF, 3: Mode.HOLD, 4: Mode.MISSION, 5: Mode.RTL, 6: Mode.LAND}
 MAIN_MODES = {
@@ -57,6 +57,8 @@ class Situation:
     """Setpoints came within COM_OF_LOSS_T."""
     offboard_attitude: bool
     """The last setpoint asked for attitude control."""
+    remote: bool = False
+    """A pilot with a remote control is there."""
 
 
 class Commander:
@@ -125,10 +127,11 @@ class Commander:
         if not forced and not now.landed:
             self._say(Severity.CRITICAL, "Disarming denied: not landed")
             return Result.TEMPORARILY_REJECTED
-        self._disarm("Disarmed by external command")
+        self.disarm("Disarmed by external command")
         return Result.ACCEPTED
 
-    def _disarm(self, text: str) -> None:
+    def disarm(self, text: str) -> None:
+        """Stop the motors, wherever it is; `text` says why."""
         self.armed = self.failsafe = False
         if self.user_mode in {Mode.LAND, Mode.RTL}:
             self.user_mode = Mode.HOLD
@@ -185,7 +188,7 @@ class Commander:
         action = int(self._params["COM_OBL_RC_ACT"])
         if self.user_mode is Mode.OFFBOARD and action in {TERMINATE, DISARM}:
             self._say(Severity.CRITICAL, "Failsafe activated")
-            self._disarm("Disarmed by failsafe")
+            self.disarm("Disarmed by failsafe")
             return
         offboard = self.user_mode is Mode.OFFBOARD
         wanted = LOSS_REACTION.get(action, LOSS_REACTION[3]) if offboard else (Mode.LAND,)
@@ -201,15 +204,17 @@ class Commander:
         preflight_s = self._params["COM_DISARM_PRFLT"]
         if self._landed_at_s is not None:
             if after_landing_s > 0.0 and now.now_s - self._landed_at_s >= after_landing_s:
-                self._disarm("Disarmed by landing")
+                self.disarm("Disarmed by landing")
         elif not self.flown and 0.0 < preflight_s <= now.now_s - self.armed_at_s - PREFLIGHT_DISARM_EXTRA_S + 1e-9:
-            self._disarm("Disarmed by auto preflight disarming")
+            self.disarm("Disarmed by auto preflight disarming")
 
 
 def _can_run(mode: Mode, now: Situation) -> bool:
     """Whether a mode has what it needs, by PX4's mode requirements."""
     if mode is Mode.OFFBOARD:
         return now.offboard_ok
+    if mode is Mode.POSITION:
+        return now.remote and now.local_ok
     if mode in NEEDS_PILOT or mode is Mode.MISSION:
         return False
     if mode in {Mode.HOLD, Mode.RTL}:

@@ -64,7 +64,7 @@ def _request_message(world: World, streams: Streams, params: Params) -> Reply:
 
 def _set_interval(world: World, streams: Streams, params: Params) -> Reply:
     interval_us = params[1] if params[1] == params[1] else 0.0
-    known = streams.set_interval(_whole(params[0]), interval_us, world.time_s)
+    known = streams.set_interval(_whole(params[0]), interval_us, world.uptime_s)
     return Reply((Result.ACCEPTED if known else Result.FAILED,))
 
 

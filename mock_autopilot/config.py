@@ -169,7 +169,7 @@ class MockConfig(_Strict):
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             said = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
-            raise MockConfigError(f"{where}: {said}") from None
+            raise MockConfigError(f"{where}: {said}" if where else said) from None
 
     @classmethod
     def load(cls, path: Path) -> Self:

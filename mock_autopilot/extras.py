@@ -50,13 +50,13 @@ def protocol_version(_world: World) -> Message:
 
 def component_information(world: World) -> Message:
     """COMPONENT_INFORMATION (deprecated): where the metadata lies."""
-    head = round(world.time_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little") + bytes(4)
+    head = round(world.uptime_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little") + bytes(4)
     return RawMessage(395, 0, head + METADATA_URI)
 
 
 def component_metadata(world: World) -> Message:
     """COMPONENT_METADATA: the same in its present form."""
-    head = round(world.time_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little")
+    head = round(world.uptime_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little")
     return RawMessage(397, 182, head + METADATA_URI)
 
 

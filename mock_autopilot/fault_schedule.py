@@ -27,7 +27,7 @@ class Held:
     @property
     def until_s(self) -> float:
         """The end is no longer part of it."""
-        return self.since_s + self.fault.for_s
+        return self.since_s + self.fault.lasts_s
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class FaultSchedule:
             part = held.fault.part
             self._held[part] = tuple(other for other in self._held[part] if other is not held)
         for one in begun:
-            if one.fault.way.lasts:
+            if one.fault.lasts_s > 0.0:
                 self._held[one.fault.part] += (Held(one.fault, now_s),)
         self._next_s = self._next_edge_s()
         for fault, begins in (*((h.fault, False) for h in ended), *((one.fault, True) for one in begun)):

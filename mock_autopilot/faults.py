@@ -251,6 +251,13 @@ class Fault(BaseModel):
         return next(way for way in ways_of(self.part, self.kind) if way.how == self.how)
 
     @property
+    def lasts_s(self) -> float:
+        """How long it is there, s; 0 for what happens once."""
+        if self.way.lasts:
+            return self.for_s
+        return self.much if self.way.amount is not None and self.way.amount.unit == "s" else 0.0
+
+    @property
     def much(self) -> float:
         """The amount, said or usual; 0 where there is none."""
         usual = self.way.amount.usual if self.way.amount is not None else 0.0

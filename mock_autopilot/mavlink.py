@@ -8,12 +8,17 @@ import contextlib
 import socket
 import struct
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.config import LinkConfig
 from mock_autopilot.extras import GimbalChatter
+from mock_autopilot.fault_link import LinkFaults
+from mock_autopilot.fault_schedule import FaultSchedule
+from mock_autopilot.faults import FROM, TO
 from mock_autopilot.frames import messages_in
 from mock_autopilot.messages import Message
 from mock_autopilot.px4 import LandedState, Text
@@ -48,18 +53,26 @@ class Datagram:
 class MavlinkLink:
     """One link; `open` binds the port, `handle` eats what came, `send_due` sends what is due."""
 
-    def __init__(self, config: LinkConfig, world: World) -> None:
+    def __init__(self, config: LinkConfig, world: World, faulty: bool = True) -> None:
+        """`faulty`: the faults of the part "link" are this one's."""
         self._config = config
         self._world = world
         self._remote = (config.remote_host, config.remote_port)
         self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._socket: socket.socket | None = None
+        schedule, rng = (world.faults if faulty else FaultSchedule()), world.fault_rng()
+        self._outgoing, self._incoming = LinkFaults(schedule, rng, FROM), LinkFaults(schedule, rng, TO)
+        self._boot()
+
+    def _boot(self) -> None:
+        """A rebooted PX4 has forgotten who listened, and what was asked of it."""
+        self._boots = self._world.boots
         self._gcs_heard_s = -GCS_SILENT_AFTER_S
         self._texts: list[Text] = []
         self._text_id = 0
         self._chatter = GimbalChatter()
         self.streams = Streams()
-        self._receiver = Receiver(world, self.streams, self.send)
+        self._receiver = Receiver(self._world, self.streams, self.send)
 
     # -- socket ----------------------------------------------------------------------------------
 
@@ -116,51 +129,73 @@ class MavlinkLink:
 
     def send(self, message: Message) -> None:
         """Send one message; a client that is not there does not matter."""
-        if self._socket is None:
-            return
+        self._put(self._packed(message))
+
+    def _packed(self, message: Message) -> Any:
         frame = bytes(message.pack(self._codec))
         self._codec.seq = (self._codec.seq + 1) % 256
-        with contextlib.suppress(OSError):
-            self._socket.sendto(frame, self._remote)
+        return frame
+
+    def _put(self, *frames: Any) -> None:
+        """Send frames, and with them those that a fault held back until now."""
+        for frame in self._outgoing.pass_on(frames, self._world.time_s):
+            self._transmit(frame)
+
+    def _transmit(self, frame: Any) -> None:
+        if self._socket is not None:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(frame, self._remote)
 
     # -- protocol --------------------------------------------------------------------------------
 
     def handle(self, payload: bytes) -> list[bytes]:
         """Understand one datagram, ignoring what is not MAVLink; returns the frames for the other links."""
-        heartbeats = []
+        arrived = self._incoming.pass_on([payload], self._world.time_s)
+        return [frame for one in arrived for frame in self._understand(one)]
+
+    def _understand(self, payload: bytes) -> list[bytes]:
+        heartbeats: list[bytes] = []
+        if not self._world.vehicle.troubles.running:
+            return heartbeats
         for message in messages_in(payload, self._codec):
             if message.get_type() == "HEARTBEAT":
                 heartbeats.append(bytes(message.get_msgbuf()))
                 if message.type == GCS_TYPE:
-                    self._gcs_heard_s = self._world.time_s
+                    self._gcs_heard_s = self._world.uptime_s
             self._receiver.handle(message)
         return heartbeats
 
     def forward(self, frame: bytes) -> None:
         """Pass on what came in on another link, as it came."""
-        if self._socket is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(frame, self._remote)
+        self._put(frame)
 
     def tell(self, texts: list[Text]) -> None:
         """Queue texts for the ground station; without one they are lost, as PX4's are."""
-        if self._world.time_s - self._gcs_heard_s < GCS_SILENT_AFTER_S or self._world.time_s < TEXTS_FROM_S:
+        if self._world.uptime_s - self._gcs_heard_s < GCS_SILENT_AFTER_S or self._world.uptime_s < TEXTS_FROM_S:
             self._texts += texts
 
     def send_due(self) -> None:
         """Send whatever the schedule and the queues hold for now."""
+        self._put()
+        late: Sequence[bytes] = self._incoming.pass_on((), self._world.time_s)
+        for payload in late:
+            self._understand(payload)  # its heartbeats are not forwarded
+        if self._boots != self._world.boots:
+            self._boot()
+        if not self._world.vehicle.troubles.running:
+            return
         for message in self.streams.due(self._world):
             self.send(message)
         landing = self._world.vehicle.landed_state is LandedState.LANDING
-        for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.time_s, landing)):
+        for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.uptime_s, landing)):
             self.send(message)
-        if self._texts and self._world.time_s >= TEXTS_FROM_S:
+        if self._texts and self._world.uptime_s >= TEXTS_FROM_S:
             texts, self._texts = self._texts, []
             for text in texts:
                 self._send_text(text)
 
     def _send_text(self, text: Text) -> None:
-        if self._world.time_s - self._gcs_heard_s >= GCS_SILENT_AFTER_S:
+        if self._world.uptime_s - self._gcs_heard_s >= GCS_SILENT_AFTER_S:
             return
         raw = text.text.encode()
         self._text_id = self._text_id % 65535 + 1

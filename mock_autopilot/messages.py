@@ -33,12 +33,12 @@ UID = 5283920058631409231
 
 def boot_ms(world: World) -> int:
     """Milliseconds since boot."""
-    return round(world.time_s * 1e3)
+    return round(world.uptime_s * 1e3)
 
 
 def boot_us(world: World) -> int:
     """Microseconds since boot."""
-    return round(world.time_s * 1e6)
+    return round(world.uptime_s * 1e6)
 
 
 def heartbeat(world: World) -> Message:
@@ -52,7 +52,7 @@ def sys_status(world: World) -> Message:
     """Health bits and battery."""
     battery = world.vehicle.battery
     gps = 0 if world.vehicle.estimator.uses_gps else GPS_BIT
-    early = world.time_s < 2.0
+    early = world.uptime_s < 2.0
     present, enabled = (0, 0) if early else (SENSORS_PRESENT & ~gps, SENSORS_ENABLED & ~gps)
     millivolts = round(battery.voltage_v * 1e3)
     health = sensors_health(world.vehicle)
@@ -68,7 +68,7 @@ def extended_sys_state(world: World) -> Message:
 
 def attitude(world: World) -> Message | None:
     """Estimated Euler angles and body rates."""
-    if world.time_s < 1.0:
+    if world.uptime_s < 1.0:
         return None
     roll, pitch, yaw = quat.to_euler(world.vehicle.attitude_estimate_wxyz)
     p, q, r = world.truth.rate_frd_radps.tolist()
@@ -77,7 +77,7 @@ def attitude(world: World) -> Message | None:
 
 def attitude_quaternion(world: World) -> Message | None:
     """The same as a quaternion w x y z."""
-    if world.time_s < 1.0:
+    if world.uptime_s < 1.0:
         return None
     p, q, r = world.truth.rate_frd_radps.tolist()
     return mavlink.MAVLink_attitude_quaternion_message(
@@ -185,12 +185,12 @@ def battery_status(world: World) -> Message:
 
 def timesync(world: World) -> Message:
     """PX4 asks for the client's clock."""
-    return mavlink.MAVLink_timesync_message(0, round(world.time_s * 1e9))
+    return mavlink.MAVLink_timesync_message(0, round(world.uptime_s * 1e9))
 
 
 def ping(world: World) -> Message:
     """PX4 asks whether anybody is there; the sequence counts its seconds."""
-    return mavlink.MAVLink_ping_message(boot_us(world), round(world.time_s), 0, 0)
+    return mavlink.MAVLink_ping_message(boot_us(world), round(world.uptime_s), 0, 0)
 
 
 def mission_current(_world: World) -> Message:

@@ -28,7 +28,7 @@ def global_position_int(world: World) -> Message | None:
 def _knows_earth(world: World) -> bool:
     estimator = world.vehicle.estimator
     if estimator.uses_gps:
-        return world.time_s >= GLOBAL_FIRST_S
+        return world.uptime_s >= GLOBAL_FIRST_S
     return estimator.origin_set_s is not None
 
 

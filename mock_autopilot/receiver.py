@@ -59,8 +59,8 @@ class Receiver:
 
     def pop_due(self) -> list[Message]:
         """Parameter values that go out over time: the list, and the unasked repetition after a change."""
-        due = [name for at_s, name in self._announce if self._world.time_s >= at_s]
-        self._announce = [(at_s, name) for at_s, name in self._announce if self._world.time_s < at_s]
+        due = [name for at_s, name in self._announce if self._world.uptime_s >= at_s]
+        self._announce = [(at_s, name) for at_s, name in self._announce if self._world.uptime_s < at_s]
         out = [self._value(param) for name in due if (param := self._params.find(name)) is not None]
         while self._listing is not None and len(out) < PARAMS_PER_TICK:
             param = next(self._listing, None)
@@ -151,7 +151,7 @@ class Receiver:
         param = self._params.change_from_wire(m.param_id, struct.pack("<f", m.param_value), m.param_type)
         if param is not None:
             self._send(self._value(param))
-            self._announce.append((self._world.time_s + 0.01, param.name))
+            self._announce.append((self._world.uptime_s + 0.01, param.name))
 
     def _value(self, param: Param) -> Message:
         (as_float,) = struct.unpack("<f", param.wire_bytes)
@@ -167,7 +167,7 @@ class Receiver:
 
     def _timesync(self, m: Any) -> None:
         if m.tc1 == 0:
-            self._send(mavlink.MAVLink_timesync_message(round(self._world.time_s * 1e9), m.ts1))
+            self._send(mavlink.MAVLink_timesync_message(round(self._world.uptime_s * 1e9), m.ts1))
 
 
 def _yaw(q: Any) -> float:

@@ -23,7 +23,7 @@ class Simulator:
         self.world = World(config, seed)
         self.links = [MavlinkLink(config.mavlink, self.world)]
         if config.gcs.enabled:
-            self.links.append(MavlinkLink(config.gcs, self.world))
+            self.links.append(MavlinkLink(config.gcs, self.world, faulty=False))
         self.qualisys: QualisysServer | None = None
         if with_qualisys:
             faults = MocapFaults(self.world.faults, self.world.fault_rng(), config.qualisys.rate_hz)

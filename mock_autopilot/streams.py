@@ -71,7 +71,7 @@ class Streams:
 
     def due(self, world: World) -> list[m.Message]:
         """Messages whose time has come; a late call sends each once, not a burst."""
-        now_s = world.time_s
+        now_s = world.uptime_s
         out = []
         for id_, due_s in self._due_s.items():
             if now_s < due_s - 1e-6:
@@ -89,7 +89,7 @@ class Streams:
         if id_ == AVAILABLE_MODES:
             return extras.available_modes(world)
         stream = self._streams.get(id_)
-        sample_taken = world.time_s - self._sent_s.get(id_, -1.0) < TICK_S - 1e-6
+        sample_taken = world.uptime_s - self._sent_s.get(id_, -1.0) < TICK_S - 1e-6
         if stream is not None and stream.rate_hz >= FAST_HZ and sample_taken:
             return []
         builder = ON_REQUEST.get(id_) or (stream.build if stream else None)

@@ -5,18 +5,20 @@ Recorded behaviour: docs/px4-conformance.md.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from mock_autopilot import quaternion as quat
 from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.battery import Battery
-from mock_autopilot.commander import Commander, Situation
+from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, Commander, Situation
 from mock_autopilot.estimator import Estimator, Motion
+from mock_autopilot.fault_autopilot import HEALTHY, TIPPING_RADPS2
 from mock_autopilot.land_detector import LandDetector
 from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
-from mock_autopilot.px4 import LandedState, Mode, Position, Result, Severity, SystemStatus, Text
+from mock_autopilot.px4 import AUTO_MAIN_MODE, LandedState, Mode, Position, Result, Severity, SystemStatus, Text
 from mock_autopilot.quaternion import Array
 from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
 from mock_autopilot.vision import VisionSample
@@ -25,7 +27,7 @@ COMMANDER_PERIOD_S = 0.02
 PILOT_PERIOD_S = 0.004
 HOME_KNOWN_S = 2.0
 """After boot (GPS); without GPS one second after the global origin was set."""
-PILOTED = frozenset({Mode.HOLD, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
+PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
 
 
 class Vehicle:
@@ -38,6 +40,8 @@ class Vehicle:
         self.pilot = Pilot(params)
         self.land_detector = LandDetector(params)
         self.battery = Battery(params)
+        self.troubles = HEALTHY
+        self._remote = False
         self.followed = Followed()
         self.home: Position | None = None
         self.now_s = 0.0
@@ -55,7 +59,8 @@ class Vehicle:
 
     def attitude_target(self, target: AttitudeTarget) -> None:
         """SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
-        self.followed = follow(target, self.followed)
+        if not self.troubles.ignores_setpoints:
+            self.followed = follow(target, self.followed)
         self._setpoint_at_s = self.now_s
 
     def see(self, sample: VisionSample) -> None:
@@ -76,6 +81,9 @@ class Vehicle:
 
     def set_mode(self, base_mode: int, main: int, sub: int) -> Result:
         """DO_SET_MODE or SET_MODE, the commander's answer."""
+        wanted = MAIN_MODES.get(main) if main != AUTO_MAIN_MODE else AUTO_SUB_MODES.get(sub)
+        if wanted is not None and self._refuses(wanted):
+            return Result.TEMPORARILY_REJECTED
         return self.commander.set_mode(base_mode, main, sub, self.situation)
 
     def take_off(self, above_sea_m: float = math.nan) -> Result:
@@ -89,6 +97,8 @@ class Vehicle:
 
     def land(self) -> Result:
         """NAV_LAND, here."""
+        if self._refuses(Mode.LAND):
+            return Result.TEMPORARILY_REJECTED
         result = self.commander.choose(Mode.LAND, self.situation)
         if result is Result.ACCEPTED:
             self._say(Severity.INFO, "Landing at current position")
@@ -97,6 +107,18 @@ class Vehicle:
     def return_home(self) -> Result:
         """NAV_RETURN_TO_LAUNCH."""
         return self.commander.choose(Mode.RTL, self.situation)
+
+    def take_over(self) -> None:
+        """A pilot with a remote control flies it from now on, in Position mode."""
+        self._remote = True
+        self.commander.choose(Mode.POSITION, self.situation)
+
+    def _refuses(self, mode: Mode) -> bool:
+        troubles = self.troubles
+        refused = {Mode.OFFBOARD: troubles.refuses_offboard, Mode.LAND: troubles.refuses_land}.get(mode, False)
+        if refused:
+            self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
+        return refused
 
     def _say(self, severity: Severity, text: str) -> None:
         self.commander.texts.append(Text(severity, text + "\t"))
@@ -119,6 +141,7 @@ class Vehicle:
             global_ok=self.estimator.global_ok,
             offboard_ok=self.now_s - self._setpoint_at_s <= loss_s,
             offboard_attitude=self.followed.attitude_control,
+            remote=self._remote,
         )
 
     @property
@@ -160,14 +183,19 @@ class Vehicle:
     @property
     def attitude_estimate_wxyz(self) -> Array:
         """Attitude as reported: the truth, turned by the heading error."""
-        return quat.turned_about_z(self.estimator.yaw_error_rad, self.felt.q_ned_frd_wxyz)
+        turned = quat.turned_about_z(self._yaw_error_rad, self.felt.q_ned_frd_wxyz)
+        return _rolled(turned, self.troubles.tilt_off_rad)
+
+    @property
+    def _yaw_error_rad(self) -> float:
+        return self.estimator.yaw_error_rad + self.troubles.heading_off_rad
 
     @property
     def estimate(self) -> Estimate:
         """Position, velocity and heading as reported."""
         x, y, z = self.estimator.position_m
         vx, vy, vz = self.estimator.velocity_mps
-        yaw = self.felt.motion.yaw_rad + self.estimator.yaw_error_rad
+        yaw = self.felt.motion.yaw_rad + self._yaw_error_rad
         return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok)
 
     @property
@@ -189,6 +217,8 @@ class Vehicle:
 
     def step(self, now_s: float, felt: Felt, dt_s: float) -> Demand:
         """Live for `dt_s` up to `now_s`."""
+        if not self.troubles.running:
+            return self._lifeless(now_s)
         self.now_s, self.felt = now_s, felt
         self.estimator.in_air = self.armed and not self.land_detector.landed
         self.estimator.step(now_s, felt.motion, dt_s)
@@ -200,6 +230,14 @@ class Vehicle:
             self._pilot_due_s = now_s + PILOT_PERIOD_S
             self._fly()
         return self._demand()
+
+    def _lifeless(self, now_s: float) -> Demand:
+        """Without power nothing turns; with power and nobody there the motors keep their last signals."""
+        before = self._answer
+        if not self.troubles.powered:
+            return replace(before, signal=0.0, motors_on=False)
+        tipping = np.array([TIPPING_RADPS2 * (now_s - self.now_s), 0.0, 0.0])
+        return replace(before, rate_sp_frd_radps=self.felt.rate_frd_radps + tipping)
 
     def _command(self) -> None:
         climb_controlled = self.mode is not Mode.OFFBOARD
@@ -256,18 +294,25 @@ class Vehicle:
         offboard = self.mode is Mode.OFFBOARD
         rates = self.followed.rate_frd_radps if offboard else None
         q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
-        return self._demand_of(q_estimated, rates, self.estimator.yaw_error_rad, self.signal, self.armed)
+        roll_rad = self.troubles.motor_roll_rad - self.troubles.tilt_off_rad
+        return self._demand_of(q_estimated, rates, (self._yaw_error_rad, roll_rad), self.signal, self.armed)
 
     def _demand_of(
-        self, q_estimated: Quad, rates: Triple | None, yaw_error_rad: float, signal: float, armed: bool
+        self, q_estimated: Quad, rates: Triple | None, off_rad: tuple[float, float], signal: float, armed: bool
     ) -> Demand:
-        """Setpoints count from the heading the autopilot believes; between two of them nothing is computed anew."""
-        asked = (q_estimated, rates, yaw_error_rad, signal, armed)
+        """Setpoints count from the heading and horizon the autopilot believes; unchanged ones cost nothing."""
+        asked = (q_estimated, rates, off_rad, signal, armed)
         if self._asked != asked:
             self._asked = asked
-            q_true = quat.turned_about_z(-yaw_error_rad, np.array(q_estimated))
+            yaw_error_rad, roll_rad = off_rad
+            q_true = _rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_estimated)), roll_rad)
             self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
         return self._answer
+
+
+def _rolled(q_wxyz: Array, roll_rad: float) -> Array:
+    """Turned about its own x."""
+    return quat.multiply(q_wxyz, quat.from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))) if roll_rad else q_wxyz
 
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

@@ -16,8 +16,10 @@ from mock_autopilot.arms import Arms
 from mock_autopilot.config import ArmsConfig, MockConfig
 from mock_autopilot.disturbance import Disturbance
 from mock_autopilot.estimator import Motion
-from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.faults import Fault, check_fits
+from mock_autopilot.fault_autopilot import troubles_of
+from mock_autopilot.fault_schedule import FaultSchedule, Turn
+from mock_autopilot.fault_servos import bus_fault_of
+from mock_autopilot.faults import Fault, Part, check_fits
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
 from mock_autopilot.servo_rack import ServoRack
@@ -41,6 +43,8 @@ class World:
         self._state = plant.at_rest(self._start, start.start_yaw_rad)
         self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
         self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, start.start_yaw_rad)
+        self._vehicle_rng, self._booted_s, self.boots = vehicle_rng, 0.0, 1
+        self._full_thrust_n = self._params.max_thrust_n
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
         self._steps = 0
         still = Demand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
@@ -56,6 +60,7 @@ class World:
             self._fit_arms(config.arms)
         self.faults = FaultSchedule(config.faults)
         """What goes wrong, and when."""
+        self.faults.observers.append(self._on_turn)
         self.observers: list[Callable[[Truth], None]] = []
         """Called with the truth of every step, in order."""
 
@@ -65,8 +70,13 @@ class World:
 
     @property
     def time_s(self) -> float:
-        """Simulated time since boot."""
+        """Simulated time since the start, when the autopilot booted for the first time."""
         return self._steps * STEP_S
+
+    @property
+    def uptime_s(self) -> float:
+        """The autopilot's own time: since it booted last."""
+        return self.time_s - self._booted_s
 
     @property
     def truth(self) -> Truth:
@@ -96,7 +106,7 @@ class World:
     def _step(self) -> None:
         self._steps += 1
         self._turn_faults()
-        demand = self.vehicle.step(self.time_s, self._felt(), STEP_S)
+        demand = self.vehicle.step(self.uptime_s, self._felt(), STEP_S)
         actuation = self._delayed(demand)
         pushes = [self.external_wrench] + ([self.arms.step(self._state, STEP_S)] if self.arms is not None else [])
         force = self._disturbance.step(self.time_s) + sum(push.force_ned_n for push in pushes)
@@ -115,6 +125,34 @@ class World:
     def _turn_faults(self) -> None:
         vehicle = self.vehicle
         self.faults.step(self.time_s, vehicle.armed, not self._state.on_ground, vehicle.lands)
+
+    def _on_turn(self, turn: Turn) -> None:
+        if turn.fault.part is Part.SERVOS and turn.begins and self.servos is not None:
+            self.servos.inject(bus_fault_of(turn.fault))
+        if turn.fault.part is Part.AUTOPILOT:
+            self._trouble_autopilot()
+            if turn.begins and not turn.fault.lasts_s:
+                self._befall_autopilot(turn.fault)
+
+    def _trouble_autopilot(self) -> None:
+        before, after = self.vehicle.troubles, troubles_of(self.faults.holding(Part.AUTOPILOT))
+        if after.thrust_share != before.thrust_share:
+            self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
+        if before.powered and not after.powered:
+            params, yaw_rad = self.vehicle.params, float(quat.yaw_of(self._state.q_ned_frd_wxyz))
+            self.vehicle = Vehicle(params, self._vehicle_rng, yaw_rad)
+        if after.powered and not before.powered:
+            self._booted_s, self.boots = self.time_s, self.boots + 1
+        self.vehicle.troubles = after
+
+    def _befall_autopilot(self, fault: Fault) -> None:
+        vehicle = self.vehicle
+        if fault.how == "disarms":
+            vehicle.commander.disarm("Disarmed by kill switch")
+        elif fault.how == "pilot takes over":
+            vehicle.take_over()
+        else:
+            vehicle.battery.drop_to(fault.much)
 
     def _delayed(self, demand: Demand) -> Actuation:
         """Transport delay of the setpoints; switching the motors off takes none."""

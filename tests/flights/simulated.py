@@ -11,18 +11,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from pymavlink.dialects.v20 import development as mavlink
 
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
-from companion.control.frames import flip_quat, flip_yz
+from companion.control.frames import flip_yz
 from companion.flight_loop import Devices, FlightLoop
-from companion.ports import AutopilotError, MocapError
+from companion.ports import MocapError
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
-from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
+from companion.types import Array, MocapFrame
 from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.fault_schedule import Turn
 from mock_autopilot.fault_words import parse
@@ -32,12 +31,9 @@ from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
 from tests.dead_man import NoDeadMan
+from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_servos import SimulatedServos
-from tests.mock_autopilot.bench import NO_GPS, Bench, Sent
-
-_MODES = {0x00060000: FlightMode.OFFBOARD, 0x03040000: FlightMode.HOLD, 0x06040000: FlightMode.LAND}
-ARMED_BIT = 128
-ON_GROUND = 1
+from tests.mock_autopilot.bench import NO_GPS, Bench
 
 
 class Room:
@@ -125,96 +121,6 @@ class SimulatedMocap:
         return fresh
 
 
-class SimulatedAutopilot:
-    """ports.Autopilot: MAVLink messages straight into the mock's receiver and out of its sender."""
-
-    def __init__(self, room: Room) -> None:
-        self._bench = room.bench
-        self.setpoints: list[tuple[float, AttitudeThrust]] = []
-        self._beat: Sent | None = None
-        self._heard: Sent | None = None
-        self._in_air = False
-        self.land_calls = 0
-        self.deaf_to_land = 0
-        """So many land commands are lost."""
-        self._read = 0
-
-    def send_setpoint(self, setpoint: AttitudeThrust) -> None:
-        self.setpoints.append((self._bench.now_s, setpoint))
-        q = flip_quat(setpoint.q_w_flu_wxyz).tolist()
-        self._bench.target(float(setpoint.thrust), tuple(q))
-        self._bench.hear(self._bench.setpoint)
-
-    def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
-        x, y, z = flip_yz(position_w_m).tolist()
-        w, i, j, k = flip_quat(q_w_flu_wxyz).tolist()
-        roll, pitch = np.arctan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)), np.arcsin(2 * (w * j - k * i))
-        yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
-        self._bench.hear(mavlink.MAVLink_vision_position_estimate_message(0, x, y, z, roll, pitch, yaw, [np.nan] * 21))
-
-    def status(self) -> AutopilotStatus:
-        """As the last HEARTBEAT showed it: up to a second old, as over the real link."""
-        for sent in self._bench.sent[self._read :]:
-            if sent.type == "HEARTBEAT":
-                self._beat = sent
-            if sent.type == "EXTENDED_SYS_STATE":
-                self._in_air = sent.message.landed_state != ON_GROUND
-            if sent.type == "ATTITUDE_QUATERNION":
-                self._heard = sent
-        self._read = len(self._bench.sent)
-        level = np.array([1.0, 0.0, 0.0, 0.0])
-        if self._beat is None:
-            return AutopilotStatus(False, 0.0, False, FlightMode.OTHER, False, 1.0, 16.0, level, "")
-        beat = self._beat
-        armed = bool(beat.message.base_mode & ARMED_BIT)
-        mode = _MODES.get(beat.message.custom_mode, FlightMode.OTHER)
-        if mode is not FlightMode.OFFBOARD:
-            self._bench.setpoint = None  # MAVSDK stops its stream when a HEARTBEAT shows another mode
-        heard = self._heard.message if self._heard is not None else None
-        heard_s = self._heard.time_s if self._heard is not None else -math.inf
-        q = level if heard is None else flip_quat(np.array([heard.q1, heard.q2, heard.q3, heard.q4]))
-        boot_s = math.nan if heard is None else heard.time_boot_ms * 1e-3
-        return AutopilotStatus(True, beat.time_s, armed, mode, self._in_air, 1.0, 16.0, q, "", heard_s, boot_s)
-
-    def stop_stream(self) -> None:
-        self._bench.setpoint = None
-
-    async def start_offboard(self) -> None:
-        self.command(176, 1.0, 6.0, 0.0)
-
-    async def arm(self) -> None:
-        self.command(400, 1.0)
-
-    async def disarm(self) -> None:
-        """Ask again every half second for 5 s, as the real adapter does."""
-        for _ in range(10):
-            self.command(400, 0.0)
-            await self._pass_time(0.5)
-            if not self._bench.world.vehicle.armed:
-                return
-        raise AutopilotError("still armed")
-
-    async def _pass_time(self, for_s: float) -> None:
-        end_s = self._bench.now_s + for_s
-        while self._bench.now_s < end_s:  # noqa: ASYNC110 - simulated time, no event tells of it
-            await asyncio.sleep(0)
-
-    async def land(self) -> None:
-        self.land_calls += 1
-        if self.deaf_to_land:
-            self.deaf_to_land -= 1
-            raise AutopilotError("the autopilot did not answer the command to land")
-        self.command(21)
-
-    async def kill(self) -> None:
-        self.command(400, 0.0, 21196.0)
-
-    def command(self, command: int, *params: float) -> None:
-        """One COMMAND_LONG, unused parameters NaN as MAVSDK sends them."""
-        filled = [*params, *[np.nan] * (7 - len(params))]
-        self._bench.hear(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
-
-
 async def _time_goes_on(room: Room, cameras: SimulatedMocap) -> None:
     """Once nobody waits for frames any more, time passes by itself."""
     while True:
@@ -294,7 +200,7 @@ async def fly(
         if room.now_s() > raise_in_sink_at_s:
             raise BrokenPipeError("nobody reads this any more")
 
-    autopilot = SimulatedAutopilot(room)
+    autopilot = SimulatedAutopilot(room.bench)
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None else None
     cameras = SimulatedMocap(room, every_tick)

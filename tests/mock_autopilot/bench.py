@@ -55,8 +55,11 @@ class OfflineLink(MavlinkLink):
     def codec(self) -> Any:
         return self._codec
 
-    def send(self, message: Any) -> None:
-        self.sent.append(Sent(self._clock.time_s, message))
+    def _packed(self, message: Any) -> Any:
+        return message
+
+    def _transmit(self, frame: Any) -> None:
+        self.sent.append(Sent(self._clock.time_s, frame))
 
 
 class Bench:

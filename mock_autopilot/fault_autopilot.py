@@ -1,0 +1,54 @@
+"""What is wrong with the autopilot itself while its faults hold; pure."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mock_autopilot.fault_schedule import Held
+from mock_autopilot.faults import Kind
+
+TIPPING_RADPS2 = 0.5
+"""Four motors at fixed signals are never quite equal: so fast it begins to roll when nobody balances it."""
+
+
+@dataclass(frozen=True)
+class Troubles:
+    """Healthy unless said otherwise."""
+
+    powered: bool = True
+    hung: bool = False
+    refuses_offboard: bool = False
+    refuses_land: bool = False
+    ignores_setpoints: bool = False
+    tilt_off_rad: float = 0.0
+    """Its horizon is rolled by this against the true one, and it flies by it."""
+    heading_off_rad: float = 0.0
+    """What it believes of its heading, less the truth, whatever vision says."""
+    motor_roll_rad: float = 0.0
+    """How far it rolls from the attitude it wants."""
+    thrust_share: float = 1.0
+    """Of the thrust that the motors would give."""
+
+    @property
+    def running(self) -> bool:
+        """It hears, speaks and flies."""
+        return self.powered and not self.hung
+
+
+HEALTHY = Troubles()
+
+
+def troubles_of(held: Sequence[Held]) -> Troubles:
+    """All of the autopilot's faults that are there, together."""
+    ways = {(one.fault.kind, one.fault.how) for one in held}
+    much = {one.fault.how: one.fault.much for one in held}
+    return Troubles(
+        powered=(Kind.OFF, "") not in ways and "reboot" not in much,
+        hung=(Kind.STUCK, "") in ways,
+        refuses_offboard="refuses offboard" in much,
+        refuses_land="refuses to land" in much,
+        ignores_setpoints="ignores setpoints" in much,
+        tilt_off_rad=much.get("attitude off", 0.0),
+        heading_off_rad=much.get("heading off", 0.0),
+        motor_roll_rad=much.get("motor", 0.0),
+        thrust_share=much.get("weak", 1.0),
+    )
