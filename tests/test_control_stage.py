@@ -10,10 +10,15 @@ import pytest
 from companion.config_controller import load_controller
 from companion.control.attitude import ThrustModel
 from companion.control.controller import ControlInput, ControlOutput, VehicleModel
-from companion.control.frames import quat_from_rotation_vector
+from companion.control.fence import Fence
+from companion.control.frames import flip_quat, flip_yz, quat_from_rotation_vector
+from companion.control.guard import Guard
 from companion.control.limits import Limits
+from companion.control.reference import Ellipse, LapTiming, MinimumJerk, Trajectory
 from companion.control_stage import YAW_STEP_RAD, ControlStage, changed, idle_setpoint, same_setpoint
 from companion.types import Array, AttitudeThrust, Reference, VehicleState
+from mock_autopilot import plant, plant_one
+from mock_autopilot.plant import Actuation, PlantParams
 
 LIMITS = Limits()
 DT_S = 0.01
@@ -256,3 +261,88 @@ def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_h
     setpoint = stage.fly(batch, 0.01, reference(turned), DT_S).gated.setpoint
     np.testing.assert_allclose(setpoint.thrust, [0.525, 0.5, 0.525])
     np.testing.assert_allclose(2.0 * np.arctan2(setpoint.q_w_flu_wxyz[:, 3], setpoint.q_w_flu_wxyz[:, 0]), yaw_rad)
+
+
+# --- with a guard ---
+
+FENCE = Fence((-4.5, -4.5), (4.5, 4.5, 3.5))
+GUARD = Guard(LIMITS, ThrustModel(), FENCE, coast_s=0.05, degraded_s=0.10)
+
+
+def guarded(law: Script) -> ControlStage:
+    stage = ControlStage(law, ThrustModel(), LIMITS, guard=GUARD)
+    stage.sent = idle_setpoint(0.0, 0.5)
+    return stage
+
+
+def test_the_guard_has_the_last_word_on_the_state_and_its_age() -> None:
+    law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
+    wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
+    assert pitch_of(guarded(law).fly(VEHICLE, 0.01, reference(), DT_S).gated.setpoint) == pytest.approx(0.06)
+    gated = guarded(law).fly(wall, 0.01, reference(), DT_S).gated
+    assert gated.fence_cut
+    assert pitch_of(gated.setpoint) == pytest.approx(-0.06)
+    gated = guarded(law).fly(VEHICLE, 0.2, reference(), DT_S).gated
+    assert gated.age_cut
+    assert float(gated.setpoint.thrust) == pytest.approx(0.485)
+    assert pitch_of(stage_of(law).fly(wall, 0.2, reference(), DT_S).gated.setpoint) == pytest.approx(0.06), (
+        "without one"
+    )
+
+
+def test_the_law_is_told_what_the_guard_made_of_it() -> None:
+    law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
+    stage = guarded(law)
+    law.seen.clear()
+    wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
+    for _ in range(2):
+        stage.sent = stage.fly(wall, 0.01, reference(), DT_S).gated.setpoint
+    # leaning back by 0.06 rad after 10 ms, the thrust from 0.5 to 0.55: see above
+    assert law.seen[1].sent_accel_w_mps2[0] == pytest.approx(-1.1 * 9.8 * math.sin(0.06))
+
+
+def test_level_is_level_even_without_a_heading() -> None:
+    assert same_setpoint(guarded(Script()).level(0.4, 0.48), stage_of(Script()).level(0.4, 0.48))
+    for yaw_rad, thrust in ((math.nan, 0.48), (0.0, math.nan)):
+        level = guarded(Script()).level(yaw_rad, thrust)
+        np.testing.assert_allclose(level.q_w_flu_wxyz, LEVEL)
+        assert float(level.thrust) == pytest.approx(0.485)
+
+
+LEGAL: list[tuple[str, Trajectory]] = [
+    (
+        "to both walls of the room at up to 2 m/s",
+        Ellipse(np.array([0.0, 0.0, 1.5]), (4.0, 4.0), LapTiming(12.6, 1, 4.0)),
+    ),
+    (
+        "along the fence, 0.3 m from it, at up to 2 m/s",
+        MinimumJerk(np.array([4.2, -3.2, 1.5]), np.array([4.2, 3.2, 1.5]), 6.0),
+    ),
+    ("up to the top of the room", MinimumJerk(np.array([4.0, 0.0, 0.5]), np.array([-4.0, 0.0, 3.0]), 7.6)),
+]
+
+
+@pytest.mark.parametrize("name", ["practical", "pid"])
+@pytest.mark.parametrize("trajectory", [t for _, t in LEGAL], ids=[words for words, _ in LEGAL])
+def test_a_legal_flight_is_the_same_to_the_last_bit_with_and_without_guard(name: str, trajectory: Trajectory) -> None:
+    law = load_controller(name, VehicleModel(), DT_S).law
+    stage = ControlStage(law, ThrustModel(), LIMITS, guard=GUARD)
+    bare = ControlStage(load_controller(name, VehicleModel(), DT_S).law, ThrustModel(), LIMITS)
+    bare.sent = stage.sent = idle_setpoint(0.0, 0.5)
+    state = plant.at_rest(flip_yz(trajectory.at(0.0).position_w_m))
+    state = replace(state, thrust_n=np.array(PlantParams().mass_kg * 9.8), on_ground=np.array(False))
+    sent, nothing, largest_m = [stage.sent] * 4, plant.no_wrench(), 0.0
+    for n in range(round(trajectory.duration_s / DT_S)):
+        place, velocity = flip_yz(state.position_ned_m), flip_yz(state.velocity_ned_mps)
+        rate, q = flip_yz(state.rate_frd_radps), flip_quat(state.q_ned_frd_wxyz)
+        vehicle = VehicleState(0.0, place, velocity, q, rate)
+        ahead = trajectory.at(n * DT_S + stage.preview_s)
+        setpoints = [one.fly(vehicle, 0.01, ahead, DT_S).gated.setpoint for one in (stage, bare)]
+        assert same_setpoint(*setpoints), f"at {n * DT_S:.2f} s"
+        stage.sent, bare.sent = setpoints
+        sent = [*sent[1:], setpoints[0]]
+        asked = Actuation(flip_quat(sent[0].q_w_flu_wxyz), sent[0].thrust)
+        for _ in range(2):
+            state = plant_one.step(state, asked, nothing, PlantParams(), 0.5 * DT_S)
+        largest_m = max(largest_m, float(np.linalg.norm(place - trajectory.at(n * DT_S).position_w_m)))
+    assert largest_m < (0.2 if name == "practical" else 1.0), "and it was flown"
