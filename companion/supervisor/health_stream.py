@@ -123,7 +123,7 @@ def _counted_on(clock: StampClock, seen: Seen, rules: SafetyRules) -> bool:
     """Whether the stamp went on with the frame number: then it is the arrival that was early or late."""
     frames = seen.frame - clock.frame
     off_s = seen.stamp_s - clock.stamp_s - frames * clock.period_s
-    return frames > 0 and not abs(off_s) > rules.clock_jump_s
+    return frames > 0 and abs(off_s) <= rules.clock_jump_s
 
 
 def _of_delay(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Event]:

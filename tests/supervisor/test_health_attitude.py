@@ -148,7 +148,8 @@ def test_both_axes_answer_alike() -> None:
 
 def test_it_begins_as_the_vehicle_is_and_at_rest() -> None:
     first, *_, last = answers(lambda _: 0.0, [5.0 + k * 0.01 for k in range(300)], start=0.25)
-    assert (first.x, first.x_rate, first.y, first.y_rate) == (pytest.approx(math.sin(0.25)), 0.0, 0.0, 0.0)
+    assert first.x == pytest.approx(math.sin(0.25))
+    assert (first.x_rate, first.y, first.y_rate) == (0.0, 0.0, 0.0)
     assert last.x == pytest.approx(0.0, abs=1e-6)
 
 
