@@ -11,13 +11,12 @@ from companion.arm_stage import ArmStage
 from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.frames import yaw_of
 from companion.control.guard import Guard
 from companion.control.limits import Gated
 from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
 from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
-from companion.health_stage import UNTRUSTED, Cycle, HealthStage, Sides
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.health_stage import UNTRUSTED, Cycle, HealthStage, Sides, facts_of
 from companion.ports import ArmBus, Autopilot, Clock, CompanionError, DeadMan, MocapSource
 from companion.supervisor import phases
 from companion.supervisor.faults import Event, Reaction
@@ -36,6 +35,7 @@ from companion.supervisor.flight import (
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
 from companion.types import FlightMode
+from companion.vision_stage import VisionStage
 
 LOG = logging.getLogger(__name__)
 
@@ -44,7 +44,6 @@ _SINKING = 0.97
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
 _NOTHING = np.zeros(3)
-_USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 
 @dataclass(frozen=True)
@@ -76,9 +75,7 @@ class FlightLoop:
         self.arms = self._arm_stage(devices.arms, config)
         """The arms' part; None for a vehicle without."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
-        self._vision_period_s = 1.0 / config.px4.vision_rate_hz if config.px4.vision_rate_hz > 0.0 else math.inf
-        self._vision_due_s = 0.0
-        self._vision_trusted = True
+        self._vision = VisionStage(devices.autopilot, config.px4.vision_rate_hz, self._period_s)
         self._estimate = EstimatorState()
         self._frame_number: int | None = None
         self._flight = Flight()
@@ -191,7 +188,7 @@ class FlightLoop:
         sent_s = self._send(gated)
         self._keep_or_end_stream()
         late_signals = self._stage.settle()
-        self._forward_vision(now_s, frame_received_s)
+        self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
         self._last_tick_s = now_s
         self._tell(
             Tick(
@@ -237,7 +234,7 @@ class FlightLoop:
         )
         events = self._health.look(cycle, self._flight)
         if events and self._flight.airborne and any(event.fault in UNTRUSTED for event in events):
-            self._vision_trusted = False
+            self._vision.trusted = False
         return events
 
     def _age_s(self, now_s: float) -> float:
@@ -245,18 +242,7 @@ class FlightLoop:
         return math.inf if vehicle is None else now_s - vehicle.time_s
 
     def _facts(self, now_s: float) -> Facts:
-        status, vehicle, events = self._autopilot.status(), self._estimate.vehicle, self._health.events
-        if vehicle is None:
-            nowhere = np.full(3, np.nan)
-            return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *self._of_the_arms(), events)
-        yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
-        position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
-        return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *self._of_the_arms(), events)
-
-    def _of_the_arms(self) -> tuple[bool, str, str]:
-        """Whether they are stowed, what is wrong with them, and why they cannot be stowed."""
-        arms = self.arms
-        return (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
+        return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._health.events)
 
     def _control_or_fail(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
         """A law that raises, or goes on giving what is no number, has lost the vehicle; the loop and vision go on."""
@@ -266,6 +252,8 @@ class FlightLoop:
             LOG.exception("the control law failed")
             self._law_fault = f"the control law failed: {type(error).__name__}: {error}"
             return None, None
+        if gated is not None and gated.failure:
+            self._law_fault = f"the guard failed: {gated.failure}"
         bad = gated is not None and bool(gated.not_finite.any())
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._safety.not_finite_cycles:
@@ -311,15 +299,6 @@ class FlightLoop:
         self._stage.sent, self._streaming = gated.setpoint, True
         return self._clock.now_s()
 
-    def _forward_vision(self, now_s: float, frame_received_s: float) -> None:
-        """Every so often a new pose goes to the autopilot's own estimator, after the setpoint."""
-        vehicle = self._estimate.vehicle
-        fresh = math.isfinite(frame_received_s) and self._estimate.verdict in _USED and self._vision_trusted
-        if vehicle is None or not fresh or now_s < self._vision_due_s - 0.5 * self._period_s:
-            return
-        self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
-        self._autopilot.send_vision(vehicle.position_w_m, vehicle.q_w_flu_wxyz)
-
     def _keep_or_end_stream(self) -> None:
         """Setpoints leave only while we fly, or until PX4 has begun to land; without them the dead man may rest."""
         flight, offboard = self._flight, self._autopilot.status().mode is FlightMode.OFFBOARD
@@ -345,7 +324,7 @@ class FlightLoop:
         if flight.phase is not before.phase and flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
             thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
             self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad, thrust), False
-            self._vision_trusted, self._law_fault = True, ""
+            self._vision.trusted, self._law_fault = True, ""
         if flight.airborne and not before.airborne:
             self._stage.forget()  # what was integrated on the ground would be of the ground
         if flight.action is not None and flight is not before:

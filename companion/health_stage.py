@@ -5,17 +5,21 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
+from companion.arm_stage import ArmStage
 from companion.control.fence import Fence
+from companion.control.frames import yaw_of
 from companion.estimation.estimator import EstimatorState
 from companion.ports import OperatorLink
 from companion.supervisor import health
 from companion.supervisor.faults import Event, Fault, Reaction, reaction_to
-from companion.supervisor.flight import COMMANDED, STREAMING, Flight, Phase
+from companion.supervisor.flight import COMMANDED, STREAMING, Facts, Flight, Phase
 from companion.supervisor.health import Health
 from companion.supervisor.observed import Observed, Seen
 from companion.supervisor.phases import reference_at
 from companion.supervisor.safety import SafetyRules
-from companion.types import AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame
+from companion.types import AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame, VehicleState
 
 LOG = logging.getLogger(__name__)
 
@@ -104,6 +108,23 @@ def _seen(cycle: Cycle) -> Seen:
     if frame is None:
         return Seen(age_s, None, -1, math.nan, math.nan, vehicle)
     return Seen(age_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle)
+
+
+def facts_of(
+    now_s: float,
+    vehicle: VehicleState | None,
+    status: AutopilotStatus,
+    arms: ArmStage | None,
+    events: tuple[Event, ...],
+) -> Facts:
+    """What the phase machine goes by; nowhere, as NaN, before the first pose."""
+    of_arms = (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
+    if vehicle is None:
+        nowhere = np.full(3, np.nan)
+        return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *of_arms, events)
+    yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
+    position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
+    return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *of_arms, events)
 
 
 UNTRUSTED = frozenset({
