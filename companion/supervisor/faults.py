@@ -197,7 +197,7 @@ TABLE: tuple[Row, ...] = (
         "whatever else is right, nobody computes where to tilt",
         _PX4, _PX4, _STOP),
     Row(Fault.LOOP_LATE, "control cycles on average later than {loop_late_s} s over a second",
-        "computer overloaded; one late cycle is bridged, the dead man ends a stop of {dead_man_s} s",
+        "computer overloaded; one late cycle is bridged, a stop is ended by the dead man",
         _LAND, _NOTE, _STOP),
     Row(Fault.AUTOPILOT_SILENT, "nothing heard from the autopilot for {autopilot_silent_s} s",
         "PX4 does not hear us either and starts its own failsafe; a stream that comes back would take it over again",

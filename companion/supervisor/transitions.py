@@ -125,8 +125,6 @@ def stop(flight: Flight, facts: Facts) -> Flight:
     ours = facts.armed and facts.mode is FlightMode.OFFBOARD
     if flight.phase is Phase.PREFLIGHT and not ours:
         return over(flight, facts)
-    if flight.touched_down:
-        return flight  # it is being disarmed
     return enter(flight, Phase.LAND, facts, touched_down=True)
 
 

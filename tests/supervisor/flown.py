@@ -1,5 +1,6 @@
 """Flights brought into every state of the phase machine, by the machine itself, and the facts that go with them."""
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -181,6 +182,15 @@ def usual(state: str, later_s: float = DT_S) -> Facts:
         return replace(seen, armed=False, mode=FlightMode.POSITION)
     theirs = flight.phase is Phase.RESUME or state in {"handed over", "let go"}
     return replace(seen, mode=FlightMode.POSITION) if theirs else seen
+
+
+def bits(value: object) -> object:
+    """For comparing bit for bit: a Flight holds arrays, which have no truth value."""
+    if dataclasses.is_dataclass(value):
+        return type(value), [bits(getattr(value, field.name)) for field in dataclasses.fields(value)]
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    return [bits(one) for one in value] if isinstance(value, tuple) else value
 
 
 def end_of(flight: Flight) -> tuple[Phase, Action | None]:

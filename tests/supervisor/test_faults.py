@@ -1,0 +1,337 @@
+"""The table of faults, and that the machine carries it out: every state of a flight against every fault."""
+
+import dataclasses
+import itertools
+import re
+import string
+
+import pytest
+
+from companion.supervisor.faults import ROWS, TABLE, Fault, Reaction, Row, Stage, reaction_to
+from companion.supervisor.flight import STREAMING, Action, Flight, Phase
+from companion.supervisor.phases import advance, strongest
+from companion.supervisor.safety import SafetyRules
+from companion.types import FlightMode
+from tests.supervisor.flown import (
+    DT_S,
+    IN_THE_AIR,
+    ON_THE_GROUND,
+    RULES,
+    STATES,
+    bits,
+    end_of,
+    event,
+    facts,
+    usual,
+    with_faults,
+)
+
+EVERY_FAULT = pytest.mark.parametrize("fault", list(Fault))
+EVERY_STATE = pytest.mark.parametrize("state", STATES)
+NUMBERS = {field.name: getattr(SafetyRules(), field.name) for field in dataclasses.fields(SafetyRules)}
+
+# --- the table ---
+
+
+def test_every_fault_has_exactly_one_row() -> None:
+    assert [row.fault for row in TABLE] == list(Fault), "in the order of the list, too"
+    assert list(ROWS.values()) == list(TABLE)
+    assert all(ROWS[fault].fault is fault for fault in Fault)
+
+
+@pytest.mark.parametrize("row", TABLE, ids=lambda row: row.fault)
+def test_the_words_of_a_row_can_be_printed(row: Row) -> None:
+    names = {name for _, name, _, _ in string.Formatter().parse(row.sign) if name is not None}
+    assert names <= set(NUMBERS), "keys of SafetyRules"
+    sign = row.sign.format(**NUMBERS)
+    for words in (str(row.fault), sign, row.why):
+        assert words == words.strip()
+        assert len(words) > 3
+        assert not words.endswith((".", ",", ";")), words
+        assert not re.search(r"[{}]|  |\bnan\b|\binf\b", words), words
+    assert row.why[0].islower() or row.why.startswith(("MAVSDK", "PX4")), row.why
+    assert not re.search(r"\{", row.why), "numbers stand in the sign"
+
+
+def test_every_number_of_the_safety_rules_is_explained_by_a_row() -> None:
+    named = {name for row in TABLE for _, name, _, _ in string.Formatter().parse(row.sign) if name}
+    used_inside = {"follow_radps", "follow_damping"}
+    assert set(NUMBERS) - used_inside <= named
+
+
+def test_the_words_of_the_reactions() -> None:
+    words = ["note", "stop", "hold", "land", "PX4 lands", "let go", "terminate"]
+    assert [reaction.words for reaction in Reaction] == words
+    assert [int(reaction) for reaction in sorted(Reaction)] == list(range(7))
+    for left, right in itertools.pairwise(("NOTE", "STOP", "HOLD", "LAND", "AUTOPILOT_LAND", "LET_GO", "TERMINATE")):
+        assert Reaction[left] < Reaction[right]
+
+
+def test_the_table_answers_by_stage() -> None:
+    for row in TABLE:
+        assert {stage: reaction_to(row.fault, stage) for stage in Stage} == {
+            Stage.GROUND: row.ground,
+            Stage.FLYING: row.flying,
+            Stage.LANDING: row.landing,
+            Stage.HANDED_OVER: row.handed_over,
+        }
+    assert [str(stage) for stage in Stage] == ["ground", "flying", "landing", "handed over"]
+
+
+@EVERY_FAULT
+def test_reactions_are_sane(fault: Fault) -> None:
+    row = ROWS[fault]
+    ends = {Reaction.AUTOPILOT_LAND, Reaction.LET_GO, Reaction.TERMINATE}
+    assert row.flying is not Reaction.STOP, "motors do not stop in the air, unless they are killed"
+    assert row.landing in {Reaction.NOTE, *ends}, "a landing is not held up, nor begun anew"
+    assert row.landing == (row.flying if row.flying in ends else Reaction.NOTE), "what ends a flight ends a landing"
+    assert row.ground in {Reaction.NOTE, Reaction.STOP, Reaction.LET_GO, Reaction.TERMINATE}, "nobody lands there"
+    assert row.handed_over in {Reaction.NOTE, Reaction.LET_GO, Reaction.TERMINATE}, "somebody else flies it"
+    if row.flying > Reaction.HOLD:
+        never_there = {
+            Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.THRUST_SATURATED, Fault.LANDING_TOO_LONG,
+            Fault.HOLD_TOO_LONG, Fault.AUTOPILOT_DISARMED,
+        }  # fmt: skip
+        assert row.ground > Reaction.NOTE or fault in never_there, "who would not fly on does not take off"
+
+
+TERMINATING = {Fault.KILL, Fault.ROOM_LEFT}
+LETTING_GO = {
+    Fault.AUTOPILOT_SILENT, Fault.AUTOPILOT_REBOOTED, Fault.AUTOPILOT_DISARMED, Fault.MODE_CHANGED, Fault.LOOP_STOPPED,
+}  # fmt: skip
+BLIND = {
+    Fault.MOCAP_SILENT, Fault.MOCAP_FROZEN, Fault.MOCAP_NAN, Fault.MOCAP_INVALID, Fault.MOCAP_OUTLIERS,
+    Fault.MOCAP_JUMPED, Fault.MOCAP_CLOCK_JUMP, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
+}  # fmt: skip
+
+
+def test_motors_stop_in_the_air_for_kill_and_the_net_only() -> None:
+    assert {row.fault for row in TABLE if row.flying is Reaction.TERMINATE} == TERMINATING
+    assert {row.fault for row in TABLE if row.handed_over is Reaction.TERMINATE} == TERMINATING
+    assert {row.fault for row in TABLE if row.ground is Reaction.TERMINATE} == {Fault.KILL}
+    kill = ROWS[Fault.KILL]
+    assert {kill.flying, kill.landing, kill.ground, kill.handed_over} == {Reaction.TERMINATE}, "in every phase"
+
+
+def test_who_loses_the_autopilot_lets_go_and_who_loses_sight_has_px4_land() -> None:
+    """The estimate is PX4's in the second case; in the first it, or a pilot, has the vehicle already."""
+    assert {row.fault for row in TABLE if row.flying is Reaction.LET_GO} == LETTING_GO
+    px4 = {row.fault for row in TABLE if row.flying is Reaction.AUTOPILOT_LAND}
+    assert px4 >= BLIND
+    assert px4 - BLIND == {
+        Fault.SETPOINT_NOT_FOLLOWED, Fault.TRACKING_LOST, Fault.FENCE_LEFT, Fault.LAW_FAILED, Fault.BATTERY_CRITICAL,
+        Fault.LANDING_TOO_LONG,
+    }  # fmt: skip
+
+
+def test_a_stream_to_an_autopilot_that_is_gone_or_somebody_elses_ends_in_every_stage() -> None:
+    """PX4 takes OFFBOARD up again by itself when setpoints come back."""
+    silent = ROWS[Fault.AUTOPILOT_SILENT]
+    assert {silent.flying, silent.landing, silent.ground, silent.handed_over} == {Reaction.LET_GO}
+    changed = ROWS[Fault.MODE_CHANGED]
+    assert {changed.flying, changed.landing, changed.ground} == {Reaction.LET_GO}
+    assert ROWS[Fault.LAND_REFUSED].handed_over is Reaction.LET_GO
+
+
+@pytest.mark.parametrize(
+    ("fault", "flying"),
+    [
+        (Fault.MOCAP_LATE, Reaction.NOTE),
+        (Fault.MOCAP_DEGRADED, Reaction.NOTE),
+        (Fault.LAND_REFUSED, Reaction.NOTE),
+        (Fault.OPERATOR_GONE, Reaction.NOTE),
+        (Fault.DISK_FULL, Reaction.NOTE),
+        (Fault.OFFBOARD_REFUSED, Reaction.NOTE),
+        (Fault.SERVICE_TWICE, Reaction.NOTE),
+        (Fault.FENCE_NEAR, Reaction.HOLD),
+        (Fault.MOCAP_SLOW, Reaction.LAND),
+        (Fault.MOCAP_DELAYED, Reaction.LAND),
+        (Fault.MOCAP_OUT_OF_ORDER, Reaction.LAND),
+        (Fault.TRACKING_ERROR, Reaction.LAND),
+        (Fault.THRUST_SATURATED, Reaction.LAND),
+        (Fault.LOOP_LATE, Reaction.LAND),
+        (Fault.BATTERY_LOW, Reaction.LAND),
+        (Fault.ARMS, Reaction.LAND),
+        (Fault.HOLD_TOO_LONG, Reaction.LAND),
+        (Fault.ABORT, Reaction.LAND),
+    ],
+)
+def test_what_is_not_that_bad(fault: Fault, flying: Reaction) -> None:
+    assert ROWS[fault].flying is flying
+
+
+def test_what_does_not_hinder_a_take_off() -> None:
+    """All else ends the preparation."""
+    assert {row.fault for row in TABLE if row.ground is Reaction.NOTE} == {
+        Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.FENCE_NEAR,
+        Fault.THRUST_SATURATED, Fault.AUTOPILOT_DISARMED, Fault.LAND_REFUSED, Fault.LANDING_TOO_LONG,
+        Fault.HOLD_TOO_LONG,
+    }  # fmt: skip
+
+
+# --- and the machine ---
+
+CARRIED_OUT: dict[Reaction, tuple[Phase, Action | None]] = {
+    Reaction.STOP: (Phase.LAND, None),
+    Reaction.HOLD: (Phase.HOLD, None),
+    Reaction.LAND: (Phase.LAND, None),
+    Reaction.AUTOPILOT_LAND: (Phase.HANDED_OVER, Action.AUTOPILOT_LAND),
+    Reaction.LET_GO: (Phase.HANDED_OVER, None),
+    Reaction.TERMINATE: (Phase.TERMINATED, Action.KILL),
+}
+"""With folded arms and an armed vehicle."""
+
+
+def stage_of(state: str) -> Stage:
+    """By the name of the state, not by the machine."""
+    if state in {"handed over", "let go", "terminated"}:
+        return Stage.HANDED_OVER
+    if state in {"stowing", "descending", "landing by a fault"}:
+        return Stage.LANDING
+    return Stage.FLYING if state in {*IN_THE_AIR, "resuming"} else Stage.GROUND
+
+
+def expected(state: str, flight: Flight, reaction: Reaction) -> tuple[Phase, Action | None] | None:
+    """Where it leads; None: as if nothing were wrong."""
+    if flight.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} or reaction <= flight.level:
+        return None
+    if reaction is Reaction.STOP and state in {"touched down", "stopping"}:
+        return None
+    if state == "preflight" and reaction in {Reaction.STOP, Reaction.LET_GO}:
+        return Phase.DISARMED, None
+    if state == "resuming" and reaction is not Reaction.TERMINATE:
+        return CARRIED_OUT[Reaction.LET_GO]
+    return CARRIED_OUT[reaction]
+
+
+@EVERY_STATE
+def test_the_reaction_carried_out_is_the_tables(state: str) -> None:
+    flight, seen = STATES[state][0], usual(state)
+    for fault in Fault:
+        reaction = ROWS[fault].reaction(stage_of(state))
+        after = advance(flight, with_faults(seen, fault), RULES)
+        outcome = expected(state, flight, reaction)
+        if outcome is None:
+            assert bits(after) == bits(advance(flight, seen, RULES)), f"{fault}: nothing of it changes"
+            continue
+        assert end_of(after) == outcome, fault
+        assert (after.cause, after.since_s) == (fault, seen.time_s)
+        assert after.level == (Reaction.LET_GO if state == "resuming" and reaction < Reaction.LET_GO else reaction)
+        assert after.reason == (f"{flight.reason}; then {fault} it is" if flight.reason else f"{fault} it is")
+        assert after.airborne == (reaction in {Reaction.HOLD, Reaction.LAND} and state != "resuming")
+        if after.phase is Phase.LAND:
+            assert after.touched_down == (reaction is Reaction.STOP)
+
+
+@EVERY_STATE
+def test_no_second_fault_weakens_what_the_first_began_nor_does_the_first_begin_again(state: str) -> None:
+    for first, second in itertools.product(Fault, Fault):
+        begun = advance(STATES[state][0], with_faults(usual(state), first), RULES)
+        after = advance(begun, with_faults(usual(state, 2 * DT_S), second), RULES)
+        assert after.level >= begun.level
+        if first is second:
+            assert (after.level, after.reason, after.action) == (begun.level, begun.reason, None)
+        if begun.phase not in STREAMING:
+            assert after.phase not in STREAMING
+        if begun.phase in {Phase.STOW, Phase.LAND}:
+            assert after.phase not in {Phase.HOLD, Phase.TRACK, Phase.TAKEOFF}
+
+
+@EVERY_STATE
+def test_of_two_the_stronger_is_taken_and_the_first_of_equals(state: str) -> None:
+    flight, seen = STATES[state][0], usual(state)
+    alone = {fault: bits(advance(flight, with_faults(seen, fault), RULES)) for fault in Fault}
+    for one, other in itertools.combinations(Fault, 2):
+        strong = max((one, other), key=lambda fault: ROWS[fault].reaction(stage_of(state)))
+        assert bits(advance(flight, with_faults(seen, one, other), RULES)) == alone[strong], (one, other)
+
+
+def test_the_strongest_is_told_with_its_words() -> None:
+    hovering = STATES["hovering"][0]
+    assert strongest(hovering, usual("hovering"), RULES) == (None, Reaction.NOTE)
+    weak, strong = event(Fault.MOCAP_LATE), event(Fault.FENCE_NEAR, "0.10 m inside the fence")
+    seen = dataclasses.replace(usual("hovering"), events=(weak, strong))
+    assert strongest(hovering, seen, RULES) == (strong, Reaction.HOLD)
+    noted = dataclasses.replace(seen, events=(weak,))
+    assert strongest(hovering, noted, RULES) == (None, Reaction.NOTE)
+
+
+# --- the worst moments ---
+
+
+@pytest.mark.parametrize("fault", sorted({row.fault for row in TABLE if row.ground <= Reaction.STOP}))
+def test_whatever_ends_a_preparation_does_not_keep_a_landed_vehicle_from_being_disarmed(fault: Fault) -> None:
+    for state in ("touched down", "stopping"):
+        flight, time_s = STATES[state]
+        asked_s = []
+        for n in range(1, 100):
+            flight = advance(flight, facts(time_s + n * DT_S, 0.0, fault), RULES)
+            asked_s += [n * DT_S] if flight.action is Action.DISARM else []
+        assert asked_s == pytest.approx([RULES.touchdown_s], abs=3 * DT_S)
+
+
+@pytest.mark.parametrize("state", ON_THE_GROUND)
+def test_a_vehicle_on_the_ground_whose_link_is_lost_or_mode_changed_is_left_to_the_other(state: str) -> None:
+    """Also the stream ends: it would be taken up again when the link is back."""
+    for fault in (Fault.AUTOPILOT_SILENT, Fault.MODE_CHANGED):
+        after = advance(STATES[state][0], facts(30.0, 0.0, fault), RULES)
+        assert (end_of(after), after.level) == ((Phase.HANDED_OVER, None), Reaction.LET_GO)
+
+
+@EVERY_FAULT
+def test_a_fault_as_offboard_is_given_back_leaves_nobody_without_a_pilot(fault: Fault) -> None:
+    """In OFFBOARD nobody flies but us: then PX4 lands, or its failsafe does when it cannot be told."""
+    reaction = ROWS[fault].flying
+    flight, time_s = STATES["resuming"]
+    after = advance(flight, facts(time_s + DT_S, 1.0, fault), RULES)
+    if reaction is Reaction.NOTE:
+        assert after.phase is Phase.HOLD
+        return
+    taken = max(reaction, Reaction.AUTOPILOT_LAND)
+    assert (end_of(after), after.level) == (CARRIED_OUT[taken], taken)
+    assert after.cause is fault
+
+
+def test_a_fault_in_resume_asks_px4_to_land_once_a_late_offboard_shows() -> None:
+    flight, time_s = STATES["resuming"]
+    gone = advance(flight, facts(time_s + 0.1, 1.0, Fault.MOCAP_SLOW, mode=FlightMode.POSITION), RULES)
+    assert (end_of(gone), gone.level) == ((Phase.HANDED_OVER, None), Reaction.LET_GO)
+    assert end_of(advance(gone, facts(time_s + 0.2, 1.0), RULES)) == (Phase.HANDED_OVER, Action.AUTOPILOT_LAND)
+
+
+def test_a_link_lost_while_px4_is_told_to_land_ends_the_stream() -> None:
+    flight, time_s = STATES["handed over"]
+    assert flight.level is Reaction.AUTOPILOT_LAND, "the level setpoint is still sent"
+    after = advance(flight, facts(time_s + 0.6, 1.0, Fault.AUTOPILOT_SILENT), RULES)
+    assert (after.phase, after.level, after.reason) == (
+        Phase.HANDED_OVER, Reaction.LET_GO, "it broke; then autopilot silent it is",
+    )  # fmt: skip
+
+
+def test_a_pose_that_jumps_while_the_rotors_spin_up_does_not_pass_for_a_lift_off() -> None:
+    flight, time_s = STATES["spooling up"]
+    seen = facts(time_s + DT_S, 0.8, Fault.MOCAP_JUMPED, climb_mps=0.5)
+    after = advance(flight, seen, RULES)
+    assert (after.phase, after.airborne, after.touched_down) == (Phase.LAND, False, True)
+
+
+def test_escalation_all_the_way_tells_the_whole_story() -> None:
+    flight, time_s = STATES["tracking"]
+    story = [
+        (Fault.FENCE_NEAR, Phase.HOLD),
+        (Fault.BATTERY_LOW, Phase.LAND),
+        (Fault.FENCE_LEFT, Phase.HANDED_OVER),
+        (Fault.LAND_REFUSED, Phase.HANDED_OVER),
+        (Fault.ROOM_LEFT, Phase.TERMINATED),
+    ]
+    levels = []
+    for n, (fault, phase) in enumerate(story, 1):
+        flight = advance(flight, facts(time_s + 0.1 * n, 1.0, fault), RULES)
+        assert (flight.phase, flight.cause) == (phase, fault)
+        levels.append(flight.level)
+    assert levels == sorted(levels)
+    assert levels[0] is Reaction.HOLD
+    assert flight.reason == (
+        "fence near it is; then battery low it is; then fence left it is; then landing refused it is; "
+        "then room left it is"
+    )
