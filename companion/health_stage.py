@@ -82,7 +82,7 @@ class HealthStage:
         return Observed(
             time_s=cycle.time_s,
             stage=flight.stage,
-            commanded=flight.phase in COMMANDED,
+            commanded=flight.phase in COMMANDED and not flight.touched_down,
             streaming=cycle.streaming,
             airborne=flight.airborne,
             seen=_seen(cycle),

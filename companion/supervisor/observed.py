@@ -32,7 +32,7 @@ class Observed:
     time_s: float
     stage: Stage
     commanded: bool
-    """The autopilot must be armed and in OFFBOARD."""
+    """The autopilot must be armed and in OFFBOARD: between arming and touchdown."""
     streaming: bool
     """Setpoints of ours leave."""
     airborne: bool
