@@ -22,11 +22,11 @@ class Answer:
 
     x: float
     y: float
-    x_rate: float = 0.0
-    y_rate: float = 0.0
-    sent: AttitudeThrust | None = None
+    x_rate: float
+    y_rate: float
+    sent: AttitudeThrust | None
     """What it answers from now on."""
-    at_s: float = 0.0
+    at_s: float
 
 
 @value

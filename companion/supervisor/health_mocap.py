@@ -1,6 +1,6 @@
 """Is there a usable pose, and if not, why: age, frozen, jumped. Pure."""
 
-from math import dist, hypot, inf, isfinite
+from math import dist, hypot, inf, isfinite, isnan
 from types import MappingProxyType
 
 from companion.control.frames import quat_conjugate, quat_multiply, rotation_vector_from_quat
@@ -44,7 +44,7 @@ def look_at_mocap(memory: MocapHealth, now: Observed, rules: SafetyRules, new: b
     seen = now.seen
     if new:
         memory = _with_frame(memory, seen, now.airborne)
-    elif memory.jump and not now.airborne:
+    elif not now.airborne:
         memory = MocapHealth(memory.vehicle, memory.repeats_from_s)
     if not now.streaming:
         return memory, []
@@ -78,7 +78,7 @@ def _of_jump(before: VehicleState | None, after: VehicleState | None) -> str:
 def _of_age(now: Observed, rules: SafetyRules) -> list[Event]:
     """The one thing to say of the newest usable frame's age; an age that is no number is no age at all."""
     seen = now.seen
-    age_s = seen.age_s if seen.age_s < inf else inf
+    age_s = inf if isnan(seen.age_s) else seen.age_s
     if age_s <= rules.coast_s:
         return []
     if age_s <= rules.silent_s:
