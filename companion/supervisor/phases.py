@@ -108,7 +108,7 @@ def _given_up(flight: Flight, wanted: HandOver | Kill, facts: Facts, rules: Flig
 def _begun(flight: Flight, wanted: Prepare | TakeOff | Resume, facts: Facts) -> Flight:
     """A phase that begins anew: on the ground, or with a vehicle somebody else has flown."""
     if isinstance(wanted, Prepare):
-        return replace(Flight(yaw_rad=facts.yaw_rad), phase=Phase.PREFLIGHT, since_s=facts.time_s)
+        return enter(Flight(yaw_rad=facts.yaw_rad, ground_w_m=facts.position_w_m), Phase.PREFLIGHT, facts)
     if isinstance(wanted, TakeOff):
         height_m = wanted.height_m
         return enter(flight, Phase.TAKEOFF, facts, ground_w_m=facts.position_w_m, takeoff_height_m=height_m)
@@ -167,9 +167,9 @@ def _ramp_time_s(rules: FlightRules) -> float:
 
 
 def _preflight(flight: Flight, facts: Facts, _: FlightRules) -> Flight:
-    flight = replace(flight, yaw_rad=facts.yaw_rad)
+    flight = replace(flight, yaw_rad=facts.yaw_rad, ground_w_m=facts.position_w_m)
     ready = facts.armed and facts.mode is FlightMode.OFFBOARD
-    return enter(flight, Phase.ARMED, facts, ground_w_m=facts.position_w_m) if ready else flight
+    return enter(flight, Phase.ARMED, facts) if ready else flight
 
 
 def _takeoff(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

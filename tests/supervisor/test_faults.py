@@ -225,9 +225,11 @@ def test_the_reaction_carried_out_is_the_tables(state: str) -> None:
 
 @EVERY_STATE
 def test_no_second_fault_weakens_what_the_first_began_nor_does_the_first_begin_again(state: str) -> None:
-    for first, second in itertools.product(Fault, Fault):
-        begun = advance(STATES[state][0], with_faults(usual(state), first), RULES)
-        after = advance(begun, with_faults(usual(state, 2 * DT_S), second), RULES)
+    flight, seen, later = STATES[state][0], usual(state), usual(state, 2 * DT_S)
+    began = {fault: advance(flight, with_faults(seen, fault), RULES) for fault in Fault}
+    hit = [(fault, with_faults(later, fault)) for fault in Fault]
+    for (first, begun), (second, seen_then) in itertools.product(began.items(), hit):
+        after = advance(begun, seen_then, RULES)
         assert after.level >= begun.level
         if first is second:
             assert (after.level, after.reason, after.action) == (begun.level, begun.reason, None)

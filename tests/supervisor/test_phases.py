@@ -38,6 +38,7 @@ from tests.supervisor.flown import (
     RULES,
     STATES,
     armed,
+    bits,
     end_of,
     event,
     facts,
@@ -307,9 +308,10 @@ def test_resume_wants_a_vehicle_in_the_air(height_m: float, armed_now: bool, wor
 
 
 def test_a_vehicle_that_never_flew_is_not_resumed_into_the_air() -> None:
-    taken = advance(armed(), facts(0.2, 0.0, Fault.MODE_CHANGED, mode=FlightMode.POSITION), RULES)
-    assert taken.phase is Phase.HANDED_OVER
-    assert refusal(taken, Resume(), facts(0.3, 0.0, mode=FlightMode.POSITION), RULES) != ""
+    for before in (preflight(), armed()):
+        taken = advance(before, facts(0.2, 0.0, Fault.MODE_CHANGED, mode=FlightMode.POSITION), RULES)
+        assert taken.phase is Phase.HANDED_OVER
+        assert refusal(taken, Resume(), facts(0.3, 0.0, mode=FlightMode.POSITION), RULES) != ""
 
 
 # --- kill ---
@@ -361,8 +363,9 @@ def test_arming_needs_offboard_too() -> None:
 
 def test_prepare_begins_a_new_flight() -> None:
     ended, _ = STATES["terminated"]
-    anew = request(ended, Prepare(), replace(facts(50.0, armed=False), yaw_rad=1.0), RULES)
-    assert anew == Flight(phase=Phase.PREFLIGHT, since_s=50.0, yaw_rad=1.0)
+    seen = replace(facts(50.0, armed=False), yaw_rad=1.0)
+    anew = Flight(phase=Phase.PREFLIGHT, since_s=50.0, yaw_rad=1.0, ground_w_m=seen.position_w_m)
+    assert bits(request(ended, Prepare(), seen, RULES)) == bits(anew)
 
 
 @pytest.mark.parametrize("ask", [True, False], ids=["asked", "fault"])
@@ -512,5 +515,7 @@ def test_the_words_of_who_asks_to_land_are_kept(reason: str) -> None:
 
 def test_ground_is_where_it_was_armed_and_where_it_took_off() -> None:
     np.testing.assert_array_equal(np.asarray(armed().ground_w_m), GROUND)
+    moved = advance(preflight(), replace(facts(0.2), position_w_m=GROUND - 0.1), RULES)
+    np.testing.assert_array_equal(np.asarray(moved.ground_w_m), GROUND - 0.1)
     carried = replace(facts(1.0), position_w_m=GROUND + 0.1)
     np.testing.assert_array_equal(np.asarray(request(armed(), TakeOff(1.2), carried, RULES).ground_w_m), GROUND + 0.1)
