@@ -11,7 +11,9 @@ from typing import Any
 
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.dynamixel import BusStartError
-from mock_autopilot.dynamixel_config import Fault
+from mock_autopilot.dynamixel_config import Fault as BusFault
+from mock_autopilot.fault_schedule import Turn
+from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
 from mock_autopilot.mavlink import LinkError
 from mock_autopilot.qualisys import ServerStartError
 from mock_autopilot.simulator import Simulator
@@ -43,6 +45,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--gcs", action="store_true", help="a second link for a ground station, 18570 to 14550")
     parser.add_argument("--qualisys-port", type=int, help="TCP port of the Qualisys server (default 22223)")
     parser.add_argument("--no-qualisys", action="store_true", help="MAVLink only")
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="SENTENCE",
+        help=f'what goes wrong, as "{EXAMPLES[0]}"; repeatable',
+    )
     parser.add_argument("--servo-link", metavar="PATH", help="arms' servo bus: link to its pseudo-terminal")
     parser.add_argument("--exit-with-stdin", action="store_true", help="take orders on standard input, end with it")
     return parser
@@ -74,8 +83,18 @@ def _configure(options: argparse.Namespace) -> MockConfig:
             values[section][key] = option
     if options.servo_link is not None:
         values["arms"]["bus"]["link"] = options.servo_link
+    values["faults"] = (*values["faults"], *({"say": _checked(sentence)} for sentence in options.fault))
     values["gcs"]["enabled"] = values["gcs"]["enabled"] or options.gcs
     return MockConfig.from_dict(values)
+
+
+def _checked(sentence: str) -> str:
+    """The sentence, or MockConfigError with what is wrong with it."""
+    try:
+        parse(sentence)
+    except FaultError as error:
+        raise MockConfigError(f'--fault "{sentence}": {error}') from None
+    return sentence
 
 
 def _fast_loop() -> Any:
@@ -98,6 +117,7 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
         if options.exit_with_stdin:
             loop.add_reader(sys.stdin.fileno(), _Orders(simulator, stop).read)
         print(_ready_line(simulator, options.seed), flush=True)
+        simulator.world.faults.observers.append(lambda turn: print(_turn_line(simulator, turn), flush=True))
         ended = [
             asyncio.create_task(simulator.wait(), name="mock_autopilot.wait"),
             asyncio.create_task(stop.wait(), name="mock_autopilot.stop"),
@@ -133,12 +153,17 @@ class _Orders:
                 print(f"mock autopilot: {line.decode(errors='replace')!r}: {error}", file=sys.stderr, flush=True)
 
     def _obey(self, order: str) -> None:
-        """`servo-fault {"kind": "overload", "id": 6}`: a fault of the servo bus, from now on."""
+        """A fault from now on: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`."""
         word, _, text = order.partition(" ")
         bus = self._simulator.servo_bus
-        if word != "servo-fault" or bus is None:
-            raise ValueError("orders are: servo-fault {json}" if bus is not None else "there are no arms here")
-        bus.inject(Fault.model_validate_json(text))
+        if word == "fault":
+            self._simulator.world.inject(parse(text))
+        elif word != "servo-fault":
+            raise ValueError("orders are: fault SENTENCE (docs/faults.md), servo-fault {json}")
+        elif bus is None:
+            raise ValueError("there are no arms here")
+        else:
+            bus.inject(BusFault.model_validate_json(text))
 
 
 def _ready_line(simulator: Simulator, seed: int) -> str:
@@ -148,6 +173,12 @@ def _ready_line(simulator: Simulator, seed: int) -> str:
     if simulator.servo_bus is not None:
         ends.append(f"servos {simulator.servo_bus.path}")
     return f"mock autopilot ready: {', '.join(ends)}, seed {seed}"
+
+
+def _turn_line(simulator: Simulator, turn: Turn) -> str:
+    """For whoever started this process: its clock is this machine's monotonic one."""
+    at_s = simulator.started_s + turn.time_s
+    return f"fault {'begins' if turn.begins else 'ends'} at {at_s:.3f} s (monotonic): {sentence_of(turn.fault)}"
 
 
 if __name__ == "__main__":

@@ -1,13 +1,16 @@
 """What is wrong with the autopilot itself while its faults hold; pure."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mock_autopilot.fault_schedule import Held
 from mock_autopilot.faults import Kind
 
-TIPPING_RADPS2 = 0.5
+TIPPING_RADPS2 = 1.5
 """Four motors at fixed signals are never quite equal: so fast it begins to roll when nobody balances it."""
+CAUGHT_S = 0.75
+"""PX4's rate controller integrates a constant pull away in MC_ROLLRATE_P / MC_ROLLRATE_I."""
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,16 @@ class Troubles:
     heading_off_rad: float = 0.0
     """What it believes of its heading, less the truth, whatever vision says."""
     motor_roll_rad: float = 0.0
-    """How far it rolls from the attitude it wants."""
+    """How far it rolls from the attitude it wants, at first."""
+    motor_since_s: float = 0.0
+    """On the autopilot's clock."""
     thrust_share: float = 1.0
     """Of the thrust that the motors would give."""
+
+    def roll_off_rad(self, now_s: float) -> float:
+        """How far the true roll is from the one that is asked for, at `now_s` of the autopilot's clock."""
+        pulled_rad = self.motor_roll_rad and self.motor_roll_rad * math.exp((self.motor_since_s - now_s) / CAUGHT_S)
+        return pulled_rad - self.tilt_off_rad
 
     @property
     def running(self) -> bool:
@@ -37,8 +47,8 @@ class Troubles:
 HEALTHY = Troubles()
 
 
-def troubles_of(held: Sequence[Held]) -> Troubles:
-    """All of the autopilot's faults that are there, together."""
+def troubles_of(held: Sequence[Held], booted_s: float) -> Troubles:
+    """All of the autopilot's faults that are there, together; it booted at `booted_s` of simulated time."""
     ways = {(one.fault.kind, one.fault.how) for one in held}
     much = {one.fault.how: one.fault.much for one in held}
     return Troubles(
@@ -50,5 +60,6 @@ def troubles_of(held: Sequence[Held]) -> Troubles:
         tilt_off_rad=much.get("attitude off", 0.0),
         heading_off_rad=much.get("heading off", 0.0),
         motor_roll_rad=much.get("motor", 0.0),
+        motor_since_s=max((one.since_s - booted_s for one in held if one.fault.how == "motor"), default=0.0),
         thrust_share=much.get("weak", 1.0),
     )

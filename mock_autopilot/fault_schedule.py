@@ -50,7 +50,7 @@ class FaultSchedule:
     def inject(self, fault: Fault, now_s: float) -> None:
         """Add a fault: from now on, or when its own time comes; a time that is past is now."""
         self._waiting.append(_Waiting(fault, now_s))
-        self._next_s = -math.inf
+        self._turn(now_s)
 
     def holding(self, part: Part) -> tuple[Held, ...]:
         """The faults of this part that are there, in the order in which they began."""

@@ -166,9 +166,9 @@ _AUTOPILOT = (
         lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "battery critical", "the charge is this at once, and drains on", _charge(0.08),
         lasts=False),
-    Way(Part.AUTOPILOT, Kind.WRONG, "weak", "the motors' thrust falls to this share", _charge(0.7)),
+    Way(Part.AUTOPILOT, Kind.WRONG, "weak", "the motors' thrust falls to this share", _charge(0.6)),
     Way(Part.AUTOPILOT, Kind.WRONG, "motor", "a motor pulls it askew: it rolls so far from the attitude it is to have, "
-        "and says so", _angle(0.5)),
+        "and says so, until its rate controller has integrated the pull away (0.75 s)", _angle(0.8)),
 )  # fmt: skip
 
 _SERVOS = (

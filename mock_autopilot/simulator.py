@@ -36,6 +36,11 @@ class Simulator:
         self._ticks = 0
         self._running: asyncio.Task[None] | None = None
 
+    @property
+    def started_s(self) -> float:
+        """When simulated time was 0, by time.monotonic()."""
+        return self._boot_s
+
     async def __aenter__(self) -> "Simulator":
         try:
             for link in self.links:

@@ -294,8 +294,8 @@ class Vehicle:
         offboard = self.mode is Mode.OFFBOARD
         rates = self.followed.rate_frd_radps if offboard else None
         q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
-        roll_rad = self.troubles.motor_roll_rad - self.troubles.tilt_off_rad
-        return self._demand_of(q_estimated, rates, (self._yaw_error_rad, roll_rad), self.signal, self.armed)
+        off_rad = (self._yaw_error_rad, self.troubles.roll_off_rad(self.now_s))
+        return self._demand_of(q_estimated, rates, off_rad, self.signal, self.armed)
 
     def _demand_of(
         self, q_estimated: Quad, rates: Triple | None, off_rad: tuple[float, float], signal: float, armed: bool

@@ -135,7 +135,7 @@ class World:
                 self._befall_autopilot(turn.fault)
 
     def _trouble_autopilot(self) -> None:
-        before, after = self.vehicle.troubles, troubles_of(self.faults.holding(Part.AUTOPILOT))
+        before, after = self.vehicle.troubles, troubles_of(self.faults.holding(Part.AUTOPILOT), self._booted_s)
         if after.thrust_share != before.thrust_share:
             self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
         if before.powered and not after.powered:

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 import uvloop
 from rich.console import Console
+from rich.markup import escape
 
 from companion.adapters.dead_man import KernelDeadMan
 from companion.adapters.recorder import Recorder
@@ -50,6 +51,8 @@ class DemoFlight:
     ports: MockPorts
     seed: int
     start_mocks: bool
+    faults: tuple[str, ...]
+    """What the mocks let go wrong, in their words."""
     records: Path
     """Where the record goes."""
 
@@ -84,6 +87,15 @@ def demo(
     mocks: Annotated[
         bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")
     ] = True,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SENTENCE",
+            help="Let something go wrong; may be given again: 'mocap stuck at 12 s for 2 s', 'link delayed by 0.2 s at "
+            "10 s', 'autopilot wrong (pilot takes over) in the air after 8 s'. Times count from lift-off. All there "
+            "is: docs/faults.md.",
+        ),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show everything the parts say.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
 ) -> None:
@@ -95,6 +107,8 @@ def demo(
     logging.basicConfig(level=logging.CRITICAL, format="%(levelname)s %(name)s: %(message)s")
     if verbose:
         logging.getLogger("companion").setLevel(logging.DEBUG)
+    if fault and not mocks:
+        raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
     console = Console()
     settings = _with_feedforward(load_config(config or default_config_path("demo.toml")), feedforward)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
@@ -110,6 +124,7 @@ def demo(
             ports,
             seed,
             mocks,
+            tuple(fault or ()),
             out,
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
@@ -169,6 +184,8 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
     failure, interrupted = "", False
     async with _mocks(flight):
+        for sentence in flight.faults:
+            console.print(f"  [bold]fault[/] {escape(sentence)}", highlight=False)
         with display:
             try:
                 async with _service(flight, recorder, display) as service:
@@ -186,7 +203,7 @@ async def _mocks(flight: DemoFlight) -> AsyncIterator[None]:
         yield
         return
     try:
-        async with mock_process(flight.mock_config, flight.seed, flight.ports):
+        async with mock_process(flight.mock_config, flight.seed, flight.ports, flight.faults):
             yield
     except MockError as error:
         if "in use" in str(error):

@@ -4,7 +4,7 @@ import asyncio
 import socket
 import sys
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,13 +56,19 @@ def free_ports() -> MockPorts:
 
 
 @asynccontextmanager
-async def mock_process(config: Path, seed: int, ports: MockPorts) -> AsyncIterator[asyncio.subprocess.Process]:
-    """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said."""
+async def mock_process(
+    config: Path, seed: int, ports: MockPorts, faults: Sequence[str] = ()
+) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said.
+
+    `faults` are sentences, see docs/faults.md.
+    """
     command = [sys.executable, "-m", "mock_autopilot", "--config", str(config), "--seed", str(seed)]
     process = await asyncio.create_subprocess_exec(
         *command,
         "--exit-with-stdin",
         *ports.arguments(),
+        *(f"--fault={sentence}" for sentence in faults),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,

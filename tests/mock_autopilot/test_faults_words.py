@@ -1,0 +1,102 @@
+"""Faults as sentences and as TOML: what is understood, and what is said of the rest."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from mock_autopilot.config import MockConfig, MockConfigError
+from mock_autopilot.fault_document import document
+from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
+from mock_autopilot.faults import WAYS, Fault, Kind, Part, Phase, Way
+
+
+def test_the_document_is_what_the_code_prints() -> None:
+    written = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    assert written == document(), "python -m mock_autopilot.fault_document > docs/faults.md"
+
+
+def test_a_sentence_is_a_fault() -> None:
+    assert parse("mocap stuck at 12 s for 2 s") == Fault(part=Part.MOCAP, kind=Kind.STUCK, at_s=12.0, for_s=2.0)
+    mirrored = parse("Mocap  wrong (mirrored) in the air after 3s")
+    assert mirrored == Fault(part=Part.MOCAP, kind=Kind.WRONG, how="mirrored", phase=Phase.IN_THE_AIR, after_s=3.0)
+    assert mirrored.for_s == math.inf
+    assert parse("link delayed by 0.2 s at 10 s").much == 0.2
+    assert parse("mocap slow to 15 Hz").much == 15.0
+    assert parse("mocap slow").much == 20.0, "the usual amount"
+    assert parse("mocap wrong (clock jump) for 3 s by -4 s").amount == -4.0
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: way.words)
+def test_every_line_of_the_table_is_understood_and_said_again(way: Way) -> None:
+    fault = parse(f"{way.words} landing after 1.5 s")
+    assert fault.way is way
+    assert parse(sentence_of(fault)).way is way
+    assert parse(sentence_of(fault)).much == fault.much
+    if way.amount is not None:
+        with pytest.raises(FaultError, match="goes from"):
+            parse(f"{way.words} {way.amount.word} {way.amount.most + 1.0:g}")
+
+
+@pytest.mark.parametrize("sentence", EXAMPLES)
+def test_the_examples_are_sentences(sentence: str) -> None:
+    assert parse(sentence_of(parse(sentence))) == parse(sentence)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "said"),
+    [
+        ("", 'an empty sentence is no fault; one is "mocap stuck at 12 s for 2 s"'),
+        ("camera stuck", '"camera" is no part; possible: mocap, link, autopilot, servos, broker'),
+        ("autopilot slow", 'autopilot cannot be "slow"; it can be off, stuck, wrong'),
+        ("mocap garbage (noise)", 'mocap garbage does not know "(noise)"; possible: nothing more, (packets)'),
+        ("autopilot wrong", "autopilot wrong must say which; possible: (reboot), (disarms), (pilot takes over), "),
+        ("mocap stuck for ever", '"for ever" is not understood; after that may come an amount '),
+        ("mocap stuck at 12", '"at 12" is not understood; '),
+        ("mocap stuck by 3 m", "mocap stuck has no amount, so leave out 3"),
+        ("link delayed by 3 m", 'the amount of "link delayed" is in s, not in m'),
+        ("link intermittent by 0.5 s", 'the amount of "link intermittent" is a share and has no unit, not in s'),
+        ("link delayed by 30 s", "link delayed goes from 0 to 5 s, not 30"),
+        ("autopilot wrong (reboot) for 3 s", 'autopilot wrong (reboot) happens once: leave out "for"'),
+        ("mocap off at 3 s at 4 s", '"at 4 s" says a second time what was said before'),
+        ("mocap off at 3 s landing", "it begins at a time or in a phase, not both"),
+        ("mocap off after 2 s", '"after" counts from a phase: on the ground, armed, in the air or landing'),
+    ],
+)
+def test_what_is_no_fault_gets_one_sentence_that_says_what_would_be(sentence: str, said: str) -> None:
+    with pytest.raises(FaultError) as refused:
+        parse(sentence)
+    assert str(refused.value).startswith(said)
+    assert "\n" not in str(refused.value)
+
+
+def test_toml_takes_sentences_and_keys(tmp_path: Path) -> None:
+    path = tmp_path / "mock.toml"
+    path.write_text(
+        '[[faults]]\nsay = "mocap wrong (jump) by 0.5 m in the air after 3 s for 2 s"\n'
+        '[[faults]]\npart = "mocap"\nkind = "wrong"\nhow = "jump"\namount = 0.5\n'
+        'phase = "in the air"\nafter_s = 3.0\nfor_s = 2.0\n',
+        encoding="utf-8",
+    )
+    said, spelt = MockConfig.load(path).faults
+    assert said == spelt
+
+
+@pytest.mark.parametrize(
+    ("faults", "said"),
+    [
+        ({"say": "mocap stuk"}, 'faults.0: mocap cannot be "stuk"; it can be off, '),
+        ({"say": "mocap stuck", "for_s": 2.0}, 'faults.0: say = "..." is a whole fault in words and stands alone'),
+        ({"part": "mocap", "kind": "wrong", "how": "jumps"}, 'faults.0: mocap wrong does not know "(jumps)"; '),
+        ({"part": "mocap", "kind": "stuck", "form_s": 2.0}, "faults.0.form_s: unknown key"),
+        (
+            {"part": "mocap", "kind": "slow", "amount": math.nan},
+            "faults.0: mocap slow goes from 0.1 to 500 Hz, not nan",
+        ),
+        ({"say": "servos off"}, "servos cannot fail on a vehicle without arms: set arms.enabled = true"),
+    ],
+)
+def test_a_wrong_fault_in_the_configuration_is_one_sentence(faults: dict[str, object], said: str) -> None:
+    with pytest.raises(MockConfigError) as refused:
+        MockConfig.from_dict({"faults": [faults]})
+    assert str(refused.value).startswith(said)
