@@ -8,6 +8,8 @@ from companion.types import Array
 Three = tuple[float, float, float]
 Range = tuple[float, float]
 """Least and largest acceleration along one axis that may be asked for, m/s^2."""
+Allowed = tuple[Range, Range, Range]
+"""Along x, y and z in W."""
 _LEAST_S = 0.01
 """Half a reaction lasts a control cycle at least."""
 
@@ -41,28 +43,30 @@ class Fence:
 
     def stopping_point_w_m(self, position_w_m: Array, velocity_w_mps: Array) -> Three:
         """Where a vehicle at this place and velocity (3,) comes to rest: v t + v |v| / 2a further, axis by axis."""
-        x, y, z = (
-            p + v * self.reaction_s + v * abs(v) / (2.0 * self.braking_mps2)
-            for p, v in zip(position_w_m.tolist(), velocity_w_mps.tolist(), strict=True)
-        )
-        return x, y, z
+        (x, y, z), (vx, vy, vz) = position_w_m.tolist(), velocity_w_mps.tolist()
+        return self._stop_m(x, vx), self._stop_m(y, vy), self._stop_m(z, vz)
 
-    def allowed_accel_w_mps2(self, place_w_m: Three, velocity_w_mps: Three, carried_w_mps2: Three) -> list[Range]:
+    def _stop_m(self, place_m: float, speed_mps: float) -> float:
+        return place_m + speed_mps * self.reaction_s + speed_mps * abs(speed_mps) / (2.0 * self.braking_mps2)
+
+    def allowed_accel_w_mps2(self, place_w_m: Three, velocity_w_mps: Three, carried_w_mps2: Three) -> Allowed:
         """What may be asked for along x, y and z, so that the vehicle comes to rest at a face at the latest.
 
         For the first half of the reaction the vehicle is `carried` on by what acts already, for the second by what is
         asked for now, and then it brakes. Where nothing is carried on and nothing asked for, the limit is passed
         exactly when the stopping point leaves the fence. NaN gives NaN.
         """
-        lead_s = max(0.5 * self.reaction_s, _LEAST_S)
+        (x, y, z), (vx, vy, vz), (ax, ay, az) = place_w_m, velocity_w_mps, carried_w_mps2
         (x0, y0), (x1, y1, z1) = self.low_m, self.high_m
-        ranges = []
-        for p, v, a, low, high in zip(
-            place_w_m, velocity_w_mps, carried_w_mps2, (x0, y0, -math.inf), (x1, y1, z1), strict=True
-        ):
-            then, speed = p + (v + 0.5 * a * lead_s) * lead_s, v + a * lead_s
-            ranges.append((-self._most_mps2(then - low, -speed, lead_s), self._most_mps2(high - then, speed, lead_s)))
-        return ranges
+        along_x, along_y = self._along(x, vx, ax, (x0, x1)), self._along(y, vy, ay, (y0, y1))
+        return along_x, along_y, self._along(z, vz, az, (-math.inf, z1))
+
+    def _along(self, place_m: float, speed_mps: float, carried_mps2: float, faces_m: tuple[float, float]) -> Range:
+        lead_s = max(0.5 * self.reaction_s, _LEAST_S)
+        then_m = place_m + (speed_mps + 0.5 * carried_mps2 * lead_s) * lead_s
+        speed_mps += carried_mps2 * lead_s
+        low_m, high_m = faces_m
+        return -self._most_mps2(then_m - low_m, -speed_mps, lead_s), self._most_mps2(high_m - then_m, speed_mps, lead_s)
 
     def _most_mps2(self, left_m: float, speed_mps: float, for_s: float) -> float:
         """Largest acceleration towards a face, `left_m` away, for so long, from which braking still stops at it.

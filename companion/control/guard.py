@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from companion.control.attitude import ThrustModel, collective_force_n, setpoint_of_accel, within_tilt
-from companion.control.fence import Fence, Range, Three
+from companion.control.fence import Allowed, Fence, Range, Three
 from companion.control.frames import quat_from_yaw, up_axis_parts, yaw_of
 from companion.control.limits import Gated, Limits, gate, inside_cone
 from companion.types import Array, AttitudeThrust, VehicleState
@@ -28,7 +28,7 @@ _YES = np.array(True)
 
 Motion = tuple[Three, Three, Array]
 """Place (m), velocity (m/s), attitude."""
-Near = tuple[list[Range], Array]
+Near = tuple[Allowed, Array]
 """What the fence allows, and the vehicle's attitude."""
 
 
@@ -120,14 +120,14 @@ class Guard:
         x, y, z = up_axis_parts(q)
         return push * x, push * y, push * z - self._model.gravity_mps2
 
-    def _allowed(self, motion: Motion, last: AttitudeThrust) -> list[Range]:
+    def _allowed(self, motion: Motion, last: AttitudeThrust) -> Allowed:
         """Of each axis. What acts now is half what the vehicle's attitude gives, half what the last setpoint will."""
         (place, velocity, q), thrust = motion, float(last.thrust)
         here, there = self._accel(q, thrust), self._accel(last.q_w_flu_wxyz, thrust)
         carried = 0.5 * (here[0] + there[0]), 0.5 * (here[1] + there[1]), 0.5 * (here[2] + there[2])
         return self._fence.allowed_accel_w_mps2(place, velocity, carried)
 
-    def _passes(self, wanted: AttitudeThrust, allowed: list[Range]) -> bool:
+    def _passes(self, wanted: AttitudeThrust, allowed: Allowed) -> bool:
         """Quick look: a setpoint inside the limits that asks for nothing forbidden. False for what is no number."""
         thrust = float(wanted.thrust)
         x, y, z = self._accel(wanted.q_w_flu_wxyz, thrust)
@@ -138,7 +138,7 @@ class Guard:
     def _stands(self, wanted: AttitudeThrust) -> bool:
         return up_axis_parts(wanted.q_w_flu_wxyz)[2] >= self._upright and not _unusable(wanted)
 
-    def _braked(self, wanted: AttitudeThrust, allowed: list[Range], now_q: Array) -> AttitudeThrust:
+    def _braked(self, wanted: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
         """`wanted` itself where it asks for nothing forbidden, else what comes nearest to it and brakes.
 
         With the heading the vehicle has: to turn takes the attitude loop time that braking needs.

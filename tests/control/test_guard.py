@@ -19,7 +19,6 @@ from tests.control.held_in import pressed
 
 LIMITS, MODEL = Limits(), ThrustModel()
 FENCE = Fence((-4.5, -3.5), (4.5, 3.5, 3.5), braking_mps2=2.0, reaction_s=0.4)
-GUARD = Guard(LIMITS, MODEL, FENCE, coast_s=0.05, degraded_s=0.10)
 DT_S = 0.01
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 SINKING = 0.97 * 0.5
@@ -50,7 +49,7 @@ def checked(
     dt_s: float = 10.0,
 ) -> Gated:
     """With time enough to get to whatever is wanted, unless the test says otherwise."""
-    gated = GUARD.check(wanted, last, vehicle, age_s, dt_s)
+    gated = guard().check(wanted, last, vehicle, age_s, dt_s)
     assert gated.failure == ""
     return gated
 
@@ -72,6 +71,10 @@ def same(a: Gated, b: Gated) -> bool:
     return (
         x.q_w_flu_wxyz.tolist() == y.q_w_flu_wxyz.tolist() and x.thrust.item() == y.thrust.item() and cuts(a) == cuts(b)
     )
+
+
+def guard() -> Guard:
+    return Guard(LIMITS, MODEL, FENCE, coast_s=0.05, degraded_s=0.10)
 
 
 # --- a legal flight ---
@@ -190,18 +193,46 @@ def test_in_a_corner_both_brakes_share_the_cone() -> None:
     assert z == pytest.approx(0.0, abs=1e-9)
 
 
-def test_one_that_wants_to_fall_is_held_as_far_as_the_brake_takes_it() -> None:
-    falling, brake = asking(1.0, 0.0, -8.0), braking(0.4, 1.0)
-    x, y, z = accel(checked(falling, at((3.85, 0.0, 1.5), (1.0, 0.0, 0.0))))
-    assert (x, y) == pytest.approx((brake, 0.0), abs=1e-9)
-    assert z == pytest.approx(-8.0), "so little of a brake needs no more"
+@pytest.mark.parametrize("axis", [0, 1])
+def test_one_that_wants_to_fall_is_held_as_far_as_the_brake_takes_it(axis: int) -> None:
+    """Falling at 8 m/s^2 the cone has room for 1.03 m/s^2 sideways, of which 0.5 are wanted along the other axis."""
+
+    def seen(left_m: float, speed_mps: float) -> list[float]:
+        place, velocity, wanted = np.array([0.0, 0.0, 1.5]), np.zeros(3), np.array([0.5, 0.5, -8.0])
+        place[axis], velocity[axis], wanted[axis] = (4.45, 3.45)[axis] - left_m, speed_mps, 0.8
+        gated = checked(asking(*wanted), at(tuple(place), tuple(velocity)))
+        assert "fence_cut" in cuts(gated)
+        x, y, z = accel(gated)
+        return [y, x, z] if axis else [x, y, z]
+
+    assert seen(0.6, 1.0) == pytest.approx([braking(0.4, 1.0), 0.5, -8.0], abs=1e-9), "so little needs no more"
     brake = braking(0.3, 1.5)
-    x, y, z = accel(checked(falling, at((3.85, 0.0, 1.5), (1.5, 0.0, 0.0))))
-    assert (x, y) == pytest.approx((brake, 0.0), abs=1e-6)
-    assert z == pytest.approx(-brake / SLOPE - G), "it takes the whole cone"
-    x, y, z = accel(checked(falling, at((4.6, 3.6, 1.5), (1.0, 1.0, 0.0))))
-    assert z == pytest.approx(0.0, abs=1e-9), "never further than hover"
-    assert "fence_cut" in cuts(checked(asking(0.0, 3.0, -8.0), at((0.0, 2.85, 1.5), (0.0, 1.5, 0.0))))
+    assert seen(0.6, 1.5) == pytest.approx([brake, 0.0, -brake / SLOPE - G], abs=1e-5), "it takes the whole cone"
+
+
+def test_one_that_falls_into_a_corner_is_held_no_further_than_hover() -> None:
+    x, y, z = accel(checked(asking(0.5, 0.5, -8.0), at((4.6, 3.6, 1.5), (1.0, 1.0, 0.0))))
+    assert (x, y, z) == pytest.approx((-G * SLOPE * math.sqrt(0.5), -G * SLOPE * math.sqrt(0.5), 0.0), abs=1e-6)
+
+
+def test_in_a_corner_the_cone_is_shared_in_proportion() -> None:
+    """Full braking along x, 2 m/s 0.9 m before the wall along y, no more than the cone together."""
+    brakes = np.array([-G * SLOPE, braking(0.5, 2.0)])
+    x, y, z = accel(checked(HOVER, at((4.9, 2.55, 1.5), (2.0, 2.0, 0.0))))
+    np.testing.assert_allclose([x, y, z], [*(brakes * G * SLOPE / math.hypot(*brakes)), 0.0], atol=1e-6)
+
+
+def test_a_legal_setpoint_costs_one_gate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The quick way: the control cycle has no time for the other one, which would give the same."""
+    seen: list[float] = []
+
+    def counted(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: float) -> Gated:
+        seen.append(dt_s)
+        return gate(wanted, last, limits, dt_s)
+
+    monkeypatch.setattr("companion.control.guard.gate", counted)
+    checked(asking(1.0, 0.5, 0.2), MIDDLE, dt_s=DT_S)
+    assert seen == [DT_S]
 
 
 def test_one_that_climbs_goes_on_climbing_while_it_brakes() -> None:
@@ -242,9 +273,19 @@ def test_a_wild_setpoint_towards_the_wall_is_cut_to_the_cone_before_it_is_braked
         assert {"thrust_cut", "fence_cut"} <= cuts(checked(strong, at((4.6, 0.0, 1.5), (0.2, 0.0, 0.0))))
 
 
-def test_when_there_is_no_number_what_was_sent_last_is_braked() -> None:
+def test_a_wild_setpoint_that_asks_for_little_asks_for_much_once_it_is_cut() -> None:
+    """Leaning by 178 degrees it pushes with 0.34 m/s^2; turned into the cone with 4.9, where 4.1 are allowed."""
+    lean = math.radians(178.0)
+    wild = AttitudeThrust(np.array([math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0]), np.array(0.5))
+    gated = checked(wild, at((4.2, 0.0, 1.5)))
+    assert {"tilt_cut", "fence_cut"} <= cuts(gated)
+    assert accel(gated)[0] == pytest.approx(braking(0.25, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("q", [np.full(4, math.nan), 0.5 * LEVEL, 1.01 * LEVEL])
+def test_when_there_is_no_number_what_was_sent_last_is_braked(q: Array) -> None:
     pushing = asking(3.0, 0.0, 0.0)
-    none = AttitudeThrust(LEVEL * math.nan, np.array(0.5))
+    none = AttitudeThrust(q, np.array(0.5))
     gated = checked(none, at((4.4, 0.0, 1.5), (0.5, 0.0, 0.0)), last=pushing)
     assert {"not_finite", "fence_cut"} <= cuts(gated)
     assert accel(gated)[0] < -2.0
@@ -286,14 +327,14 @@ def test_full_tilt_towards_the_wall_for_ever_never_leaves_the_fence(
     push = 0.5 * MODEL.mass_kg * np.array([math.cos(azimuth_rad), math.sin(azimuth_rad), 0.0])
     leaning = setpoint_of_accel(push / np.linalg.norm(push) * G * math.tan(0.519), yaw_rad, MODEL)
     wanted = AttitudeThrust(leaning.q_w_flu_wxyz, np.array(thrust))
-    held = pressed(GUARD, FENCE, wanted, (np.array(place), velocity, yaw_rad))
+    held = pressed(guard(), FENCE, wanted, (np.array(place), velocity, yaw_rad))
     assert float(held.beyond_m.max()) < 0.0
 
 
 @pytest.mark.parametrize("thrust", [0.5, 0.576, 0.8])
 def test_pressed_against_the_wall_it_comes_to_rest_before_it_and_does_not_rattle(thrust: float) -> None:
     wanted = AttitudeThrust(asking(5.6, 0.0, 0.0).q_w_flu_wxyz, np.array(thrust))
-    held = pressed(GUARD, FENCE, wanted, (np.array([2.0, 0.0, 3.0]), np.zeros(3), 0.0), for_s=5.0)
+    held = pressed(guard(), FENCE, wanted, (np.array([2.0, 0.0, 3.0]), np.zeros(3), 0.0), for_s=5.0)
     settled = held.position_w_m[300:, 0]
     assert held.beyond_m.max() < 0.0
     assert 4.3 < settled.min() <= settled.max() < 4.5
@@ -468,7 +509,7 @@ def test_whatever_comes_in_what_goes_out_is_inside_the_limits(
 def test_what_fits_no_shape_ends_level_sinking_with_every_flag_and_the_reason(
     wanted: Any, last: Any, vehicle: Any, yaw_rad: float, said: str
 ) -> None:
-    gated = GUARD.check(wanted, last, vehicle, 0.0, DT_S)
+    gated = guard().check(wanted, last, vehicle, 0.0, DT_S)
     assert said in gated.failure
     np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, quat_from_yaw(yaw_rad), atol=1e-12)
     assert float(gated.setpoint.thrust) == pytest.approx(SINKING)
