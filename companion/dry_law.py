@@ -54,7 +54,8 @@ class DryLaw:
         asked = None if vehicle is None or self._fault else self._fly(vehicle, now_s, age_s, dt_s)
         arms, frame = self._running.arms, self._running.mocap.latest()
         arm_fault = arms.fault if arms is not None else ""
-        cycle = Cycle(now_s, 0.0, frame, estimate, status, False, None, False, self._fault, arm_fault)
+        streaming = asked is not None  # in its mind: the checks say nothing of motion capture before
+        cycle = Cycle(now_s, 0.0, frame, estimate, status, streaming, self._stage.sent, False, self._fault, arm_fault)
         events = self._health.look(cycle, Flight())
         for event in events:
             self._events.setdefault(event.fault, event.text)

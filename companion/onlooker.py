@@ -18,20 +18,15 @@ from companion.adapters.qualisys import open_qualisys
 from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
 from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.ports import ArmBus, Clock, MocapSource
 from companion.service_preflight import Running
 from companion.supervisor.flight import Flight
-from companion.types import Array
+from companion.vision_stage import VisionStage
 
 _DEADLINE_S = 0.02
 """A cycle begins without a frame, too."""
 _DISK_S = 5.0
-_EARLY = 0.25
-"""Share of the time between two poses to the autopilot by which a frame may be too early."""
-_USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
-SendVision = Callable[[Array, Array], None]
-"""Position (3,) in W and attitude (4,)."""
 
 
 class Onlooker:
@@ -43,13 +38,10 @@ class Onlooker:
         clock: Clock,
         config: CompanionConfig,
         arms: ArmStage | None,
-        vision: SendVision | None,
+        vision: VisionStage | None,
     ) -> None:
         self._mocap, self._clock, self._arms, self._vision = mocap, clock, arms, vision
         self._params = EstimatorParams(delay_s=config.mocap.delay_s)
-        rate_hz = config.px4.vision_rate_hz
-        self._vision_period_s = 1.0 / rate_hz if rate_hz > 0.0 else math.inf
-        self._vision_due_s = -math.inf
         self.estimate = EstimatorState()
         self.each: Callable[[float, float], None] | None = None
 
@@ -69,12 +61,8 @@ class Onlooker:
         if frame is None:
             return math.nan
         self.estimate = estimator.step(self.estimate, frame, self._params)
-        vehicle = self.estimate.vehicle
-        usable = vehicle is not None and self.estimate.verdict in _USED
-        due = now_s >= self._vision_due_s - _EARLY * self._vision_period_s
-        if vehicle is not None and usable and due and self._vision is not None:
-            self._vision_due_s = max(self._vision_due_s, now_s - self._vision_period_s) + self._vision_period_s
-            self._vision(vehicle.position_w_m, vehicle.q_w_flu_wxyz)
+        if self._vision is not None:
+            self._vision.forward(now_s, True, self.estimate)
         return frame.received_s
 
 
@@ -98,7 +86,9 @@ async def open_onlooker(
             bus = await devices.enter_async_context(open_dynamixel(config.arms, clock, strict=False))
             arms = _arm_stage(bus, config)
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
-        onlooker = Onlooker(mocap, clock, config, arms, autopilot.send_vision if forward_vision else None)
+        cycle_s = 1.0 / config.control.rate_hz
+        vision = VisionStage(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
+        onlooker = Onlooker(mocap, clock, config, arms, vision)
         running = Running(mocap, autopilot, clock, lambda: onlooker.estimate, arms, disk.free_mb)
         async with _kept_going(onlooker):
             yield running, onlooker

@@ -1,0 +1,195 @@
+"""`companion preflight` and `companion dry-run` against the mocks, over the real protocols."""
+
+import asyncio
+import io
+import json
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from companion.adapters.instance_lock import instance_lock
+from companion.by_hand_file import read_kept, write_kept
+from companion.cli.by_hand import carry
+from companion.cli.preflight import load_both
+from companion.config_preflight import PreflightConfig
+from companion.onlooker import open_onlooker
+from companion.preflight.by_hand import Kept, Move
+from companion.service_preflight import settle
+from mock_autopilot.dynamixel_packets import Instruction, Packet
+from mock_autopilot.simulator import Simulator
+from mock_autopilot.truth import Truth
+from mock_autopilot.world import World
+from tests.cli.typed import typing
+from tests.flights.command import run, start
+from tests.mavlink_relay import Relay
+from tests.preflight.rig import room
+
+TIMED = {"mocap rate", "mocap age", "vision delay"}
+"""Checks that a computer busy with other tests may fail."""
+
+
+@pytest.mark.realtime
+async def test_the_list_against_the_mock_names_the_one_parameter_that_is_wrong(tmp_path: Path) -> None:
+    spoiled = room(tmp_path, params={"COM_OF_LOSS_T": 1.0})
+    async with spoiled.mock:
+        ran = await run("preflight", "--json", "--config", spoiled.config, "--out", tmp_path, "--trajectory", "ellipse")
+    assert ran.code == 1, ran.said
+    checks = {check["name"]: check for check in json.loads(ran.out)}
+    refused = {name for name, check in checks.items() if check["must"] and not check["passed"]} - TIMED
+    assert refused == {"COM_OF_LOSS_T", "carried by hand"}
+    assert checks["COM_OF_LOSS_T"]["says"] == "is 1, should be at least 0.2 and at most 0.5"
+    assert checks["COM_OF_LOSS_T"]["todo"].startswith("set it to 0.5: ")
+    for name in ("heading agrees", "vision fused", "battery", "fence around the trajectory"):
+        assert checks[name]["passed"], checks[name]
+
+
+async def test_a_vehicle_that_another_companion_flies_is_left_alone(tmp_path: Path) -> None:
+    free = room(tmp_path)
+    config, _ = load_both(free.config)
+    with instance_lock(config.px4.url):
+        for command in ("preflight", "dry-run"):
+            ran = await run(command, "--config", free.config, "--out", tmp_path)
+            assert ran.code == 2, ran.said
+            assert "another companion (process " in ran.err
+            assert "Traceback" not in ran.said
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("[preflight]\nrealtim = false\n", "preflight.realtim: unknown key, did you mean 'realtime'?"),
+        ("[preflight]\nbattery = 1.5\n", "preflight.battery = 1.5: "),
+    ],
+)
+def test_a_mistake_in_its_table_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], text: str, sentence: str
+) -> None:
+    path = tmp_path / "companion.toml"
+    path.write_text(text)
+    for command in ("preflight", "dry-run"):
+        typed = typing(command, monkeypatch, capsys)("--config", path)
+        assert typed.code == 2
+        assert sentence in typed.err
+
+
+READING = {Instruction.PING, Instruction.READ, Instruction.SYNC_READ, Instruction.FAST_SYNC_READ, Instruction.BULK_READ}
+ASKING = {511, 512}
+"""SET_MESSAGE_INTERVAL, REQUEST_MESSAGE."""
+
+
+def listen_to(mock: Simulator) -> set[int]:
+    """Instructions that come over the servo bus from now on."""
+    heard: set[int] = set()
+    assert mock.world.servos is not None
+    answer = mock.world.servos.answer
+
+    def note(packet: Packet, *rest: Any) -> Any:
+        heard.add(packet.code)
+        return answer(packet, *rest)
+
+    mock.world.servos.answer = note  # type: ignore[method-assign, assignment]
+    return heard
+
+
+@pytest.mark.realtime
+async def test_a_dry_run_reads_everything_and_sends_nothing(tmp_path: Path) -> None:
+    with Relay() as relay:
+        real = room(tmp_path, relay.ports, relay.url, params={"COM_DISARM_PRFLT": -1.0}, arms=True)
+        async with real.mock as mock:
+            instructions = listen_to(mock)
+            ran = await run("dry-run", "--config", real.config, "--out", tmp_path / "out", "--seconds", "2", "--json")
+            checks = {check["name"]: check for check in json.loads(ran.out)}
+            assert ran.code == any(check["must"] and not check["passed"] for check in checks.values()), ran.said
+            for name in ("body seen", "disarmed", "roll agrees", "pitch agrees", "battery", "arms stowed", "law"):
+                assert checks[name]["passed"], checks[name]
+            record = np.load(next((tmp_path / "out").glob("*-dry-run.npz")))
+            assert np.isfinite(record["setpoint_thrust"]).sum() > 50, "the law was asked all the time"
+            assert np.isnan(record["sent_s"]).all()
+
+            endless = await start("dry-run", "--config", real.config, "--out", tmp_path / "cut", "--seconds", "600")
+            await endless.until_line("looking on")
+            await asyncio.sleep(0.3)
+            endless.interrupt()
+            cut = await endless.ended()
+            assert cut.code == 130, cut.said
+            assert "Traceback" not in cut.said
+            assert len(list((tmp_path / "cut").glob("*-dry-run.npz"))) == 1
+
+            mock.world.vehicle.arm_disarm(1.0, 21196.0)
+            assert mock.world.vehicle.armed
+            refused = await run("dry-run", "--config", real.config, "--out", tmp_path)
+            assert refused.code == 2, refused.said
+            assert "the vehicle is armed or in the air" in refused.err
+    commands = {passed.message.command for passed in relay.from_client if passed.kind == "COMMAND_LONG"}
+    assert commands <= ASKING, "no arming, no mode, no landing"
+    kinds = {passed.kind for passed in relay.from_client} - {"COMMAND_LONG"}
+    assert kinds <= {"HEARTBEAT", "PING"}, "no setpoint, no vision, no parameter"
+    assert instructions
+    assert instructions <= READING, "no torque, no goals"
+
+
+class Hand:
+    """Carries the simulated vehicle whenever it is asked to."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._from = self._to = world.state.position_ned_m.copy()
+        self._since_s = 0.0
+        world.observers.append(self._hold)
+
+    def take_to(self, north_m: float, east_m: float, down_m: float) -> None:
+        self._from, self._to, self._since_s = self._at(), np.array([north_m, east_m, down_m]), self._world.time_s
+
+    def _at(self) -> Any:
+        share = min(1.0, (self._world.time_s - self._since_s) / 0.8)
+        return self._from + (self._to - self._from) * share * share * (3.0 - 2.0 * share)
+
+    def _hold(self, _: Truth) -> None:
+        still = np.zeros(3)
+        state = replace(
+            self._world.state, position_ned_m=self._at(), velocity_ned_mps=still, acceleration_ned_mps2=still
+        )
+        self._world._state = state
+
+
+@pytest.mark.realtime
+async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_path: Path) -> None:
+    real = room(tmp_path)
+    config, wanted = load_both(real.config)
+    said = io.StringIO()
+    places = {
+        Move.LIFT.asks: (0.0, 0.0, -0.3),
+        "put it down": (0.0, 0.0, 0.0),
+        Move.FORWARD.asks: (0.5, 0.0, 0.0),
+        Move.LEFT.asks: (0.5, -0.5, 0.0),
+    }
+
+    async def obey(hand: Hand) -> None:
+        for asked, place in places.items():
+            while asked not in said.getvalue():  # noqa: ASYNC110 - a person reads a screen
+                await asyncio.sleep(0.02)
+            hand.take_to(*place)
+
+    async with real.mock as mock, open_onlooker(config, tmp_path, forward_vision=True) as (running, _):
+        assert await settle(running, wanted)
+        hand = asyncio.create_task(obey(Hand(mock.world)))
+        checks = await carry(running, Console(file=said, width=300))
+        await hand
+    assert [check.name for check in checks] == ["by hand: lift", "by hand: forward", "by hand: left", "by hand: frames"]
+    assert all(check.passed for check in checks), checks
+
+
+def test_when_it_was_carried_is_kept(tmp_path: Path) -> None:
+    wanted = PreflightConfig(state_folder=str(tmp_path / "state"))
+    assert read_kept(wanted) is None
+    kept = Kept("dauam", datetime(2026, 5, 1, 12, 0, tzinfo=UTC))
+    path = write_kept(wanted, kept)
+    assert read_kept(wanted) == kept
+    for nonsense in ("", "[]", '{"body": "dauam"}', '{"body": "dauam", "when": "2026-05-01T12:00:00"}', "\x00"):
+        path.write_text(nonsense)
+        assert read_kept(wanted) is None
