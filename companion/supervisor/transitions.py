@@ -33,9 +33,9 @@ def enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Flig
     return replace(flight, phase=phase, since_s=facts.time_s, **changes)  # type: ignore[arg-type]
 
 
-def over(flight: Flight, facts: Facts, reason: str = "") -> Flight:
-    """The flight is over; an earlier reason is kept unless there is a new one."""
-    return replace(enter(flight, Phase.DISARMED, facts, airborne=False), reason=reason or flight.reason)
+def over(flight: Flight, facts: Facts) -> Flight:
+    """The flight is over."""
+    return enter(flight, Phase.DISARMED, facts, airborne=False)
 
 
 def lift_off(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

@@ -228,8 +228,10 @@ def test_only_a_hand_over_that_asks_to_land_is_waited_for() -> None:
 
 
 def test_resume_begins_anew_and_hovers_where_the_vehicle_is_flown() -> None:
-    flight, time_s = STATES["resuming"]
+    flight, time_s = resuming()
     assert end_of(flight) == (Phase.RESUME, Action.OFFBOARD)
+    assert (flight.yaw_rad, flight.since_s) == (0.3, time_s)
+    np.testing.assert_array_equal(np.asarray(flight.ground_w_m), GROUND)
     assert (flight.level, flight.cause, flight.reason, flight.airborne) == (Reaction.NOTE, None, "", False)
     theirs = replace(facts(time_s + 1.0, 1.5, mode=FlightMode.POSITION), yaw_rad=-2.0)
     waiting = advance(flight, theirs, RULES)
@@ -241,6 +243,7 @@ def test_resume_begins_anew_and_hovers_where_the_vehicle_is_flown() -> None:
     reference = reference_at(ours, back.time_s)
     np.testing.assert_array_equal(reference.position_w_m, back.position_w_m)
     np.testing.assert_array_equal(reference.velocity_w_mps, back.velocity_w_mps)
+    np.testing.assert_array_equal(reference.acceleration_w_mps2, np.zeros(3))
     assert reference.yaw_rad == -2.0
     landed, _ = until(request(ours, Land(), back, RULES), back.time_s, lambda now: now.touched_down)
     assert landed.ground_w_m is not None, "the ground is remembered from before"
@@ -255,6 +258,8 @@ def test_resume_is_given_up_when_offboard_does_not_show() -> None:
     assert end_of(flight) == (Phase.HANDED_OVER, None)
     assert time_s - begun_s == pytest.approx(RULES.resume_s, abs=2 * DT_S)
     assert (flight.level, flight.reason) == (Reaction.LET_GO, "the autopilot did not show OFFBOARD")
+    just = replace(resuming()[0], since_s=8.0)
+    assert advance(just, facts(8.0 + RULES.resume_s, 1.0, mode=FlightMode.POSITION), RULES).phase is Phase.HANDED_OVER
     late = advance(flight, facts(time_s + DT_S, 1.0), RULES)
     assert late.action is Action.AUTOPILOT_LAND, "OFFBOARD shows after all: nobody flies"
     assert advance(late, facts(time_s + 2 * DT_S, 1.0), RULES).action is None
@@ -332,6 +337,8 @@ def test_kill_stops_the_motors_from_every_phase_and_asks_until_they_are(state: s
     assert asked_s == pytest.approx([RULES.kill_again_s * k for k in (1, 2, 3)], abs=4 * DT_S)
     off = advance(flight, facts(time_s + 2.0, armed=False), RULES)
     assert end_of(off) == (Phase.TERMINATED, None)
+    quick = replace(RULES, kill_again_s=0.5)
+    assert advance(replace(flight, asked_again_s=8.0), facts(8.5), quick).action is Action.KILL
 
 
 def test_an_arming_that_shows_after_the_kill_is_undone() -> None:
@@ -388,6 +395,8 @@ def test_the_thrust_ramps_up_past_hover_and_is_zero_in_every_other_phase() -> No
     assert thrusts[100] == pytest.approx(RULES.hover_thrust * RULES.quick_ramp)
     assert thrusts[200] == pytest.approx(RULES.hover_thrust * (RULES.quick_ramp + RULES.slow_ramp_ps))
     assert thrusts[-1] == pytest.approx(RULES.hover_thrust * RULES.ramp_overshoot)
+    slowly = replace(RULES, spool_up_s=4.0)
+    assert phases.ground_thrust(flight, 3.0, slowly) == pytest.approx(0.5 * RULES.hover_thrust * RULES.quick_ramp)
     steps = np.diff(thrusts)
     assert np.all(steps >= 0.0)
     assert float(steps.max()) <= 0.01 * RULES.hover_thrust * 1.01, "no step of more than 1 % of hover a cycle"

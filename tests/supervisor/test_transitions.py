@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.config_safety import FenceConfig
-from companion.control.reference import FigureEight, Hold, MinimumJerk, Trajectory
+from companion.control.reference import Ellipse, FigureEight, Hold, MinimumJerk, Trajectory
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Action, Brake, Facts, Flight, FlightRules, Fly, Land, Leg, Phase, TakeOff
 from companion.supervisor.phases import advance, reference_at, request
@@ -66,27 +66,30 @@ def test_the_reference_is_continuous_over_the_legs(state: str, trajectory: Traje
 
 def test_the_way_to_a_trajectory_waits_there_and_the_end_is_held() -> None:
     flight, time_s = STATES["hovering"]
-    flown = request(flight, Fly(CURVE, 2.5), on_reference(flight, time_s), RULES)
+    trajectory = Ellipse(CENTRE, yaw_rad=0.5)
+    flown = request(flight, Fly(trajectory, 2.5), on_reference(flight, time_s), RULES)
     way, wait, curve, rest = flown.legs
     assert [leg.phase for leg in flown.legs] == [Phase.HOLD, Phase.HOLD, Phase.TRACK, Phase.HOLD]
-    assert (wait.trajectory.duration_s, curve.trajectory) == (2.5, CURVE)
-    begin, end = CURVE.at(0.0), CURVE.at(CURVE.duration_s)
+    assert (wait.trajectory.duration_s, curve.trajectory) == (2.5, trajectory)
+    begin, end = trajectory.at(0.0), trajectory.at(trajectory.duration_s)
     for leg, place in ((wait, begin), (rest, end)):
         np.testing.assert_array_equal(leg.trajectory.at(1.0).position_w_m, place.position_w_m)
-        assert leg.trajectory.at(1.0).yaw_rad == place.yaw_rad
+        assert leg.trajectory.at(1.0).yaw_rad == place.yaw_rad == 0.5
     speeds = [np.linalg.norm(way.trajectory.at(0.01 * n).velocity_w_mps) for n in range(1000)]
     assert max(speeds) == pytest.approx(RULES.climb_speed_mps, rel=1e-3), "as fast as it climbs, no faster"
 
 
 @pytest.mark.parametrize(
-    ("from_rad", "to_rad", "way_rad"), [(0.3, 0.3 + 3.0, 3.0), (-3.0, 3.0, 2.0 * np.pi - 6.0), (1.0, 1.0, 0.0)]
+    ("from_rad", "to_rad", "way_rad"), [(0.3, 0.3 + 3.0, 3.0), (-2.0, 2.0, 2.0 * np.pi - 4.0), (1.0, 1.0, 0.0)]
 )
-def test_a_turn_takes_its_time_the_short_way(from_rad: float, to_rad: float, way_rad: float) -> None:
+@pytest.mark.parametrize("turn_radps", [1.0, 0.5])
+def test_a_turn_takes_its_time_the_short_way(from_rad: float, to_rad: float, way_rad: float, turn_radps: float) -> None:
     flight, time_s = STATES["hovering"]
     here = reference_at(flight, time_s).position_w_m
     flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, from_rad)),))
-    flown = request(flight, Fly(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), RULES)
-    assert flown.legs[0].trajectory.duration_s == pytest.approx(max(1.0, 1.875 * way_rad / RULES.turn_radps))
+    rules = replace(RULES, turn_radps=turn_radps)
+    flown = request(flight, Fly(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), rules)
+    assert flown.legs[0].trajectory.duration_s == pytest.approx(max(1.0, 1.875 * way_rad / turn_radps))
 
 
 def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
@@ -141,11 +144,13 @@ def test_take_off_ends_above_where_it_stood() -> None:
 def test_the_climb_begins_where_the_vehicle_left_the_ground() -> None:
     spooling = request(armed(), TakeOff(1.0), facts(1.0), RULES)
     drifted = replace(facts(2.5, 0.03, climb_mps=0.2), position_w_m=GROUND + np.array([0.1, -0.2, 0.03]))
-    climbing = advance(spooling, drifted, RULES)
+    climbing = advance(replace(spooling, yaw_rad=0.4), drifted, RULES)
     np.testing.assert_array_equal(reference_at(climbing, 2.5).position_w_m, drifted.position_w_m)
     heights_m = [reference_at(climbing, 2.5 + 0.01 * n).position_w_m[2] for n in range(600)]
     assert float(np.max(np.diff(heights_m))) / 0.01 <= RULES.climb_speed_mps * 1.001
-    assert heights_m[-1] == pytest.approx(GROUND[2] + 1.0)
+    np.testing.assert_allclose(reference_at(climbing, 9.0).position_w_m, GROUND + np.array([0.0, 0.0, 1.0]))
+    assert {reference_at(climbing, 2.5 + at_s).yaw_rad for at_s in (0.0, 1.0, 6.0)} == {0.4}
+    assert [leg.phase for leg in climbing.legs] == [Phase.TAKEOFF, Phase.HOLD]
 
 
 # --- stopping ---
@@ -165,6 +170,7 @@ def test_a_stop_takes_over_the_motion_and_rests(state: str, wanted: Brake | None
     check_continuous(stopped, time_s, 5.0)
     rest = reference_at(stopped, time_s + 5.0)
     np.testing.assert_array_equal(rest.velocity_w_mps, np.zeros(3))
+    assert rest.yaw_rad == reference_at(flight, time_s).yaw_rad
     assert {leg.phase for leg in stopped.legs} == {Phase.HOLD}
     assert advance(stopped, on_reference(stopped, time_s + 5.0), RULES).phase is Phase.HOLD
 
