@@ -96,3 +96,13 @@ def test_a_list_of_ones_own_with_a_mistake_is_one_sentence(tmp_path: Path, text:
 def test_an_unknown_list_names_where_lists_are() -> None:
     with pytest.raises(ConfigError, match="'nowhere': is no file, and no name in"):
         load_recommended("nowhere")
+
+
+def test_the_documentation_prints_this_very_list() -> None:
+    text = (ROOT / "docs" / "preflight.md").read_text(encoding="utf-8")
+    rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("|") == 6]
+    assert rows == [
+        f"| `{one.name}` | {one.set_to:g} | {one.wanted}{'; then reboot' if one.reboot else ''} "
+        f"| {'must' if one.must else 'should'} | {one.why} |"
+        for one in LIST.values()
+    ]
