@@ -1,8 +1,8 @@
 """One connection to a broker: aiomqtt's client, made to end at once and leave nothing behind.
 
-As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled, and may watch the number of
-a socket that is closed; a packet that makes paho raise is handed to it again and again without pause; and a packet may
-say that it has 256 MB.
+As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled, and may watch a socket that
+is closed, or for ever one that has nothing to write; a packet that makes paho raise is handed to it again and again
+without pause; and a packet may say that it has 256 MB.
 """
 
 import asyncio
@@ -91,9 +91,9 @@ class Connection(aiomqtt.Client):
         userdata: object,  # noqa: ARG002
         sock: PahoSocket,
     ) -> None:
-        """As aiomqtt does it a turn of the loop later, but not when the socket is closed by then.
+        """As aiomqtt does it a turn of the loop later, but not when the socket is closed by then, or all is written.
 
-        Its number would be nobody's, or the next one's that is opened.
+        Its number would be nobody's, or the next one's that is opened; and nobody would end a watch begun too late.
         """
 
         def write() -> None:
@@ -104,7 +104,7 @@ class Connection(aiomqtt.Client):
                     self._disconnected.set_exception(error)
 
         def register() -> None:
-            if sock.fileno() >= 0:
+            if sock.fileno() >= 0 and client.want_write():
                 self._loop.add_writer(sock.fileno(), write)
 
         self._loop.call_soon_threadsafe(register)

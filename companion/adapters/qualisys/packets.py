@@ -17,6 +17,8 @@ HEADER = struct.Struct("<II")
 DATA = 3
 MAX_PACKET_BYTES = 16_000_000
 """Far above any settings document or frame."""
+MAX_TALK = 500
+"""Packets in one read that are no frames: events and answers are few, and each is logged while the loop waits."""
 MAX_COMPONENTS = 32
 """The protocol knows 19 kinds of data, each once in a packet."""
 _COMPONENT_COUNT = struct.Struct("<I")
@@ -41,9 +43,9 @@ class BodyPose:
 
 def split_packets(buffer: bytearray) -> list[bytes]:
     """Remove the whole packets (with header) from the front of `buffer`; MalformedError when there can be none."""
-    packets = []
+    packets, talk = list[bytes](), 0
     while len(buffer) >= HEADER.size:
-        size, _ = HEADER.unpack_from(buffer)
+        size, kind = HEADER.unpack_from(buffer)
         if not HEADER.size <= size <= MAX_PACKET_BYTES:
             raise MalformedError(f"a packet of {size} bytes")
         if len(buffer) < size:
@@ -51,6 +53,9 @@ def split_packets(buffer: bytearray) -> list[bytes]:
         packets.append(bytes(buffer[:size]))
         del buffer[:size]
         check_packet(packets[-1])
+        talk += kind != DATA
+        if talk > MAX_TALK:
+            raise MalformedError(f"more than {MAX_TALK} packets at once that are no frames")
     return packets
 
 
@@ -84,10 +89,12 @@ def body_pose(packet: Any, index: int) -> BodyPose:
     return BodyPose(pose[:3] * 1e-3, pose[3:].reshape(3, 3).T, values[12] * 1e-3)
 
 
-def body_names(xml: bytes) -> list[str]:
+def body_names(xml: Any) -> list[str]:
     """Names of the rigid bodies in the answer to `getparameters 6d`, in the order of the data; MalformedError."""
+    if not isinstance(xml, bytes):  # the SDK takes whatever packet comes next for the answer
+        raise MalformedError("a frame where its settings were asked for")
     try:
         root = ElementTree.fromstring(xml)  # noqa: S314 - expat refuses entity bombs since 2.4.1
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two for its encoding
         raise MalformedError(f"settings that are no XML ({error})") from error
     return [(body.findtext("Name") or "").strip() for body in root.findall("The_6D/Body")]
