@@ -470,7 +470,7 @@ VECTORS = st.one_of(st.lists(st.floats(-6.0, 6.0), min_size=3, max_size=3), st.l
     attitude=QUATERNIONS,
     age_s=st.one_of(st.floats(0.0, 0.12), NUMBERS),
     dt_s=st.one_of(st.just(DT_S), NUMBERS),
-    leaning=st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-4.0, 4.0)),
+    leaning=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-4.0, 4.0)),
 )
 def test_whatever_comes_in_what_goes_out_is_inside_the_limits(
     q: Array,
