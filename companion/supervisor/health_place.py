@@ -37,7 +37,7 @@ def look_at_place(
 ) -> tuple[PlaceHealth, list[Event]]:
     """`new`: this cycle brought a frame."""
     far_since_s, errors, tracking = _of_tracking(memory, now, rules)
-    beyond_m, seen_inside = -1.0, memory.seen_inside and now.autopilot.armed
+    beyond_m, seen_inside = None, memory.seen_inside and now.autopilot.armed
     vehicle = now.seen.vehicle
     if vehicle is not None and now.seen.age_s < rules.silent_s:
         beyond_m = fence.beyond_m(vehicle.position_w_m)
@@ -76,9 +76,11 @@ def _grows(errors: Window) -> bool:
     return errors.numbers[-1] - errors.numbers[0] > GROWN_M
 
 
-def _of_fence(memory: PlaceHealth, now: Observed, beyond_m: float, rules: SafetyRules, fence: Fence) -> list[Event]:
+def _of_fence(
+    memory: PlaceHealth, now: Observed, beyond_m: float | None, rules: SafetyRules, fence: Fence
+) -> list[Event]:
     vehicle = now.seen.vehicle
-    if vehicle is None or not now.autopilot.armed or not now.seen.age_s < rules.silent_s:
+    if vehicle is None or beyond_m is None or not now.autopilot.armed:
         return []
     if not beyond_m > 0.0:
         stop_w_m = fence.stopping_point_w_m(vehicle.position_w_m, vehicle.velocity_w_mps)

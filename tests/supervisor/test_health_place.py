@@ -165,7 +165,7 @@ def test_who_does_not_turn_or_is_not_seen_cannot_leave() -> None:
     out = way_out()
     assert not any(watched([on_ground(now) for now in out]))
     none = watched([*out[:3], *(with_seen(now, age_s=0.25) for now in out[3:])])
-    assert not [1 for events in none if Fault.FENCE_LEFT in faults(events)]
+    assert not [1 for events in none[3:] if {Fault.FENCE_LEFT, Fault.FENCE_NEAR} & set(faults(events))]
     assert beyond(watched([*out[:3], *(with_seen(now, age_s=0.2499) for now in out[3:])])) == list(range(9, 30))
     assert not any(watched([*out[:3], *(with_seen(now, vehicle=None) for now in out[3:])]))
 
@@ -202,6 +202,7 @@ def test_the_first_frame_of_all_before_arming_raises_no_doubt() -> None:
 
 def test_who_was_never_inside_is_not_stopped() -> None:
     flight = [on_ground(at(0, 6.0)), *(at(k, 6.0) for k in range(1, 5)), at(5, 4.0), at(6, 6.0)]
+    assert beyond(watched([*flight[:5], at(5, 4.0625), at(6, 6.0)])) == []
     assert beyond(watched(flight)) == [6]
     assert beyond(watched([*flight, on_ground(at(7, 6.0)), at(8, 6.0)])) == [6]
 
