@@ -208,6 +208,7 @@ class _Straight:
 def test_landing_takes_over_the_motion(state: str) -> None:
     flight, time_s = STATES[state]
     down = request(flight, Land(), on_reference(flight, time_s), RULES)
+    assert {leg.phase for leg in down.legs} == {down.phase}
     check_taken_over(reference_at(flight, time_s), reference_at(down, time_s), acceleration=False)
     check_continuous(down, time_s, 5.0)
 
