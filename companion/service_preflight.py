@@ -30,7 +30,7 @@ from companion.preflight.vehicle import ArmsSeen
 from companion.preflight.whole import CURVE, DELAY, HOVER, Facts, check_all
 from companion.types import Array, AutopilotStatus, MocapFrame
 
-_WATCH_S = 1.5
+_WATCH_S = 1.0
 _POLL_S = 0.002
 """Frames come every 3 ms at most."""
 _PAIR_S = 0.02
@@ -85,7 +85,7 @@ async def require_preflight(
 async def preflight(
     running: Running, config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None = None
 ) -> tuple[Check, ...]:
-    """Every check. Takes 1.5 s, and up to 6 s more while the autopilot still settles on vision.
+    """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision.
 
     Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
     """

@@ -55,7 +55,7 @@ def preflight(
     console = Console(stderr=as_json)
     try:
         if by_hand:
-            checks = asyncio.run(_by_hand(settings, wanted, out, console))
+            checks = asyncio.run(carry_and_keep(settings, wanted, out, console))
         else:
             checks = asyncio.run(_look(settings, wanted, flown, out, console))
     except KeyboardInterrupt:
@@ -90,7 +90,10 @@ async def _look(
             return await check_everything(running, config, wanted, trajectory)
 
 
-async def _by_hand(config: CompanionConfig, wanted: PreflightConfig, out: Path, console: Console) -> tuple[Check, ...]:
+async def carry_and_keep(
+    config: CompanionConfig, wanted: PreflightConfig, out: Path, console: Console
+) -> tuple[Check, ...]:
+    """Have the vehicle carried, and keep that it was if all is right. FlightError while it is armed."""
     async with open_onlooker(config, out, forward_vision=True) as (running, _):
         await settle(running, wanted)
         if running.autopilot.status().armed:

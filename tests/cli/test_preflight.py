@@ -14,12 +14,9 @@ from rich.console import Console
 
 from companion.adapters.instance_lock import instance_lock
 from companion.by_hand_file import read_kept, write_kept
-from companion.cli.by_hand import carry
-from companion.cli.preflight import load_both
+from companion.cli.preflight import carry_and_keep, load_both
 from companion.config_preflight import PreflightConfig
-from companion.onlooker import open_onlooker
-from companion.preflight.by_hand import Kept, Move
-from companion.service_preflight import settle
+from companion.preflight.by_hand import Kept, Move, check_kept
 from mock_autopilot.dynamixel_packets import Instruction, Packet
 from mock_autopilot.simulator import Simulator
 from mock_autopilot.truth import Truth
@@ -175,13 +172,15 @@ async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_
                 await asyncio.sleep(0.02)
             hand.take_to(*place)
 
-    async with real.mock as mock, open_onlooker(config, tmp_path, forward_vision=True) as (running, _):
-        assert await settle(running, wanted)
+    async with real.mock as mock:
         hand = asyncio.create_task(obey(Hand(mock.world)))
-        checks = await carry(running, Console(file=said, width=300))
+        checks = await carry_and_keep(config, wanted, tmp_path, Console(file=said, width=300))
         await hand
     assert [check.name for check in checks] == ["by hand: lift", "by hand: forward", "by hand: left", "by hand: frames"]
     assert all(check.passed for check in checks), checks
+    kept = read_kept(wanted)
+    assert kept is not None
+    assert check_kept(kept, "dauam", datetime.now(tz=UTC), wanted.by_hand_within_h).passed
 
 
 def test_when_it_was_carried_is_kept(tmp_path: Path) -> None:
