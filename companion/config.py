@@ -122,6 +122,16 @@ class CompanionConfig(Section):
     operator: OperatorConfig | None = None
 
     @model_validator(mode="after")
+    def _frames_can_be_counted(self) -> "CompanionConfig":
+        """One frame is used in a cycle: a slow loop must not look like slow motion capture."""
+        most_hz = 0.8 * self.control.rate_hz
+        if self.safety.slow_hz > most_hz:
+            raise ValueError(
+                f"safety.slow_hz = {self.safety.slow_hz:g} must be at most {most_hz:g}, 0.8 of control.rate_hz"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _room_inside_fence(self) -> "CompanionConfig":
         """A trajectory that is allowed must not bring the vehicle near its fence."""
         room, fence = self.room, self.fence
