@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 from rich.console import Console
 
-from companion.preflight.by_hand import Move, Moved, Track, at_rest, is_over, judge, judge_together, moved
+from companion.preflight.by_hand import Move, Moved, Track, at_rest, is_over, judge, judge_together, moved, settled
 from companion.preflight.check import Check
 from companion.service_preflight import Running
 from companion.types import Array
@@ -14,6 +14,8 @@ from companion.types import Array
 _SAMPLE_S = 0.02
 _PATIENCE_S = 60.0
 """For each thing that the hand is asked to do."""
+_FOLLOWS_S = 5.0
+"""For the autopilot's estimate to come to rest, too."""
 _BACK_M = 0.15
 _BEFORE = 60
 """Samples that are kept while it still stands: the track begins at rest."""
@@ -52,6 +54,7 @@ async def _one_move(running: Running, move: Move, console: Console) -> Track | N
     console.print(f"[bold]{move.asks}[/]", highlight=False, soft_wrap=True)
     samples.keep_last(_BEFORE)
     done = await _until(samples, lambda: is_over(samples.track(), move))
+    await _until(samples, lambda: settled(samples.track()), _FOLLOWS_S)  # or judge one that never rests
     return samples.track() if done else None
 
 
@@ -90,8 +93,8 @@ class _Samples:
         return Track(rows[:, 0], rows[:, 1:4], rows[:, 4:8], rows[:, 8:11], rows[:, 11:15])
 
 
-async def _until(samples: _Samples, true: Callable[[], bool]) -> bool:
-    end_s = asyncio.get_running_loop().time() + _PATIENCE_S
+async def _until(samples: _Samples, true: Callable[[], bool], patience_s: float = _PATIENCE_S) -> bool:
+    end_s = asyncio.get_running_loop().time() + patience_s
     while not true():
         if asyncio.get_running_loop().time() > end_s:
             return False

@@ -86,9 +86,18 @@ class Moved:
 
 def at_rest(track: Track) -> bool:
     """Whether motion capture has seen it stand still for a while, at the track's end."""
-    if not len(track.time_s) or track.time_s[-1] - track.time_s[0] < _REST_S:
+    return _rests(track.time_s, track.mocap_w_m)
+
+
+def settled(track: Track) -> bool:
+    """Whether the autopilot, which follows a little later, believes so, too."""
+    return _rests(track.time_s, track.autopilot_w_m)
+
+
+def _rests(time_s: Array, position_w_m: Array) -> bool:
+    if not len(time_s) or time_s[-1] - time_s[0] < _REST_S:
         return False
-    lately = track.mocap_w_m[track.time_s >= track.time_s[-1] - _REST_S]
+    lately = position_w_m[time_s >= time_s[-1] - _REST_S]
     return bool(np.ptp(lately, axis=0).max() < _REST_M)
 
 

@@ -20,6 +20,7 @@ from companion.preflight.by_hand import (
     judge,
     judge_together,
     moved,
+    settled,
 )
 from companion.types import Array
 
@@ -238,6 +239,10 @@ def test_a_move_is_over_when_it_went_far_enough_and_rests() -> None:
     assert not is_over(cut(track, 2.0), Move.FORWARD), "it moves"
     assert not is_over(cut(track, 2.6), Move.FORWARD), "it has just stopped"
     assert is_over(cut(track, 3.5), Move.FORWARD)
+    late = carried(Move.FORWARD, lag_s=1.0)
+    assert is_over(cut(late, 3.5), Move.FORWARD)
+    assert not settled(cut(late, 3.5)), "the autopilot still follows"
+    assert settled(carried(Move.FORWARD, lag_s=0.5))
     assert is_over(carried(Move.FORWARD, mocap=by(np.diag([-1.0, -1.0, 1.0]))), Move.FORWARD), "whatever the way"
     short = replace(track, mocap_w_m=track.mocap_w_m[:1] + 0.4 * (track.mocap_w_m - track.mocap_w_m[:1]))
     assert not is_over(short, Move.FORWARD), "0.2 m is too little"
