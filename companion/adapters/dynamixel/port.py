@@ -18,7 +18,7 @@ from companion.ports import ArmError
 
 SYSFS = Path("/sys/bus/usb-serial/devices")
 _AT_ONCE = 4096
-"""More than any answer, and what a tty holds."""
+"""More than any answer, and all answers to one question; what a tty holds."""
 
 dynamixel_sdk.port_handler.LATENCY_TIMER = 1
 """ms; the SDK adds twice this to every time-out. Its 16 is what FTDI's driver starts with: see `latency_warning`."""
@@ -37,6 +37,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         self.patience_ms = 0.0
         """Added to every time-out: outside the cycles there is time to wait for a computer that is busy."""
         self._unread = b""
+        self._taken = 0
         self._fd = -1
 
     def open(self) -> None:
@@ -67,19 +68,28 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
 
     def clearPort(self) -> None:  # noqa: N802
         """Forget what came before, as the SDK does ahead of every instruction."""
-        self._unread = b""
+        self._unread, self._taken = b"", 0
         try:
             self.ser.reset_input_buffer()
         except (OSError, termios.error) as error:
             raise PortGoneError(str(error)) from error
 
     def readPort(self, length: int) -> bytes:  # noqa: N802
-        """Up to `length` bytes; sleeps until some are there or the packet's time is over."""
+        """Up to `length` bytes; sleeps until some are there or the packet's time is over.
+
+        The SDK looks at the time only when too few bytes came. So a line on which somebody babbles, or that is stuck
+        and reads as ones, falls silent here after more bytes than there are answers.
+        """
         if length <= 0:
             return b""
+        left_s = max(0.0, self.packet_timeout - self.getTimeSinceStart()) * 1e-3
+        if self._taken >= _AT_ONCE:
+            time.sleep(left_s)
+            return b""
         if not self._unread:
-            self._unread = self._receive(max(0.0, self.packet_timeout - self.getTimeSinceStart()) * 1e-3)
+            self._unread = self._receive(left_s)
         taken, self._unread = self._unread[:length], self._unread[length:]
+        self._taken += len(taken)
         return taken
 
     def _receive(self, timeout_s: float) -> bytes:
