@@ -2,10 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from mock_autopilot import quaternion as quat
+from mock_autopilot.airframe import Demand
 from mock_autopilot.fault_schedule import Held
-from mock_autopilot.faults import Kind
+from mock_autopilot.fault_ways import Kind
+from mock_autopilot.px4 import Mode
+from mock_autopilot.quaternion import Array
 
 TIPPING_RADPS2 = 1.5
 """Four motors at fixed signals are never quite equal: so fast it begins to roll when nobody balances it."""
@@ -38,6 +44,19 @@ class Troubles:
         pulled_rad = self.motor_roll_rad and self.motor_roll_rad * math.exp((self.motor_since_s - now_s) / CAUGHT_S)
         return pulled_rad - self.tilt_off_rad
 
+    def refuses(self, mode: Mode) -> bool:
+        """Whether it does not go to this mode by command."""
+        return (mode is Mode.OFFBOARD and self.refuses_offboard) or (mode is Mode.LAND and self.refuses_land)
+
+    def lifeless(self, last: Demand, rate_frd_radps: Array, since_s: float) -> Demand:
+        """What the airframe gets `since_s` after the last sign of life: nothing, or the last signals, unbalanced.
+
+        `rate_frd_radps` is how it turned then.
+        """
+        if not self.powered:
+            return replace(last, signal=0.0, motors_on=False)
+        return replace(last, rate_sp_frd_radps=rate_frd_radps + np.array([TIPPING_RADPS2 * since_s, 0.0, 0.0]))
+
     @property
     def running(self) -> bool:
         """It hears, speaks and flies."""
@@ -45,6 +64,11 @@ class Troubles:
 
 
 HEALTHY = Troubles()
+
+
+def rolled(q_wxyz: Array, roll_rad: float) -> Array:
+    """Turned about its own x."""
+    return quat.multiply(q_wxyz, quat.from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))) if roll_rad else q_wxyz
 
 
 def troubles_of(held: Sequence[Held], booted_s: float) -> Troubles:

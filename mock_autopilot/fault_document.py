@@ -1,7 +1,7 @@
 """docs/faults.md, printed from the list of all faults: `python -m mock_autopilot.fault_document > docs/faults.md`."""
 
+from mock_autopilot.fault_ways import WAYS, Part, Way
 from mock_autopilot.fault_words import EXAMPLES
-from mock_autopilot.faults import WAYS, Part, Way
 
 _TITLES = {
     Part.MOCAP: "Motion capture",
@@ -20,8 +20,8 @@ _NOTES = {
 }
 _HEAD = f"""# Faults in the mock
 
-Printed from `mock_autopilot/faults.py` by `python -m mock_autopilot.fault_document`. The kinds are those of PX4's own
-system failure injection (MAVLink's `FAILURE_TYPE`): off, stuck, garbage, wrong, slow, delayed, intermittent.
+Printed from `mock_autopilot/fault_ways.py` by `python -m mock_autopilot.fault_document`. The kinds are those of PX4's
+own system failure injection (MAVLink's `FAILURE_TYPE`): off, stuck, garbage, wrong, slow, delayed, intermittent.
 
 A fault is a sentence:
 

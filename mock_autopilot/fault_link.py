@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from mock_autopilot.fault_schedule import FaultSchedule, Held
-from mock_autopilot.faults import Kind, Part
+from mock_autopilot.fault_ways import Kind, Part
 
 Item = TypeVar("Item")
 _SLACK_S = 1e-6
@@ -17,7 +17,7 @@ class LinkFaults:
     """One direction of the link: what is sent goes in, what arrives comes out."""
 
     def __init__(self, schedule: FaultSchedule, rng: np.random.Generator, direction: str) -> None:
-        """`direction` as in faults.TO and faults.FROM."""
+        """`direction` as in fault_ways.TO and FROM."""
         self._schedule, self._rng, self._direction = schedule, rng, direction
         self._queue: list[tuple[float, object]] = []
         self._count = 0

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mock_autopilot.fault_schedule import FaultSchedule, Held
-from mock_autopilot.faults import Kind, Part
+from mock_autopilot.fault_ways import Kind, Part
 from mock_autopilot.qtm_packets import HEADER, BodyPose, Frame
 from mock_autopilot.quaternion import Array
 

@@ -4,7 +4,8 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from mock_autopilot.faults import Fault, Part, Phase
+from mock_autopilot.fault_ways import Part, Phase
+from mock_autopilot.faults import Fault
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,8 @@
 
 from mock_autopilot.dynamixel_config import Fault as BusFault
 from mock_autopilot.dynamixel_config import FaultKind
-from mock_autopilot.faults import Fault, Kind
+from mock_autopilot.fault_ways import Kind
+from mock_autopilot.faults import Fault
 
 _KINDS = {
     (Kind.OFF, ""): FaultKind.SILENT_BUS,

@@ -5,7 +5,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mock_autopilot.faults import WAYS, Fault, Kind, Part, Phase, ways_of
+from mock_autopilot.fault_ways import WAYS, Kind, Part, Phase, ways_of
+from mock_autopilot.faults import Fault
 
 _NUMBER = r"(?P<value>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)"
 _SECONDS = rf"{_NUMBER}\s*s"

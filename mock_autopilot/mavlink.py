@@ -18,7 +18,7 @@ from mock_autopilot.config import LinkConfig
 from mock_autopilot.extras import GimbalChatter
 from mock_autopilot.fault_link import LinkFaults
 from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.faults import FROM, TO
+from mock_autopilot.fault_ways import FROM, TO
 from mock_autopilot.frames import messages_in
 from mock_autopilot.messages import Message
 from mock_autopilot.px4 import LandedState, Text

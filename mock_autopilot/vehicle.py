@@ -5,7 +5,6 @@ Recorded behaviour: docs/px4-conformance.md.
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.battery import Battery
 from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, Commander, Situation
 from mock_autopilot.estimator import Estimator, Motion
-from mock_autopilot.fault_autopilot import HEALTHY, TIPPING_RADPS2
+from mock_autopilot.fault_autopilot import HEALTHY, rolled
 from mock_autopilot.land_detector import LandDetector
 from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
@@ -114,8 +113,7 @@ class Vehicle:
         self.commander.choose(Mode.POSITION, self.situation)
 
     def _refuses(self, mode: Mode) -> bool:
-        troubles = self.troubles
-        refused = {Mode.OFFBOARD: troubles.refuses_offboard, Mode.LAND: troubles.refuses_land}.get(mode, False)
+        refused = self.troubles.refuses(mode)
         if refused:
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
         return refused
@@ -184,7 +182,7 @@ class Vehicle:
     def attitude_estimate_wxyz(self) -> Array:
         """Attitude as reported: the truth, turned by the heading error."""
         turned = quat.turned_about_z(self._yaw_error_rad, self.felt.q_ned_frd_wxyz)
-        return _rolled(turned, self.troubles.tilt_off_rad)
+        return rolled(turned, self.troubles.tilt_off_rad)
 
     @property
     def _yaw_error_rad(self) -> float:
@@ -218,7 +216,7 @@ class Vehicle:
     def step(self, now_s: float, felt: Felt, dt_s: float) -> Demand:
         """Live for `dt_s` up to `now_s`."""
         if not self.troubles.running:
-            return self._lifeless(now_s)
+            return self.troubles.lifeless(self._answer, self.felt.rate_frd_radps, now_s - self.now_s)
         self.now_s, self.felt = now_s, felt
         self.estimator.in_air = self.armed and not self.land_detector.landed
         self.estimator.step(now_s, felt.motion, dt_s)
@@ -230,14 +228,6 @@ class Vehicle:
             self._pilot_due_s = now_s + PILOT_PERIOD_S
             self._fly()
         return self._demand()
-
-    def _lifeless(self, now_s: float) -> Demand:
-        """Without power nothing turns; with power and nobody there the motors keep their last signals."""
-        before = self._answer
-        if not self.troubles.powered:
-            return replace(before, signal=0.0, motors_on=False)
-        tipping = np.array([TIPPING_RADPS2 * (now_s - self.now_s), 0.0, 0.0])
-        return replace(before, rate_sp_frd_radps=self.felt.rate_frd_radps + tipping)
 
     def _command(self) -> None:
         climb_controlled = self.mode is not Mode.OFFBOARD
@@ -305,14 +295,9 @@ class Vehicle:
         if self._asked != asked:
             self._asked = asked
             yaw_error_rad, roll_rad = off_rad
-            q_true = _rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_estimated)), roll_rad)
+            q_true = rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_estimated)), roll_rad)
             self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
         return self._answer
-
-
-def _rolled(q_wxyz: Array, roll_rad: float) -> Array:
-    """Turned about its own x."""
-    return quat.multiply(q_wxyz, quat.from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))) if roll_rad else q_wxyz
 
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

@@ -19,7 +19,8 @@ from mock_autopilot.estimator import Motion
 from mock_autopilot.fault_autopilot import troubles_of
 from mock_autopilot.fault_schedule import FaultSchedule, Turn
 from mock_autopilot.fault_servos import bus_fault_of
-from mock_autopilot.faults import Fault, Part, check_fits
+from mock_autopilot.fault_ways import Part
+from mock_autopilot.faults import Fault, check_fits
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
 from mock_autopilot.servo_rack import ServoRack

@@ -50,3 +50,34 @@ def test_the_verdict_is_on_the_worst_axis(mean_m: float, verdict: str) -> None:
     flown = Summary((0.01, mean_m, 0.01), (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)
     law = load_controller("pid", VehicleModel(), 0.01).law
     assert verdict in report(LoadedController("mine", law, ErrorLimits(mean_m=0.05, max_m=0.2)), flown)
+
+
+@pytest.mark.realtime
+def test_a_fault_that_is_none_ends_the_demo_before_anything_flies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    typed = typing("demo", monkeypatch, capsys)
+    wrong = typed("--free-ports", "--out", tmp_path, "--fault", "mocap off at 3 s", "--fault", "mocap stuk at 3 s")
+    assert wrong.code == 2
+    assert wrong.err.strip() == (
+        'companion: --fault "mocap stuk at 3 s": mocap cannot be "stuk"; '
+        "it can be off, stuck, garbage, wrong, slow, delayed, intermittent"
+    )
+    assert "connecting" not in wrong.out
+    assert not list(tmp_path.iterdir())
+
+
+def test_mocks_that_run_already_are_given_no_faults(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    refused = typing("demo", monkeypatch, capsys)("--no-mocks", "--fault", "mocap off at 3 s")
+    assert (refused.code, refused.out) == (2, "")
+    assert refused.err.startswith("companion: --fault is for the mocks that the demo starts")
+
+
+def test_the_demos_help_shows_faults_by_example(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shown = typing("demo", monkeypatch, capsys)("--help").out
+    assert "--fault" in shown
+    assert "docs/faults.md" in shown

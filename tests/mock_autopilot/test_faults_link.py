@@ -5,8 +5,8 @@ import pytest
 
 from mock_autopilot.fault_link import LinkFaults
 from mock_autopilot.fault_schedule import FaultSchedule
+from mock_autopilot.fault_ways import FROM, TO
 from mock_autopilot.fault_words import parse
-from mock_autopilot.faults import FROM, TO
 from mock_autopilot.px4 import Mode
 from tests.mock_autopilot.bench import NO_GPS, Bench
 

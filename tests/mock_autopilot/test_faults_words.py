@@ -7,8 +7,9 @@ import pytest
 
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.fault_document import document
+from mock_autopilot.fault_ways import WAYS, Kind, Part, Phase, Way
 from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
-from mock_autopilot.faults import WAYS, Fault, Kind, Part, Phase, Way
+from mock_autopilot.faults import Fault
 
 
 def test_the_document_is_what_the_code_prints() -> None:
