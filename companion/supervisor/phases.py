@@ -76,8 +76,8 @@ def refusal(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -
 
 def _in_the_way(flight: Flight, facts: Facts, rules: FlightRules) -> str:
     """What is wrong now and would end at once what is asked for."""
-    event, reaction = strongest(replace(flight, phase=Phase.HOLD, airborne=True), facts, rules)
-    return event.text if event is not None and reaction >= Reaction.HOLD else ""
+    event, _ = strongest(replace(flight, phase=Phase.HOLD, airborne=True), facts, rules)
+    return "" if event is None else event.text
 
 
 def request(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -> Flight:

@@ -335,12 +335,13 @@ def test_low_and_slow_is_a_touchdown_once_the_reference_is_below(height_m: float
     below_s = None
     while not flight.touched_down:
         time_s += DT_S
-        flight = advance(flight, facts(time_s, height_m, climb_mps=climb_mps), RULES)
+        seen = replace(facts(time_s, height_m, climb_mps=climb_mps), yaw_rad=0.9)
+        flight = advance(flight, seen, RULES)
         if below_s is None and reference_at(flight, time_s).position_w_m[2] < GROUND[2] + height_m:
             below_s = time_s
     assert below_s is not None
     assert time_s - below_s == pytest.approx(RULES.touchdown_s, abs=2.5 * DT_S)
-    assert flight.since_s == time_s
+    assert (flight.since_s, flight.still_since_s, flight.yaw_rad, flight.airborne) == (time_s, None, 0.9, False)
 
 
 @pytest.mark.parametrize("state", ["stowing"])
