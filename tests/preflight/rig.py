@@ -37,7 +37,8 @@ def room(
     data["arms"]["bus"]["link"] = link
     path = folder / "companion.toml"
     path.write_text(
-        f'[mocap]\nport = {cameras}\n[px4]\nurl = "{url or f"udpin://127.0.0.1:{ports.client}"}"\n'
+        f"[mocap]\nport = {cameras}\nconnect_timeout_s = 30.0\nfirst_frame_timeout_s = 30.0\n"
+        f'[px4]\nurl = "{url or f"udpin://127.0.0.1:{ports.client}"}"\nconnect_timeout_s = 30.0\n'
         f'[preflight]\nrealtime = false\nby_hand_within_h = 1.0\nstate_folder = "{folder / "state"}"\n'
         + (f'[arms]\nport = "{link}"\nsilent_s = 2.0\n' if arms else "")
     )
