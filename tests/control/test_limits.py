@@ -115,6 +115,24 @@ def test_a_cut_diagonal_lean_turns_the_heading_by_a_known_amount(wanted_tilt: fl
     assert after == pytest.approx(heading_deg, abs=0.1)
 
 
+@pytest.mark.parametrize("over", [-1e-9, 1e-9])
+def test_a_billionth_beyond_the_cone_or_the_turn_is_cut_too(over: float) -> None:
+    """The quick looks at both limits leave what is so near to the exact one."""
+    edge = setpoint(leaning(0.52 + over, 0.4))
+    assert bool(passed(edge, edge).tilt_cut) == (over > 0.0)
+    half = 0.5 * (TURN_RAD + over)
+    turned = setpoint(np.array([math.cos(half), 0.0, 0.0, math.sin(half)]))
+    assert bool(passed(turned, setpoint(LEVEL)).slew_cut) == (over > 0.0)
+
+
+def test_what_only_a_guard_cuts_is_not_cut_by_the_gate() -> None:
+    gated = passed(setpoint(leaning(1.2, 0.4), 0.9), setpoint(LEVEL))
+    for flag in (gated.age_cut, gated.fence_cut):
+        assert flag.dtype == np.bool_
+        assert not flag
+    assert gated.failure == ""
+
+
 # --- thrust ---
 
 
