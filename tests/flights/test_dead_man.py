@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.px4_direct import flight_mode
+from companion.adapters.px4 import flight_mode
 from companion.cli.mock_process import mock_process
 from companion.types import FlightMode
 from tests.flights.command import ROOT, mock_config

@@ -2,7 +2,7 @@
 
 NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
 - A mode command gets two COMMAND_ACKs and MAVSDK believes the first, which only means "well-formed". So a mode, and the
-  armed state, count as reached only when PX4's own messages show them (`px4_direct`).
+  armed state, count as reached only when PX4's own messages show them (`direct`).
 - MAVSDK re-sends the last setpoint at 20 Hz by itself, for as long as the process lives and PX4 shows OFFBOARD.
 - `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
   seconds, and MAVSDK crashes when it is destroyed under a blocking call. The synchronous setpoint takes 0.1 ms, and the
@@ -25,8 +25,8 @@ from mavsdk.plugins.action import Action
 from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, VisionPositionEstimate
 from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 
-from companion.adapters.px4_direct import Px4Direct
-from companion.adapters.px4_heard import LocalEstimate, Px4Heard
+from companion.adapters.px4.direct import Px4Direct
+from companion.adapters.px4.heard import LocalEstimate, Px4Heard
 from companion.config import Px4Config
 from companion.control.frames import euler_ned_frd_deg, flip_yz
 from companion.ports import AutopilotError, Clock

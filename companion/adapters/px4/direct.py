@@ -1,0 +1,145 @@
+"""PX4's messages that MAVSDK has no call for, as MAVLink fields in JSON (MAVSDK's MavlinkDirect plugin).
+
+PX4 sends HEARTBEAT at 1 Hz and refuses to send it faster. It grants CURRENT_MODE, and sends it at the rate asked for as
+soon as its mode changes, so a mode is known within 50 ms instead of a second (PX4 v1.17, mavlink/streams).
+"""
+
+import asyncio
+import json
+import math
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mavsdk.exceptions import MavsdkError
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectResult, MavlinkMessage
+
+from companion.ports import AutopilotError
+from companion.types import FlightMode
+
+_AUTOPILOT = 1
+"""MAV_COMP_ID_AUTOPILOT1; PX4's own system number is whatever MAVSDK found."""
+_ARM_DISARM, _SET_INTERVAL = 400, 511
+_KILL_ANYWAY = 21196
+"""Parameter 2 of ARM_DISARM: in the air, too."""
+_CURRENT_MODE = 436
+_MODE_RATE_HZ = 20.0
+_ARMED_BIT = 128
+_PX4 = 12
+_INT32, _REAL32 = 6, 9
+"""MAV_PARAM_TYPE; PX4 has no others."""
+_ASK_TIMES, _ASK_S, _POLL_S = 4, 0.25, 0.01
+
+_AUTO = 4
+_MODES = {
+    1: FlightMode.MANUAL,
+    2: FlightMode.ALTITUDE,
+    3: FlightMode.POSITION,
+    6: FlightMode.OFFBOARD,
+    7: FlightMode.MANUAL,  # stabilized
+}
+_AUTO_MODES = {
+    2: FlightMode.TAKEOFF,
+    3: FlightMode.HOLD,
+    4: FlightMode.MISSION,
+    5: FlightMode.RETURN,
+    6: FlightMode.LAND,
+}
+
+
+def flight_mode(custom_mode: int) -> FlightMode:
+    """PX4's custom_mode (px4_custom_mode.h: main mode in byte 2, mode within AUTO in byte 3)."""
+    main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+    return (_AUTO_MODES.get(sub) if main == _AUTO else _MODES.get(main)) or FlightMode.OTHER
+
+
+class Px4Direct:
+    """Requests and subscriptions by message. Callbacks run on MAVSDK's thread, in the order of arrival."""
+
+    def __init__(self, system: Any) -> None:
+        self._plugin = MavlinkDirect(system)
+        self._target = {"target_system": system.get_system_id(), "target_component": _AUTOPILOT}
+        self._params: dict[str, float] = {}
+        self.on("PARAM_VALUE", self._on_param)
+
+    @property
+    def kept_callbacks(self) -> list[Any]:
+        """What MAVSDK may still call after it was destroyed."""
+        return list(self._plugin._callbacks)
+
+    def on(self, name: str, take: Callable[[dict[str, Any]], None]) -> None:
+        """Have `take` called with the fields of every such message of the autopilot; floats that are NaN are None."""
+
+        def heard(message: MavlinkMessage, _: Any) -> None:
+            if message.component_id == _AUTOPILOT:
+                take(json.loads(message.fields_json))
+
+        self._plugin.subscribe_message(name, heard)
+
+    def on_heartbeat(self, take: Callable[[bool, FlightMode], None]) -> None:
+        """Have `take` called with armed state and mode of every HEARTBEAT."""
+
+        def heard(fields: dict[str, Any]) -> None:
+            if fields["autopilot"] == _PX4:
+                take(bool(fields["base_mode"] & _ARMED_BIT), flight_mode(fields["custom_mode"]))
+
+        self.on("HEARTBEAT", heard)
+
+    def on_current_mode(self, take: Callable[[FlightMode], None]) -> None:
+        """Have `take` called with the mode PX4 is really in, also when a failsafe has replaced the chosen one."""
+        self.on("CURRENT_MODE", lambda fields: take(flight_mode(fields["custom_mode"])))
+
+    def ask_for_current_mode(self, answered: Callable[[bool], None]) -> None:
+        """Ask for CURRENT_MODE at 20 Hz; `answered` is told, on MAVSDK's thread, whether PX4 grants it."""
+
+        def taken(result: MavlinkDirectResult, ack: MavlinkMessage, _: Any) -> None:
+            granted = result == MavlinkDirectResult.SUCCESS and json.loads(ack.fields_json)["result"] == 0
+            answered(granted)
+
+        interval_us = 1e6 / _MODE_RATE_HZ
+        self._plugin.send_command_async(self._command(_SET_INTERVAL, _CURRENT_MODE, interval_us), taken)
+
+    def kill(self) -> None:
+        """Send "motors off, in the air, too" once and at once.
+
+        MAVSDK's own call would queue it behind an ARM or DISARM that was not answered yet.
+        """
+        self._send(self._command(_ARM_DISARM, 0.0, _KILL_ANYWAY))
+
+    async def params(self, names: Sequence[str]) -> dict[str, float]:
+        """Values of PX4's parameters; those it does not know are absent (PX4 does not answer), after a second.
+
+        NaN for an integer from -8388607 to -1: PX4 sends integers byte by byte in a float, and these look like NaN.
+        """
+        self._params = {}
+        for _ in range(_ASK_TIMES):
+            for name in names:
+                if name not in self._params:
+                    self._send(self._message("PARAM_REQUEST_READ", param_id=name, param_index=-1))
+            for _ in range(round(_ASK_S / _POLL_S)):
+                if all(name in self._params for name in names):
+                    break
+                await asyncio.sleep(_POLL_S)
+        return {name: self._params[name] for name in names if name in self._params}
+
+    def _on_param(self, fields: dict[str, Any]) -> None:
+        value, kind = fields["param_value"], fields["param_type"]
+        if value is None:
+            value = math.nan
+        elif kind == _INT32:
+            value = float(struct.unpack("<i", struct.pack("<f", value))[0])
+        if kind in {_INT32, _REAL32}:
+            self._params = {**self._params, fields["param_id"]: float(value)}
+
+    def _command(self, command: int, param1: float, param2: float) -> MavlinkMessage:
+        rest = {f"param{number}": 0 for number in range(3, 8)}
+        return self._message("COMMAND_LONG", command=command, confirmation=0, param1=param1, param2=param2, **rest)
+
+    def _message(self, name: str, **fields: Any) -> MavlinkMessage:
+        return MavlinkMessage(name, fields_json=json.dumps({**self._target, **fields}))
+
+    def _send(self, message: MavlinkMessage) -> None:
+        try:
+            self._plugin.send_message(message)
+        except MavsdkError as error:
+            raise AutopilotError(f"{message.message_name} not sent: {error}") from error
