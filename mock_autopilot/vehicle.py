@@ -176,7 +176,10 @@ class Vehicle:
     @property
     def lands(self) -> bool:
         """It comes down by itself, told to or by a failsafe."""
-        return self.armed and (self.mode is Mode.DESCEND or self.landed_state is LandedState.LANDING)
+        mode = self.mode
+        if mode is Mode.OFFBOARD or mode is Mode.HOLD or not self.armed:  # asked at every step: nearly always this
+            return False
+        return mode is Mode.DESCEND or self.landed_state is LandedState.LANDING
 
     @property
     def attitude_estimate_wxyz(self) -> Array:
