@@ -166,6 +166,15 @@ def test_what_acts_already_is_half_of_the_attitude_and_half_of_what_was_sent() -
     assert (y, z) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
+def test_what_acts_already_counts_along_the_other_axes_too() -> None:
+    leaning, last = at((0.0, 3.0, 1.5), (0.0, 0.5, 0.0), asking(0.0, 2.0, 0.0).q_w_flu_wxyz), asking(0.0, 1.0, 0.0)
+    half = 0.5 * (float(last.thrust) / 0.5 * G * 2.0 / math.hypot(2.0, G) + 1.0)
+    y = accel(checked(asking(0.0, 3.0, 0.0), leaning, last=last))[1]
+    assert y == pytest.approx(braking(0.45 - 0.1 - 0.02 * half, 0.5 + 0.2 * half), abs=1e-9)
+    z = accel(checked(asking(0.0, 0.0, 3.0), at((0.0, 0.0, 3.0), (0.0, 0.0, 0.5)), last=asking(0.0, 0.0, 1.0)))[2]
+    assert z == pytest.approx(braking(0.45 - 0.1 - 0.02, 0.7), abs=1e-9)
+
+
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_no_harder_than_the_cone_allows_at_hover_and_the_other_axis_gives_way(way: float) -> None:
     gated = checked(asking(3.0 * way, 2.0, 0.0), at((4.6 * way, 0.0, 1.5), (2.0 * way, 0.0, 0.0)))
