@@ -9,6 +9,7 @@ from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
 from companion.config_operator import OperatorConfig
+from companion.config_preflight import PreflightConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
@@ -118,6 +119,7 @@ class CompanionConfig(Section):
     room: RoomConfig = RoomConfig()
     fence: FenceConfig = FenceConfig()
     safety: SafetyConfig = SafetyConfig()
+    preflight: PreflightConfig = PreflightConfig()
     arms: ArmsConfig | None = None
     operator: OperatorConfig | None = None
 
@@ -155,6 +157,7 @@ class CompanionConfig(Section):
             climb_speed_mps=f.climb_speed_mps,
             spool_up_s=f.spool_up_s,
             descent_speed_mps=f.descent_speed_mps,
+            braking_mps2=self.fence.braking_mps2,
             stow_time_s=arms.stow_time_s,
             land_on_arm_fault=arms.land_on_fault,
         )

@@ -54,8 +54,10 @@ class FenceConfig(Section):
     y_m: tuple[float, float] = Field((-4.5, 4.5), description="least and largest y in W, m")
     top_m: float = Field(3.5, gt=0.5, le=50.0, description="largest height in W, m")
     margin_m: float = Field(0.3, ge=0.0, le=5.0, description="a trajectory keeps this distance from it, m")
-    braking_mps2: float = Field(2.0, gt=0.2, le=8.0, description="deceleration the guard counts on, m/s^2")
-    reaction_s: float = Field(0.3, ge=0.0, le=2.0, description="until the vehicle begins to brake, s")
+    braking_mps2: float = Field(
+        Fence.braking_mps2, gt=0.2, le=8.0, description="deceleration the guard counts on, m/s^2"
+    )
+    reaction_s: float = Field(Fence.reaction_s, ge=0.0, le=2.0, description="until the vehicle begins to brake, s")
 
     @model_validator(mode="after")
     def _room_to_brake(self) -> "FenceConfig":

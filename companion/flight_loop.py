@@ -22,7 +22,6 @@ from companion.supervisor import phases
 from companion.supervisor.faults import Event, Reaction
 from companion.supervisor.flight import (
     COMMANDED,
-    IN_THE_AIR,
     STREAMING,
     Action,
     Facts,
@@ -31,6 +30,7 @@ from companion.supervisor.flight import (
     Phase,
     Prepare,
     Request,
+    Resume,
 )
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
@@ -120,6 +120,8 @@ class FlightLoop:
         if isinstance(wanted, Prepare) and (status.armed or status.in_air):
             # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
             return "the vehicle is already armed or in the air"
+        if isinstance(wanted, Resume) and not status.in_air:
+            return "the autopilot says that the vehicle is on the ground"
         return phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)
 
     def ask(self, wanted: Request) -> bool:
@@ -261,11 +263,14 @@ class FlightLoop:
         self._at_max_thrust = asked is not None and float(asked.gated.setpoint.thrust) >= self._max_thrust
         return asked, gated
 
-    def _leave_level(self) -> None:
+    def _leave_level(self, flight: Flight) -> None:
         """The last setpoint of ours, which MAVSDK repeats until PX4 lands: level and sinking gently, not the law's."""
-        level = self._stage.level(self._flight.yaw_rad, _SINKING * self._rules.hover_thrust)
-        self._autopilot.send_setpoint(level)
-        self._stage.sent = level
+        last = idle_setpoint(flight.yaw_rad)
+        if flight.airborne:
+            yaw_rad = phases.reference_at(flight, self._clock.now_s()).yaw_rad
+            last = self._stage.level(yaw_rad, _SINKING * self._rules.hover_thrust)
+        self._autopilot.send_setpoint(last)
+        self._stage.sent = last
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""
@@ -319,8 +324,8 @@ class FlightLoop:
         before, self._flight = self._flight, flight
         if flight.phase is not before.phase:
             LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
-        if flight.action is Action.AUTOPILOT_LAND and before.phase in IN_THE_AIR and self._streaming:
-            self._leave_level()
+        if flight.action is Action.AUTOPILOT_LAND and before.phase in COMMANDED and self._streaming:
+            self._leave_level(before)
         if flight.phase is not before.phase and flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
             thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
             self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad, thrust), False

@@ -4,8 +4,9 @@ import asyncio
 import gc
 import logging
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
 from pathlib import Path
 
 from companion.adapters.clock import MonotonicClock
@@ -17,7 +18,6 @@ from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.flight_loop import Devices, FlightLoop
 from companion.health_stage import Sides
@@ -25,17 +25,20 @@ from companion.operator_orders import Order
 from companion.ports import Autopilot, AutopilotError, CompanionError, DeadMan, FlightError, MocapError
 from companion.service_arms import ArmVerbs
 from companion.service_orders import obey
+from companion.service_preflight import Running, require_preflight
 from companion.supervisor.faults import Reaction
 from companion.supervisor.flight import Brake, Fly, Kill, Land, Phase, Prepare, Request, Resume, TakeOff
 from companion.tick import TickSink
 
 LOG = logging.getLogger(__name__)
 
+Preflight = Callable[[Trajectory | None], Awaitable[object]]
+"""Every check of a vehicle that is to fly this; FlightError with all that fail."""
+
 _POLL_S = 0.02
 _STREAM_FIRST_S = 0.2
 """Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
 _KNOWN_VELOCITY_MPS = 0.1
-_HEADING_RAD = 0.1
 _FIRST_STATES_S = 1.2
 """EXTENDED_SYS_STATE comes at 1 Hz once MAVSDK has asked for it."""
 _DISK_S = 2.0
@@ -68,7 +71,8 @@ async def open_service(
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
-            service = Service(loop, autopilot, config, ticking)
+            running = Running(mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb)
+            service = Service(loop, autopilot, config, ticking, partial(require_preflight, running, config))
             service.warnings = (*autopilot.warnings, *(arms.warnings if arms is not None else ()))
             yield service
         finally:
@@ -99,12 +103,17 @@ class Service:
     """The verbs of an operator; each returns when it is done and raises CompanionError with the reason if not."""
 
     def __init__(
-        self, loop: FlightLoop, autopilot: Autopilot, config: CompanionConfig, ticking: "asyncio.Task[None]"
+        self,
+        loop: FlightLoop,
+        autopilot: Autopilot,
+        config: CompanionConfig,
+        ticking: "asyncio.Task[None]",
+        preflight: Preflight,
     ) -> None:
         self.loop = loop
         self.warnings: tuple[str, ...] = ()
         """What a device would like to have otherwise, for the operator to read."""
-        self._autopilot, self._config, self._ticking = autopilot, config, ticking
+        self._autopilot, self._config, self._ticking, self._preflight = autopilot, config, ticking, preflight
         self.arms = ArmVerbs(loop, config.arms, self._until)
         """What an operator may ask of the arms."""
 
@@ -141,18 +150,19 @@ class Service:
         if not await self._until(known, self._config.px4.answer_timeout_s):
             raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
 
-    async def arm(self) -> None:
-        """Stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
+    async def arm(self, trajectory: Trajectory | None = None) -> None:
+        """Check everything, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
 
-        Whatever interrupts it, cancellation too, the vehicle is disarmed again.
+        `trajectory` is what will be flown, if it is known. FlightError names every check that fails. Whatever
+        interrupts it, cancellation too, the vehicle is disarmed again.
         """
         await self._heard()
         status = self._autopilot.status()
         if status.armed or status.in_air:
             where = "in the air" if status.in_air else "armed"
             raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
-        await self._headings_agree()
         self.arms.check_ready()
+        await self._preflight(trajectory)
         self._ask(Prepare(), "arm")
         asked = False
         try:
@@ -176,20 +186,6 @@ class Service:
             await self._autopilot.disarm()
         except CompanionError as error:
             LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
-
-    async def _headings_agree(self) -> None:
-        """The setpoint's heading is motion capture's: an autopilot with another north would fly off sideways."""
-
-        def apart_rad() -> float:
-            vehicle = self.loop.estimate.vehicle
-            ours = float(yaw_of(vehicle.q_w_flu_wxyz)) if vehicle else math.nan
-            return abs(math.remainder(ours - float(yaw_of(self._autopilot.status().q_w_flu_wxyz)), math.tau))
-
-        if not await self._until(lambda: apart_rad() < _HEADING_RAD, self._config.px4.answer_timeout_s):
-            raise AutopilotError(
-                f"the autopilot's heading is {math.degrees(apart_rad()):.0f} degrees off motion capture's: does its "
-                "EKF take the heading from vision (EKF2_EV_CTRL), and is the body's x axis its nose in QTM?"
-            )
 
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold."""

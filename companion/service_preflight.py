@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from companion.adapters.px4_heard import LocalEstimate
+from companion.adapters.px4 import LocalEstimate
 from companion.arm_stage import ArmStage
 from companion.by_hand_file import read_kept
 from companion.config import CompanionConfig
@@ -72,10 +72,10 @@ class Running:
 
 
 async def require_preflight(
-    running: Running, config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None = None
+    running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
 ) -> tuple[Check, ...]:
     """Every check; FlightError with all that fail, and what to do, when the vehicle may not arm."""
-    checks = await preflight(running, config, wanted, trajectory)
+    checks = await preflight(running, config, trajectory)
     refused = refusal(checks)
     if refused:
         raise FlightError(refused)
@@ -83,12 +83,13 @@ async def require_preflight(
 
 
 async def preflight(
-    running: Running, config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None = None
+    running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
 ) -> tuple[Check, ...]:
     """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision.
 
     Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
     """
+    wanted = config.preflight
     recommended = load_recommended(wanted.parameters)
     names = [*(one.name for one in recommended), DELAY, HOVER, CURVE]
     _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))

@@ -50,7 +50,8 @@ def refusal(path: Path) -> str:
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
         (
             "[zzz]\na = 1",
-            "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, operator, px4, room, safety, vehicle",
+            "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, operator, preflight, px4, room, "
+            "safety, vehicle",
         ),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
@@ -63,8 +64,12 @@ def refusal(path: Path) -> str:
         ('[mocap]\ntransport = "usb"', "mocap.transport = 'usb': input should be 'tcp' or 'udp'"),
         ("[limits]\nmin_thrust = 0.4\nmax_thrust = 0.3", "limits: min_thrust = 0.4 must be below max_thrust = 0.3"),
         ("[control]\nrate_hz = 50", "safety.slow_hz = 50 must be at most 40, 0.8 of control.rate_hz"),
-        ("[fence]\nx_m = [-4, 4]", "room.x_m must stay fence.margin_m = 0.3 m inside the fence"),
-        ("[safety]\ncoast_s = 0.15", "coast_s = 0.15 must be below degraded_s = 0.1"),
+        (
+            "[fence]\nx_m = [-4, 4]",
+            "room.x_m must stay fence.margin_m = 0.3 m inside the fence: make the room smaller, or the fence larger if the "
+            "net allows",
+        ),
+        ("[safety]\ncoast_s = 0.15", "safety: coast_s = 0.15 must be below degraded_s = 0.1"),
         ("[room]\nx_m = [2, -2]", "room: x_m = [2.0, -2.0]: the first must be below the second"),
         ("[arms]\nfeedforward = 'on'", "arms.feedforward = 'on': input should be 'off', 'force' or 'full'"),
         ("[arms.poses]\nhome_rad = [0.1, 0.2]", "arms.poses.home_rad.2: is missing"),

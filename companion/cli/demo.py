@@ -261,8 +261,8 @@ async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> 
         display.say("torque on, arms stowed")
         held_rad = await service.arms.prepare()
         motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
-    display.say("offboard mode, then arming")
-    await service.arm()
+    display.say("preflight checks, offboard mode, then arming")
+    await service.arm(flight.trajectory)
     await service.take_off(flight.config.flight.takeoff_height_m)
     if motion is not None:
         await service.arms.move(motion.trajectory)

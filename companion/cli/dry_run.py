@@ -16,10 +16,9 @@ from rich.table import Table
 from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.options import AllowUnstable, ControllerName
-from companion.cli.preflight import ConfigFile, load_both, show, trajectory_of
-from companion.config import CompanionConfig, default_config_path
+from companion.cli.preflight import ConfigFile, show, trajectory_of
+from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_controller import load_controller
-from companion.config_preflight import PreflightConfig
 from companion.control.controller import Controller
 from companion.control.frames import up_axis, yaw_of
 from companion.control.reference import Trajectory
@@ -56,12 +55,12 @@ def dry_run(
     Exit code 0 if a flight would have gone on, 1 if something would have failed, 2 for what could not be started or a
     vehicle that is armed, 130 after Ctrl-C, which ends it early and keeps the record.
     """
-    settings, wanted = load_both(config or default_config_path("lab.toml"))
+    settings = load_config(config or default_config_path("lab.toml"))
     flown = trajectory_of(trajectory, settings)
     name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
     law = load_controller(name, settings.vehicle_model(), period_s, allow_unstable).law
     console = Console(stderr=as_json)
-    dry = _DryRun(settings, wanted, law, flown, out, console)
+    dry = _DryRun(settings, law, flown, out, console)
     try:
         checks = uvloop.run(dry.run(seconds))
     except KeyboardInterrupt:
@@ -81,13 +80,12 @@ class _DryRun:
     def __init__(
         self,
         config: CompanionConfig,
-        wanted: PreflightConfig,
         law: Controller,
         trajectory: Trajectory | None,
         out: Path,
         console: Console,
     ) -> None:
-        self._config, self._wanted, self._law, self._trajectory = config, wanted, law, trajectory
+        self._config, self._law, self._trajectory = config, law, trajectory
         self._out, self._console = out, console
         self._tick: Tick | None = None
         self._end_s = math.inf
@@ -110,7 +108,7 @@ class _DryRun:
             ):
                 watched = await watch(running, mocap.body, mocap.delay_s, seconds, lambda: self.interrupted)
             onlooker.each = None
-            return self._judge(facts_of(running, watched, {}, self._wanted), dry.seen)
+            return self._judge(facts_of(running, watched, {}, self._config.preflight), dry.seen)
 
     def _interrupt(self) -> None:
         self.interrupted = True
@@ -121,7 +119,7 @@ class _DryRun:
 
     def _judge(self, facts: Facts, seen: DrySeen) -> tuple[Check, ...]:
         """Of the preflight's checks those that can be made without sending anything; the EKF has no poses here."""
-        config, wanted = self._config, self._wanted
+        config, wanted = self._config, self._config.preflight
         tilts = agreement.check_tilts(facts.apart, wanted.tilt_apart_rad)
         arms = vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf)
         return (

@@ -16,9 +16,7 @@ from rich.text import Text
 from companion.by_hand_file import write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
-from companion.config import CompanionConfig, default_config_path
-from companion.config_files import read_toml, validate
-from companion.config_preflight import PreflightConfig
+from companion.config import CompanionConfig, default_config_path, load_config
 from companion.control.reference import Trajectory
 from companion.onlooker import open_onlooker
 from companion.ports import FlightError
@@ -50,26 +48,19 @@ def preflight(
     Nothing is commanded; only poses go to the autopilot's estimator. Exit code 0 if the vehicle may arm, 1 if not, 2
     for what could not be started, 130 after Ctrl-C.
     """
-    settings, wanted = load_both(config or default_config_path("lab.toml"))
+    settings = load_config(config or default_config_path("lab.toml"))
     flown = trajectory_of(trajectory, settings)
     console = Console(stderr=as_json)
     try:
         if by_hand:
-            checks = asyncio.run(carry_and_keep(settings, wanted, out, console))
+            checks = asyncio.run(carry_and_keep(settings, out, console))
         else:
-            checks = asyncio.run(_look(settings, wanted, flown, out, console))
+            checks = asyncio.run(_look(settings, flown, out, console))
     except KeyboardInterrupt:
         console.print("[yellow]interrupted[/]")
         raise typer.Exit(INTERRUPTED) from None
     show(checks, console, as_json)
     raise typer.Exit(FAILED if any(check.refuses for check in checks) else 0)
-
-
-def load_both(path: Path) -> tuple[CompanionConfig, PreflightConfig]:
-    """The configuration file and its [preflight] table; ConfigError naming file, key and what would be right."""
-    data = read_toml(path)
-    wanted = validate(PreflightConfig, data.pop("preflight", {}), path, "preflight")
-    return validate(CompanionConfig, data, path), wanted
 
 
 def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | None:
@@ -82,25 +73,23 @@ def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | Non
 
 
 async def _look(
-    config: CompanionConfig, wanted: PreflightConfig, trajectory: Trajectory | None, out: Path, console: Console
+    config: CompanionConfig, trajectory: Trajectory | None, out: Path, console: Console
 ) -> tuple[Check, ...]:
     with console.status("connecting to motion capture, autopilot and arms") as status:
         async with open_onlooker(config, out, forward_vision=True) as (running, _):
             status.update("looking at motion capture and the autopilot, asking for its parameters")
-            return await check_everything(running, config, wanted, trajectory)
+            return await check_everything(running, config, trajectory)
 
 
-async def carry_and_keep(
-    config: CompanionConfig, wanted: PreflightConfig, out: Path, console: Console
-) -> tuple[Check, ...]:
+async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:
     """Have the vehicle carried, and keep that it was if all is right. FlightError while it is armed."""
     async with open_onlooker(config, out, forward_vision=True) as (running, _):
-        await settle(running, wanted)
+        await settle(running, config.preflight)
         if running.autopilot.status().armed:
             raise FlightError("the vehicle is armed: it is carried by hand only disarmed, better without propellers")
         checks = await carry(running, console)
     if all(check.passed for check in checks):
-        path = write_kept(wanted, Kept(config.mocap.body, datetime.now(tz=UTC)))
+        path = write_kept(config.preflight, Kept(config.mocap.body, datetime.now(tz=UTC)))
         console.print(f"kept in {path}", highlight=False, soft_wrap=True)
     return checks
 

@@ -144,6 +144,8 @@ def strongest(flight: Flight, facts: Facts, rules: FlightRules) -> tuple[Event |
     for event in facts.events:
         if event.fault is Fault.ARMS and not rules.land_on_arm_fault:
             continue
+        if event.fault is Fault.ROOM_LEFT and flight.cause is Fault.MODE_CHANGED:
+            continue  # a pilot's motors are the pilot's
         reaction = reaction_to(event.fault, flight.stage)
         if reaction > most:
             worst, most = event, reaction

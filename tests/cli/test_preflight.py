@@ -14,7 +14,8 @@ from rich.console import Console
 
 from companion.adapters.instance_lock import instance_lock
 from companion.by_hand_file import read_kept, write_kept
-from companion.cli.preflight import carry_and_keep, load_both
+from companion.cli.preflight import carry_and_keep
+from companion.config import load_config
 from companion.config_preflight import PreflightConfig
 from companion.preflight.by_hand import Kept, Move, check_kept
 from mock_autopilot.dynamixel_packets import Instruction, Packet
@@ -47,7 +48,7 @@ async def test_the_list_against_the_mock_names_the_one_parameter_that_is_wrong(t
 
 async def test_a_vehicle_that_another_companion_flies_is_left_alone(tmp_path: Path) -> None:
     free = room(tmp_path)
-    config, _ = load_both(free.config)
+    config = load_config(free.config)
     with instance_lock(config.px4.url):
         for command in ("preflight", "dry-run"):
             ran = await run(command, "--config", free.config, "--out", tmp_path)
@@ -157,7 +158,8 @@ class Hand:
 @pytest.mark.realtime
 async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_path: Path) -> None:
     real = room(tmp_path)
-    config, wanted = load_both(real.config)
+    config = load_config(real.config)
+    wanted = config.preflight
     said = io.StringIO()
     places = {
         Move.LIFT.asks: (0.0, 0.0, -0.3),
@@ -174,7 +176,7 @@ async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_
 
     async with real.mock as mock:
         hand = asyncio.create_task(obey(Hand(mock.world)))
-        checks = await carry_and_keep(config, wanted, tmp_path, Console(file=said, width=300))
+        checks = await carry_and_keep(config, tmp_path, Console(file=said, width=300))
         await hand
     assert [check.name for check in checks] == ["by hand: lift", "by hand: forward", "by hand: left", "by hand: frames"]
     assert [check for check in checks if not check.passed] == []

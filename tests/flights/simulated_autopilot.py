@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.adapters.px4_direct import flight_mode
+from companion.adapters.px4 import flight_mode
 from companion.config import Px4Config
 from companion.control.frames import flip_quat, flip_yz
 from companion.ports import AutopilotError

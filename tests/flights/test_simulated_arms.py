@@ -14,7 +14,7 @@ from companion.arms.model import JOINT_NAMES
 from companion.arms.planning import Plan, plan
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig, Feedforward
-from companion.control.reference import Ellipse, LapTiming
+from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.ports import MocapError
 from companion.service import Service
 from companion.supervisor.flight import Fly, Land, Phase
@@ -266,12 +266,16 @@ async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
     assert np.abs(np.diff(told, axis=0)).max() < 0.1
 
 
+async def _no_preflight(_: Trajectory | None) -> None:
+    raise AssertionError("nobody arms")
+
+
 async def test_a_service_knows_of_a_fault_that_did_not_end_the_flight() -> None:
     script = [torque, wait(0.5), *UP, wait(0.5), ask(Land()), wait(1.0), fail, until(Phase.DISARMED)]
     flight = await fly(script, arms=mock_arms())
     assert flight.loop.flight.reason == "", "it was landing anyway"
     ticking = asyncio.get_running_loop().create_task(asyncio.sleep(0), name="ticking")
-    service = Service(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking)
+    service = Service(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, _no_preflight)
     await ticking
     assert service.trouble == "left.elbow_pitch (servo 6): overload"
     assert flight.loop.arms is not None

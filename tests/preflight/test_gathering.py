@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from companion.adapters.px4_heard import LocalEstimate
+from companion.adapters.px4 import LocalEstimate
 from companion.config import CompanionConfig
 from companion.config_preflight import PreflightConfig
 from companion.control.controller import ControlInput, ControlOutput
@@ -24,8 +24,7 @@ from companion.tick import Tick
 from companion.types import AutopilotStatus, MocapFrame
 from tests.preflight.facts import STATUS, mock_parameters
 
-CONFIG = CompanionConfig()
-WANTED = PreflightConfig(realtime=False, by_hand_within_h=0.0)
+CONFIG = CompanionConfig(preflight=PreflightConfig(realtime=False, by_hand_within_h=0.0))
 FUSED = 2 | 8 | 256
 
 
@@ -128,7 +127,7 @@ async def test_enough_ends_it_early(begin: Begin) -> None:
 
 
 async def test_a_good_vehicle_may_arm(begin: Begin) -> None:
-    checks = await require_preflight(begin(Scripted(heading_rad=0.0)), CONFIG, WANTED)
+    checks = await require_preflight(begin(Scripted(heading_rad=0.0)), CONFIG)
     assert {check.name for check in checks if not check.passed} <= {"clock synchronised", "real-time priority"}
 
 
@@ -144,7 +143,7 @@ async def test_a_good_vehicle_may_arm(begin: Begin) -> None:
 )
 async def test_arming_is_refused_with_the_reason(begin: Begin, bad: Scripted, name: str) -> None:
     with pytest.raises(FlightError, match=f"(?s)cannot arm: .*{name}: "):
-        await require_preflight(begin(bad), CONFIG, WANTED)
+        await require_preflight(begin(bad), CONFIG)
 
 
 def test_this_machine_has_a_clock_that_will_do() -> None:

@@ -161,7 +161,7 @@ STATES: dict[str, tuple[Flight, float]] = {
     "touched down": touched_down(),
     "disarmed": (request(preflight(), Land(), facts(0.2, armed=False), RULES), 0.3),
     "handed over": given_up(),
-    "let go": _hit(hovering(), Fault.MODE_CHANGED),
+    "let go": _hit(hovering(), Fault.AUTOPILOT_SILENT),
     "resuming": resuming(),
     "terminated": _asked(hovering(), Kill()),
 }

@@ -8,8 +8,8 @@ import string
 import pytest
 
 from companion.supervisor.faults import ROWS, TABLE, Fault, Reaction, Row, Stage, reaction_to
-from companion.supervisor.flight import STREAMING, Action, Flight, Phase
-from companion.supervisor.phases import advance, strongest
+from companion.supervisor.flight import STREAMING, Action, Flight, Kill, Phase
+from companion.supervisor.phases import advance, request, strongest
 from companion.supervisor.safety import SafetyRules
 from companion.types import FlightMode
 from tests.supervisor.flown import (
@@ -335,3 +335,14 @@ def test_escalation_all_the_way_tells_the_whole_story() -> None:
         "fence near it is; then battery low it is; then fence left it is; then landing refused it is; "
         "then room left it is"
     )
+
+
+def test_a_pilots_motors_are_never_stopped_but_those_nobody_flies_are() -> None:
+    """Beyond the fence after a mode change a pilot has the vehicle; after a hand-over or a lost link nobody may."""
+    hovering, time_s = STATES["hovering"]
+    for began, motors_stop in ((Fault.MODE_CHANGED, False), (Fault.AUTOPILOT_SILENT, True), (Fault.MOCAP_SILENT, True)):
+        gone = advance(hovering, facts(time_s + DT_S, 1.0, began, mode=FlightMode.POSITION), RULES)
+        after = advance(gone, facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=FlightMode.POSITION), RULES)
+        assert (after.phase is Phase.TERMINATED) is motors_stop, began
+    killed = request(gone, Kill(), facts(time_s + 1.0, 1.0, mode=FlightMode.POSITION), RULES)
+    assert killed.phase is Phase.TERMINATED, "the operator may"
