@@ -57,7 +57,7 @@ class FenceConfig(Section):
     braking_mps2: float = Field(
         Fence.braking_mps2, gt=0.2, le=8.0, description="deceleration the guard counts on, m/s^2"
     )
-    reaction_s: float = Field(Fence.reaction_s, ge=0.0, le=2.0, description="until the vehicle begins to brake, s")
+    reaction_s: float = Field(Fence.reaction_s, ge=0.1, le=2.0, description="until the vehicle begins to brake, s")
 
     @model_validator(mode="after")
     def _room_to_brake(self) -> "FenceConfig":

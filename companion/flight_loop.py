@@ -11,7 +11,7 @@ from companion.arm_stage import ArmStage
 from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.guard import Guard
+from companion.control.guard import SINKING, Guard
 from companion.control.limits import Gated
 from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
 from companion.estimation import estimator
@@ -39,8 +39,6 @@ from companion.vision_stage import VisionStage
 
 LOG = logging.getLogger(__name__)
 
-_SINKING = 0.97
-"""Share of hover thrust with which the vehicle comes down gently while nobody steers it."""
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
 _NOTHING = np.zeros(3)
@@ -268,7 +266,7 @@ class FlightLoop:
         last = idle_setpoint(flight.yaw_rad)
         if flight.airborne:
             yaw_rad = phases.reference_at(flight, self._clock.now_s()).yaw_rad
-            last = self._stage.level(yaw_rad, _SINKING * self._rules.hover_thrust)
+            last = self._stage.level(yaw_rad, SINKING * self._rules.hover_thrust)
         self._autopilot.send_setpoint(last)
         self._stage.sent = last
 
