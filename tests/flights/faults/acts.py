@@ -1,0 +1,147 @@
+"""What goes wrong although the mock has no word for it: acts of the operator, the computer, the law and the wind."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.frames import flip_yz
+from companion.control.gains import PidGains
+from companion.control.pid import Pid, PidMemory
+from companion.health_stage import Sides
+from companion.supervisor.flight import Kill, Land
+from companion.types import AutopilotStatus
+from mock_autopilot.plant import Wrench, no_wrench
+from mock_autopilot.truth import Truth
+from tests.flights.faults.rows import Act
+from tests.flights.simulated import Flight
+
+
+def abort(flight: Flight) -> None:
+    """The operator's, Ctrl-C or land."""
+    flight.loop.ask(Land())
+
+
+def kill(flight: Flight) -> None:
+    """The operator's, confirmed."""
+    flight.loop.ask(Kill())
+
+
+def gust(force_w_n: tuple[float, float, float], for_s: float = math.inf) -> Act:
+    """A push, W."""
+
+    def blow(flight: Flight) -> None:
+        world = flight.room.bench.world
+        end_s, push = world.time_s + for_s, Wrench(flip_yz(np.array(force_w_n)), np.zeros(3))
+
+        def go_on(truth: Truth) -> None:
+            world.external_wrench = push if truth.time_s < end_s else no_wrench()
+
+        world.observers.append(go_on)
+
+    return blow
+
+
+def safety_line(flight: Flight) -> None:
+    """It hangs on its line, 0.7 m above the floor, and bobs there; after 19 s the line comes free."""
+    world = flight.room.bench.world
+    free_s = world.time_s + 19.0
+
+    def pull(truth: Truth) -> None:
+        up_m, up_mps = -truth.position_ned_m[2], -truth.velocity_ned_mps[2]
+        pull_n = 250.0 * (0.7 - up_m) - 20.0 * up_mps + 8.0 * math.sin(6.0 * truth.time_s)
+        taut = up_m < 0.7 and truth.time_s < free_s
+        force = np.array([0.0, 0.0, -max(0.0, pull_n)]) if taut else np.zeros(3)
+        world.external_wrench = Wrench(force, np.zeros(3))
+
+    world.observers.append(pull)
+
+
+def servo_fails(flight: Flight) -> None:
+    """One of the elbows is overloaded."""
+    assert flight.servos is not None
+    flight.servos.fail("left.elbow_pitch")
+
+
+class _Raises(Pid):
+    def step(self, memory: PidMemory, now: ControlInput) -> tuple[PidMemory, ControlOutput]:  # noqa: ARG002
+        raise ZeroDivisionError("a mistake in somebody's law")
+
+
+class _GivesNan(Pid):
+    def step(self, memory: PidMemory, now: ControlInput) -> tuple[PidMemory, ControlOutput]:
+        after, output = super().step(memory, now)
+        return after, replace(output, accel_w_mps2=output.accel_w_mps2 * np.nan)
+
+
+def law_raises(flight: Flight) -> None:
+    """From now on; flown with "pid"."""
+    flight.loop._stage._controller = _Raises(PidGains(), VehicleModel())
+
+
+def law_gives_nan(flight: Flight) -> None:
+    """From now on; flown with "pid"."""
+    flight.loop._stage._controller = _GivesNan(PidGains(), VehicleModel())
+
+
+def disk_full(flight: Flight) -> None:
+    """100 MB are left where records go."""
+    flight.loop._health._sides = Sides(disk_free_mb=lambda: 100.0)
+
+
+def reflections(flight: Flight) -> None:
+    """Motion capture sees a bright spot somewhere in the room instead of the vehicle, elsewhere in every frame."""
+    rng, room = np.random.default_rng(1), flight.room
+
+    def look(_: Truth) -> None:
+        room.offset_w_m = rng.uniform(-2.0, 2.0, 3)
+
+    room.bench.world.observers.append(look)
+
+
+def bad_battery_sample(flight: Flight) -> None:
+    """For 0.2 s the autopilot says that the battery is empty."""
+    autopilot, end_s = flight.autopilot, flight.room.now_s() + 0.2
+    status = autopilot.status
+
+    def said() -> AutopilotStatus:
+        now = status()
+        return replace(now, battery_fraction=0.02) if flight.room.now_s() < end_s else now
+
+    autopilot.status = said  # type: ignore[method-assign]
+
+
+def told_by_another(command: int, *params: float) -> Act:
+    """Somebody else's ground station commands the autopilot."""
+    return lambda flight: flight.autopilot.command(command, *params)
+
+
+class _NoBroker:
+    def __init__(self, flight: Flight) -> None:
+        self._flight, self._since_s = flight, flight.room.now_s()
+
+    def age_s(self) -> float:
+        return self._flight.room.now_s() - self._since_s
+
+
+def broker_gone(flight: Flight) -> None:
+    """From now on."""
+    flight.loop._health._sides = Sides(operator=_NoBroker(flight))
+
+
+def busy(for_s: float, cycles: int) -> Act:
+    """So many control cycles take so much longer."""
+
+    def load(flight: Flight) -> None:
+        tick, left = flight.loop.tick, [cycles]
+
+        def slow(now_s: float, late_s: float) -> None:
+            tick(now_s, late_s)
+            if left[0] > 0:
+                left[0] -= 1
+                flight.room.bench.run(for_s)
+
+        flight.loop.tick = slow  # type: ignore[method-assign]
+
+    return load

@@ -1,0 +1,126 @@
+"""What came of a fault flight, against what must."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from companion.supervisor.faults import Fault, Reaction
+from companion.supervisor.flight import Phase
+from tests.flights.faults.rows import End, Row
+from tests.flights.faults.watch import Flown, Told
+
+_DOWN = frozenset({Phase.STOW, Phase.LAND, Phase.DISARMED})
+
+
+@dataclass(frozen=True)
+class Result:
+    """One line of the report."""
+
+    name: str
+    end_state: str
+    reaction_s: float | None
+    """None where there was none."""
+    limit_s: float
+    inside_fence: bool
+    beyond_m: float
+    says: str
+    """The companion's reason."""
+    problems: tuple[str, ...]
+    """What is not as it must be; empty when all is."""
+
+
+def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Result:
+    """`planned_s`: when the operator landed because nothing came of the fault; None when that was not needed."""
+    end, reaction_s = end_of(flown, planned_s, told), reaction_of(row, flown, told, planned_s)
+    inside = flown.beyond_m <= 0.0
+    return Result(
+        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, _reason(told),
+        tuple(_problems(row, end, reaction_s, inside, flown, told)),
+    )  # fmt: skip
+
+
+def end_of(flown: Flown, planned_s: float | None, told: Told) -> End:
+    """By the mock's truth."""
+    if any(mode == "POSITION" and at_s >= (flown.begin_s or 0.0) for at_s, mode in flown.modes):
+        return End.PILOT if not flown.armed or flown.mode() == "POSITION" else End.IN_THE_AIR
+    if flown.lifted_s is None:
+        return End.IN_THE_AIR if flown.armed else End.NOT_STARTED
+    if flown.disarmed_s is None:
+        return End.IN_THE_AIR
+    if flown.disarmed_in_the_air:
+        return End.TERMINATED if flown.on_ground else End.IN_THE_AIR
+    at_last = [mode for at_s, mode in flown.modes if at_s < flown.disarmed_s][-1]
+    if at_last != "OFFBOARD":
+        return End.HANDED_OVER
+    reacted = any(said.level > Reaction.NOTE for said in told.changes)
+    return End.FLIES_ON if planned_s is not None and not reacted else End.LANDED
+
+
+def reaction_of(row: Row, flown: Flown, told: Told, planned_s: float | None) -> float | None:
+    """From the fault's begin at the mock to the reaction, s: at the mock where it shows there."""
+    begin_s = flown.begin_s
+    if begin_s is None or row.harmless:
+        return None
+    until_s = planned_s if planned_s is not None else float("inf")
+    times = {
+        Reaction.NOTE: (at_s for at_s, fault in told.events if fault is row.fault),
+        Reaction.STOP: _when_down(told),
+        Reaction.HOLD: _when_done(row, told),
+        Reaction.LAND: _when_down(told),
+        Reaction.AUTOPILOT_LAND: (at_s for at_s, mode in flown.modes if mode != "OFFBOARD"),
+        Reaction.LET_GO: _last_setpoint(flown, told),
+        Reaction.TERMINATE: () if flown.disarmed_s is None else (flown.disarmed_s,),
+    }[row.reaction]
+    return next((at_s - begin_s for at_s in times if begin_s <= at_s < until_s), None)
+
+
+def _when_done(row: Row, told: Told) -> Iterable[float]:
+    return (said.time_s for said in told.changes if (said.level, said.cause) == (row.reaction, row.fault))
+
+
+def _when_down(told: Told) -> Iterable[float]:
+    return (said.time_s for said in told.changes if said.phase in _DOWN)
+
+
+def _last_setpoint(flown: Flown, told: Told) -> Iterable[float]:
+    """Before the operator took the vehicle back, if he did; one before the fault counts as at its begin."""
+    back_s = next((said.time_s for said in told.changes if said.phase is Phase.RESUME), float("inf"))
+    sent = [at_s for at_s in flown.setpoints_s if at_s < back_s]
+    return (max(sent[-1], flown.begin_s or 0.0),) if sent else ()
+
+
+def _reason(told: Told) -> str:
+    return next((said.reason for said in reversed(told.changes) if said.reason), "")
+
+
+def _problems(row: Row, end: End, reaction_s: float | None, inside: bool, flown: Flown, told: Told) -> Iterable[str]:
+    if flown.begin_s is None:
+        yield "the fault never began"
+    if end is not row.ends:
+        yield f"it ended {end}, not {row.ends}"
+    if not inside:
+        yield f"{flown.beyond_m:.2f} m outside of the fence"
+    if not flown.on_ground and end is not End.PILOT:
+        yield "it is not down"
+    if not row.harmless:
+        yield from _late(row, reaction_s)
+    yield from _other_reaction(row, told)
+
+
+def _late(row: Row, reaction_s: float | None) -> Iterable[str]:
+    if reaction_s is None:
+        yield f"no reaction ({row.reaction.words})"
+    elif reaction_s > row.limit_s:
+        yield f"reaction after {reaction_s:.3f} s, later than {row.limit_s:.3f} s"
+
+
+def _other_reaction(row: Row, told: Told) -> Iterable[str]:
+    """What the table says must be done for this fault, and before it nothing that is as strong."""
+    expected = Reaction.NOTE if row.fault is Fault.ABORT else row.reaction
+    done = [said for said in told.changes if said.level > Reaction.NOTE]
+    first = next((said for said in done if said.level >= expected), None)
+    if expected is Reaction.NOTE and first is not None:
+        yield f"{first.level.words} for {first.cause or 'no fault'} ({first.reason}), although nothing is to be done"
+    elif expected > Reaction.NOTE and first is None:
+        yield f"nothing was done, not {expected.words}"
+    elif first is not None and (first.level, first.cause) != (expected, row.fault):
+        yield f"{first.level.words} for {first.cause or 'no fault'} ({first.reason}), not {expected.words}"

@@ -1,0 +1,119 @@
+"""What one fault flight is: how the fault is made, when, and what must come of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from companion.config import CompanionConfig, FlightConfig
+from companion.config_safety import SafetyConfig
+from companion.supervisor.faults import Fault, Reaction, Stage, reaction_to
+from tests.flights.simulated import Flight
+
+RULES = SafetyConfig().rules()
+"""The limits that fly: the configuration's own."""
+
+BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.4, spool_up_s=0.5)
+"""So many flights are to be short."""
+CONFIG = CompanionConfig(flight=BRISK)
+"""What all but a few rows fly with; its fence judges all."""
+
+FRAME_S = 0.02
+"""A fault shows in the next frame (10 ms), and a pose is 10 ms old when it is used."""
+CYCLE_S = 0.01
+PX4_S = 0.02
+"""PX4 looks at its commands and modes at 50 Hz."""
+MODE_S = 0.05
+"""PX4 tells its mode 20 times a second (CURRENT_MODE)."""
+REAL_S = 0.15
+"""Real time only: two processes and their sockets on a computer that does other things as well."""
+
+
+def within(recognised_s: float, extra_s: float = 0.0) -> float:
+    """Longest reaction: the rule's own time, what the physics or the stream need first, and one pass of the loop."""
+    return recognised_s + extra_s + FRAME_S + CYCLE_S + PX4_S
+
+
+class End(StrEnum):
+    """How a flight ends; by the mock's truth."""
+
+    LANDED = "landed"
+    """Down and disarmed after a landing of ours that the fault began."""
+    HANDED_OVER = "handed over"
+    """Down and disarmed after a landing of PX4's."""
+    PILOT = "pilot"
+    """Somebody else flies, and nothing of ours is sent."""
+    TERMINATED = "terminated"
+    """The motors stopped in the air, by us or by the fault itself."""
+    FLIES_ON = "flies on"
+    """Until the operator lands."""
+    NOT_STARTED = "not started"
+    """It never left the ground."""
+    IN_THE_AIR = "still in the air"
+    """Nobody wants to see this one."""
+
+
+class When(StrEnum):
+    """In which part of a flight the fault begins."""
+
+    GROUND = "armed"
+    TAKEOFF = "takeoff"
+    HOVER = "hover"
+    TRACK = "track"
+    LANDING = "landing"
+    HANDED_OVER = "handed over"
+    """While PX4 lands."""
+
+
+STAGES = {
+    When.GROUND: Stage.GROUND,
+    When.TAKEOFF: Stage.FLYING,
+    When.HOVER: Stage.FLYING,
+    When.TRACK: Stage.FLYING,
+    When.LANDING: Stage.LANDING,
+    When.HANDED_OVER: Stage.HANDED_OVER,
+}
+
+Act = Callable[[Flight], None]
+"""Makes something go wrong that the mock has no word for."""
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What the flight is flown with; keywords of tests.flights.simulated.fly."""
+
+    config: CompanionConfig = CONFIG
+    law: str = "etnn"
+    """As in config/controllers/."""
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One flight in simulated time."""
+
+    fault: Fault
+    """As which it is recognised."""
+    variant: str
+    """What goes wrong."""
+    make: tuple[str | Act, ...]
+    """Sentences for the mock, or what does it; the first one is the fault's begin."""
+    ends: End
+    limit_s: float
+    """From the fault's begin to the reaction at most."""
+    when: When = When.HOVER
+    harmless: bool = False
+    """Too short or too small to end a flight, whatever the table says of its longer brothers."""
+    patience_s: float = 4.0
+    """If nothing has come of it after so long, the operator lands."""
+    flown_with: Conditions = Conditions()
+
+    @property
+    def name(self) -> str:
+        """As in the table."""
+        return f"{self.fault}: {self.variant}, {self.when}"
+
+    @property
+    def reaction(self) -> Reaction:
+        """What faults.TABLE says."""
+        return Reaction.NOTE if self.harmless else reaction_to(self.fault, STAGES[self.when])

@@ -1,0 +1,7 @@
+"""The table of fault flights."""
+
+from tests.flights.faults.rows import Row
+from tests.flights.faults.table_flight import FLIGHT
+from tests.flights.faults.table_mocap import MOCAP
+
+VIRTUAL: tuple[Row, ...] = MOCAP + FLIGHT

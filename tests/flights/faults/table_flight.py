@@ -1,0 +1,116 @@
+"""Flights in which autopilot, law, loop, arms, operator or room go wrong."""
+
+from companion.config import CompanionConfig, FlightConfig, RoomConfig
+from companion.config_arms import ArmsConfig
+from companion.config_safety import FenceConfig, SafetyConfig
+from companion.supervisor.faults import Fault
+from tests.flights.faults import acts
+from tests.flights.faults.rows import BRISK, MODE_S, RULES, Conditions, End, Row, When, within
+
+PX4, OURS, ON, OFF = End.HANDED_OVER, End.LANDED, End.FLIES_ON, End.TERMINATED
+BATTERY_S = 0.5
+"""One bad sample is not an empty battery."""
+TOLD_S = 0.5
+"""BATTERY_STATUS comes twice a second."""
+WINDOW_S = 1.0
+NARROW = CompanionConfig(
+    fence=FenceConfig(x_m=(-1.5, 1.5), margin_m=0.3), room=RoomConfig(x_m=(-1.2, 1.2)),
+    safety=SafetyConfig(tracking_m=4.0, lost_m=5.0),
+)  # fmt: skip
+"""A fence that can be left without leaving the real one; tracking errors say nothing, so that the fence must."""
+PATIENT = CompanionConfig(
+    flight=FlightConfig(climb_speed_mps=1.0), safety=SafetyConfig(tracking_m=4.9, lost_m=9.9),
+)  # fmt: skip
+SHORT_HOLD = CompanionConfig(
+    fence=NARROW.fence, room=NARROW.room, safety=SafetyConfig(tracking_m=4.0, lost_m=5.0, hold_s=3.0),
+)  # fmt: skip
+PID = Conditions(law="pid")
+ARMS = Conditions(CompanionConfig(flight=BRISK, arms=ArmsConfig()), more={"arms": {"enabled": True}})
+
+AUTOPILOT = (
+    Row(Fault.AUTOPILOT_SILENT, "the link is cut", ("link off",), PX4, within(RULES.autopilot_silent_s), When.TRACK),
+    Row(Fault.AUTOPILOT_SILENT, "nothing comes from the autopilot", ("link off (from the autopilot)",), PX4,
+        within(RULES.autopilot_silent_s), When.TRACK),
+    Row(Fault.AUTOPILOT_SILENT, "the link is cut for 2 s", ("link off for 2 s",), PX4,
+        within(RULES.autopilot_silent_s), When.TRACK),
+    Row(Fault.AUTOPILOT_SILENT, "the link is cut", ("link off",), PX4, within(RULES.autopilot_silent_s), When.LANDING),
+    Row(Fault.AUTOPILOT_SILENT, "the link is cut for 0.3 s", ("link off for 0.3 s",), ON, 0.0, When.TRACK,
+        harmless=True),
+    Row(Fault.AUTOPILOT_SILENT, "30 % of the datagrams lost", ("link intermittent by 0.3",), ON, 0.0, When.TRACK,
+        harmless=True),
+    Row(Fault.AUTOPILOT_SILENT, "a broken byte in every second datagram", ("link garbage",), ON, 0.0, When.TRACK,
+        harmless=True),
+    Row(Fault.AUTOPILOT_SILENT, "the autopilot hangs", ("autopilot stuck",), OFF, within(RULES.autopilot_silent_s)),
+    Row(Fault.AUTOPILOT_SILENT, "the autopilot loses its power", ("autopilot off",), OFF,
+        within(RULES.autopilot_silent_s)),
+    Row(Fault.AUTOPILOT_REBOOTED, "it reboots in 0.3 s", ("autopilot wrong (reboot) by 0.3 s",), OFF, within(1.0)),
+    Row(Fault.AUTOPILOT_DISARMED, "it disarms in the air", ("autopilot wrong (disarms)",), OFF, within(1.0)),
+    Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S)),
+    Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S),
+        When.TRACK),
+    Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S),
+        When.TAKEOFF),
+    Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S),
+        When.LANDING),
+    Row(Fault.MODE_CHANGED, "a ground station lets it land", (acts.told_by_another(21),), PX4, within(MODE_S),
+        When.TRACK),
+    Row(Fault.LAND_REFUSED, "it refuses to land", ("autopilot wrong (refuses to land)", "mocap off"), PX4,
+        within(RULES.silent_s + RULES.land_refused_s), When.HANDED_OVER),
+    Row(Fault.BATTERY_LOW, "20 % left", ("autopilot wrong (battery low)",), OURS, within(BATTERY_S, TOLD_S),
+        When.TRACK),
+    Row(Fault.BATTERY_LOW, "20 % left", ("autopilot wrong (battery low)",), OURS, within(BATTERY_S, TOLD_S),
+        When.LANDING),
+    Row(Fault.BATTERY_CRITICAL, "8 % left", ("autopilot wrong (battery critical)",), PX4, within(BATTERY_S, TOLD_S),
+        When.TRACK),
+    Row(Fault.BATTERY_CRITICAL, "8 % left", ("autopilot wrong (battery critical)",), PX4, within(BATTERY_S, TOLD_S),
+        When.LANDING),
+    Row(Fault.BATTERY_CRITICAL, "2 % for 0.2 s", (acts.bad_battery_sample,), ON, 0.0, When.TRACK, harmless=True),
+    Row(Fault.BATTERY_LOW, "20 % left", ("autopilot wrong (battery low)",), End.NOT_STARTED,
+        within(BATTERY_S, TOLD_S), When.GROUND),
+)  # fmt: skip
+
+VEHICLE = (
+    Row(Fault.SETPOINT_NOT_FOLLOWED, "setpoints are ignored", ("autopilot wrong (ignores setpoints)",), PX4,
+        within(RULES.not_followed_s, 1.5), When.TRACK),
+    Row(Fault.SETPOINT_NOT_FOLLOWED, "a motor pulls it askew", ("autopilot wrong (motor)",), PX4,
+        within(RULES.not_followed_s, 0.5), When.HOVER),
+    Row(Fault.TRACKING_ERROR, "a push of 20 N for 0.5 s", (acts.gust((20.0, 0.0, 0.0), 0.5),), OURS,
+        within(RULES.tracking_s, 1.0), When.HOVER, flown_with=PID),
+    Row(Fault.TRACKING_LOST, "a push of 18 N that stays", (acts.gust((18.0, 0.0, 0.0), 3.0),), PX4,
+        within(RULES.growing_s, 1.0), When.HOVER, flown_with=PID),
+    Row(Fault.THRUST_SATURATED, "the motors give 62 % of their thrust", ("autopilot wrong (weak) to 0.62",), PX4,
+        within(RULES.saturated_s, 0.5), When.HOVER),
+    Row(Fault.FENCE_NEAR, "blown towards the fence", (acts.gust((24.0, 0.0, 0.0), 0.7),), OURS, within(2.0),
+        When.HOVER, flown_with=Conditions(NARROW, "pid")),
+    Row(Fault.FENCE_LEFT, "blown out of the fence", (acts.gust((27.0, 0.0, 0.0), 0.8),), PX4, within(2.0),
+        When.HOVER, flown_with=Conditions(NARROW, "pid")),
+    Row(Fault.ROOM_LEFT, "blown far out of the fence", (acts.gust((40.0, 0.0, 0.0), 0.8),), OFF, within(2.0),
+        When.HOVER, flown_with=Conditions(NARROW, "pid")),
+    Row(Fault.HOLD_TOO_LONG, "nobody answers a hold", (acts.gust((24.0, 0.0, 0.0), 0.7),), OURS, within(5.0),
+        When.HOVER, patience_s=20.0, flown_with=Conditions(SHORT_HOLD, "pid")),
+    Row(Fault.LANDING_TOO_LONG, "it hangs on its safety line", (acts.safety_line,), PX4,
+        within(RULES.landing_s, 6.0), When.LANDING, flown_with=Conditions(PATIENT)),
+)  # fmt: skip
+
+SERVICE = (
+    Row(Fault.LAW_FAILED, "the law raises", (acts.law_raises,), PX4, within(0.0), When.TRACK, flown_with=PID),
+    Row(Fault.LAW_FAILED, "the law gives NaN", (acts.law_gives_nan,), PX4,
+        within(0.01 * RULES.not_finite_cycles), When.TRACK, flown_with=PID),
+    Row(Fault.LOOP_LATE, "every cycle takes 40 ms more", (acts.busy(0.04, 1000),), OURS, within(WINDOW_S), When.TRACK),
+    Row(Fault.LOOP_LATE, "one cycle takes 80 ms more", (acts.busy(0.08, 1),), ON, 0.0, When.TRACK, harmless=True),
+    Row(Fault.OPERATOR_GONE, "the broker is gone", (acts.broker_gone,), ON, within(RULES.operator_gone_s),
+        When.TRACK),
+    Row(Fault.OPERATOR_GONE, "the broker is gone", (acts.broker_gone,), End.NOT_STARTED,
+        within(RULES.operator_gone_s), When.GROUND),
+    Row(Fault.DISK_FULL, "100 MB left", (acts.disk_full,), ON, within(0.0), When.TRACK),
+    Row(Fault.DISK_FULL, "100 MB left", (acts.disk_full,), End.NOT_STARTED, within(0.0), When.GROUND),
+    *(Row(Fault.ABORT, "abort", (acts.abort,), end, within(0.0), when)
+      for when, end in ((When.HOVER, OURS), (When.TRACK, OURS), (When.TAKEOFF, OURS), (When.GROUND, End.NOT_STARTED))),
+    *(Row(Fault.KILL, "kill", (acts.kill,), end, within(0.0), when)
+      for when, end in ((When.TRACK, OFF), (When.TAKEOFF, OFF), (When.LANDING, OFF), (When.GROUND, End.NOT_STARTED))),
+    Row(Fault.ARMS, "a servo is overloaded", (acts.servo_fails,), OURS, within(0.0), When.HOVER, flown_with=ARMS),
+    Row(Fault.ARMS, "a servo is overloaded", (acts.servo_fails,), OURS, within(0.0), When.LANDING,
+        flown_with=ARMS),
+)  # fmt: skip
+
+FLIGHT = AUTOPILOT + VEHICLE + SERVICE

@@ -1,0 +1,117 @@
+"""Flies one row in simulated time: up, into its phase, the fault, and to whatever end comes of it."""
+
+import asyncio
+import contextlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.config import CompanionConfig
+from companion.control.reference import Ellipse, LapTiming
+from companion.supervisor.flight import Fly, Land, Phase, Resume, TakeOff
+from tests.flights.faults.judge import Result, judged
+from tests.flights.faults.rows import CONFIG, Row, When
+from tests.flights.faults.watch import Box, Told, Watch
+from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
+from tests.flights.test_simulated_flights import ARM, ask, until, wait
+
+LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=2))
+HEIGHT_M = 1.2
+LONGEST_S = 60.0
+_PILOT_FLIES_S = 2.0
+"""So long the operator leaves the vehicle to its pilot before he takes it back."""
+
+
+def fence_of(config: CompanionConfig) -> Box:
+    """The configuration's."""
+    return config.fence.x_m, config.fence.y_m, config.fence.top_m
+
+
+UP = [*ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD)]
+PRELUDES: dict[When, list[Step]] = {
+    When.GROUND: [*ARM, wait(0.3)],
+    When.TAKEOFF: [*ARM, ask(TakeOff(HEIGHT_M)), lambda flight: bool(flight.room.truth_w_m[2] > 0.5)],
+    When.HOVER: [*UP, wait(1.0)],
+    When.TRACK: [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(3.0)],
+    When.LANDING: [*UP, ask(Land()), lambda flight: bool(flight.room.truth_w_m[2] < 0.8)],
+    When.HANDED_OVER: [*UP, wait(1.0)],
+}
+
+
+@dataclass
+class Operator:
+    """Watches a faulty flight to its end, and does what an operator does: lands it if nothing else ends it."""
+
+    patience_s: float
+    planned_s: float | None = None
+    """When he landed because nothing had come of the fault."""
+    _since_s: float | None = None
+    _piloted_s: float | None = None
+    _over_s: float | None = None
+
+    def __call__(self, flight: Flight) -> bool:
+        """A Step."""
+        now_s, vehicle = flight.room.now_s(), flight.room.bench.world.vehicle
+        self._since_s = now_s if self._since_s is None else self._since_s
+        if vehicle.mode.name == "POSITION":
+            self._take_back(flight, now_s)
+        elif flight.phase in {Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.ARMED}:
+            self._end_it(flight, now_s)
+        if vehicle.armed or not flight.room.bench.world.truth.on_ground:
+            self._over_s = None
+            return False
+        self._over_s = now_s if self._over_s is None else self._over_s
+        return now_s - self._over_s > 0.5
+
+    def _take_back(self, flight: Flight, now_s: float) -> None:
+        self._piloted_s = now_s if self._piloted_s is None else self._piloted_s
+        if now_s - self._piloted_s > _PILOT_FLIES_S and flight.phase is Phase.HANDED_OVER:
+            flight.loop.ask(Resume())
+
+    def _end_it(self, flight: Flight, now_s: float) -> None:
+        assert self._since_s is not None
+        if self._piloted_s is not None or now_s - self._since_s > self.patience_s:
+            if self._piloted_s is None:
+                self.planned_s = now_s if self.planned_s is None else self.planned_s
+            flight.loop.ask(Land())
+
+
+def fly_row(row: Row, seed: int = 1) -> Result:
+    """To the end, whatever it is."""
+    return asyncio.run(_fly(row, seed))
+
+
+async def _fly(row: Row, seed: int) -> Result:
+    conditions = row.flown_with
+    watches: list[Watch] = []
+    flights: list[Flight] = []
+    operator = Operator(row.patience_s)
+
+    def look_on(flight: Flight) -> bool:
+        watches.append(Watch(flight.room.bench.world, fence_of(CONFIG)))
+        flights.append(flight)
+        return True
+
+    def break_it(flight: Flight) -> bool:
+        watches[0].begin()
+        for make in row.make:
+            if isinstance(make, str):
+                flight.room.inject(make)
+            else:
+                make(flight)
+        return True
+
+    script: list[Step] = [look_on, *PRELUDES[row.when], break_it, operator]
+    with contextlib.suppress(FlightTimeoutError):  # the verdict is "still in the air"
+        await fly(
+            script,
+            controller=conditions.law,
+            config=conditions.config,
+            seed=seed,
+            longest_s=LONGEST_S,
+            **conditions.more,
+        )
+    told = Told()
+    for tick in flights[0].ticks:
+        told(tick)
+    return judged(row, watches[0].flown, told, operator.planned_s)

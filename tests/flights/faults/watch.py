@@ -1,0 +1,113 @@
+"""Who looks on: at the mock, where the vehicle really is and what it really gets; in the companion, what was said."""
+
+from dataclasses import dataclass, field
+
+from companion.supervisor.faults import Fault, Reaction
+from companion.supervisor.flight import Flight, Phase
+from companion.tick import Tick
+from mock_autopilot.px4 import Mode
+from mock_autopilot.truth import Truth
+from mock_autopilot.world import World
+
+Box = tuple[tuple[float, float], tuple[float, float], float]
+"""x, y (least, largest) and top of the fence, W, m."""
+
+
+@dataclass
+class Flown:
+    """What the mock saw; times by one clock, s."""
+
+    begin_s: float | None = None
+    """When the fault began."""
+    armed_s: float | None = None
+    lifted_s: float | None = None
+    disarmed_s: float | None = None
+    disarmed_in_the_air: bool = False
+    beyond_m: float = -1e9
+    """Furthest outside of the fence since it was armed; negative: always inside, and so near."""
+    on_ground: bool = True
+    armed: bool = False
+    modes: list[tuple[float, str]] = field(default_factory=list)
+    """Every mode and when it began."""
+    setpoints_s: list[float] = field(default_factory=list)
+
+    def mode(self) -> str:
+        """The last one."""
+        return self.modes[-1][1] if self.modes else ""
+
+
+class Watch:
+    """Observer of a World's steps and faults."""
+
+    def __init__(self, world: World, fence: Box, zero_s: float = 0.0) -> None:
+        self._world, self._zero_s = world, zero_s
+        (self._x0, self._x1), (self._y0, self._y1), self._top = fence
+        self.flown = Flown()
+        self._setpoint_s = -1.0
+        self._mode: Mode | None = None
+        world.observers.append(self._step)
+
+    def begin(self) -> None:
+        """The fault begins now, if none did before."""
+        if self.flown.begin_s is None:
+            self.flown.begin_s = self._zero_s + self._world.time_s
+
+    def _step(self, truth: Truth) -> None:
+        vehicle, flown, now_s = self._world.vehicle, self.flown, self._zero_s + truth.time_s
+        if vehicle._setpoint_at_s > self._setpoint_s:
+            self._setpoint_s = vehicle._setpoint_at_s
+            flown.setpoints_s.append(now_s)
+        if vehicle.mode is not self._mode:
+            self._mode = vehicle.mode
+            flown.modes.append((now_s, self._mode.name))
+        flown.on_ground = truth.on_ground
+        self._look_at_arming(vehicle.armed, now_s)
+        if flown.armed_s is None:
+            return
+        if flown.lifted_s is None and not truth.on_ground:
+            flown.lifted_s = now_s
+        north, east, down = truth.position_ned_m.tolist()
+        x, y, z = north, -east, -down
+        flown.beyond_m = max(flown.beyond_m, self._x0 - x, x - self._x1, self._y0 - y, y - self._y1, z - self._top)
+
+    def _look_at_arming(self, armed: bool, now_s: float) -> None:
+        flown = self.flown
+        if armed and flown.armed_s is None:
+            flown.armed_s = now_s
+        if flown.armed and not armed and flown.disarmed_s is None:
+            flown.disarmed_s, flown.disarmed_in_the_air = now_s, not flown.on_ground
+        flown.armed = armed
+
+
+@dataclass(frozen=True)
+class Said:
+    """One change of the companion's mind."""
+
+    time_s: float
+    phase: Phase
+    level: Reaction
+    cause: Fault | None
+    reason: str
+
+
+class Told:
+    """What the companion made of it; a TickSink."""
+
+    def __init__(self) -> None:
+        self.changes: list[Said] = []
+        self.events: list[tuple[float, Fault]] = []
+        """When each fault was there that was not there in the cycle before."""
+        self._before: frozenset[Fault] = frozenset()
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
+        self.take(tick.time_s, tick.flight, frozenset(event.fault for event in tick.events))
+
+    def take(self, time_s: float, flight: Flight, faults: frozenset[Fault]) -> None:
+        """What was there at a time."""
+        said = Said(time_s, flight.phase, flight.level, flight.cause, flight.reason)
+        last = self.changes[-1] if self.changes else None
+        if last is None or (last.phase, last.level, last.cause) != (said.phase, said.level, said.cause):
+            self.changes.append(said)
+        self.events += [(time_s, fault) for fault in faults - self._before]
+        self._before = faults
