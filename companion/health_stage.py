@@ -19,7 +19,7 @@ from companion.supervisor.health import Health
 from companion.supervisor.observed import Observed, Seen
 from companion.supervisor.phases import reference_at
 from companion.supervisor.safety import SafetyRules
-from companion.types import AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame, VehicleState
+from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame, VehicleState
 
 LOG = logging.getLogger(__name__)
 
@@ -87,7 +87,7 @@ class HealthStage:
             airborne=flight.airborne,
             seen=_seen(cycle),
             autopilot=cycle.status,
-            reference_w_m=reference_at(flight, cycle.time_s).position_w_m if flight.airborne else None,
+            reference_w_m=_reference_w_m(flight, cycle) if flight.airborne else None,
             sent=cycle.sent,
             at_max_thrust=cycle.at_max_thrust,
             law_fault=cycle.law_fault,
@@ -100,6 +100,14 @@ class HealthStage:
             operator_age_s=operator.age_s() if operator is not None else 0.0,
             disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
         )
+
+
+def _reference_w_m(flight: Flight, cycle: Cycle) -> Array:
+    """Where the vehicle should be; in a landing it may be higher: it stands on something, or the descent is slow."""
+    where, vehicle = reference_at(flight, cycle.time_s).position_w_m, cycle.estimate.vehicle
+    if flight.phase is not Phase.LAND or vehicle is None:
+        return where
+    return np.array([where[0], where[1], max(where[2], vehicle.position_w_m[2])])
 
 
 def _seen(cycle: Cycle) -> Seen:
