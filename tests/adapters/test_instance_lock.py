@@ -11,6 +11,7 @@ import pytest
 from companion.adapters.instance_lock import instance_lock
 from companion.ports import AutopilotError
 
+pytestmark = pytest.mark.xdist_group("realtime")  # a lock is the whole machine's: not in two processes at once
 URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"
 HOLD = """
 import sys
@@ -48,8 +49,8 @@ def test_the_second_is_told_who_the_first_is_until_that_one_is_gone() -> None:
 @pytest.mark.parametrize(
     ("one", "other"),
     [
-        ("udpin://0.0.0.0:14540", "udpin://127.0.0.1:14540"),
-        ("udp://:14540", "udpin://0.0.0.0:14540"),
+        ("udpin://0.0.0.0:34540", "udpin://127.0.0.1:34540"),
+        ("udp://:34540", "udpin://0.0.0.0:34540"),
         ("serial:///dev/ttyUSB0:921600", "serial:///dev/../dev/ttyUSB0:57600"),
     ],
 )
@@ -60,8 +61,8 @@ def test_two_spellings_are_one_link(one: str, other: str) -> None:
 
 @pytest.mark.parametrize(
     "other",
-    ["udpin://0.0.0.0:14541", "udpout://0.0.0.0:14540", "serial:///dev/ttyUSB1:921600", "tcpin://0.0.0.0:14540"],
+    ["udpin://0.0.0.0:34541", "udpout://0.0.0.0:34540", "serial:///dev/ttyUSB1:921600", "tcpin://0.0.0.0:34540"],
 )
 def test_another_link_is_another_vehicle(other: str) -> None:
-    with instance_lock("udpin://0.0.0.0:14540"), instance_lock(other):
+    with instance_lock("udpin://0.0.0.0:34540"), instance_lock(other):
         pass
