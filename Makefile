@@ -4,11 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help install demo test lint bench conformance lock clean
+.PHONY: help install demo test faults lint bench conformance lock clean
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
-	@echo "make test | lint | bench | conformance | lock | clean"
+	@echo "make test | faults | lint | bench | conformance | lock | clean"
 
 # The stamp depends on the lock files: a changed lock is a new installation.
 $(VENV)/.installed: requirements.lock requirements-dev.lock pyproject.toml
@@ -24,8 +24,12 @@ install: $(VENV)/.installed
 demo: install
 	@$(BIN)/companion demo $(ARGS)
 
+# Two processes: one for all that runs against the wall clock, the other for the rest.
 test: install
-	@$(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m pytest -n 2 --dist loadgroup $(ARGS)
+
+faults: install
+	@$(BIN)/python -m tests.flights.faults $(ARGS)
 
 lint: install
 	@$(BIN)/ruff check .

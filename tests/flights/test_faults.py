@@ -1,7 +1,48 @@
-"""The table of fault flights: every fault has its reaction, in time, inside the fence."""
+"""One flight of each fault: its reaction, in time, inside the fence. `make faults` flies the whole table."""
 
+import multiprocessing
+import re
+
+from companion.supervisor.faults import TABLE, Fault
+from tests.flights.faults.report import FLOWN, PAGE, RECOGNISED, flown, part, recognised
 from tests.flights.faults.table import VIRTUAL
+from tests.flights.faults.virtual import fly_named
+
+ELSEWHERE = {Fault.LOOP_STOPPED, Fault.SERVICE_TWICE, Fault.OFFBOARD_REFUSED}
+"""Need sockets and processes: test_dead_man.py, test_service.py."""
+
+HERE = (
+    Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_FROZEN, Fault.MOCAP_JUMPED, Fault.MOCAP_SLOW,
+    Fault.ATTITUDE_DISAGREES, Fault.SETPOINT_NOT_FOLLOWED, Fault.FENCE_LEFT, Fault.ROOM_LEFT, Fault.HOLD_TOO_LONG,
+    Fault.LAW_FAILED, Fault.AUTOPILOT_SILENT, Fault.MODE_CHANGED, Fault.BATTERY_LOW, Fault.ARMS, Fault.KILL,
+)  # fmt: skip
+"""One flight each; every reaction and every part is among them."""
+
+
+def test_every_fault_of_the_reaction_table_is_flown() -> None:
+    assert {row.fault for row in TABLE} - {row.fault for row in VIRTUAL} == ELSEWHERE
 
 
 def test_names_are_unique() -> None:
     assert len({row.name for row in VIRTUAL}) == len(VIRTUAL)
+
+
+def test_flights_in_simulated_time() -> None:
+    first: dict[Fault, str] = {}
+    for row in VIRTUAL:
+        first.setdefault(row.fault, row.name)
+    with multiprocessing.Pool() as workers:
+        results = workers.map(fly_named, [first[fault] for fault in HERE], chunksize=1)
+    assert [(result.name, result.problems) for result in results if result.problems] == []
+
+
+def test_the_page_prints_the_reaction_table() -> None:
+    assert part(PAGE.read_text(encoding="utf-8"), RECOGNISED) == recognised(), "run `make faults`"
+
+
+def test_the_page_prints_the_flights() -> None:
+    def without_measured(table: str) -> list[str]:
+        return [re.sub(r"[^|]*\|$", "", line) for line in table.splitlines()]
+
+    printed = part(PAGE.read_text(encoding="utf-8"), FLOWN)
+    assert without_measured(printed) == without_measured(flown(VIRTUAL, [])), "run `make faults`"

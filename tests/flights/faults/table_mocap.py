@@ -69,9 +69,9 @@ STREAM = (
         harmless=True),
     Row(Fault.MOCAP_OUT_OF_ORDER, "every second frame behind its successor", ("mocap wrong (out of order)",), OURS,
         within(WINDOW_S), When.TRACK),
-    Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s ahead", ("mocap wrong (clock jump)",), PX4, within(TEN_FRAMES_S)),
     Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s back", ("mocap wrong (clock jump) by -1 s",), PX4, within(TEN_FRAMES_S),
         When.TRACK),
+    Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s ahead", ("mocap wrong (clock jump)",), PX4, within(TEN_FRAMES_S)),
     Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s ahead", ("mocap wrong (clock jump)",), PX4, within(TEN_FRAMES_S),
         When.LANDING),
 )  # fmt: skip

@@ -10,7 +10,8 @@ from companion.config import CompanionConfig
 from companion.control.reference import Ellipse, LapTiming
 from companion.supervisor.flight import Fly, Land, Phase, Resume, TakeOff
 from tests.flights.faults.judge import Result, judged
-from tests.flights.faults.rows import CONFIG, Row, When
+from tests.flights.faults.rows import CONFIG, Conditions, Row, When
+from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.watch import Box, Told, Watch
 from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
@@ -18,6 +19,8 @@ from tests.flights.test_simulated_flights import ARM, ask, until, wait
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=2))
 HEIGHT_M = 1.2
 LONGEST_S = 60.0
+_OVER_S = 1.5
+"""Down for so long: what the autopilot says of it has come."""
 _PILOT_FLIES_S = 2.0
 """So long the operator leaves the vehicle to its pilot before he takes it back."""
 
@@ -61,7 +64,7 @@ class Operator:
             self._over_s = None
             return False
         self._over_s = now_s if self._over_s is None else self._over_s
-        return now_s - self._over_s > 0.5
+        return now_s - self._over_s > _OVER_S
 
     def _take_back(self, flight: Flight, now_s: float) -> None:
         self._piloted_s = now_s if self._piloted_s is None else self._piloted_s
@@ -78,22 +81,33 @@ class Operator:
 
 def fly_row(row: Row, seed: int = 1) -> Result:
     """To the end, whatever it is."""
-    return asyncio.run(_fly(row, seed))
+    flight, watch, operator = asyncio.run(_fly(row, seed))
+    return judged(row, watch.flown, told_in(flight), operator.planned_s)
 
 
-async def _fly(row: Row, seed: int) -> Result:
-    conditions = row.flown_with
-    watches: list[Watch] = []
-    flights: list[Flight] = []
+def fly_named(name: str) -> Result:
+    """For a worker process: a row's acts cannot be sent to one, its name can."""
+    return fly_row(next(row for row in VIRTUAL if row.name == name))
+
+
+def told_in(flight: Flight) -> Told:
+    """What the companion made of it."""
+    told = Told()
+    for tick in flight.ticks:
+        told(tick)
+    return told
+
+
+async def _fly(row: Row, seed: int) -> tuple[Flight, Watch, Operator]:
     operator = Operator(row.patience_s)
+    seen: list[tuple[Flight, Watch]] = []
 
     def look_on(flight: Flight) -> bool:
-        watches.append(Watch(flight.room.bench.world, fence_of(CONFIG)))
-        flights.append(flight)
+        seen.append((flight, Watch(flight.room.bench.world, fence_of(CONFIG))))
         return True
 
     def break_it(flight: Flight) -> bool:
-        watches[0].begin()
+        seen[0][1].begin()
         for make in row.make:
             if isinstance(make, str):
                 flight.room.inject(make)
@@ -101,8 +115,13 @@ async def _fly(row: Row, seed: int) -> Result:
                 make(flight)
         return True
 
-    script: list[Step] = [look_on, *PRELUDES[row.when], break_it, operator]
-    with contextlib.suppress(FlightTimeoutError):  # the verdict is "still in the air"
+    await fly_to_the_end([look_on, *PRELUDES[row.when], break_it, operator], row.flown_with, seed)
+    return (*seen[0], operator)
+
+
+async def fly_to_the_end(script: list[Step], conditions: Conditions, seed: int) -> None:
+    """Or for LONGEST_S: who looks on will say that it is still in the air."""
+    with contextlib.suppress(FlightTimeoutError):
         await fly(
             script,
             controller=conditions.law,
@@ -111,7 +130,3 @@ async def _fly(row: Row, seed: int) -> Result:
             longest_s=LONGEST_S,
             **conditions.more,
         )
-    told = Told()
-    for tick in flights[0].ticks:
-        told(tick)
-    return judged(row, watches[0].flown, told, operator.planned_s)

@@ -1,0 +1,108 @@
+"""Random fault schedules: one to three faults of the mock's vocabulary, at any time of a tracking flight."""
+
+import asyncio
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.control.reference import Ellipse, LapTiming
+from companion.supervisor.faults import Reaction
+from companion.supervisor.flight import Fly, Phase
+from mock_autopilot.fault_ways import WAYS, Part, Way
+from tests.flights.faults.judge import end_of
+from tests.flights.faults.rows import CONFIG, Conditions, End
+from tests.flights.faults.virtual import UP, Operator, fence_of, fly_to_the_end, told_in
+from tests.flights.faults.watch import Watch
+from tests.flights.simulated import Flight, Step
+
+_PARTS = frozenset({Part.MOCAP, Part.LINK, Part.AUTOPILOT})
+"""Flown without arms and without a broker."""
+_WAYS = tuple(way for way in WAYS if way.part in _PARTS)
+_LAP = Fly(Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=1)), 0.5)
+_LAST_S = 22.0
+"""Take-off, approach, lap and landing: a fault begins at any time of it."""
+_FOR_EVER = 0.4
+"""Share of the faults that stay."""
+_SHORTEST_S, _LONGEST_S = 0.03, 8.0
+GOOD = frozenset({End.LANDED, End.HANDED_OVER, End.PILOT, End.TERMINATED, End.FLIES_ON, End.NOT_STARTED})
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one schedule."""
+
+    seed: int
+    faults: tuple[str, ...]
+    end_state: str
+    inside_fence: bool
+    beyond_m: float
+    says: str
+
+    @property
+    def good(self) -> bool:
+        """Down or with a pilot, and never outside."""
+        return self.end_state in GOOD and self.inside_fence
+
+
+def faults_of(seed: int) -> tuple[str, ...]:
+    """The same for the same seed."""
+    rng = np.random.default_rng((2026, seed))
+    return tuple(_fault(rng) for _ in range(int(rng.integers(1, 4))))
+
+
+def _fault(rng: np.random.Generator) -> str:
+    way = _WAYS[int(rng.integers(len(_WAYS)))]
+    begin_s = rng.uniform(0.0, _LAST_S)
+    text = f"{way.words}{_amount(way, rng)} at {begin_s:.2f} s"
+    if not way.lasts or rng.random() < _FOR_EVER:
+        return text
+    return f"{text} for {np.exp(rng.uniform(np.log(_SHORTEST_S), np.log(_LONGEST_S))):.2f} s"
+
+
+def _amount(way: Way, rng: np.random.Generator) -> str:
+    """Half to one and a half times the usual, as far as that is possible."""
+    if way.amount is None:
+        return ""
+    value = way.amount.usual * rng.uniform(0.5, 1.5)
+    return " " + way.amount.text(round(float(np.clip(value, way.amount.least, way.amount.most)), 3))
+
+
+class _Mission:
+    """An ellipse after take-off; a Step that is done when it is flown, or when something else has begun."""
+
+    def __init__(self) -> None:
+        self._asked = self._tracked = False
+
+    def __call__(self, flight: Flight) -> bool:
+        if flight.loop.flight.level > Reaction.NOTE or flight.phase not in {Phase.TAKEOFF, Phase.HOLD, Phase.TRACK}:
+            return True
+        self._tracked = self._tracked or flight.phase is Phase.TRACK
+        if flight.phase is Phase.HOLD and not self._asked:
+            self._asked = flight.loop.ask(_LAP)
+        return self._tracked and flight.phase is Phase.HOLD
+
+
+def fly_schedule(seed: int) -> Outcome:
+    """One flight: up, a lap of the ellipse, down, unless something comes of the faults."""
+    return asyncio.run(_fly(seed))
+
+
+async def _fly(seed: int) -> Outcome:
+    faults, operator = faults_of(seed), Operator(0.0)
+    seen: list[tuple[Flight, Watch]] = []
+
+    def look_on(flight: Flight) -> bool:
+        watch = Watch(flight.room.bench.world, fence_of(CONFIG))
+        watch.begin()
+        seen.append((flight, watch))
+        return True
+
+    script: list[Step] = [look_on, *UP[:-1], _Mission(), operator]
+    await fly_to_the_end(script, Conditions(more={"faults": faults}), seed)
+    flight, watch = seen[0]
+    end = end_of(watch.flown, operator.planned_s, told_in(flight))
+    down = watch.flown.on_ground or end is End.PILOT
+    reason = flight.loop.flight.reason
+    return Outcome(
+        seed, faults, end if down else End.IN_THE_AIR, watch.flown.beyond_m <= 0.0, watch.flown.beyond_m, reason
+    )
