@@ -34,6 +34,8 @@ GATE_M = 0.6
 """Distance between estimate and vision beyond which a sample is rejected."""
 DRIFT_MPS2 = (0.31, 0.14, 0.0)
 """What the accelerometers get wrong when nothing corrects them: 11 m after 8 s, as recorded."""
+BARO_PER_S, BARO_PER_S2 = 1.5, 1.0
+"""How fast the barometer pulls height and vertical speed while vision is gone."""
 HISTORY_STEP_S = 0.01
 FARTHEST_M = 1e5
 """Positions beyond (and NaN) are no positions."""
@@ -70,6 +72,7 @@ class Estimator:
         self._heard_since_s = math.inf
         self._vision_resets: int | None = None
         self._yaw_known = False
+        self._baro_off_m = 0.0
         self._history: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=40)
 
     @property
@@ -154,6 +157,17 @@ class Estimator:
             wrong = DRIFT_MPS2[axis] if drifting else 0.0
             self.velocity_mps[axis] += (felt[axis] + wrong) * dt_s
             self.position_m[axis] += self.velocity_mps[axis] * dt_s
+        if int(self._params["EKF2_BARO_CTRL"]):
+            self._follow_barometer(motion.position_ned_m[2], dt_s, alone=self.silence_s > REGAIN_AFTER_S)
+
+    def _follow_barometer(self, truth_z_m: float, dt_s: float, *, alone: bool) -> None:
+        """Beside vision only its offset is learnt; on its own it keeps height and vertical speed."""
+        error_m = self.position_m[2] - truth_z_m
+        if not alone:
+            self._baro_off_m = error_m
+            return
+        self.position_m[2] -= BARO_PER_S * (error_m - self._baro_off_m) * dt_s
+        self.velocity_mps[2] -= BARO_PER_S2 * (error_m - self._baro_off_m) * dt_s
 
     # -- vision ----------------------------------------------------------------------------------
 

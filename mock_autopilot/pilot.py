@@ -91,7 +91,7 @@ class Pilot:
         wanted = []
         for axis, (gain, integral_gain) in enumerate(gains):
             error = velocity_sp[axis] - now.velocity_mps[axis]
-            if axis < 2 and not now.local_ok and self.mode is not Mode.LAND:
+            if axis < 2 and not now.local_ok:
                 error = self._integral_mps2[axis] = 0.0  # level: nothing to correct against
             step = integral_gain * error * dt_s
             self._integral_mps2[axis] = _clip(self._integral_mps2[axis] + step, GRAVITY_MPS2 / 2.0)
@@ -134,17 +134,19 @@ class Pilot:
         return self.mode is Mode.LAND or (self.mode is Mode.RTL and self._down_sp_mps > 0.1)
 
     def _landing_speed(self, now: Estimate) -> float:
-        """Slower near the ground, as MPC_LAND_ALT3 and MPC_LAND_CRWL say; the blind descent does not know it."""
-        if self.mode is Mode.DESCEND:
+        """Slower near the ground (MPC_LAND_ALT3, MPC_LAND_CRWL) if a distance sensor sees it; never when blind."""
+        blind = self.mode is Mode.DESCEND or not now.local_ok
+        if blind or not int(self.params["EKF2_RNG_CTRL"]):
             return self.params["MPC_LAND_SPEED"]
         low = self._floor_z_m - now.position_m[2] < self.params["MPC_LAND_ALT3"]
         return self.params["MPC_LAND_CRWL"] if low else self.params["MPC_LAND_SPEED"]
 
     def _notice_ground(self, now: Estimate, dt_s: float) -> None:
-        """Asked to sink and standing still: that is the ground, the thrust is taken back."""
+        """Asked to sink and standing still: that is the ground, the thrust is taken back, whatever tilt was wanted."""
         stuck = self._down_sp_mps > 0.2 and abs(now.velocity_mps[2]) < 0.05
         self._stuck_s = self._stuck_s + dt_s if stuck else 0.0
         if self._stuck_s > CONTACT_S:
+            self.q_wxyz = _tilted(0.0, 0.0, self._yaw_rad)
             self.signal = min(self.signal, self.params["MPC_THR_MIN"])
 
     def _slewed(self, wanted_mps: float, dt_s: float) -> float:

@@ -199,7 +199,7 @@ def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantP
     position = state.position_ned_m + (state.velocity_ned_mps + velocity) * (0.5 * dt_s)
     touching = (position[..., 2] >= params.ground_z_m) & (velocity[..., 2] >= 0.0)
     moved = PlantState(position, velocity, q, rate, thrust, acceleration, touching, turn)
-    return _rest_on_ground(moved, state, params) if touching.any() else moved
+    return _rest_on_ground(moved, state, params, dt_s) if touching.any() else moved
 
 
 def _thrust_step(
@@ -234,8 +234,11 @@ def _wanted_turn(state: PlantState, actuation: Actuation, push: Array, fixed: Co
     return np.asarray(fixed.stiffness * (error - rate * later_s) - fixed.damping * rate_then)
 
 
-def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams) -> PlantState:
-    """Where the floor is reached (`moved.on_ground`) the vehicle stands still and level until it is lifted off."""
+def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams, dt_s: float) -> PlantState:
+    """Where the floor is reached (`moved.on_ground`) the vehicle stands still and level until it is lifted off.
+
+    The accelerometers feel the impact: what it was still moving is gone within the step.
+    """
     where = moved.on_ground[..., None]
     floor = before.position_ned_m.copy()
     floor[..., 2] = params.ground_z_m
@@ -243,7 +246,7 @@ def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams) 
         moved,
         position_ned_m=np.where(where, floor, moved.position_ned_m),
         velocity_ned_mps=np.where(where, 0.0, moved.velocity_ned_mps),
-        acceleration_ned_mps2=np.where(where, 0.0, moved.acceleration_ned_mps2),
+        acceleration_ned_mps2=np.where(where, (0.0 - before.velocity_ned_mps) / dt_s, moved.acceleration_ned_mps2),
         q_ned_frd_wxyz=np.where(where, _level(moved.q_ned_frd_wxyz), moved.q_ned_frd_wxyz),
         rate_frd_radps=np.where(where, 0.0, moved.rate_frd_radps),
         turn_frd_radps2=np.where(where, 0.0, moved.turn_frd_radps2),

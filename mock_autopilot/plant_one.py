@@ -226,9 +226,11 @@ def _acceleration(velocity: Three, lift: Three, push: Three, fixed: Fixed) -> Th
 def _standing(before: OneState, thrust_n: float, q: Four, fixed: Fixed) -> OneState:
     x, y, _ = before.position_ned_m
     w, _, _, z = q
+    ux, uy, uz = before.velocity_ned_mps
+    impact = ((0.0 - ux) / fixed.dt_s, (0.0 - uy) / fixed.dt_s, (0.0 - uz) / fixed.dt_s)
     length = math.sqrt(w * w + z * z)
     level = (w / length, 0.0, 0.0, z / length) if length > 1e-9 else (1.0, 0.0, 0.0, 0.0)
-    return OneState((x, y, fixed.ground_z_m), _STILL, level, _STILL, thrust_n, _STILL, True, _STILL)
+    return OneState((x, y, fixed.ground_z_m), _STILL, level, _STILL, thrust_n, impact, True, _STILL)
 
 
 _STILL = (0.0, 0.0, 0.0)

@@ -34,6 +34,10 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
 ## Known differences
 
 - The estimator is a stand-in: fixed gains instead of a Kalman filter, drift in a fixed direction, perfect attitude.
+- Without vision the estimate drifts as in the worst of three recorded losses (11 m within 8 s; another drifted 1.5 m).
+- The mock notices every landing. Of two recorded ones without vision PX4 noticed the one in Altitude mode; in Land it
+  had not done so when the record ended, 4 s after the touchdown: its estimate went on creeping at 0.12 to 0.27 m/s.
+- It has a distance sensor, as the recorded simulator, and lands slowly with it unless EKF2_RNG_CTRL is 0.
 - The attitude loop is a second-order response behind a torque lag and 14 ms of delay, fitted to the step responses
   of section l. Torques have no limit.
 - Drag is the airframe's; section l uses the recorded simulator's (1 kg, 20 N, 0.9 N per m/s). The record has an

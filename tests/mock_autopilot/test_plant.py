@@ -111,6 +111,16 @@ def test_it_lands_level_and_still() -> None:
     assert end.velocity_ned_mps == pytest.approx(np.zeros(3))
 
 
+def test_the_accelerometers_feel_the_impact_and_nothing_slides() -> None:
+    before = replace(plant.at_rest(np.array([0.0, 0.0, -0.001])), velocity_ned_mps=np.array([0.8, -0.4, 0.7]))
+    after = plant.step(before, _signal(0.5), plant.no_wrench(), PlantParams(), DT_S)
+    assert bool(after.on_ground)
+    assert before.velocity_ned_mps + after.acceleration_ned_mps2 * DT_S == pytest.approx(np.zeros(3), abs=1e-12)
+    later = plant.step(after, _signal(0.3), plant.no_wrench(), PlantParams(), DT_S)
+    assert later.position_ned_m[:2] == pytest.approx(before.position_ned_m[:2])
+    assert later.acceleration_ned_mps2 == pytest.approx(np.zeros(3))
+
+
 def test_without_motors_it_does_not_turn_by_itself() -> None:
     end = _fly(plant.at_rest(HIGH), _signal(0.0, quat.from_euler(0.5, 0.0, 0.0), on=False), PlantParams(), 0.5)
     assert end.rate_frd_radps == pytest.approx(np.zeros(3))

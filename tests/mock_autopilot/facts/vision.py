@@ -5,6 +5,7 @@ from functools import cache
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from mock_autopilot import quaternion as quat
 from tests.mock_autopilot.bench import NO_GPS, Bench
 from tests.mock_autopilot.fact import acks, near, same, state
 
@@ -114,14 +115,28 @@ def _jump() -> float:
 
 
 @cache
-def _blind_loss() -> tuple[str, float]:
+def _blind_loss() -> dict[str, str | float]:
+    """Vision stops, 6 s later the setpoints; down to the end."""
     bench = _bench()
-    bench.fly_offboard(6.0)
+    bench.fly_offboard(2.0)
     bench.vision = False
     bench.run(6.0)
     bench.setpoint = None
-    bench.run(3.0)
-    return state(bench.heartbeat()), float(bench.world.truth.velocity_ned_mps[2])
+    bench.run(2.5)
+    shown, sink = state(bench.heartbeat()), float(bench.world.truth.velocity_ned_mps[2])
+    while not bench.world.truth.on_ground:
+        bench.run(0.02)
+    down = bench.now_s
+    bench.run(0.3)
+    creep = abs(bench.world.vehicle.estimate.velocity_mps[2])
+    bench.run(9.0)
+    return {
+        "state": shown,
+        "sink": sink,
+        "creep": creep,
+        "landed": bench.text_after("Landing detected", down),
+        "disarmed": bench.text_after("Disarmed by landing", down) - bench.text_after("Landing detected", down),
+    }
 
 
 @cache
@@ -140,8 +155,14 @@ def _origin_hold() -> dict[str, str | float]:
     bench.setpoint = None
     bench.run(3.0)
     start, bench.vision = bench.now_s, False
-    bench.run(6.0)
+    bench.run(5.8)
+    falling = bench.again()
+    bench.run(0.2)
+    now = falling.world.vehicle.estimate
+    roll, pitch, _ = quat.to_euler(falling.world.vehicle.attitude_estimate_wxyz)
     return {
+        "sink": now.velocity_mps[2],
+        "tilt": math.degrees(math.hypot(roll, pitch)),
         "text": said,
         "flags": flags,
         "ready": ready,
@@ -223,6 +244,49 @@ FACTS = (
     near("h-back-later", "error left after 1.5 s", "0.1 m", lambda: _lost_and_found()["later"], (0.0, 0.15), "m"),
     near("h-back-flags", "flags then", "367", lambda: _lost_and_found()["flags"], (367, 367), ""),
     near("h-jump", "a 1 m jump of the vision is ignored for", "1 to 1.5 s", _jump, (0.9, 1.6)),
-    same("h-blind-loss", "no vision, then no setpoints: Altitude mode", "209, 2/0, 5", lambda: _blind_loss()[0]),
-    near("h-blind-sink", "and sinks", "about 0.6 m/s", lambda: _blind_loss()[1], (0.45, 0.85), "m/s"),
+    near(
+        "h-lost-land-sink",
+        "Land without a position sinks, also below MPC_LAND_ALT3",
+        "0.61 to 0.73 m/s",
+        lambda: float(_origin_hold()["sink"]),
+        (0.5, 0.85),
+        "m/s",
+    ),
+    near(
+        "h-lost-land-level",
+        "and level: no tilt against the drift",
+        "under 0.5 deg",
+        lambda: float(_origin_hold()["tilt"]),
+        (0.0, 0.5),
+        "deg",
+    ),
+    same(
+        "h-blind-loss",
+        "no vision, then no setpoints: Altitude mode",
+        "209, 2/0, 5",
+        lambda: str(_blind_loss()["state"]),
+    ),
+    near("h-blind-sink", "and sinks", "0.7 to 0.8 m/s", lambda: float(_blind_loss()["sink"]), (0.45, 0.85), "m/s"),
+    near(
+        "h-blind-impact",
+        "touched down blind: the estimate notices, vertical speed after 0.3 s",
+        "0.13 to 0.27 m/s",
+        lambda: float(_blind_loss()["creep"]),
+        (0.0, 0.3),
+        "m/s",
+    ),
+    near(
+        "h-blind-landed",
+        "landing detected after the touchdown (with vision 3.2 s)",
+        "1.5 s",
+        lambda: float(_blind_loss()["landed"]),
+        (1.2, 3.6),
+    ),
+    near(
+        "h-blind-disarmed",
+        "disarmed after the landing",
+        "2.0 s (vision was back)",
+        lambda: float(_blind_loss()["disarmed"]),
+        (1.9, 2.3),
+    ),
 )
