@@ -56,6 +56,9 @@ ON_REQUEST: dict[int, m.Builder] = {
 }
 """Never streamed, sent when asked for."""
 AVAILABLE_MODES = 435
+HEARTBEAT, CURRENT_MODE = 0, 436
+STATUS_S = 0.5
+"""PX4 publishes its state when it changes and at 2 Hz; CURRENT_MODE waits for that, however often it is asked for."""
 FAST_HZ = 50.0
 """From this rate on a request finds no new sample when the stream has just taken it: PX4 then answers DENIED."""
 
@@ -68,13 +71,16 @@ class Streams:
         self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in DEFAULTS}
         self._due_s = {stream.id: stream.first_s for stream in DEFAULTS}
         self._sent_s: dict[int, float] = {}
+        self._status: tuple[object, ...] = ()
+        self._status_s, self._status_is_new = -1.0, False
 
     def due(self, world: World) -> list[m.Message]:
         """Messages whose time has come; a late call sends each once, not a burst."""
         now_s = world.uptime_s
+        self._publish_status(world, now_s)
         out = []
         for id_, due_s in self._due_s.items():
-            if now_s < due_s - 1e-6:
+            if now_s < due_s - 1e-6 or (id_ == CURRENT_MODE and not self._status_is_new):
                 continue
             interval_s = self._interval_s[id_]
             self._due_s[id_] = due_s + interval_s * max(1, int((now_s - due_s) / interval_s) + 1)
@@ -82,7 +88,15 @@ class Streams:
             if message is not None:
                 self._sent_s[id_] = now_s
                 out.append(message)
+                self._status_is_new &= id_ != CURRENT_MODE
         return out
+
+    def _publish_status(self, world: World, now_s: float) -> None:
+        """As PX4's commander does with vehicle_status."""
+        commander = world.vehicle.commander
+        status = (commander.mode, commander.user_mode, commander.armed, commander.failsafe)
+        if status != self._status or now_s - self._status_s >= STATUS_S - 1e-6:
+            self._status, self._status_s, self._status_is_new = status, now_s, True
 
     def request(self, id_: int, world: World) -> list[m.Message]:
         """REQUEST_MESSAGE: what to send, nothing when PX4 would have nothing to say."""
@@ -97,9 +111,9 @@ class Streams:
         return [] if message is None else [message]
 
     def set_interval(self, id_: int, interval_us: float, now_s: float) -> bool:
-        """SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops; False for what cannot be streamed."""
+        """SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops; False for what cannot be streamed, and HEARTBEAT."""
         stream = self._streams.get(id_)
-        if stream is None:
+        if stream is None or id_ == HEARTBEAT:
             return False
         if interval_us < 0:
             self._due_s.pop(id_, None)
