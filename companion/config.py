@@ -1,5 +1,6 @@
 """The service's configuration: strict models over TOML, every value with its unit, range and a sentence."""
 
+import math
 from pathlib import Path
 
 from pydantic import Field, model_validator
@@ -15,6 +16,9 @@ from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
+
+_DEAD_MAN_CYCLES = 3
+"""A cycle may come late, and one may be left out, before the loop has stopped."""
 
 
 class VehicleConfig(Section):
@@ -124,29 +128,11 @@ class CompanionConfig(Section):
     operator: OperatorConfig | None = None
 
     @model_validator(mode="after")
-    def _frames_can_be_counted(self) -> "CompanionConfig":
-        """One frame is used in a cycle: a slow loop must not look like slow motion capture."""
-        most_hz = 0.8 * self.control.rate_hz
-        if self.safety.slow_hz > most_hz:
-            raise ValueError(
-                f"safety.slow_hz = {self.safety.slow_hz:g} must be at most {most_hz:g}, 0.8 of control.rate_hz"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _room_inside_fence(self) -> "CompanionConfig":
-        """A trajectory that is allowed must not bring the vehicle near its fence."""
-        room, fence = self.room, self.fence
-        for name, inner, outer in (
-            ("x_m", room.x_m, fence.x_m),
-            ("y_m", room.y_m, fence.y_m),
-            ("z_m", (0.0, room.z_m[1]), (-fence.margin_m, fence.top_m)),
-        ):
-            if inner[0] - fence.margin_m < outer[0] or inner[1] + fence.margin_m > outer[1]:
-                raise ValueError(
-                    f"room.{name} must stay fence.margin_m = {fence.margin_m:g} m inside the fence: make the room "
-                    "smaller, or the fence larger if the net allows"
-                )
+    def _agrees(self) -> "CompanionConfig":
+        """No two tables may ask for what cannot be had together; the first sentence of what does."""
+        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self)):
+            if wrong:
+                raise ValueError(wrong)
         return self
 
     def flight_rules(self) -> FlightRules:
@@ -180,6 +166,63 @@ class CompanionConfig(Section):
             v.thrust_delay_s,
             self.mocap.delay_s,
         )
+
+
+def _vehicle_and_limits(config: CompanionConfig) -> str:
+    """What the limits do not let the vehicle do; empty when they agree."""
+    vehicle, limits, fence = config.vehicle, config.limits, config.fence
+    if not limits.min_thrust < vehicle.hover_thrust < limits.max_thrust:
+        return (
+            f"vehicle.hover_thrust = {vehicle.hover_thrust:g} must be above limits.min_thrust = {limits.min_thrust:g} "
+            f"and below limits.max_thrust = {limits.max_thrust:g}"
+        )
+    most_mps2 = vehicle.gravity_mps2 * math.tan(limits.max_tilt_rad)
+    if fence.braking_mps2 > most_mps2:
+        return (
+            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {most_mps2:.2f}, which "
+            f"limits.max_tilt_rad = {limits.max_tilt_rad:g} gives: brake less, or tilt more"
+        )
+    return ""
+
+
+def _loop_and_safety(config: CompanionConfig) -> str:
+    """Limits of the health checks that a healthy flight would pass; empty when there are none."""
+    safety, rate_hz = config.safety, config.control.rate_hz
+    most_hz = 0.8 * rate_hz
+    if safety.slow_hz > most_hz:  # one frame is used in a cycle: a slow loop must not look like slow motion capture
+        return f"safety.slow_hz = {safety.slow_hz:g} must be at most {most_hz:g}, 0.8 of control.rate_hz = {rate_hz:g}"
+    if safety.dead_man_s < _DEAD_MAN_CYCLES / rate_hz:
+        return (
+            f"safety.dead_man_s = {safety.dead_man_s:g} must be at least {_DEAD_MAN_CYCLES / rate_hz:.3g}, "
+            f"{_DEAD_MAN_CYCLES} cycles of control.rate_hz = {rate_hz:g}"
+        )
+    if config.mocap.delay_s >= safety.delayed_s:
+        return f"mocap.delay_s = {config.mocap.delay_s:g} must be below safety.delayed_s = {safety.delayed_s:g}"
+    if safety.battery_low >= config.preflight.battery:
+        return (
+            f"safety.battery_low = {safety.battery_low:g} must be below preflight.battery = "
+            f"{config.preflight.battery:g}, or a flight ends as it begins"
+        )
+    return ""
+
+
+def _room_and_fence(config: CompanionConfig) -> str:
+    """What is allowed and would bring the vehicle near its fence; empty when nothing is."""
+    room, fence, margin_m = config.room, config.fence, config.fence.margin_m
+    for name, inner, outer in (("x_m", room.x_m, fence.x_m), ("y_m", room.y_m, fence.y_m)):
+        if inner[0] - margin_m < outer[0] or inner[1] + margin_m > outer[1]:
+            return (
+                f"room.{name} = {list(inner)} must stay fence.margin_m = {margin_m:g} inside fence.{name} = "
+                f"{list(outer)}: make the room smaller, or the fence larger if the net allows"
+            )
+    hover_m = config.flight.takeoff_height_m
+    for name, value, top_m in (
+        ("room.z_m", list(room.z_m), room.z_m[1]),
+        ("flight.takeoff_height_m", hover_m, hover_m),
+    ):
+        if top_m + margin_m > fence.top_m:
+            return f"{name} = {value} must stay fence.margin_m = {margin_m:g} below fence.top_m = {fence.top_m:g}"
+    return ""
 
 
 def load_config(path: Path) -> CompanionConfig:

@@ -39,7 +39,9 @@ class SafetyConfig(Section):
             if getattr(self, low) >= getattr(self, high):
                 raise ValueError(f"{low} = {getattr(self, low):g} must be below {high} = {getattr(self, high):g}")
         if self.battery_critical >= self.battery_low:
-            raise ValueError("battery_critical must be below battery_low")
+            raise ValueError(
+                f"battery_critical = {self.battery_critical:g} must be below battery_low = {self.battery_low:g}"
+            )
         return self
 
     def rules(self) -> SafetyRules:

@@ -50,8 +50,8 @@ def refusal(path: Path) -> str:
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
         (
             "[zzz]\na = 1",
-            "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, operator, preflight, px4, room, "
-            "safety, vehicle",
+            "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, operator, preflight, px4, "
+            "room, safety, vehicle",
         ),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),
@@ -63,12 +63,45 @@ def refusal(path: Path) -> str:
         ("[px4]\nurl = 14540", "px4.url = 14540: input should be a valid string"),
         ('[mocap]\ntransport = "usb"', "mocap.transport = 'usb': input should be 'tcp' or 'udp'"),
         ("[limits]\nmin_thrust = 0.4\nmax_thrust = 0.3", "limits: min_thrust = 0.4 must be below max_thrust = 0.3"),
-        ("[control]\nrate_hz = 50", "safety.slow_hz = 50 must be at most 40, 0.8 of control.rate_hz"),
+        ("[control]\nrate_hz = 50", "safety.slow_hz = 50 must be at most 40, 0.8 of control.rate_hz = 50"),
+        (
+            "[control]\nrate_hz = 20\n[safety]\nslow_hz = 15\ndead_man_s = 0.14",
+            "safety.dead_man_s = 0.14 must be at least 0.15, 3 cycles of control.rate_hz = 20",
+        ),
         (
             "[fence]\nx_m = [-4, 4]",
-            "room.x_m must stay fence.margin_m = 0.3 m inside the fence: make the room smaller, or the fence larger if the "
-            "net allows",
+            "room.x_m = [-4.0, 4.0] must stay fence.margin_m = 0.3 inside fence.x_m = [-4.0, 4.0]: make the room "
+            "smaller, or the fence larger if the net allows",
         ),
+        (
+            "[room]\ny_m = [-4, 4.3]",
+            "room.y_m = [-4.0, 4.3] must stay fence.margin_m = 0.3 inside fence.y_m = [-4.5, 4.5]: make the room "
+            "smaller, or the fence larger if the net allows",
+        ),
+        ("[fence]\ntop_m = 3.2", "room.z_m = [0.3, 3.0] must stay fence.margin_m = 0.3 below fence.top_m = 3.2"),
+        (
+            "[flight]\ntakeoff_height_m = 3.21",
+            "flight.takeoff_height_m = 3.21 must stay fence.margin_m = 0.3 below fence.top_m = 3.5",
+        ),
+        (
+            "[limits]\nmax_tilt_rad = 0.2",
+            "fence.braking_mps2 = 2 must be at most 1.99, which limits.max_tilt_rad = 0.2 gives: brake less, "
+            "or tilt more",
+        ),
+        (
+            "[limits]\nmax_thrust = 0.5",
+            "vehicle.hover_thrust = 0.5 must be above limits.min_thrust = 0.05 and below limits.max_thrust = 0.5",
+        ),
+        (
+            "[vehicle]\nhover_thrust = 0.11\n[limits]\nmin_thrust = 0.11",
+            "vehicle.hover_thrust = 0.11 must be above limits.min_thrust = 0.11 and below limits.max_thrust = 0.8",
+        ),
+        ("[mocap]\ndelay_s = 0.06", "mocap.delay_s = 0.06 must be below safety.delayed_s = 0.06"),
+        (
+            "[preflight]\nbattery = 0.25",
+            "safety.battery_low = 0.25 must be below preflight.battery = 0.25, or a flight ends as it begins",
+        ),
+        ("[safety]\nbattery_low = 0.1", "safety: battery_critical = 0.12 must be below battery_low = 0.1"),
         ("[safety]\ncoast_s = 0.15", "safety: coast_s = 0.15 must be below degraded_s = 0.1"),
         ("[room]\nx_m = [2, -2]", "room: x_m = [2.0, -2.0]: the first must be below the second"),
         ("[arms]\nfeedforward = 'on'", "arms.feedforward = 'on': input should be 'off', 'force' or 'full'"),
@@ -88,6 +121,26 @@ def refusal(path: Path) -> str:
 def test_a_mistake_is_one_sentence_with_file_and_key(tmp_path: Path, text: str, said: str) -> None:
     path = written(tmp_path, text)
     assert complaint(path) == f"{path}: {said}"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[control]\nrate_hz = 20\n[safety]\nslow_hz = 15\ndead_man_s = 0.15",
+        "[limits]\nmax_tilt_rad = 0.202",
+        "[limits]\nmax_thrust = 0.51",
+        "[flight]\ntakeoff_height_m = 3.2",
+        "[mocap]\ndelay_s = 0.059",
+        "[preflight]\nbattery = 0.26",
+    ],
+)
+def test_tables_that_just_agree_are_taken(tmp_path: Path, text: str) -> None:
+    load_config(written(tmp_path, text))
+
+
+@pytest.mark.parametrize("name", ["demo.toml", "lab.toml"])
+def test_the_projects_own_files_load(name: str) -> None:
+    assert load_config(default_config_path(name)).vehicle.mass_kg == 4.85
 
 
 def test_what_a_file_says_of_one_joint_leaves_the_others_and_its_other_values_alone(tmp_path: Path) -> None:
@@ -162,10 +215,6 @@ def test_the_files_values_reach_the_models_they_are_for(tmp_path: Path) -> None:
     assert (model.mass_kg, model.gravity_mps2, model.hover_thrust, model.curve) == (3.0, 9.81, 0.4, 0.3)
     limits = config.limits.limits()
     assert (limits.max_tilt_rad, limits.max_thrust) == (0.4, 0.8)
-
-
-def test_the_demo_file_loads() -> None:
-    assert load_config(default_config_path("demo.toml")).vehicle.mass_kg == 4.85
 
 
 # --- controllers ---
