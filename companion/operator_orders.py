@@ -10,7 +10,7 @@ MAX_BYTES = 4096
 STALE_S = 5.0
 """An order is for now: one that lay in a queue for longer was meant for another moment."""
 _REMEMBERED = 256
-"""Ids; older than any that could come again before it is stale."""
+"""Ids; more than come between two deliveries of one order."""
 _REASON_CHARACTERS = 200
 
 
@@ -24,9 +24,14 @@ class OrderKind(StrEnum):
     RESUME = "resume"
 
 
+AT_ANY_AGE = frozenset({OrderKind.ABORT, OrderKind.KILL})
+"""They end a flight: clocks that disagree must not keep the operator from that. An id and, for kill, a confirmation
+they need all the same."""
+
+
 @dataclass(frozen=True)
 class Order:
-    """One that counts: well-formed, new, sent just now, and confirmed if it must be."""
+    """One that counts: well-formed, new, sent just now if that matters, and confirmed if it must be."""
 
     kind: OrderKind
     id: str
@@ -76,7 +81,7 @@ class Orders:
         except ValidationError as error:
             return Refusal(_reason(error))
         age_s = now_s - read.sent_s
-        if abs(age_s) > STALE_S:
+        if abs(age_s) > STALE_S and read.order not in AT_ANY_AGE:
             when = f"{age_s:.1f} s ago" if age_s > 0.0 else f"{-age_s:.1f} s in the future"
             return Refusal(
                 f"sent {when}, at most {STALE_S:g} s count: are both clocks set by the same server?", read.id

@@ -62,6 +62,19 @@ def test_an_order_is_for_now(late_s: float, counts: bool) -> None:
         assert "clocks" in taken.reason
 
 
+@pytest.mark.parametrize("late_s", [6.0, -6.0, 1e9, -1e9])
+def test_what_ends_a_flight_counts_whatever_the_clocks_say_and_still_only_once(late_s: float) -> None:
+    orders = Orders()
+    kill = payload(order="kill", confirm="kill", sent_s=NOW_S - late_s)
+    assert orders.take(kill, NOW_S) == Order(OrderKind.KILL, "a-1")
+    assert orders.take(kill, NOW_S) == Refusal("this id was taken already", "a-1")
+    assert isinstance(orders.take(payload(order="kill", id="a-2", sent_s=NOW_S - late_s), NOW_S), Refusal)
+    abort = payload(order="abort", id="a-2", sent_s=NOW_S - late_s)
+    assert orders.take(abort, NOW_S) == Order(OrderKind.ABORT, "a-2")
+    for kind in ("hold", "land", "resume"):
+        assert isinstance(orders.take(payload(order=kind, id="a-3", sent_s=NOW_S - late_s), NOW_S), Refusal)
+
+
 @pytest.mark.parametrize(
     ("said", "reason"),
     [
