@@ -1,7 +1,7 @@
 """The whole list: a ready vehicle passes, and each thing that is wrong fails its own check and says what to do."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,13 @@ from companion.config_arms import ArmsConfig
 from companion.config_preflight import PreflightConfig
 from companion.control.frames import quat_from_rotation_vector, quat_from_yaw
 from companion.control.reference import Ellipse, LapTiming
+from companion.ports import ConfigError
 from companion.preflight.agreement import Apart, VisionSeen, apart, check_heading, check_tilts
 from companion.preflight.by_hand import Kept
 from companion.preflight.check import Check, refusal
 from companion.preflight.whole import Facts, check_all
-from companion.types import Array
+from companion.trajectory_check import check_trajectory
+from companion.types import Array, Reference
 from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
 
 CONFIG = CompanionConfig(arms=ArmsConfig())
@@ -130,7 +132,14 @@ def test_every_failed_check_stands_in_the_refusal() -> None:
 
 @pytest.mark.parametrize(
     ("size_m", "period_s", "centre_m", "good"),
-    [(1.0, 15.0, 0.0, True), (1.0, 15.0, 3.0, True), (1.0, 15.0, 3.3, False), (3.0, 4.0, 1.1, False)],
+    [
+        (1.0, 15.0, 0.0, True),
+        (1.0, 15.0, 3.0, True),
+        (1.0, 15.0, 3.3, False),
+        (3.0, 4.0, 1.1, False),
+        (1.0, 5.0, 3.0, False),
+        (1.0, 5.0, 2.85, True),
+    ],
 )
 def test_a_trajectory_must_stay_inside_and_be_able_to_brake(
     size_m: float, period_s: float, centre_m: float, good: bool
@@ -189,3 +198,23 @@ def test_a_body_upside_down_is_told_so() -> None:
     assert not roll.passed
     assert "turned by 180 degrees about its x axis" in roll.todo
     assert pitch.passed
+
+
+@dataclass(frozen=True)
+class Torn:
+    """Hovers in the middle, and is nowhere at 1 s."""
+
+    duration_s: float = 2.0
+
+    def at(self, time_s: float) -> Reference:
+        place = np.full(3, math.nan) if time_s == 1.0 else np.array([0.0, 0.0, 1.2])
+        return Reference(place, np.zeros(3), np.zeros(3), 0.0)
+
+
+def test_a_trajectory_that_is_no_number_somewhere_is_not_inside() -> None:
+    check = check_all(ready(), CONFIG, WANTED, RECOMMENDED, Torn())[-2]
+    assert check.name == "fence around the trajectory"
+    assert check.refuses
+    assert "at 1.0 s" in check.todo
+    with pytest.raises(ConfigError, match=r"leads out of the room: x = nan m at 1\.00 s"):
+        check_trajectory(Torn(), CONFIG.room, "torn")
