@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from mock_autopilot.dynamixel import BusStartError
 from mock_autopilot.dynamixel_config import Fault as BusFault
 from mock_autopilot.fault_schedule import Turn
 from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
+from mock_autopilot.faults import Fault
 from mock_autopilot.mavlink import LinkError
 from mock_autopilot.qualisys import ServerStartError
 from mock_autopilot.simulator import Simulator
@@ -117,7 +119,7 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
         if options.exit_with_stdin:
             loop.add_reader(sys.stdin.fileno(), _Orders(simulator, stop).read)
         print(_ready_line(simulator, options.seed), flush=True)
-        simulator.world.faults.observers.append(lambda turn: print(_turn_line(simulator, turn), flush=True))
+        told = _Told(simulator, config.faults)
         ended = [
             asyncio.create_task(simulator.wait(), name="mock_autopilot.wait"),
             asyncio.create_task(stop.wait(), name="mock_autopilot.stop"),
@@ -127,8 +129,29 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
             task.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await task
+        told.never_began()
         for task in done:
             task.result()
+
+
+class _Told:
+    """Says on standard output which fault begins and ends, for whoever started this process."""
+
+    def __init__(self, simulator: Simulator, faults: Sequence[Fault]) -> None:
+        self._simulator, self._waiting = simulator, list(faults)
+        simulator.world.faults.observers.append(self._turn)
+
+    def _turn(self, turn: Turn) -> None:
+        if turn.begins and turn.fault in self._waiting:
+            self._waiting.remove(turn.fault)
+        at_s = self._simulator.started_s + turn.time_s  # on this machine's monotonic clock
+        what = f"fault {'begins' if turn.begins else 'ends'} at {at_s:.3f} s (monotonic)"
+        print(f"{what}: {sentence_of(turn.fault)}", flush=True)
+
+    def never_began(self) -> None:
+        """In the end: what was to go wrong and did not come to it."""
+        for fault in self._waiting:
+            print(f"fault never began: {sentence_of(fault)}", flush=True)
 
 
 class _Orders:
@@ -173,12 +196,6 @@ def _ready_line(simulator: Simulator, seed: int) -> str:
     if simulator.servo_bus is not None:
         ends.append(f"servos {simulator.servo_bus.path}")
     return f"mock autopilot ready: {', '.join(ends)}, seed {seed}"
-
-
-def _turn_line(simulator: Simulator, turn: Turn) -> str:
-    """For whoever started this process: its clock is this machine's monotonic one."""
-    at_s = simulator.started_s + turn.time_s
-    return f"fault {'begins' if turn.begins else 'ends'} at {at_s:.3f} s (monotonic): {sentence_of(turn.fault)}"
 
 
 if __name__ == "__main__":

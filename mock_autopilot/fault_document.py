@@ -16,7 +16,8 @@ _NOTES = {
     Part.AUTOPILOT: "",
     Part.SERVOS: "All servos at once. What words do not cover (one servo, other numbers) is another order on standard "
     'input, `servo-fault {"kind": "overload", "id": 6}`, or `[[arms.bus.faults]]`.',
-    Part.BROKER: "The mock runs no broker. It tells when such a fault begins and ends, and whoever runs one obeys.",
+    Part.BROKER: "The mock runs no broker. It tells when such a fault begins and ends, and whoever runs one obeys. The "
+    "demo refuses such a fault when its configuration has no `[operator]`.",
 }
 _HEAD = f"""# Faults in the mock
 
@@ -60,7 +61,9 @@ for_s = 2.0
 ```
 
 With `--exit-with-stdin` the mock takes orders as lines on its standard input: `fault mocap stuck for 2 s`, from now on.
-It says on standard output when a fault begins and ends, on this machine's monotonic clock.
+It says on standard output when a fault begins and ends, on this machine's monotonic clock, and in the end which of
+the scripted ones never began. The demo shows these lines in its own time, which counts from the start of the motors, a
+second or two before lift-off.
 
 What is random in them comes from the seed, and nothing else that is random depends on it: the same seed, faults and
 commands give the same flight in simulated time, and without faults everything is as if there were none.

@@ -4,14 +4,17 @@ import re
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
-from mock_autopilot.fault_ways import WAYS, Kind, Part, Phase, ways_of
+from mock_autopilot.fault_mistakes import asked, meant, mistaken_number
+from mock_autopilot.fault_ways import WAYS, Kind, Part, Phase, Way, ways_of
 from mock_autopilot.faults import Fault
 
 _NUMBER = r"(?P<value>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)"
 _SECONDS = rf"{_NUMBER}\s*s"
+_NEXT = rf"(?=\s*$|\s+(?:(?:by|to|with|at|after|for)\s|{'|'.join(Phase)}))"
 _CLAUSES = {
-    "amount": re.compile(rf"(?P<word>by|to|with)\s+{_NUMBER}(?:\s*(?P<unit>m/s|m|rad|s|hz|v)(?![a-z/]))?(?=\s|$)"),
+    "amount": re.compile(rf"(?P<word>by|to|with)\s+{_NUMBER}(?:\s*(?P<unit>m/s|m|rad|s|hz|v))?{_NEXT}"),
     "at_s": re.compile(rf"at\s+{_SECONDS}(?=\s|$)"),
     "phase": re.compile(rf"(?P<phase>{'|'.join(Phase)})(?=\s|$)"),
     "after_s": re.compile(rf"after\s+{_SECONDS}(?=\s|$)"),
@@ -33,7 +36,23 @@ def parse(sentence: str) -> Fault:
     try:
         return Fault.model_validate(keys_of(sentence))
     except ValidationError as error:
-        raise FaultError(error.errors()[0]["msg"].removeprefix("Value error, ")) from None
+        raise FaultError(_said(error.errors()[0], sentence)) from None
+
+
+_TIMES = {
+    "at_s": ("at", "times count from lift-off, 0 s or later"),
+    "after_s": ("after", "times count from the phase's begin, 0 s or later"),
+    "for_s": ("for", "it must last longer than 0 s; without, it is for ever"),
+}
+
+
+def _said(mistake: ErrorDetails, sentence: str) -> str:
+    word, wanted = _TIMES.get(str(mistake["loc"][0]) if mistake["loc"] else "", ("", ""))
+    if not word:
+        said = mistake["msg"].removeprefix("Value error, ")
+        return f"{said}{asked(meant(sentence))}" if "does not know" in said else said
+    too_long = mistake["type"] == "less_than_equal"
+    return f'"{word} {mistake["input"]:g} s": {"at most 100000 s can be waited for" if too_long else wanted}'
 
 
 def keys_of(sentence: str) -> dict[str, Any]:
@@ -41,26 +60,28 @@ def keys_of(sentence: str) -> dict[str, Any]:
     head = _HEAD.fullmatch(" ".join(sentence.lower().split()))
     if head is None:
         raise FaultError(f'an empty sentence is no fault; one is "{EXAMPLES[0]}"')
-    part, kind = _word(head["part"], Part, "part"), head["kind"] or ""
+    if head["part"] not in list(Part):
+        raise FaultError(f'"{head["part"]}" is no part; possible: {", ".join(Part)}{asked(meant(head[0]))}')
+    part, kind = Part(head["part"]), head["kind"] or ""
     known = list(dict.fromkeys(way.kind for way in WAYS if way.part is part))
     if kind not in known:
-        raise FaultError(f'{part} cannot be "{kind}"; it can be {", ".join(known)}')
+        cannot = f'{part} cannot be "{kind}"; it' if kind else f"what is wrong with {part}? It"
+        raise FaultError(f"{cannot} can be {', '.join(known)}{asked(meant(head[0])) if kind else ''}")
     keys: dict[str, Any] = {"part": part, "kind": Kind(kind), "how": (head["how"] or "").strip()}
-    _take_clauses(head["rest"], keys)
+    _take_clauses(head["rest"], keys, head[0])
     return keys
 
 
-def _word(text: str, words: type[Part], what: str) -> Part:
-    if text not in list(words):
-        raise FaultError(f'"{text}" is no {what}; possible: {", ".join(words)}')
-    return words(text)
-
-
-def _take_clauses(rest: str, keys: dict[str, Any]) -> None:
+def _take_clauses(rest: str, keys: dict[str, Any], sentence: str) -> None:
+    begun = False
     while rest := rest.strip():
         key, match = next(((key, said) for key, clause in _CLAUSES.items() if (said := clause.match(rest))), ("", None))
         if match is None:
-            raise FaultError(f'"{rest}" is not understood; {_POSSIBLE}')
+            way = _way_of(keys)
+            why = mistaken_number(rest, way.words, way.amount.unit if way.amount else None) if way else ""
+            near = "" if begun or why else meant(sentence)
+            raise FaultError(why or f'"{rest}" is not understood{asked(near) or f"; {_POSSIBLE}"}')
+        begun = True
         if key in keys:
             raise FaultError(f'"{match[0]}" says a second time what was said before')
         keys[key] = Phase(match["phase"]) if key == "phase" else float(match["value"])
@@ -70,10 +91,14 @@ def _take_clauses(rest: str, keys: dict[str, Any]) -> None:
 
 
 def _check_unit(unit: str | None, keys: dict[str, Any]) -> None:
-    way = next((way for way in ways_of(keys["part"], keys["kind"]) if way.how == keys["how"]), None)
+    way = _way_of(keys)
     if unit and way is not None and way.amount is not None and unit != way.amount.unit.lower():
         wants = f"is in {way.amount.unit}" if way.amount.unit else "is a share and has no unit"
         raise FaultError(f'the amount of "{way.words}" {wants}, not in {unit}')
+
+
+def _way_of(keys: dict[str, Any]) -> Way | None:
+    return next((way for way in ways_of(keys["part"], keys["kind"]) if way.how == keys["how"]), None)
 
 
 def sentence_of(fault: Fault) -> str:

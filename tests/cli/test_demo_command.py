@@ -61,7 +61,7 @@ def test_a_fault_that_is_none_ends_the_demo_before_anything_flies(
     assert wrong.code == 2
     assert wrong.err.strip() == (
         'companion: --fault "mocap stuk at 3 s": mocap cannot be "stuk"; '
-        "it can be off, stuck, garbage, wrong, slow, delayed, intermittent"
+        'it can be off, stuck, garbage, wrong, slow, delayed, intermittent; did you mean "mocap stuck"?'
     )
     assert "connecting" not in wrong.out
     assert not list(tmp_path.iterdir())

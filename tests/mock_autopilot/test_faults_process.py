@@ -108,7 +108,8 @@ def test_a_wrong_sentence_is_one_sentence_and_exit_code_2(sentence: str, said: s
 
 
 def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock() -> None:
-    with running("--fault", "autopilot wrong (battery low) to 0.3 on the ground after 1.5 s") as mock:
+    scripted = ("autopilot wrong (battery low) to 0.3 on the ground after 1.5 s", "mocap stuck landing for 2 s")
+    with running(*(f"--fault={sentence}" for sentence in scripted)) as mock:
         client = Client(mock)
         assert mock.process.stdin is not None
         assert mock.process.stdout is not None
@@ -133,6 +134,8 @@ def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock(
         mock.process.stdin.flush()
         assert mock.process.stderr is not None
         assert 'mocap cannot be "stuk"' in mock.process.stderr.readline()
+        mock.process.terminate()
+        assert mock.process.stdout.readline() == "fault never began: mocap stuck landing for 2 s\n"
         client.close()
 
 

@@ -53,7 +53,17 @@ def test_the_examples_are_sentences(sentence: str) -> None:
         ("mocap garbage (noise)", 'mocap garbage does not know "(noise)"; possible: nothing more, (packets)'),
         ("autopilot wrong", "autopilot wrong must say which; possible: (reboot), (disarms), (pilot takes over), "),
         ("mocap stuck for ever", '"for ever" is not understood; after that may come an amount '),
-        ("mocap stuck at 12", '"at 12" is not understood; '),
+        ("mocap stcuk", 'mocap cannot be "stcuk"; it can be off, stuck, garbage, '),
+        ("mocap", "what is wrong with mocap? It can be off, stuck, "),
+        ("mocap stuck at 12", '"at 12": 12 what? Times are in s: "at 12 s"'),
+        ("mocap stuck at 12 ms", '"at 12 ms": times are in s: "at 0.012 s"'),
+        ("mocap stuck at -3 s", '"at -3 s": times count from lift-off, 0 s or later'),
+        ("mocap stuck landing after -1 s", '"after -1 s": times count from the phase\'s begin, 0 s or later'),
+        ("mocap stuck for 0 s", '"for 0 s": it must last longer than 0 s; without, it is for ever'),
+        ("mocap stuck at 1e9 s", '"at 1e+09 s": at most 100000 s'),
+        ("link delayed by 200 ms", '"by 200 ms": the amount of "link delayed" is in s: "by 0.2 s"'),
+        ("link slow by 50 %", '"by 50 %": the amount of "link slow" is a share and has no unit: "by 0.5"'),
+        ("mocap wrong (tilted) by 20 deg", '"by 20 deg": the amount of "mocap wrong (tilted)" is in rad: "by 0.349066'),
         ("mocap stuck by 3 m", "mocap stuck has no amount, so leave out 3"),
         ("link delayed by 3 m", 'the amount of "link delayed" is in s, not in m'),
         ("link intermittent by 0.5 s", 'the amount of "link intermittent" is a share and has no unit, not in s'),
@@ -69,6 +79,32 @@ def test_what_is_no_fault_gets_one_sentence_that_says_what_would_be(sentence: st
         parse(sentence)
     assert str(refused.value).startswith(said)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("sentence", "meant"),
+    [
+        ("mocap stcuk", "mocap stuck"),
+        ("moacp stuck at 3 s", "mocap stuck"),
+        ("battery low", "autopilot wrong (battery low)"),
+        ("mocap wrong jump at 3 s", "mocap wrong (jump)"),
+        ("mocap jump by 0.5 m", "mocap wrong (jump)"),
+        ("mocap wrong (jmup)", "mocap wrong (jump)"),
+        ("pilot takes over in the air", "autopilot wrong (pilot takes over)"),
+        ("autopilot wrong refuses to land", "autopilot wrong (refuses to land)"),
+    ],
+)
+def test_what_looks_like_a_fault_is_asked_for(sentence: str, meant: str) -> None:
+    with pytest.raises(FaultError) as refused:
+        parse(sentence)
+    assert str(refused.value).endswith(f'; did you mean "{meant}"?')
+
+
+@pytest.mark.parametrize("sentence", ["camera stuck", "autopilot slow", "autopilot wrong", "mocap stuck for ever"])
+def test_what_looks_like_nothing_is_not(sentence: str) -> None:
+    with pytest.raises(FaultError) as refused:
+        parse(sentence)
+    assert "did you mean" not in str(refused.value)
 
 
 def test_toml_takes_sentences_and_keys(tmp_path: Path) -> None:
