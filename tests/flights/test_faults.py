@@ -6,10 +6,8 @@ import re
 from companion.supervisor.faults import TABLE, Fault
 from tests.flights.faults.report import FLOWN, PAGE, RECOGNISED, flown, part, recognised
 from tests.flights.faults.table import VIRTUAL
+from tests.flights.faults.table_real import REAL
 from tests.flights.faults.virtual import fly_named
-
-ELSEWHERE = {Fault.LOOP_STOPPED, Fault.SERVICE_TWICE, Fault.OFFBOARD_REFUSED}
-"""Need sockets and processes: test_dead_man.py, test_service.py."""
 
 HERE = (
     Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_FROZEN, Fault.MOCAP_JUMPED, Fault.MOCAP_SLOW,
@@ -20,11 +18,12 @@ HERE = (
 
 
 def test_every_fault_of_the_reaction_table_is_flown() -> None:
-    assert {row.fault for row in TABLE} - {row.fault for row in VIRTUAL} == ELSEWHERE
+    assert {row.fault for row in TABLE} == {row.fault for row in (*VIRTUAL, *REAL)}
 
 
 def test_names_are_unique() -> None:
-    assert len({row.name for row in VIRTUAL}) == len(VIRTUAL)
+    rows = (*VIRTUAL, *REAL)
+    assert len({row.name for row in rows}) == len(rows)
 
 
 def test_flights_in_simulated_time() -> None:
@@ -45,4 +44,4 @@ def test_the_page_prints_the_flights() -> None:
         return [re.sub(r"[^|]*\|$", "", line) for line in table.splitlines()]
 
     printed = part(PAGE.read_text(encoding="utf-8"), FLOWN)
-    assert without_measured(printed) == without_measured(flown(VIRTUAL, [])), "run `make faults`"
+    assert without_measured(printed) == without_measured(flown((*VIRTUAL, *REAL), [])), "run `make faults`"

@@ -5,10 +5,13 @@ from dataclasses import dataclass
 
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Phase
-from tests.flights.faults.rows import End, Row
+from tests.flights.faults.rows import End, Row, When
 from tests.flights.faults.watch import Flown, Told
 
 _DOWN = frozenset({Phase.STOW, Phase.LAND, Phase.DISARMED})
+
+_BY_THE_SERVICE = frozenset({Fault.ABORT, Fault.OFFBOARD_REFUSED})
+"""Done by a request, not by the phase machine's own reaction."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Resul
 def end_of(flown: Flown, planned_s: float | None, told: Told) -> End:
     """By the mock's truth."""
     if any(mode == "POSITION" and at_s >= (flown.begin_s or 0.0) for at_s, mode in flown.modes):
-        return End.PILOT if not flown.armed or flown.mode() == "POSITION" else End.IN_THE_AIR
+        return End.IN_THE_AIR if flown.armed else End.PILOT  # the operator takes it back and lands
     if flown.lifted_s is None:
         return End.IN_THE_AIR if flown.armed else End.NOT_STARTED
     if flown.disarmed_s is None:
@@ -99,7 +102,7 @@ def _problems(row: Row, end: End, reaction_s: float | None, inside: bool, flown:
         yield f"it ended {end}, not {row.ends}"
     if not inside:
         yield f"{flown.beyond_m:.2f} m outside of the fence"
-    if not flown.on_ground and end is not End.PILOT:
+    if not flown.on_ground:
         yield "it is not down"
     if not row.harmless:
         yield from _late(row, reaction_s)
@@ -115,8 +118,9 @@ def _late(row: Row, reaction_s: float | None) -> Iterable[str]:
 
 def _other_reaction(row: Row, told: Told) -> Iterable[str]:
     """What the table says must be done for this fault, and before it nothing that is as strong."""
-    expected = Reaction.NOTE if row.fault is Fault.ABORT else row.reaction
-    done = [said for said in told.changes if said.level > Reaction.NOTE]
+    expected = Reaction.NOTE if row.fault in _BY_THE_SERVICE else row.reaction
+    before = Reaction.LET_GO if row.when is When.HANDED_OVER and expected is Reaction.NOTE else Reaction.NOTE
+    done = [said for said in told.changes if said.level > before]
     first = next((said for said in done if said.level >= expected), None)
     if expected is Reaction.NOTE and first is not None:
         yield f"{first.level.words} for {first.cause or 'no fault'} ({first.reason}), although nothing is to be done"

@@ -25,6 +25,8 @@ PX4_S = 0.02
 """PX4 looks at its commands and modes at 50 Hz."""
 MODE_S = 0.05
 """PX4 tells its mode 20 times a second (CURRENT_MODE)."""
+BOOT_S = 1.0
+"""PX4's boot to its first HEARTBEAT."""
 REAL_S = 0.15
 """Real time only: two processes and their sockets on a computer that does other things as well."""
 

@@ -11,8 +11,8 @@ from companion.supervisor.flight import Fly, Phase
 from mock_autopilot.fault_ways import WAYS, Part, Way
 from tests.flights.faults.judge import end_of
 from tests.flights.faults.rows import CONFIG, Conditions, End
-from tests.flights.faults.virtual import UP, Operator, fence_of, fly_to_the_end, told_in
-from tests.flights.faults.watch import Watch
+from tests.flights.faults.virtual import UP, Operator, fly_to_the_end, told_in
+from tests.flights.faults.watch import Watch, fence_of
 from tests.flights.simulated import Flight, Step
 
 _PARTS = frozenset({Part.MOCAP, Part.LINK, Part.AUTOPILOT})
@@ -101,6 +101,8 @@ async def _fly(seed: int) -> Outcome:
     await fly_to_the_end(script, Conditions(more={"faults": faults}), seed)
     flight, watch = seen[0]
     end = end_of(watch.flown, operator.planned_s, told_in(flight))
+    if watch.flown.armed and watch.flown.mode() == "POSITION":
+        end = End.PILOT  # who keeps it, if it cannot be taken back
     down = watch.flown.on_ground or end is End.PILOT
     reason = flight.loop.flight.reason
     return Outcome(

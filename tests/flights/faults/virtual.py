@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.config import CompanionConfig
 from companion.control.reference import Ellipse, LapTiming
 from companion.supervisor.flight import Fly, Land, Phase, Resume, TakeOff
 from tests.flights.faults.judge import Result, judged
 from tests.flights.faults.rows import CONFIG, Conditions, Row, When
 from tests.flights.faults.table import VIRTUAL
-from tests.flights.faults.watch import Box, Told, Watch
+from tests.flights.faults.watch import Told, Watch, fence_of
 from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
 
@@ -23,11 +22,6 @@ _OVER_S = 1.5
 """Down for so long: what the autopilot says of it has come."""
 _PILOT_FLIES_S = 2.0
 """So long the operator leaves the vehicle to its pilot before he takes it back."""
-
-
-def fence_of(config: CompanionConfig) -> Box:
-    """The configuration's."""
-    return config.fence.x_m, config.fence.y_m, config.fence.top_m
 
 
 UP = [*ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD)]

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+from companion.config import CompanionConfig
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Flight, Phase
 from companion.tick import Tick
@@ -11,6 +12,11 @@ from mock_autopilot.world import World
 
 Box = tuple[tuple[float, float], tuple[float, float], float]
 """x, y (least, largest) and top of the fence, W, m."""
+
+
+def fence_of(config: CompanionConfig) -> Box:
+    """The configuration's."""
+    return config.fence.x_m, config.fence.y_m, config.fence.top_m
 
 
 @dataclass
