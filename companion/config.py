@@ -17,6 +17,8 @@ from companion.control.controller import VehicleModel
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
 
+LEAST_CLIMB_M = 0.3
+"""Lower it would hover in its own ground effect."""
 _DEAD_MAN_CYCLES = 3
 """A cycle may come late, and one may be left out, before the loop has stopped."""
 
@@ -87,7 +89,7 @@ class ControlConfig(Section):
 class FlightConfig(Section):
     """How it takes off and lands, and what ends a flight."""
 
-    takeoff_height_m: float = Field(1.2, gt=0.3, le=5.0, description="above the ground where it stands, m")
+    takeoff_height_m: float = Field(1.2, ge=LEAST_CLIMB_M, le=5.0, description="above the ground where it stands, m")
     climb_speed_mps: float = Field(0.5, gt=0.05, le=2.0, description="peak speed of moves between points, m/s")
     spool_up_s: float = Field(1.0, gt=0.2, le=10.0, description="idle to 80 % of hover thrust on the ground, s")
     descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="landing, m/s")

@@ -15,13 +15,15 @@ _SETTLE_S = 2.0
 
 Until = Callable[[Callable[[], bool], float], Awaitable[bool]]
 """Wait until something is true; False after so many seconds."""
+Grounded = Callable[[], Awaitable[None]]
+"""FlightError unless the vehicle is known to stand, disarmed."""
 
 
 class ArmVerbs:
     """Each raises FlightError for a vehicle without arms."""
 
-    def __init__(self, loop: FlightLoop, config: ArmsConfig | None, until: Until) -> None:
-        self._loop, self._config, self._until = loop, config, until
+    def __init__(self, loop: FlightLoop, config: ArmsConfig | None, until: Until, grounded: Grounded) -> None:
+        self._loop, self._config, self._until, self._grounded = loop, config, until, grounded
 
     def check_ready(self) -> None:
         """Hanging arms would meet the floor, and limp ones would swing: FlightError unless they are held, stowed."""
@@ -38,9 +40,11 @@ class ArmVerbs:
     async def prepare(self) -> Array:
         """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
 
-        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there.
+        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there
+        or when the vehicle does not stand: in the air nobody would know of their motion.
         """
         arms, config = self._fitted()
+        await self._grounded()
         await arms.torque_on()
         held_rad = await self._held(arms, _SETTLE_S)
         fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None

@@ -1,0 +1,56 @@
+"""Whether what an operator asks for stays in the room and inside the fence."""
+
+import asyncio
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from companion.config import LEAST_CLIMB_M, CompanionConfig
+from companion.control.reference import Trajectory
+from companion.ports import FlightError
+from companion.preflight import place
+from companion.preflight.check import Check
+from companion.trajectory_check import check_trajectory, instants_s
+from companion.types import Array
+
+_NAME = "the trajectory"
+_PIECE = 50
+"""Instants of a trajectory that are looked at in one go: a millisecond, in which no control cycle can begin."""
+
+
+def check_climb(height_m: float, position_w_m: Array | None, config: CompanionConfig) -> None:
+    """FlightError unless a hover so high above this place, (3,) in W, keeps the fence's margin; None: not known."""
+    if not height_m >= LEAST_CLIMB_M:
+        raise FlightError(f"cannot take off: {height_m:g} m is too low to hover at, at least {LEAST_CLIMB_M:g} m")
+    fence = config.fence
+    _require(place.check_standing(position_w_m, height_m, fence.fence(), fence.margin_m), "take off")
+
+
+async def check_room(trajectory: Trajectory, config: CompanionConfig) -> None:
+    """ConfigError with the first instant at which it leaves the room or goes too fast."""
+    await _look_along(trajectory, lambda times_s: check_trajectory(trajectory, config.room, _NAME, times_s))
+
+
+async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) -> None:
+    """As `check_room`; and FlightError where it, or braking from it, does not keep the fence's margin."""
+    fence, margin_m = config.fence.fence(), config.fence.margin_m
+
+    def look(times_s: Array) -> None:
+        check_trajectory(trajectory, config.room, _NAME, times_s)
+        _require(place.check_trajectory(trajectory, fence, margin_m, times_s), "fly a trajectory")
+
+    await _look_along(trajectory, look)
+
+
+async def _look_along(trajectory: Trajectory, look: Callable[[Array], None]) -> None:
+    """Hand its instants to `look` piece by piece, so that the control loop goes on meanwhile."""
+    times_s = instants_s(trajectory)
+    for piece in np.array_split(times_s, math.ceil(len(times_s) / _PIECE)):
+        look(piece)
+        await asyncio.sleep(0)
+
+
+def _require(check: Check, what: str) -> None:
+    if not check.passed:
+        raise FlightError(f"cannot {what}: {check.name}: {check.says}; {check.todo}")

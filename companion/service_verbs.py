@@ -1,0 +1,238 @@
+"""The operator's verbs of a running service."""
+
+import asyncio
+import logging
+import math
+from collections.abc import Awaitable, Callable
+
+from companion.config import CompanionConfig
+from companion.control.reference import Trajectory
+from companion.flight_loop import FlightLoop
+from companion.ports import Autopilot, AutopilotError, CompanionError, FlightError, MocapError
+from companion.service_arms import ArmVerbs
+from companion.service_space import check_climb, check_room, check_room_and_fence
+from companion.supervisor.faults import Reaction
+from companion.supervisor.flight import Brake, Fly, Kill, Land, Phase, Prepare, Request, Resume, TakeOff
+
+LOG = logging.getLogger(__name__)
+
+Preflight = Callable[[Trajectory | None], Awaitable[object]]
+"""Every check of a vehicle that is to fly this; FlightError with all that fail."""
+
+_POLL_S = 0.02
+_STREAM_FIRST_S = 0.2
+"""Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
+_KNOWN_VELOCITY_MPS = 0.1
+_FIRST_STATES_S = 1.2
+"""EXTENDED_SYS_STATE comes at 1 Hz once MAVSDK has asked for it."""
+_LANDING_MARGIN_S = 20.0
+_CLIMB_MARGIN_S = 15.0
+_APPROACH_S = 60.0
+
+
+class Service:
+    """The verbs of an operator; each returns when it is done and raises CompanionError with the reason if not."""
+
+    def __init__(
+        self,
+        loop: FlightLoop,
+        autopilot: Autopilot,
+        config: CompanionConfig,
+        ticking: "asyncio.Task[None]",
+        preflight: Preflight,
+    ) -> None:
+        self.loop = loop
+        self.warnings: tuple[str, ...] = ()
+        """What a device would like to have otherwise, for the operator to read."""
+        self._autopilot, self._config, self._ticking, self._preflight = autopilot, config, ticking, preflight
+        self._states_known = False
+        self.arms = ArmVerbs(loop, config.arms, self._until, self._require_ground)
+        """What an operator may ask of the arms."""
+
+    @property
+    def trouble(self) -> str:
+        """What went wrong in this flight, although it may have ended as it should; empty when nothing did."""
+        return self.loop.flight.reason or (self.loop.arms.fault if self.loop.arms is not None else "")
+
+    @property
+    def phase(self) -> Phase:
+        """Where in a flight we are."""
+        return self.loop.flight.phase
+
+    async def ready(self) -> None:
+        """Wait until the vehicle's motion is known; MocapError when the body is not seen."""
+
+        def known() -> bool:
+            return self.loop.estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS
+
+        if not await self._until(known, self._config.mocap.first_frame_timeout_s):
+            raise MocapError(
+                f"body {self._config.mocap.body!r} is not seen by motion capture (last frame: "
+                f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
+            )
+
+    async def _heard(self) -> None:
+        """Armed, mode and landed state are guesses before the first HEARTBEAT and what comes with it."""
+        if self._states_known:
+            return
+        since_s = asyncio.get_running_loop().time()
+
+        def known() -> bool:
+            quiet_s = asyncio.get_running_loop().time() - since_s
+            return math.isfinite(self._autopilot.status().heartbeat_s) and quiet_s > _FIRST_STATES_S
+
+        if not await self._until(known, self._config.px4.answer_timeout_s):
+            raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
+        self._states_known = True
+
+    async def _require_ground(self) -> None:
+        """FlightError unless the autopilot says that the vehicle stands, disarmed; waits until it has said so."""
+        await self._heard()
+        status = self._autopilot.status()
+        if status.armed or status.in_air:
+            where = "in the air" if status.in_air else "armed"
+            raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
+
+    async def arm(self, trajectory: Trajectory | None = None) -> None:
+        """Check everything, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
+
+        `trajectory` is what will be flown, if it is known. FlightError names every check that fails, ConfigError says
+        where it leads out of the room. Whatever interrupts it, an operator's order or cancellation too, nothing is
+        asked of the autopilot any more but to disarm.
+        """
+        await self._require_ground()
+        self.arms.check_ready()
+        before = self.loop.flight
+        if trajectory is not None:
+            await check_room(trajectory, self._config)
+        await self._preflight(trajectory)
+        if self.loop.flight.since_s != before.since_s:
+            raise FlightError(f"cannot arm: {self.loop.flight.reason or f'it went to phase {self.phase}'}")
+        self._ask(Prepare(), "arm")
+        asked = False
+        try:
+            await asyncio.sleep(_STREAM_FIRST_S)
+            await self._while_preparing(self._autopilot.start_offboard)
+            asked = True
+            await self._while_preparing(self._autopilot.arm)
+            await self._until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
+            self._expect(Phase.ARMED)
+        except BaseException:
+            self.loop.ask(Land())
+            if asked and self.phase is not Phase.LAND:  # in LAND the loop disarms by itself
+                await self._disarm_again()
+            raise
+
+    async def _while_preparing(self, call: Callable[[], Awaitable[None]]) -> None:
+        """What insists, as long as nobody has ended the preparation: an arming must not go on after a kill."""
+        self._expect(Phase.PREFLIGHT)
+        calling = asyncio.ensure_future(call())
+        try:
+            await self._until(lambda: calling.done() or self.phase not in {Phase.PREFLIGHT, Phase.ARMED}, math.inf)
+        finally:
+            calling.cancel()
+            await asyncio.gather(calling, return_exceptions=True)
+        if calling.cancelled():
+            self._expect(Phase.ARMED)
+        calling.result()
+
+    async def _disarm_again(self) -> None:
+        """Arming was asked for, whether or not it shows yet: ask for the opposite."""
+        try:
+            await self._autopilot.disarm()
+        except CompanionError as error:
+            LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
+
+    async def take_off(self, height_m: float) -> None:
+        """Climb to `height_m` above where the vehicle stands, and hold; FlightError where the fence is too near."""
+        vehicle = self.loop.estimate.vehicle
+        check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
+        self._ask(TakeOff(height_m), "take off")
+        climb_s = 2.0 * height_m / self._config.flight.climb_speed_mps
+        await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
+
+    async def fly(self, trajectory: Trajectory) -> None:
+        """Go to the trajectory's start, fly it, hold its end.
+
+        Before anything moves, ConfigError where it leads out of the room or is too fast, FlightError where it comes
+        too near the fence; the vehicle goes on as it was.
+        """
+        await check_room_and_fence(trajectory, self._config)
+        settle_s = self._config.flight.settle_s
+        self._ask(Fly(trajectory, settle_s), "fly a trajectory")
+        await self._reach(Phase.TRACK, settle_s + _APPROACH_S, through=Phase.HOLD)
+        await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S)
+        await asyncio.sleep(settle_s)
+        self._expect(Phase.HOLD)
+
+    async def hold(self) -> None:
+        """Brake and hover; what was flown is not taken up again."""
+        self._ask(Brake(), "hold")
+
+    async def resume(self) -> None:
+        """Take the vehicle back from the autopilot or its pilot, and hover where it is."""
+        self._ask(Resume(), "take the vehicle back")
+        await self._reach(Phase.HOLD, self._config.px4.answer_timeout_s)
+
+    async def kill(self) -> None:
+        """Stop the motors at once, wherever the vehicle is; whoever calls this has had it confirmed."""
+        self._ask(Kill(), "stop the motors")
+        if not await self._until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
+            raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
+
+    async def land(self) -> None:
+        """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground.
+
+        When the flight loop has failed it has told the autopilot to land: then the autopilot's landing is awaited.
+        """
+        if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
+            return
+        self.loop.ask(Land())
+        vehicle = self.loop.estimate.vehicle
+        height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
+        down_s = height_m / self._config.flight.descent_speed_mps
+
+        def down() -> bool:
+            status = self._autopilot.status()
+            over = self._ticking.done() or self.phase in {Phase.DISARMED, Phase.TERMINATED}
+            return not status.connected or (over and not status.armed)
+
+        stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
+        landed = await self._until(down, stow_s + down_s + _LANDING_MARGIN_S, although_failed=True)
+        if not self._autopilot.status().connected:
+            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+        if not landed:
+            raise FlightError(
+                f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
+            )
+
+    def _ask(self, wanted: Request, what: str) -> None:
+        refusal = self.loop.refusal(wanted)
+        if refusal or not self.loop.ask(wanted):
+            before = f" ({self.loop.flight.reason})" if self.loop.flight.reason else ""
+            raise FlightError(f"cannot {what}: {refusal}{before}")
+
+    def _expect(self, phase: Phase) -> None:
+        if self.phase is not phase or self.loop.flight.level > Reaction.NOTE:
+            why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
+            raise FlightError(f"the flight was ended: {why}")
+
+    async def _reach(self, phase: Phase, timeout_s: float, through: Phase | None = None) -> None:
+        """Wait for a phase; leaving the phases on the way there means that the flight went another way."""
+        on_the_way = {self.phase, through}
+        reached = await self._until(lambda: self.phase is phase or self.phase not in on_the_way, timeout_s)
+        if not reached:
+            raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
+        self._expect(phase)
+
+    async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
+        """Poll; False after the time-out. Raises what stopped the flight loop, unless `although_failed`."""
+        clock = asyncio.get_running_loop()
+        end_s = clock.time() + timeout_s
+        while not true():
+            if self._ticking.done() and not although_failed:
+                self._ticking.result()
+            if clock.time() > end_s:
+                return False
+            await asyncio.sleep(_POLL_S)
+        return True

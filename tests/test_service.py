@@ -1,0 +1,168 @@
+"""The operator's verbs, on a whole vehicle in simulated time; the verbs' own waits are real."""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig
+from companion.config_controller import load_controller
+from companion.control.reference import Ellipse, LapTiming, Trajectory
+from companion.flight_loop import Devices, FlightLoop
+from companion.ports import ConfigError, FlightError
+from companion.service import Service
+from companion.service_space import check_room_and_fence
+from companion.supervisor.flight import Kill, Land, Phase, Request
+from tests.dead_man import NoDeadMan
+from tests.flights.simulated import Room, SimulatedMocap
+from tests.flights.simulated_autopilot import SimulatedAutopilot
+from tests.flights.simulated_servos import SimulatedServos
+from tests.flights.test_simulated_arms import ARMS, mock_arms
+
+BOOTED_S = 10.0
+"""By then the mock's PX4 lets itself be armed."""
+
+
+class Insisting(SimulatedAutopilot):
+    """Asks to arm again and again, as the real adapter does."""
+
+    def __init__(self, room: Room) -> None:
+        super().__init__(room.bench)
+        self.asked = 0
+        self.deaf_to_arm = False
+        """The commands are lost."""
+
+    async def arm(self) -> None:
+        while not self.status().armed:
+            self.asked += 1
+            if not self.deaf_to_arm:
+                self.command(400, 1.0)
+            await self._pass_time(0.5)
+
+
+@dataclass
+class Served:
+    """A service, and what it is in charge of."""
+
+    service: Service
+    room: Room
+    autopilot: Insisting
+    cycles: int = 0
+
+    async def until(self, time_s: float) -> None:
+        while self.room.now_s() < time_s:  # noqa: ASYNC110 - simulated time, no event tells of it
+            await asyncio.sleep(0)
+
+
+@asynccontextmanager
+async def served(
+    room: Room, config: CompanionConfig | None = None, in_preflight: Callable[[FlightLoop], object] = lambda _: None
+) -> AsyncIterator[Served]:
+    config, autopilot = config or CompanionConfig(), Insisting(room)
+    servos = SimulatedServos(room) if config.arms is not None else None
+    law = load_controller("etnn", config.vehicle_model(), 0.01).law
+
+    def count() -> None:
+        one.cycles += 1
+
+    async def preflight(_: Trajectory | None) -> None:
+        in_preflight(loop)
+
+    loop = FlightLoop(
+        Devices(SimulatedMocap(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None
+    )
+    ticking = asyncio.create_task(loop.run())
+    one = Served(Service(loop, autopilot, config, ticking, preflight), room, autopilot)
+    try:
+        yield one
+    finally:
+        ticking.cancel()
+        while not ticking.done():  # what it still asks of the autopilot takes simulated time
+            room.new_frame = False
+            room.pass_time(0.01)
+            await asyncio.sleep(0)
+
+
+@pytest.mark.parametrize(
+    ("order", "why"),
+    [(Kill(), "the operator stopped the motors"), (Land("the operator aborted"), "the operator aborted")],
+    ids=["kill", "abort"],
+)
+async def test_an_order_to_stop_ends_the_asking_to_arm(order: Request, why: str) -> None:
+    async with served(Room(1)) as one:
+        await one.until(BOOTED_S)
+        one.autopilot.deaf_to_arm = True
+        arming = asyncio.create_task(one.service.arm())
+        while not one.autopilot.asked:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        assert one.service.loop.ask(order)
+        with pytest.raises(FlightError, match=why):
+            await arming
+        one.autopilot.deaf_to_arm, asked = False, one.autopilot.asked
+        await one.until(one.room.now_s() + 10.0)
+        assert one.autopilot.asked == asked
+        assert not one.autopilot.status().armed
+
+
+async def test_a_kill_while_the_checks_run_ends_the_arming() -> None:
+    async with served(Room(1), in_preflight=lambda loop: loop.ask(Kill())) as one:
+        await one.until(BOOTED_S)
+        with pytest.raises(FlightError, match="cannot arm: the operator stopped the motors"):
+            await one.service.arm()
+        assert one.service.phase is Phase.TERMINATED
+        assert one.autopilot.asked == 0
+
+
+async def test_what_leads_out_is_refused_before_and_in_flight_and_what_was_flown_goes_on() -> None:
+    far, near = (Ellipse(np.array([x_m, 0.0, 1.0]), timing=LapTiming(5.0, 2)) for x_m in (3.2, 3.0))
+    async with served(Room(1)) as one:
+        service = one.service
+        await one.until(BOOTED_S)
+        with pytest.raises(
+            ConfigError, match=r"^the trajectory: leads out of the room: x = 4\.\d\d m at .* \(room\.x_m\)$"
+        ):
+            await service.arm(far)
+        assert service.phase is Phase.STANDBY
+        await service.arm()
+        for height_m, why in (
+            (3.3, r"hovers 0\.\d\d m inside, at least 0\.3 wanted"),
+            (math.inf, "hovers nan m inside"),
+            (math.nan, "nan m is too low to hover at, at least 0.3 m"),
+            (-1.0, "-1 m is too low to hover at, at least 0.3 m"),
+        ):
+            with pytest.raises(FlightError, match=f"^cannot take off: .*{why}"):
+                await service.take_off(height_m)
+            assert service.phase is Phase.ARMED
+        await service.take_off(0.5)
+        flown = service.loop.flight.legs
+        with pytest.raises(ConfigError, match="leads out of the room"):
+            await service.fly(far)
+        with pytest.raises(
+            FlightError, match=r"^cannot fly a trajectory: .*braking would end 0\.2\d m inside, at least 0\.3"
+        ):
+            await service.fly(near)
+        assert service.phase is Phase.HOLD
+        assert service.loop.flight.legs is flown
+        cycles = one.cycles
+        await check_room_and_fence(Ellipse(np.array([0.0, 0.0, 1.0])), CompanionConfig())
+        assert one.cycles > cycles + 20, "the loop goes on while 34 s of trajectory are looked at"
+
+
+async def test_arms_are_left_alone_when_a_service_starts_while_the_vehicle_flies() -> None:
+    config = CompanionConfig(arms=ARMS)
+    room = Room(1, arms=mock_arms())
+    async with served(room, config) as first:
+        await first.until(BOOTED_S)
+        await first.service.arms.prepare()
+        await first.service.arm()
+        await first.service.take_off(0.5)
+        room.inject("autopilot wrong (pilot takes over)")
+        while first.service.phase is not Phase.HANDED_OVER:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+    async with served(room, config) as anew:
+        with pytest.raises(FlightError, match="the vehicle is already in the air"):
+            await anew.service.arms.prepare()
