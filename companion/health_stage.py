@@ -82,7 +82,7 @@ class HealthStage:
         return Observed(
             time_s=cycle.time_s,
             stage=flight.stage,
-            commanded=flight.phase in COMMANDED and not flight.touched_down,
+            commanded=flight.phase in COMMANDED and flight.disarm_asked_s is None,
             streaming=cycle.streaming,
             airborne=flight.airborne,
             seen=_seen(cycle),
@@ -103,9 +103,9 @@ class HealthStage:
 
 
 def _reference_w_m(flight: Flight, cycle: Cycle) -> Array:
-    """Where the vehicle should be; in a landing it may be higher: it stands on something, or the descent is slow."""
+    """Where the vehicle should be; one that seems to stand already cannot follow its descent into the ground."""
     where, vehicle = reference_at(flight, cycle.time_s).position_w_m, cycle.estimate.vehicle
-    if flight.phase is not Phase.LAND or vehicle is None:
+    if flight.still_since_s is None or vehicle is None:
         return where
     return np.array([where[0], where[1], max(where[2], vehicle.position_w_m[2])])
 
@@ -115,7 +115,7 @@ def _seen(cycle: Cycle) -> Seen:
     age_s = cycle.time_s - vehicle.time_s if vehicle is not None else math.inf
     if frame is None:
         return Seen(age_s, None, -1, math.nan, math.nan, vehicle)
-    return Seen(age_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle)
+    return Seen(age_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle, frame.late)
 
 
 def facts_of(
@@ -124,15 +124,17 @@ def facts_of(
     status: AutopilotStatus,
     arms: ArmStage | None,
     events: tuple[Event, ...],
+    thrust: float = math.nan,
 ) -> Facts:
-    """What the phase machine goes by; nowhere, as NaN, before the first pose."""
+    """What the phase machine goes by; nowhere, as NaN, before the first pose. `thrust` (0..1) is the last one sent."""
+    of_autopilot = (status.in_air, thrust)
     of_arms = (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
     if vehicle is None:
         nowhere = np.full(3, np.nan)
-        return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *of_arms, events)
+        return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *of_arms, events, *of_autopilot)
     yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
     position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
-    return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *of_arms, events)
+    return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *of_arms, events, *of_autopilot)
 
 
 UNTRUSTED = frozenset({

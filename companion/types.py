@@ -30,6 +30,8 @@ class MocapFrame:
     """Shape (3, 3), body FLU into W; NaN while the body is not tracked."""
     residual_m: float
     """Mean marker residual; NaN when not reported."""
+    late: int = 0
+    """Frames of this connection dropped so far because a newer one, or the same, had come before them."""
 
     @property
     def tracked(self) -> bool:
@@ -83,7 +85,7 @@ class FlightMode(StrEnum):
 
 @dataclass(frozen=True)
 class AutopilotStatus:
-    """What the autopilot last said of itself; ages are for the caller to compute from `heard_s`, `heartbeat_s`."""
+    """What the autopilot last said of itself; ages are for the caller to compute from the times of arrival."""
 
     connected: bool
     heartbeat_s: float
@@ -99,6 +101,8 @@ class AutopilotStatus:
     """The newest STATUSTEXT."""
     heard_s: float = -math.inf
     """Arrival of the newest message of any kind on our monotonic clock; -inf before the first."""
+    attitude_s: float = -math.inf
+    """Arrival of `q_w_flu_wxyz` on our monotonic clock; -inf before the first."""
     boot_s: float = math.nan
     """The autopilot's own time since its boot, as it last said; NaN before."""
 

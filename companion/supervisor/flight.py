@@ -77,6 +77,8 @@ class FlightRules:
     stuck_below_m: float = 0.4
     """The reference is so far below a vehicle that does not move: it stands on something, hanging arms or a crate."""
     stuck_s: float = 1.5
+    stuck_thrust: float = 0.7
+    """Share of hover thrust: who stands on something and should go on down winds it down below, who flies cannot."""
     disarm_again_s: float = 12.0
     """Ask again when the autopilot is still armed; longer than one attempt takes."""
     land_again_s: float = 2.0
@@ -113,6 +115,10 @@ class Facts:
     """Why the arms cannot be folded; empty when they can."""
     events: tuple[Event, ...] = ()
     """What is wrong now, in the order of faults.TABLE, see health.assess."""
+    in_air: bool = True
+    """What the autopilot's own land detector says."""
+    thrust: float = math.nan
+    """Of the last setpoint that left, 0..1; NaN when it is not known."""
 
 
 @dataclass(frozen=True)
@@ -194,6 +200,8 @@ class Flight:
     still_since_s: float | None = None
     """Since when a landing looks finished."""
     touched_down: bool = False
+    theirs: bool = False
+    """Handed over, and flown in a mode since that is neither ours nor PX4's landing: a pilot's, as are the motors."""
     disarm_asked_s: float | None = None
     """When the autopilot was last asked to disarm after touchdown."""
     asked_again_s: float = 0.0

@@ -6,6 +6,7 @@ OFFBOARD_REFUSED, SERVICE_TWICE, LOOP_STOPPED, ABORT and KILL are seen where the
 """
 
 from dataclasses import dataclass, field
+from math import nan
 
 from companion.control.fence import Fence
 from companion.supervisor.faults import TABLE, Event
@@ -25,8 +26,8 @@ _ORDER = {row.fault: place for place, row in enumerate(TABLE)}
 class Health:
     """Everything the checks remember; `Health()` is the beginning."""
 
-    frame: int = -1
-    """Number of the newest frame."""
+    received_s: float = nan
+    """Arrival of the newest frame; NaN before the first. Its number would not do: some QTM versions count none."""
     mocap: MocapHealth = field(default_factory=MocapHealth)
     stream: StreamHealth = field(default_factory=StreamHealth)
     attitude: AttitudeHealth = field(default_factory=AttitudeHealth)
@@ -37,7 +38,7 @@ class Health:
 
 def assess(memory: Health, now: Observed, rules: SafetyRules, fence: Fence) -> tuple[Health, tuple[Event, ...]]:
     """What is wrong now, in the table's order, each fault at most once; and what to remember for the next cycle."""
-    new = now.seen.frame != memory.frame
+    new = now.seen.verdict is not None and now.seen.received_s != memory.received_s
     mocap, of_mocap = look_at_mocap(memory.mocap, now, rules, new)
     stream, of_stream = look_at_stream(memory.stream, now, rules, new)
     attitude, of_attitude = look_at_attitude(memory.attitude, now, rules)
@@ -45,5 +46,5 @@ def assess(memory: Health, now: Observed, rules: SafetyRules, fence: Fence) -> t
     autopilot, of_autopilot = look_at_autopilot(memory.autopilot, now, rules)
     flight, of_flight = look_at_flight(memory.flight, now, rules)
     events = of_mocap + of_stream + of_attitude + of_place + of_autopilot + of_flight
-    memory = Health(now.seen.frame, mocap, stream, attitude, place, autopilot, flight)
+    memory = Health(now.seen.received_s, mocap, stream, attitude, place, autopilot, flight)
     return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()

@@ -37,6 +37,8 @@ class AttitudeHealth:
     heading_since_s: float = NEVER
     answer: Answer | None = None
     """None on the ground."""
+    stood: Axis | None = None
+    """The vehicle's up axis in W as it stood when the motors were armed."""
     not_followed_since_s: float = NEVER
 
 
@@ -51,22 +53,24 @@ def look_at_attitude(memory: AttitudeHealth, now: Observed, rules: SafetyRules) 
     fresh = now.seen.age_s < rules.degraded_s
     up = up_axis_parts(vehicle.q_w_flu_wxyz)
     tilt_rad = heading_rad = 0.0
-    if fresh and now.time_s - now.autopilot.heard_s <= HEARD_S:
+    if fresh and now.time_s - now.autopilot.attitude_s <= HEARD_S:
         tilt_rad = _between(up, up_axis_parts(now.autopilot.q_w_flu_wxyz))
         heading_rad = _turn(vehicle.q_w_flu_wxyz, now.autopilot.q_w_flu_wxyz)
     answer = _answered(memory.answer, now, vehicle, rules) if now.airborne else None
-    off_rad = _between(up, _up_of(answer)) if answer is not None and fresh else 0.0
+    stood = up if memory.stood is None else memory.stood
+    off_rad = _between(up, stood if answer is None else _up_of(answer)) if fresh else 0.0
     memory = AttitudeHealth(
         since(memory.tilt_since_s, tilt_rad > rules.tilt_apart_rad, now.time_s),
         since(memory.heading_since_s, heading_rad > rules.heading_apart_rad, now.time_s),
         answer,
+        stood,
         since(memory.not_followed_since_s, off_rad > rules.not_followed_rad, now.time_s),
     )
-    return memory, _events(memory, now.time_s, (tilt_rad, heading_rad, off_rad), rules)
+    return memory, _events(memory, now, (tilt_rad, heading_rad, off_rad), rules)
 
 
-def _events(memory: AttitudeHealth, now_s: float, off_rad: Axis, rules: SafetyRules) -> list[Event]:
-    events = []
+def _events(memory: AttitudeHealth, now: Observed, off_rad: Axis, rules: SafetyRules) -> list[Event]:
+    events, now_s = [], now.time_s
     if now_s - memory.tilt_since_s >= rules.apart_s:
         text = f"motion capture and autopilot disagree on the tilt by {off_rad[0]:.2f} rad"
         events.append(Event(Fault.ATTITUDE_DISAGREES, text))
@@ -74,7 +78,8 @@ def _events(memory: AttitudeHealth, now_s: float, off_rad: Axis, rules: SafetyRu
         text = f"motion capture and autopilot disagree on the heading by {off_rad[1]:.2f} rad"
         events.append(Event(Fault.HEADING_DISAGREES, text))
     if now_s - memory.not_followed_since_s >= rules.not_followed_s:
-        text = f"the tilt is {off_rad[2]:.2f} rad off the answer of a healthy vehicle"
+        what = "the answer of a healthy vehicle" if now.airborne else "what it was at arming: it tips over"
+        text = f"the tilt is {off_rad[2]:.2f} rad off {what}"
         events.append(Event(Fault.SETPOINT_NOT_FOLLOWED, text))
     return events
 

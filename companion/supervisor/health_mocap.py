@@ -40,13 +40,14 @@ class MocapHealth:
 
 
 def look_at_mocap(memory: MocapHealth, now: Observed, rules: SafetyRules, new: bool) -> tuple[MocapHealth, list[Event]]:
-    """`new`: this cycle brought a frame. Nothing is said while no setpoints leave: before that the preflight speaks."""
+    """`new`: this cycle brought a frame. Nothing is said unless poses are `relied_on`."""
     seen = now.seen
+    in_the_air = now.airborne or (now.autopilot.armed and now.autopilot.in_air)
     if new:
-        memory = _with_frame(memory, seen, now.airborne)
-    elif not now.airborne:
+        memory = _with_frame(memory, seen, in_the_air)
+    elif not in_the_air:
         memory = MocapHealth(memory.vehicle, memory.repeats_from_s)
-    if not now.streaming:
+    if not relied_on(now):
         return memory, []
     events = _of_age(now, rules)
     repeats_s = seen.received_s - memory.repeats_from_s
@@ -57,9 +58,14 @@ def look_at_mocap(memory: MocapHealth, now: Observed, rules: SafetyRules, new: b
     return memory, events
 
 
-def _with_frame(memory: MocapHealth, seen: Seen, airborne: bool) -> MocapHealth:
-    jump = memory.jump if airborne else ""
-    if airborne and seen.verdict is Verdict.STARTED:
+def relied_on(now: Observed) -> bool:
+    """Setpoints of ours leave, or the autopilot flies on the poses we give it; before that the preflight speaks."""
+    return now.streaming or now.autopilot.armed
+
+
+def _with_frame(memory: MocapHealth, seen: Seen, in_the_air: bool) -> MocapHealth:
+    jump = memory.jump if in_the_air else ""
+    if in_the_air and seen.verdict is Verdict.STARTED:
         jump = _of_jump(memory.vehicle, seen.vehicle)
     repeats_from_s = NEVER
     if seen.verdict is Verdict.REPEATED:

@@ -11,7 +11,7 @@ from companion.control.values import value
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health_memory import NEVER, Window
-from companion.supervisor.health_mocap import USABLE
+from companion.supervisor.health_mocap import USABLE, relied_on
 from companion.supervisor.observed import Observed, Seen
 from companion.supervisor.safety import SafetyRules
 
@@ -42,7 +42,7 @@ class StampClock:
     at_s: float = nan
     """When a frame last fitted."""
     jump: str = ""
-    """How it jumped while setpoints left."""
+    """How it jumped while poses were relied on."""
 
 
 @value
@@ -55,6 +55,10 @@ class StreamHealth:
     """Frames of the last second, 1 for a usable one."""
     stale: Window = field(default_factory=Window)
     """Those older than one already used."""
+    dropped: Window = field(default_factory=Window)
+    """How many such frames were dropped on their way here, in the last second."""
+    late: int = 0
+    """How many in all."""
     delayed: Window = field(default_factory=Window)
     """Usable ones of the last half second that came too late, with their delay (s)."""
     clock: StampClock = field(default_factory=StampClock)
@@ -63,9 +67,9 @@ class StreamHealth:
 def look_at_stream(
     memory: StreamHealth, now: Observed, rules: SafetyRules, new: bool
 ) -> tuple[StreamHealth, list[Event]]:
-    """`new`: this cycle brought a frame. Nothing is said while no setpoints leave: before that the preflight speaks."""
+    """`new`: this cycle brought a frame. Nothing is said unless poses are `relied_on`."""
     memory = _moved_on(memory, now, rules, new)
-    if not now.streaming:
+    if not relied_on(now):
         return memory, []
     events = []
     if memory.clock.jump:
@@ -83,12 +87,15 @@ def _moved_on(memory: StreamHealth, now: Observed, rules: SafetyRules, new: bool
     begun_s = memory.begun_s if seen.age_s <= rules.silent_s else NEVER
     frames = memory.frames.kept(time_s - WINDOW_S)
     stale = memory.stale.kept(time_s - WINDOW_S)
+    dropped = memory.dropped.kept(time_s - WINDOW_S)
     delayed = memory.delayed.kept(time_s - DELAY_WINDOW_S)
     clock = memory.clock
-    if clock.jump and not now.streaming:
+    if clock.jump and not relied_on(now):
         clock = replace(clock, jump="")
     if new:
         clock = _observed(clock, now, rules)
+        if seen.late > memory.late:
+            dropped = dropped.added(time_s, float(seen.late - memory.late))
         usable = seen.verdict in USABLE
         frames = frames.added(time_s, float(usable))
         if usable:
@@ -99,7 +106,7 @@ def _moved_on(memory: StreamHealth, now: Observed, rules: SafetyRules, new: bool
                 delayed = delayed.added(time_s, delay_s)
         elif seen.verdict is Verdict.STALE:
             stale = stale.added(time_s, 1.0)
-    return StreamHealth(begun_s, frames, stale, delayed, clock)
+    return StreamHealth(begun_s, frames, stale, dropped, seen.late, delayed, clock)
 
 
 def _observed(clock: StampClock, now: Observed, rules: SafetyRules) -> StampClock:
@@ -115,7 +122,7 @@ def _observed(clock: StampClock, now: Observed, rules: SafetyRules) -> StampCloc
         return StampClock(seen.frame, seen.stamp_s, latency_s, period_s, 0, least_s, now.time_s, clock.jump)
     if clock.off + 1 < OFF_FRAMES:
         return replace(clock, off=clock.off + 1)
-    jump = f"motion capture's stamps jumped by {-step_s:+.2f} s against their arrival" if now.streaming else ""
+    jump = f"motion capture's stamps jumped by {-step_s:+.2f} s against their arrival" if relied_on(now) else ""
     return StampClock(seen.frame, seen.stamp_s, latency_s, nan, 0, latency_s, now.time_s, jump)
 
 
@@ -139,11 +146,12 @@ def _of_delay(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Ev
 
 def _of_count(memory: StreamHealth, rules: SafetyRules) -> list[Event]:
     events = []
-    usable, frames, stale = memory.frames.total, len(memory.frames.times_s), len(memory.stale.times_s)
+    usable, dropped = memory.frames.total, memory.dropped.total
+    frames, stale = len(memory.frames.times_s) + dropped, len(memory.stale.times_s) + dropped
     if usable < rules.slow_hz:
         text = f"{usable:.0f} usable frames in a second, fewer than {rules.slow_hz:g}"
         events.append(Event(Fault.MOCAP_SLOW, text))
     if stale > rules.out_of_order_share * frames:
-        text = f"{stale} of {frames} frames in a second are older than one already used"
+        text = f"{stale:.0f} of {frames:.0f} frames in a second are older than one already used"
         events.append(Event(Fault.MOCAP_OUT_OF_ORDER, text))
     return events

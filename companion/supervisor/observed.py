@@ -23,6 +23,8 @@ class Seen:
     """Its arrival on ours; NaN before the first one."""
     vehicle: VehicleState | None
     """The estimate."""
+    late: int = 0
+    """Frames dropped so far because a newer one had come before them."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Observed:
     time_s: float
     stage: Stage
     commanded: bool
-    """The autopilot must be armed and in OFFBOARD: between arming and touchdown."""
+    """The autopilot must be armed and in OFFBOARD: from arming until it is asked to disarm."""
     streaming: bool
     """Setpoints of ours leave."""
     airborne: bool

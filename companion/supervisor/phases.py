@@ -54,8 +54,8 @@ _ALLOWED: dict[type, frozenset[Phase]] = {
     TakeOff: frozenset({Phase.ARMED}),
     Fly: frozenset({Phase.HOLD, Phase.TRACK}),
     Brake: frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK}),
-    Land: STREAMING,
-    HandOver: COMMANDED,
+    Land: STREAMING | {Phase.HANDED_OVER},
+    HandOver: COMMANDED | {Phase.RESUME},
     Resume: frozenset({Phase.HANDED_OVER}),
     Kill: frozenset(Phase),
 }
@@ -99,8 +99,10 @@ def request(flight: Flight, wanted: Request, facts: Facts, rules: FlightRules) -
 def _given_up(flight: Flight, wanted: HandOver | Kill, facts: Facts, rules: FlightRules) -> Flight:
     """Another one brings it down."""
     if isinstance(wanted, HandOver):
-        reason = then(flight.reason, wanted.reason)
-        return replace(hand_over(flight, facts), level=Reaction.AUTOPILOT_LAND, cause=None, reason=reason)
+        flight = replace(flight, cause=None, reason=then(flight.reason, wanted.reason))
+        if flight.phase is Phase.RESUME:
+            return give_back(flight, facts)
+        return replace(hand_over(flight, facts), level=Reaction.AUTOPILOT_LAND)
     killed = Event(Fault.KILL, "the operator stopped the motors")
     return reacted(flight, facts, rules, killed, Reaction.TERMINATE)
 
@@ -119,6 +121,8 @@ def _begun(flight: Flight, wanted: Prepare | TakeOff | Resume, facts: Facts) -> 
 def _asked_to_land(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     if flight.phase is Phase.RESUME:
         return give_back(flight, facts)
+    if flight.phase is Phase.HANDED_OVER:  # whoever has it: PX4 takes the operator's word as a pilot's
+        return replace(flight, action=Action.AUTOPILOT_LAND, asked_again_s=facts.time_s)
     return flight if flight.phase in {Phase.STOW, Phase.LAND} else land(flight, facts, rules)
 
 
@@ -144,12 +148,19 @@ def strongest(flight: Flight, facts: Facts, rules: FlightRules) -> tuple[Event |
     for event in facts.events:
         if event.fault is Fault.ARMS and not rules.land_on_arm_fault:
             continue
-        if event.fault is Fault.ROOM_LEFT and flight.cause is Fault.MODE_CHANGED:
-            continue  # a pilot's motors are the pilot's
+        if event.fault is Fault.ROOM_LEFT and _is_a_pilots(flight, facts):
+            continue  # and so are the motors
         reaction = reaction_to(event.fault, flight.stage)
         if reaction > most:
             worst, most = event, reaction
     return worst, most
+
+
+def _is_a_pilots(flight: Flight, facts: Facts) -> bool:
+    """Not in OFFBOARD, which nobody flies, nor in PX4's landing, unless a pilot had the vehicle before."""
+    if flight.phase not in {Phase.HANDED_OVER, Phase.RESUME} or facts.mode is FlightMode.OFFBOARD:
+        return False
+    return facts.mode is not FlightMode.LAND or flight.theirs or flight.cause is Fault.MODE_CHANGED
 
 
 def ground_thrust(flight: Flight, time_s: float, rules: FlightRules) -> float:
@@ -216,7 +227,8 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     slow = abs(float(facts.velocity_w_mps[2])) < rules.touchdown_speed_mps
     below_m = float(facts.position_w_m[2] - reference_at(flight, facts.time_s).position_w_m[2])
     standing = low and below_m > 0.0
-    if not slow or not (standing or below_m > rules.stuck_below_m):
+    stuck = below_m > rules.stuck_below_m and _rests_on_something(facts, rules)
+    if not slow or not (standing or stuck):
         return replace(flight, still_since_s=None)
     since = flight.still_since_s if flight.still_since_s is not None else facts.time_s
     if facts.time_s - since < (rules.touchdown_s if standing else rules.stuck_s):
@@ -226,10 +238,17 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     )
 
 
+def _rests_on_something(facts: Facts, rules: FlightRules) -> bool:
+    """A vehicle that stays where it is in the air needs its hover thrust for that."""
+    return not facts.in_air or facts.thrust < rules.stuck_thrust * rules.hover_thrust
+
+
 def _handed_over(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     """Until it is down; OFFBOARD would mean that nobody flies it: the autopilot holds our last setpoint."""
     if not facts.armed:
         return over(flight, facts)
+    if not flight.theirs and _is_a_pilots(flight, facts):
+        flight = replace(flight, theirs=True)
     if facts.mode is not FlightMode.OFFBOARD or facts.time_s - flight.asked_again_s < rules.land_again_s:
         return flight
     return replace(flight, action=Action.AUTOPILOT_LAND, asked_again_s=facts.time_s)

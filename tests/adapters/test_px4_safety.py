@@ -103,6 +103,7 @@ async def test_the_autopilots_age_and_its_reboot_show() -> None:
         assert autopilot.status().boot_s == pytest.approx(simulator.world.time_s, abs=0.5)
         await simulator.__aexit__()
         await asyncio.sleep(0.2)
+        assert 0.0 <= autopilot.status().heard_s - autopilot.status().attitude_s < 0.1, "50 a second"
         silent_since_s = autopilot.status().heard_s
         await asyncio.sleep(0.3)
         assert autopilot.status().heard_s == silent_since_s <= time.monotonic() - 0.3
@@ -111,6 +112,17 @@ async def test_the_autopilots_age_and_its_reboot_show() -> None:
             await until(lambda: autopilot.status().boot_s < 2.0)
             assert autopilot.status().heard_s > silent_since_s
             await until(lambda: rebooted.links[0].streams.interval_us(436) == 50_000)
+
+
+async def test_an_attitude_that_stays_away_is_no_fresh_one_although_heartbeats_come() -> None:
+    async with linked() as (autopilot, mock):
+        await until(lambda: math.isfinite(autopilot.status().attitude_s))
+        del mock.links[0].streams._streams[31]
+        del mock.links[0].streams._due_s[31]
+        await asyncio.sleep(0.1)
+        last_s, heartbeat_s = autopilot.status().attitude_s, autopilot.status().heartbeat_s
+        await until(lambda: autopilot.status().heartbeat_s > heartbeat_s)
+        assert autopilot.status().attitude_s == last_s < autopilot.status().heard_s
 
 
 async def test_parameters_and_the_autopilots_own_position() -> None:

@@ -81,6 +81,7 @@ def test_frames_that_were_overtaken_or_repeated_are_dropped_and_counted() -> Non
     assert latest is not None
     assert latest.frame == 4
     assert source.counts == MocapCounts(received=3, lost=1, late=2, malformed=0)
+    assert latest.late == 2, "the health checks know of it"
 
 
 def test_live_frames_that_are_all_numbered_alike_are_ordered_by_their_stamps() -> None:
@@ -98,6 +99,15 @@ def test_a_new_measurement_starts_again_from_zero() -> None:
     assert latest is not None
     assert latest.frame == 1
     assert source.counts == MocapCounts(received=2)
+
+
+@pytest.mark.parametrize(("back_us", "dropped"), [(1, True), (200_000, True), (200_001, False), (990_000, False)])
+def test_a_clock_that_jumps_back_is_not_taken_for_frames_that_were_overtaken(back_us: int, dropped: bool) -> None:
+    """What is dropped is silence, and lasts no longer than motion capture may be silent."""
+    source = source_of()
+    give(source, 5000, 50_000_000)
+    give(source, 5001, 50_000_000 - back_us)
+    assert source.counts.late == int(dropped)
 
 
 async def test_the_first_reason_of_a_failure_stays() -> None:

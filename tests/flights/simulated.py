@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.adapters.qualisys.source import RESTART_US
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
@@ -60,6 +61,8 @@ class Room:
         world.faults.observers.append(self.fault_turns.append)
         self.frame: MocapFrame | None = None
         self.new_frame = False
+        self.late = 0
+        """Frames that never came here because a newer one had."""
         self.offset_w_m = np.zeros(3)
         """What motion capture is wrong by, from now on."""
         self.bench.world.observers.append(self._look)
@@ -90,7 +93,17 @@ class Room:
             if self._faults.breaks_packets:
                 continue  # the client cannot make anything of it
             seen = _received(frame, truth.time_s)
-            self.frame, self.new_frame = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m), True
+            if self._is_overtaken(seen):
+                self.late += 1
+                continue
+            seen = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m, late=self.late)
+            self.frame, self.new_frame = seen, True
+
+    def _is_overtaken(self, seen: MocapFrame) -> bool:
+        """Older than the newest, but not by so much that it is another measurement: as the real adapter has it."""
+        if self.frame is None:
+            return False
+        return self.frame.stamp_s - 1e-6 * RESTART_US <= seen.stamp_s <= self.frame.stamp_s
 
 
 def _received(frame: Frame, now_s: float) -> MocapFrame:
@@ -105,11 +118,14 @@ class SimulatedMocap:
 
     def __init__(self, room: Room, every_tick: Callable[[], None]) -> None:
         self._room, self._every_tick = room, every_tick
+        self._last: MocapFrame | None = None
         self.lost_at_s = math.inf
         """Then the connection breaks, which ends the flight loop."""
 
     def latest(self) -> MocapFrame | None:
-        return self._room.frame
+        if self._room.now_s() <= self.lost_at_s:
+            self._last = self._room.frame
+        return self._last
 
     async def wait_frame(self, timeout_s: float) -> bool:
         await asyncio.sleep(0)

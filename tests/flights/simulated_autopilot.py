@@ -78,7 +78,8 @@ class SimulatedAutopilot:
         boot_s = m.time_boot_ms * 1e-3
         if boot_s < self._status.boot_s:  # it has forgotten what was asked of it
             self._ask_for_modes()
-        return {"q_w_flu_wxyz": flip_quat(np.array([m.q1, m.q2, m.q3, m.q4])), "boot_s": boot_s}
+        attitude = flip_quat(np.array([m.q1, m.q2, m.q3, m.q4]))
+        return {"q_w_flu_wxyz": attitude, "attitude_s": sent.time_s, "boot_s": boot_s}
 
     def _on_text(self, sent: Sent) -> dict[str, Any]:
         text = sent.message.text if isinstance(sent.message.text, str) else sent.message.text.decode()

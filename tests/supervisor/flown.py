@@ -180,8 +180,9 @@ def usual(state: str, later_s: float = DT_S) -> Facts:
         seen = facts(time_s + later_s, 1.0)
     if flight.phase in {Phase.STANDBY, Phase.PREFLIGHT, Phase.DISARMED}:
         return replace(seen, armed=False, mode=FlightMode.POSITION)
-    theirs = flight.phase is Phase.RESUME or state in {"handed over", "let go"}
-    return replace(seen, mode=FlightMode.POSITION) if theirs else seen
+    if state in {"handed over", "let go"}:
+        return replace(seen, mode=FlightMode.LAND)
+    return replace(seen, mode=FlightMode.POSITION) if flight.phase is Phase.RESUME else seen
 
 
 def bits(value: object) -> object:

@@ -53,7 +53,18 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
     vehicle = VehicleState(time_s - 1.0 / 64.0, place, np.zeros(3), LEVEL, np.zeros(3))
     seen = Seen(1.0 / 64.0, Verdict.ACCEPTED, cycle, 7.0 + cycle * CYCLE_S, time_s, vehicle)
     status = AutopilotStatus(
-        True, time_s, True, FlightMode.OFFBOARD, True, 0.75, 15.0, LEVEL, "", heard_s=time_s, boot_s=50.0 + time_s
+        True,
+        time_s,
+        True,
+        FlightMode.OFFBOARD,
+        True,
+        0.75,
+        15.0,
+        LEVEL,
+        "",
+        heard_s=time_s,
+        attitude_s=time_s,
+        boot_s=50.0 + time_s,
     )
     sent = AttitudeThrust(LEVEL, np.array(0.5))
     return Observed(
@@ -88,6 +99,18 @@ def on_ground(now: Observed) -> Observed:
     """Before arming, nothing sent."""
     now = replace(now, stage=Stage.GROUND, commanded=False, streaming=False, airborne=False, reference_w_m=None)
     return replace(with_status(now, armed=False, mode=FlightMode.HOLD, in_air=False), sent=None)
+
+
+def standing(now: Observed) -> Observed:
+    """With turning rotors, commanded by us, before lift-off."""
+    now = replace(now, stage=Stage.GROUND, airborne=False, reference_w_m=None)
+    return with_status(now, in_air=False)
+
+
+def handed_over(now: Observed) -> Observed:
+    """The autopilot lands by itself, on the poses it is given."""
+    now = replace(now, stage=Stage.HANDED_OVER, commanded=False, streaming=False, airborne=False, reference_w_m=None)
+    return replace(with_status(now, mode=FlightMode.LAND), sent=None)
 
 
 def watched(

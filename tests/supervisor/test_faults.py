@@ -8,7 +8,7 @@ import string
 import pytest
 
 from companion.supervisor.faults import ROWS, TABLE, Fault, Reaction, Row, Stage, reaction_to
-from companion.supervisor.flight import STREAMING, Action, Flight, Kill, Phase
+from companion.supervisor.flight import STREAMING, Action, Flight, Kill, Phase, Resume
 from companion.supervisor.phases import advance, request, strongest
 from companion.supervisor.safety import SafetyRules
 from companion.types import FlightMode
@@ -212,6 +212,9 @@ def test_the_reaction_carried_out_is_the_tables(state: str) -> None:
         if outcome is None:
             assert bits(after) == bits(advance(flight, seen, RULES)), f"{fault}: nothing of it changes"
             continue
+        if state == "resuming" and fault is Fault.ROOM_LEFT:
+            assert bits(after) == bits(advance(flight, seen, RULES)), "a pilot flies it still"
+            continue
         assert end_of(after) == outcome, fault
         assert (after.cause, after.since_s) == (fault, seen.time_s)
         assert after.level == (Reaction.LET_GO if state == "resuming" and reaction < Reaction.LET_GO else reaction)
@@ -242,7 +245,8 @@ def test_of_two_the_stronger_is_taken_and_the_first_of_equals(state: str) -> Non
     flight, seen = STATES[state][0], usual(state)
     alone = {fault: bits(advance(flight, with_faults(seen, fault), RULES)) for fault in Fault}
     for one, other in itertools.combinations(Fault, 2):
-        strong = max((one, other), key=lambda fault: ROWS[fault].reaction(stage_of(state)))
+        told = [fault for fault in (one, other) if not (state == "resuming" and fault is Fault.ROOM_LEFT)]
+        strong = max(told, key=lambda fault: ROWS[fault].reaction(stage_of(state)))
         assert bits(advance(flight, with_faults(seen, one, other), RULES)) == alone[strong], (one, other)
 
 
@@ -337,12 +341,38 @@ def test_escalation_all_the_way_tells_the_whole_story() -> None:
     )
 
 
-def test_a_pilots_motors_are_never_stopped_but_those_nobody_flies_are() -> None:
-    """Beyond the fence after a mode change a pilot has the vehicle; after a hand-over or a lost link nobody may."""
+BEGAN = {Fault.MODE_CHANGED, Fault.AUTOPILOT_SILENT, Fault.MOCAP_SILENT, Fault.BATTERY_CRITICAL}
+
+
+@pytest.mark.parametrize("mode", list(FlightMode))
+@pytest.mark.parametrize("began", sorted(BEGAN))
+def test_a_pilots_motors_are_never_stopped_but_those_nobody_flies_are(began: Fault, mode: FlightMode) -> None:
+    """Nobody's: in OFFBOARD, and in a landing of PX4's that no pilot has begun."""
     hovering, time_s = STATES["hovering"]
-    for began, motors_stop in ((Fault.MODE_CHANGED, False), (Fault.AUTOPILOT_SILENT, True), (Fault.MOCAP_SILENT, True)):
-        gone = advance(hovering, facts(time_s + DT_S, 1.0, began, mode=FlightMode.POSITION), RULES)
-        after = advance(gone, facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=FlightMode.POSITION), RULES)
-        assert (after.phase is Phase.TERMINATED) is motors_stop, began
-    killed = request(gone, Kill(), facts(time_s + 1.0, 1.0, mode=FlightMode.POSITION), RULES)
+    gone = advance(hovering, facts(time_s + DT_S, 1.0, began, mode=mode), RULES)
+    after = advance(gone, facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=mode), RULES)
+    nobodys = {FlightMode.OFFBOARD} if began is Fault.MODE_CHANGED else {FlightMode.OFFBOARD, FlightMode.LAND}
+    assert (after.phase is Phase.TERMINATED) is (mode in nobodys)
+    killed = request(gone, Kill(), facts(time_s + 1.0, 1.0, mode=mode), RULES)
     assert killed.phase is Phase.TERMINATED, "the operator may"
+
+
+def test_a_pilot_who_takes_it_out_of_px4s_landing_may_land_it_beyond_the_fence() -> None:
+    flight, time_s = STATES["handed over"]
+    modes = FlightMode.LAND, FlightMode.POSITION, FlightMode.LAND
+    for n, mode in enumerate(modes, 1):
+        assert not flight.theirs or n == len(modes)
+        flight = advance(flight, facts(time_s + 0.1 * n, 1.0, mode=mode), RULES)
+    beyond = facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=FlightMode.LAND)
+    assert advance(flight, beyond, RULES).phase is Phase.HANDED_OVER
+    assert advance(flight, dataclasses.replace(beyond, mode=FlightMode.OFFBOARD), RULES).phase is Phase.TERMINATED
+    resumed = request(flight, Resume(), facts(time_s + 1.1, 1.0, mode=FlightMode.LAND), RULES)
+    assert not resumed.theirs, "the operator's again"
+
+
+def test_a_pilot_is_not_stopped_while_we_wait_for_offboard() -> None:
+    flight, time_s = STATES["resuming"]
+    beyond = facts(time_s + DT_S, 1.0, Fault.FENCE_LEFT, Fault.ROOM_LEFT, mode=FlightMode.POSITION)
+    after = advance(flight, beyond, RULES)
+    assert (end_of(after), after.cause) == ((Phase.HANDED_OVER, None), Fault.FENCE_LEFT)
+    assert advance(flight, dataclasses.replace(beyond, mode=FlightMode.LAND), RULES).phase is Phase.TERMINATED

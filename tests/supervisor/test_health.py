@@ -60,6 +60,23 @@ def test_what_is_remembered_of_one_flight_is_not_changed_by_the_next_cycle() -> 
     assert repr(memory) == before
 
 
+def test_frames_are_told_apart_by_their_arrival_whatever_their_numbers() -> None:
+    """Some QTM versions give every live frame the number 1."""
+    alike = [with_seen(healthy(k), frame=1) for k in range(200)]
+    assert not any(watched(alike))
+    jumped = with_seen(alike[100], verdict=Verdict.STARTED)
+    assert faults(watched([*alike[:100], jumped])[-1]) == [Fault.MOCAP_JUMPED]
+
+
+def test_a_frame_is_looked_at_once() -> None:
+    first = with_seen(healthy(0), verdict=Verdict.STARTED, late=0)
+    memory, _ = assess(Health(), first, SafetyRules(), FENCE)
+    again = replace(first, time_s=first.time_s + 0.001)
+    assert assess(memory, again, SafetyRules(), FENCE)[0].stream.frames == memory.stream.frames
+    nothing = with_seen(healthy(0), verdict=None, received_s=math.nan, frame=-1, stamp_s=math.nan)
+    assert assess(Health(), nothing, SafetyRules(), FENCE)[0].stream.frames.times_s == ()
+
+
 def flight_of(seed: int) -> Iterator[Observed]:
     """Two seconds as they are on a good day, through the real estimator.
 
@@ -91,12 +108,18 @@ def flight_of(seed: int) -> Iterator[Observed]:
             *(t - state.vehicle.time_s, state.verdict, frame.frame, frame.stamp_s, frame.received_s, state.vehicle)
         )
         theirs = quat_multiply(attitude(t - 0.02), quat_from_rotation_vector(rng.normal(0.0, 0.02, 3)))
-        base = healthy(0)
+        base = with_status(healthy(0), in_air=k > 50)
         yield replace(
             with_status(
-                base, heard_s=t - rng.uniform(0.0, 0.05), boot_s=t, q_w_flu_wxyz=theirs, battery_fraction=math.nan
+                base,
+                attitude_s=t - rng.uniform(0.0, 0.05),
+                heard_s=t,
+                boot_s=t,
+                q_w_flu_wxyz=theirs,
+                battery_fraction=math.nan,
             ),
             time_s=t,
+            commanded=k > 20,  # shorter than what would be tipping over: nothing sways on the ground
             airborne=k > 50,
             seen=seen,
             reference_w_m=state.vehicle.position_w_m + rng.normal(0.0, 0.03, 3),
@@ -132,6 +155,7 @@ GARBAGE = st.builds(
         stamp_s=ANY,
         received_s=ANY,
         vehicle=st.none() | st.builds(VehicleState, ANY, THREE, THREE, FOUR, THREE),
+        late=st.integers(0, 2**63),
     ),
     autopilot=st.builds(
         AutopilotStatus,
@@ -145,6 +169,7 @@ GARBAGE = st.builds(
         q_w_flu_wxyz=FOUR,
         last_text=st.just(""),
         heard_s=ANY,
+        attitude_s=ANY,
         boot_s=ANY,
     ),
     reference_w_m=st.none() | THREE,

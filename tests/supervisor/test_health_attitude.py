@@ -1,5 +1,6 @@
 """Attitudes that disagree, and setpoints that are not followed."""
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.control.frames import quat_from_yaw
+from companion.control.frames import quat_from_yaw, up_axis
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health_attitude import Answer, AttitudeHealth, look_at_attitude
 from companion.supervisor.observed import Observed
@@ -19,6 +20,8 @@ from tests.supervisor.observing import (
     RULES,
     faults,
     healthy,
+    on_ground,
+    standing,
     tilted,
     watched,
     with_seen,
@@ -31,7 +34,7 @@ AT_ONCE = replace(RULES, apart_s=0.0)
 
 def apart(cycle: int, q: Array) -> Observed:
     """On the ground with turning rotors."""
-    return replace(with_status(healthy(cycle), q_w_flu_wxyz=q), airborne=False)
+    return standing(with_status(healthy(cycle), q_w_flu_wxyz=q))
 
 
 @pytest.mark.parametrize(
@@ -89,8 +92,9 @@ def test_they_are_compared_only_when_both_are_known(q: Array) -> None:
 
 def test_what_the_autopilot_said_a_while_ago_is_compared_with_nothing() -> None:
     now = replace(apart(0, tilted(0.5)), time_s=0.2)
-    assert look_at_attitude(AttitudeHealth(), with_status(now, heard_s=0.0), AT_ONCE)[1]
-    assert not look_at_attitude(AttitudeHealth(), with_status(now, heard_s=-1e-9), AT_ONCE)[1]
+    assert look_at_attitude(AttitudeHealth(), with_status(now, attitude_s=0.0), AT_ONCE)[1]
+    silent = with_status(now, attitude_s=-1e-9, heard_s=0.2, heartbeat_s=0.2)
+    assert not look_at_attitude(AttitudeHealth(), silent, AT_ONCE)[1], "a heartbeat makes no attitude fresh"
 
 
 def test_a_pause_ends_a_disagreement() -> None:
@@ -191,21 +195,62 @@ def test_so_much_may_be_off(off_rad: float, told: bool) -> None:
 def test_what_is_not_followed_on_the_ground_or_with_an_old_pose_is_not_judged() -> None:
     flight = flown(lambda _: tilted(0.0, 0.4), lambda _: LEVEL, 1.0)
     assert watched(flight)[-1]
-    assert not any(watched([replace(now, airborne=False, reference_w_m=None) for now in flight]))
+    assert not any(watched([standing(now) for now in flight]))
     old = watched([with_seen(now, age_s=0.125) for now in flight])
     assert not [1 for events in old if Fault.SETPOINT_NOT_FOLLOWED in faults(events)]
     assert Fault.SETPOINT_NOT_FOLLOWED in faults(watched([with_seen(now, age_s=0.1249) for now in flight])[-1])
     assert not any(watched([replace(now, sent=None) for now in flight]))
 
 
+def turned(cycle: int, q: Array) -> Observed:
+    """Standing with turning rotors, as both see it."""
+    return standing(with_vehicle(with_status(healthy(cycle), q_w_flu_wxyz=q), q_w_flu_wxyz=q))
+
+
+@pytest.mark.parametrize(("off_rad", "told"), [(0.249, False), (0.251, True)])
+@pytest.mark.parametrize("slope_rad", [0.0, 0.3])
+def test_who_tips_over_on_the_ground_is_told_of(slope_rad: float, off_rad: float, told: bool) -> None:
+    """Against how it stood at arming: the ground may slope."""
+    flight = [turned(k, tilted(slope_rad)) for k in range(10)]
+    flight += [turned(k, tilted(slope_rad - off_rad)) for k in range(10, 100)]
+    events = watched(flight)
+    assert [bool(found) for found in events] == [told and k >= 74 for k in range(100)]
+    if told:
+        text = "the tilt is 0.25 rad off what it was at arming: it tips over"
+        assert events[-1] == (Event(Fault.SETPOINT_NOT_FOLLOWED, text),)
+
+
+def test_how_it_stood_is_of_this_arming() -> None:
+    flight = [turned(k, tilted(0.0)) for k in range(10)]
+    carried = [on_ground(turned(k, tilted(0.5))) for k in range(10, 20)]
+    again = [turned(k, tilted(0.5)) for k in range(20, 120)]
+    assert not any(watched([*flight, *carried, *again]))
+    assert watched([*flight, *again])[-1], "not disarmed in between"
+
+
+def test_with_an_old_pose_nobody_tips_over() -> None:
+    flight = [turned(0, LEVEL), *(with_seen(turned(k, tilted(0.5)), age_s=0.125) for k in range(1, 100))]
+    assert Fault.SETPOINT_NOT_FOLLOWED not in {fault for found in watched(flight) for fault in faults(found)}
+
+
+def test_the_angle_is_the_whole_one_about_any_axis() -> None:
+    """Both tilted, about both axes, and not about the same: each part of the cross product counts with its sign."""
+    for ours, theirs in itertools.product((tilted(0.3, 0.4), tilted(-0.5, 0.2), tilted(2.0, -0.7)), repeat=2):
+        a, b = up_axis(ours), up_axis(theirs)
+        angle_rad = math.acos(min(1.0, float(a @ b)))
+        now = with_vehicle(apart(0, theirs), q_w_flu_wxyz=ours)
+        found = [event for event in watched([now], AT_ONCE)[0] if event.fault is Fault.ATTITUDE_DISAGREES]
+        assert [event.text[-9:] for event in found] == ([f" {angle_rad:.2f} rad"] if angle_rad > 0.25 else [])
+
+
 def test_the_answer_begins_anew_in_the_next_flight() -> None:
     flight = flown(lambda _: tilted(0.0, 0.4), lambda _: LEVEL, 0.5)
-    ground = replace(healthy(64), airborne=False)
+    ground = standing(healthy(64))
     again = [replace(now, time_s=now.time_s + 0.6) for now in flight]
     memory = AttitudeHealth()
     for now in [*flight, ground]:
         memory, _ = look_at_attitude(memory, now, RULES)
-    assert memory == AttitudeHealth()
+    assert memory == AttitudeHealth(stood=(0.0, 0.0, 1.0))
     memory, _ = look_at_attitude(memory, again[0], RULES)
     assert memory.answer is not None
     assert (memory.answer.x, memory.answer.x_rate) == (0.0, 0.0)

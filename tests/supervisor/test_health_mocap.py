@@ -12,12 +12,15 @@ from companion.supervisor.observed import Observed
 from tests.supervisor.observing import (
     CYCLE_S,
     faults,
+    handed_over,
     healthy,
     on_ground,
+    standing,
     text_of,
     tilted,
     watched,
     with_seen,
+    with_status,
     with_vehicle,
 )
 
@@ -54,6 +57,9 @@ def test_age_has_one_event(age_s: float, fault: Fault | None, text: str) -> None
 
 def test_before_anything_is_sent_the_age_is_the_preflights_matter() -> None:
     assert watched([on_ground(aged(9.0))]) == [()]
+    assert faults(watched([with_status(on_ground(aged(9.0)), armed=True)])[0]) == [Fault.MOCAP_OUTLIERS]
+    idle = with_status(aged(9.0), armed=False)
+    assert Fault.MOCAP_OUTLIERS in faults(watched([idle])[0]), "setpoints leave, before it is armed"
 
 
 @pytest.mark.parametrize(
@@ -138,7 +144,7 @@ def started(cycle: int) -> Observed:
 
 
 def test_a_jump_in_the_air_stays_until_the_ground() -> None:
-    flight = [healthy(0), started(1), healthy(2), replace(healthy(3), airborne=False, reference_w_m=None), healthy(4)]
+    flight = [healthy(0), started(1), healthy(2), standing(healthy(3)), healthy(4)]
     events = watched(flight)
     assert [Fault.MOCAP_JUMPED in faults(found) for found in events] == [False, True, True, False, False]
     for found in events[1:3]:
@@ -148,15 +154,30 @@ def test_a_jump_in_the_air_stays_until_the_ground() -> None:
 
 def test_a_jump_is_over_on_the_ground_without_a_frame_too() -> None:
     jumped = started(1)
-    down = replace(jumped, airborne=False, time_s=jumped.time_s + CYCLE_S)
+    down = replace(standing(jumped), time_s=jumped.time_s + CYCLE_S)
     up = replace(jumped, time_s=jumped.time_s + 2 * CYCLE_S)
     events = watched([healthy(0), jumped, down, up])
     assert [Fault.MOCAP_JUMPED in faults(found) for found in events] == [False, True, False, False]
 
 
 def test_a_start_on_the_ground_is_no_jump() -> None:
-    begun = replace(started(0), airborne=False)
-    assert not any(watched([begun, replace(begun, airborne=True, time_s=begun.time_s + CYCLE_S)]))
+    begun = standing(started(0))
+    assert not any(watched([begun, replace(started(0), time_s=begun.time_s + CYCLE_S)]))
+
+
+def test_who_lands_or_is_flown_by_another_is_given_poses_that_are_looked_at() -> None:
+    """Bodies swapped after a hand-over: the autopilot would follow."""
+    theirs = [handed_over(healthy(0)), handed_over(started(1)), handed_over(healthy(2))]
+    assert [faults(found) for found in watched(theirs)] == [[], [Fault.MOCAP_JUMPED], [Fault.MOCAP_JUMPED]]
+    assert not any(watched([with_status(now, armed=False) for now in theirs])), "carried by hand"
+    assert not any(watched([with_status(now, in_air=False) for now in theirs])), "carried by hand, armed"
+    frozen = [handed_over(repeating(k)) for k in range(1, 19)]
+    assert faults(watched([handed_over(healthy(0)), *frozen])[-1]) == [Fault.MOCAP_FROZEN]
+
+
+def test_a_jump_that_ended_our_flight_is_still_one_afterwards() -> None:
+    events = watched([healthy(0), started(1), handed_over(healthy(2)), handed_over(with_seen(healthy(2), age_s=0.0))])
+    assert [Fault.MOCAP_JUMPED in faults(found) for found in events] == [False, True, True, True]
 
 
 def test_the_first_frame_of_all_in_the_air_is_a_jump() -> None:

@@ -9,7 +9,19 @@ import pytest
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.observed import Observed
-from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_seen
+from tests.supervisor.observing import (
+    CYCLE_S,
+    RULES,
+    faults,
+    handed_over,
+    healthy,
+    on_ground,
+    standing,
+    text_of,
+    watched,
+    with_seen,
+    with_status,
+)
 
 SECOND = round(1.0 / CYCLE_S)
 
@@ -41,7 +53,7 @@ def test_fewer_are_not_once_a_whole_second_was_seen() -> None:
 
 
 def test_a_start_is_usable_too() -> None:
-    flight = [replace(with_seen(healthy(k), verdict=Verdict.STARTED), airborne=False) for k in range(2 * SECOND)]
+    flight = [standing(with_seen(healthy(k), verdict=Verdict.STARTED)) for k in range(2 * SECOND)]
     assert not any(watched(flight))
 
 
@@ -99,6 +111,47 @@ def test_stale_frames_are_forgotten_after_a_second() -> None:
     flight = [stale(k) if 64 <= k < 102 else healthy(k) for k in range(4 * SECOND)]
     events = when(watched(flight), Fault.MOCAP_OUT_OF_ORDER)
     assert events == list(range(SECOND, 64 + SECOND + 5))
+
+
+def with_dropped(flight: list[Observed], before: Iterable[int]) -> list[Observed]:
+    """The adapter dropped a frame before each of these cycles' frames, which the count says from then on."""
+    dropped = sorted(before)
+    return [with_seen(now, late=5 + sum(k <= cycle for k in dropped)) for cycle, now in enumerate(flight)]
+
+
+def test_frames_the_adapter_dropped_count_too() -> None:
+    flight = [healthy(k) for k in range(3 * SECOND)]
+    few = [k for k in range(1, len(flight)) if share(k, 42)]  # 42 of 128 + 42
+    assert not any(watched(with_dropped(flight, few)))
+    many = [k for k in range(1, len(flight)) if share(k, 43)]
+    events = watched(with_dropped(flight, many))
+    assert when(events, Fault.MOCAP_OUT_OF_ORDER) == list(range(SECOND, 3 * SECOND))
+    assert events[-1] == (
+        Event(Fault.MOCAP_OUT_OF_ORDER, "43 of 171 frames in a second are older than one already used"),
+    )
+
+
+def test_dropped_frames_are_counted_as_many_as_they_are_and_forgotten_after_a_second() -> None:
+    flight = [healthy(k) for k in range(4 * SECOND)]
+    burst = with_dropped(flight, [2 * SECOND] * 43)
+    assert when(watched(burst), Fault.MOCAP_OUT_OF_ORDER) == list(range(2 * SECOND, 3 * SECOND))
+    assert not any(watched(with_dropped(flight, [2 * SECOND] * 42)))
+
+
+def test_dropped_and_stale_ones_are_counted_together() -> None:
+    flight = [stale(k) if k % 8 == 0 else healthy(k) for k in range(1, 2 * SECOND)]
+    assert not any(watched(flight))
+    both = with_dropped(flight, [k for k in range(len(flight)) if k % 4 == 0])
+    events = watched(both)
+    assert text_of(events[-1], Fault.MOCAP_OUT_OF_ORDER).startswith("48 of 160 frames")
+
+
+def test_a_new_connection_counts_its_dropped_frames_anew() -> None:
+    flight = [with_seen(healthy(k), late=200 if k < SECOND else 0) for k in range(3 * SECOND)]
+    flight[0] = with_seen(flight[0], late=0)
+    events = watched(flight)
+    assert not when(events, Fault.MOCAP_OUT_OF_ORDER)[1:], events
+    assert not any(events[SECOND + 1 :])
 
 
 def late(cycle: int, age_s: float) -> Observed:
@@ -234,6 +287,14 @@ def test_a_jump_is_told_as_long_as_setpoints_leave() -> None:
     flight = [healthy(k) for k in range(10)] + [jumped(k, 5.0) for k in range(10, 20)]
     down = [on_ground(jumped(20, 5.0)), jumped(21, 5.0), on_ground(healthy(21)), jumped(22, 5.0)]
     assert when(watched([*flight, *down]), Fault.MOCAP_CLOCK_JUMP) == list(range(12, 20))
+
+
+def test_a_jump_is_told_while_the_autopilot_flies_on_the_poses() -> None:
+    flight = [handed_over(healthy(k)) for k in range(10)] + [handed_over(jumped(k, 5.0)) for k in range(10, 20)]
+    down = [with_status(handed_over(jumped(k, 5.0)), armed=False) for k in range(20, 22)]
+    assert when(watched([*flight, *down]), Fault.MOCAP_CLOCK_JUMP) == list(range(12, 20))
+    slow = [handed_over(now) for now in seldom_usable(range(2 * SECOND), 20)]
+    assert when(watched(slow), Fault.MOCAP_SLOW)
 
 
 def test_a_jump_before_anything_is_sent_is_taken_as_it_is() -> None:

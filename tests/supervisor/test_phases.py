@@ -69,8 +69,9 @@ BY_REQUEST: dict[type, dict[Phase, Phase]] = {
         Phase.STOW: Phase.STOW,
         Phase.LAND: Phase.LAND,
         Phase.RESUME: Phase.HANDED_OVER,
+        Phase.HANDED_OVER: Phase.HANDED_OVER,
     },
-    HandOver: dict.fromkeys((Phase.ARMED, *_IN_FLIGHT), Phase.HANDED_OVER),
+    HandOver: dict.fromkeys((Phase.ARMED, *_IN_FLIGHT, Phase.RESUME), Phase.HANDED_OVER),
     Resume: {Phase.HANDED_OVER: Phase.RESUME},
     Kill: dict.fromkeys(Phase, Phase.TERMINATED),
 }
@@ -282,9 +283,26 @@ def test_a_vehicle_that_is_disarmed_while_it_is_wanted_back_has_ended_its_flight
 )
 def test_the_operator_who_no_longer_wants_it_back(mode: FlightMode, action: Action | None, level: Reaction) -> None:
     flight, time_s = resuming()
-    after = request(flight, Land("operator aborts"), facts(time_s, 1.0, mode=mode), RULES)
-    assert (after.phase, after.action, after.level) == (Phase.HANDED_OVER, action, level)
-    assert after.reason == "operator aborts"
+    for wanted in (Land("operator aborts"), HandOver("operator aborts")):
+        after = request(flight, wanted, facts(time_s, 1.0, mode=mode), RULES)
+        assert (after.phase, after.action, after.level) == (Phase.HANDED_OVER, action, level)
+        assert (after.reason, after.cause) == ("operator aborts", None)
+    late = advance(after, facts(time_s + DT_S, 1.0), RULES)
+    again = None if action is Action.AUTOPILOT_LAND else Action.AUTOPILOT_LAND
+    assert late.action is again, "a service that closes leaves nobody in OFFBOARD"
+
+
+@pytest.mark.parametrize("mode", list(FlightMode))
+@pytest.mark.parametrize("state", ["handed over", "let go"])
+def test_the_operator_may_have_px4_land_whoever_flies(state: str, mode: FlightMode) -> None:
+    flight, time_s = STATES[state]
+    asked = request(flight, Land("operator aborts"), facts(time_s + 5.0, 1.0, mode=mode), RULES)
+    changed = replace(flight, action=Action.AUTOPILOT_LAND, asked_again_s=time_s + 5.0)
+    assert bits(asked) == bits(changed), "the first reason stays"
+    after = advance(asked, facts(time_s + 5.0 + DT_S, 1.0), RULES)
+    assert after.action is None, "once, and again only while OFFBOARD shows"
+    nameless = request(replace(flight, reason=""), Land("operator aborts"), facts(time_s + 5.0, 1.0), RULES)
+    assert nameless.reason == "operator aborts"
 
 
 @pytest.mark.parametrize("fault", list(Fault))

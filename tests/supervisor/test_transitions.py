@@ -352,23 +352,40 @@ def test_a_landing_far_from_the_start_ends_too(state: str) -> None:
     assert flight.phase is Phase.LAND
 
 
-def test_who_stands_on_hanging_arms_or_a_crate_has_landed_too() -> None:
+@pytest.mark.parametrize("sign", [{"thrust": 0.349}, {"in_air": False}, {"in_air": False, "thrust": 0.5}])
+def test_who_stands_on_hanging_arms_or_a_crate_has_landed_too(sign: dict[str, float]) -> None:
+    """The thrust is wound down, or the autopilot's own land detector says so."""
     flight, time_s = descending()
     begun_s = time_s
     while not flight.touched_down:
         time_s += DT_S
         assert time_s < begun_s + 20.0, "the motors would run for ever"
         reference = reference_at(flight, time_s).position_w_m[2] - GROUND[2]
-        flight = advance(flight, facts(time_s, max(0.35, float(reference))), RULES)
+        seen = replace(facts(time_s, max(0.35, float(reference))), **sign)  # type: ignore[arg-type]
+        flight = advance(flight, seen, RULES)
     below_m = 0.35 - float(reference_at(flight, time_s).position_w_m[2] - GROUND[2])
     assert below_m == pytest.approx(RULES.stuck_below_m + RULES.stuck_s * RULES.descent_speed_mps, abs=0.02)
+
+
+@pytest.mark.parametrize("thrust", [0.35, 0.5, 0.8, float("nan")])
+@pytest.mark.parametrize("height_m", [0.07, 0.35, 1.2, 3.5])
+def test_who_stays_up_by_his_thrust_has_not_landed_however_far_the_reference_is_below(
+    height_m: float, thrust: float
+) -> None:
+    """A law that does not come down: its rotors carry it, so they must go on."""
+    flight, time_s = descending()
+    for n in range(2000):
+        flight = advance(flight, replace(facts(time_s + n * DT_S, height_m), thrust=thrust), RULES)
+        assert flight.airborne
+        assert flight.still_since_s is None, "nor does it look so"
 
 
 @pytest.mark.parametrize("climb_mps", [-0.07, 0.07])
 def test_who_moves_is_not_standing_however_far_the_reference_is_below(climb_mps: float) -> None:
     flight, time_s = descending()
     for n in range(2000):
-        flight = advance(flight, facts(time_s + n * DT_S, 0.3, climb_mps=climb_mps), RULES)
+        seen = replace(facts(time_s + n * DT_S, 0.3, climb_mps=climb_mps), thrust=0.1, in_air=False)
+        flight = advance(flight, seen, RULES)
     assert not flight.touched_down
 
 

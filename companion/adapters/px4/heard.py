@@ -106,8 +106,8 @@ class Px4Heard:
         boot_s = q.timestamp_us * 1e-6
         if boot_s < self.status.boot_s:  # it has forgotten what we asked for
             self._direct.ask_for_current_mode(lambda _granted: None)
-        attitude = flip_quat(np.array([q.w, q.x, q.y, q.z]))
-        self._update(q_w_flu_wxyz=attitude, heard_s=self._clock.now_s(), boot_s=boot_s)
+        attitude, now_s = flip_quat(np.array([q.w, q.x, q.y, q.z])), self._clock.now_s()
+        self._update(q_w_flu_wxyz=attitude, attitude_s=now_s, heard_s=now_s, boot_s=boot_s)
 
     def _on_local(self, position: Any, velocity: Any) -> None:
         self.local = replace(

@@ -11,8 +11,11 @@ from companion.types import MocapFrame
 
 LOG = logging.getLogger(__name__)
 
-RESTART_US = 1_000_000
-"""A stamp that goes back further than this is a new measurement, not a frame that was overtaken."""
+RESTART_US = 200_000
+"""A stamp that goes back further than this is a new measurement, not a frame that was overtaken.
+
+Less would do for a network; more would turn a clock that jumped back into silence.
+"""
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ class QualisysSource:
         self._count(number)
         self._stamp_us = stamp_us
         self._latest = MocapFrame(
-            number, stamp_us * 1e-6, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m
+            number, stamp_us * 1e-6, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m, self.counts.late
         )
         self._unseen = True
         self._wake()
