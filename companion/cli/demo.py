@@ -1,11 +1,8 @@
 """`companion demo`: a whole flight against the mocks, over the real protocols, in real time."""
 
-import asyncio
 import json
 import logging
-import signal
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,57 +11,29 @@ from typing import Annotated, Any
 import typer
 import uvloop
 from rich.console import Console
-from rich.markup import escape
 
-from companion.adapters.dead_man import KernelDeadMan
-from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.demo_arms import plan_arms
+from companion.cli.demo_flight import DemoFlight, Flown, fly_demo
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
-from companion.cli.mock_process import MockError, MockPorts, free_ports, mock_process
-from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
-from companion.cli.output import check_output
-from companion.cli.progress import FlightDisplay
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.cli.mock_process import MockError, MockPorts, free_ports
+from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
+from companion.cli.output import check_output, kept
+from companion.config import CompanionConfig, default_config_path
 from companion.config_arms import Feedforward
-from companion.config_controller import LoadedController, load_controller
+from companion.config_controller import load_controller
 from companion.control.reference import Trajectory
-from companion.experiments.summary import Summary, summarise
-from companion.ports import CompanionError
-from companion.service import Service, open_service
-from companion.supervisor.flight import Phase
+from companion.experiments.summary import Summary
+from companion.supervisor.faults import Fault
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 
-
-@dataclass(frozen=True)
-class DemoFlight:
-    """One flight to be flown."""
-
-    config: CompanionConfig
-    controller: LoadedController
-    trajectory_name: str
-    trajectory: Trajectory
-    arms: str
-    """What they do meanwhile, as in --arms."""
-    mock_config: Path
-    ports: MockPorts
-    seed: int
-    start_mocks: bool
-    faults: tuple[str, ...]
-    """What the mocks let go wrong, in their words."""
-    records: Path
-    """Where the record goes."""
-
-
-@dataclass(frozen=True)
-class Flown:
-    """What came of it."""
-
-    recorder: Recorder
-    summary: Summary | None
-    interrupted: bool
-    failure: str
+_BUSY = frozenset({
+    Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_SLOW, Fault.MOCAP_DELAYED,
+    Fault.AUTOPILOT_SILENT, Fault.LOOP_LATE, Fault.ARMS,
+})  # fmt: skip
+"""Faults of a computer that cannot serve its mocks in time, when nobody asked for one."""
+_BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have not answered")
 
 
 def demo(
@@ -107,19 +76,20 @@ def demo(
     logging.basicConfig(level=logging.CRITICAL, format="%(levelname)s %(name)s: %(message)s")
     if verbose:
         logging.getLogger("companion").setLevel(logging.DEBUG)
-    if fault and not mocks:
-        raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
     console = Console()
-    settings = _with_feedforward(load_config(config or default_config_path("demo.toml")), feedforward)
+    settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
+    _check_faults(fault or (), mocks, settings)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
+    flown = trajectory_named(trajectory, curve)
     flights = [
         DemoFlight(
             _on_ports(settings, ports),
             load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable),
             trajectory,
-            trajectory_named(trajectory, curve),
+            flown,
             arms,
+            _check_arms(arms, settings, flown, trajectory),
             mock_config or default_config_path("mock.toml"),
             ports,
             seed,
@@ -129,20 +99,16 @@ def demo(
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]
-    for flight in flights:
-        check_trajectory(flight.trajectory, settings.room, trajectory)
-        for note in _check_arms(flight):
-            console.print(f"  [dim]arms: {note}[/]", highlight=False)
     check_output(out, summary)
     results = []
     for flight in flights:
         try:
-            flown = uvloop.run(fly_demo(flight, console))
+            outcome = uvloop.run(fly_demo(flight, console))
         except KeyboardInterrupt:
             console.print("[yellow]interrupted[/] before the flight")
             raise typer.Exit(INTERRUPTED) from None
-        results.append(_conclude(flight, flown, console, out))
-        if flown.interrupted:
+        results.append(_conclude(flight, outcome, console, out))
+        if outcome.interrupted:
             break
     if len(results) > 1:
         print_comparison(
@@ -172,110 +138,23 @@ def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
     return config.model_copy(update={"px4": px4, "mocap": mocap, "arms": arms})
 
 
-def _check_arms(flight: DemoFlight) -> tuple[str, ...]:
-    """What cannot be run is refused before anything starts; what the user should know of the rest."""
-    planned = plan_arms(flight.arms, flight.config, flight.trajectory)
+def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -> None:
+    """What can be seen of them here; the mocks refuse what is no fault when they start."""
+    if faults and not mocks:
+        raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
+    for sentence in faults:
+        if sentence.lower().split()[:1] == ["broker"] and config.operator is None:
+            raise MockError(
+                f'--fault "{sentence}": no broker is listened to: the configuration has no [operator], see '
+                "docs/operator-orders.md"
+            )
+
+
+def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory, trajectory_name: str) -> tuple[str, ...]:
+    """What cannot be flown is refused before anything starts; what the user should know of the rest."""
+    check_trajectory(trajectory, config.room, trajectory_name)
+    planned = plan_arms(name, config, trajectory)
     return planned.notes if planned is not None else ()
-
-
-async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
-    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
-    recorder = Recorder()
-    display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
-    failure, interrupted = "", False
-    async with _mocks(flight):
-        for sentence in flight.faults:
-            console.print(f"  [bold]fault[/] {escape(sentence)}", highlight=False)
-        with display:
-            try:
-                async with _service(flight, recorder, display) as service:
-                    interrupted, failure = await _mission(flight, service, display)
-            except CompanionError as error:
-                if not recorder.flew:
-                    raise
-                failure = failure or str(error)
-    return Flown(recorder, summarise(recorder.arrays()) if recorder.flew else None, interrupted, failure)
-
-
-@asynccontextmanager
-async def _mocks(flight: DemoFlight) -> AsyncIterator[None]:
-    if not flight.start_mocks:
-        yield
-        return
-    try:
-        async with mock_process(flight.mock_config, flight.seed, flight.ports, flight.faults):
-            yield
-    except MockError as error:
-        if "in use" in str(error):
-            raise MockError(f"{error}; or fly with --free-ports, or with --no-mocks if mocks are running") from error
-        raise
-
-
-@asynccontextmanager
-async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDisplay) -> AsyncIterator[Service]:
-    def sink(tick: Any) -> None:
-        recorder(tick)
-        display.take(tick)
-
-    display.say("connecting to motion capture and autopilot")
-    dead_man = KernelDeadMan(flight.config.safety.dead_man_s)
-    async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
-        yield service
-
-
-async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay) -> tuple[bool, str]:
-    """The flight itself; whatever goes wrong or is interrupted, it lands. Returns interrupted, failure."""
-    work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
-    interrupted = False
-
-    def on_interrupt() -> None:
-        nonlocal interrupted
-        landing = interrupted or service.phase in {Phase.STOW, Phase.LAND}
-        display.say("interrupted: already landing" if landing else "interrupted: landing")
-        if not interrupted:
-            work.cancel()
-        interrupted = True
-
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        loop.add_signal_handler(number, on_interrupt)
-    failure = ""
-    try:
-        await work
-    except asyncio.CancelledError:
-        if not interrupted:
-            raise
-    except CompanionError as error:
-        failure = str(error)
-        display.say(f"{failure}; waiting until the vehicle is down")
-    failure = await _land_anyway(service, failure)
-    return interrupted, failure or service.trouble
-
-
-async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
-    await service.ready()
-    motion = None
-    if flight.config.arms is not None:
-        for warning in service.warnings:
-            display.say(warning)
-        display.say("torque on, arms stowed")
-        held_rad = await service.arms.prepare()
-        motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
-    display.say("preflight checks, offboard mode, then arming")
-    await service.arm(flight.trajectory)
-    await service.take_off(flight.config.flight.takeoff_height_m)
-    if motion is not None:
-        await service.arms.move(motion.trajectory)
-    await service.fly(flight.trajectory)
-
-
-async def _land_anyway(service: Service, failure: str) -> str:
-    landing = asyncio.create_task(service.land(), name="companion.demo_landing")
-    try:
-        await asyncio.shield(landing)
-    except CompanionError as error:
-        return failure or str(error)
-    return failure
 
 
 @dataclass(frozen=True)
@@ -291,21 +170,42 @@ def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> 
     """Report, picture and record of one flight."""
     good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
     print_report(console, flight.controller, flown.summary, flown.failure, flown.interrupted)
-    if flight.start_mocks and "silent" in flown.failure:
+    if flight.start_mocks and _looks_busy(flown):
         console.print("  The mocks run on this computer: was it too busy to serve them?", highlight=False)
-    if flown.recorder.flew:
-        _keep(flight, flown, console, out)
+    for sentence in flown.never:
+        over = flown.story.over_at()
+        when = f": the flight was over at {over}" if over else ": it did not come to a flight"
+        console.print(f"  fault {sentence} never began{when}", markup=False, highlight=False, soft_wrap=True)
+    lost = _keep(flight, flown, console, out) if flown.recorder.flew else ""
     data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary) | {"failure": flown.failure}
-    return Result(INTERRUPTED if flown.interrupted else 0 if good else FAILED, flown.summary, data)
+    code = 0 if good and not lost else FAILED
+    return Result(INTERRUPTED if flown.interrupted else code, flown.summary, data)
 
 
-def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> None:
-    """The picture and the record."""
+def _looks_busy(flown: Flown) -> bool:
+    """Nobody asked for a fault, and it was one of those that come of a computer that is too slow."""
+    if flown.begun or not flown.failure:
+        return False
+    ended = any(one.cause in _BUSY for one in flown.story.reactions)
+    return ended or any(word in flown.failure for word in _BUSY_WORDS)
+
+
+def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> str:
+    """The picture and the record; why one of them could not be written, empty when both are."""
     from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
 
     when = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
     name = f"{when}-{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
     title = f"{Path(flight.trajectory_name).name}, controller {flight.controller.name}, seed {flight.seed}"
-    plot_flight(flown.recorder.arrays(), flown.summary, title, out / f"{name}.png")
-    flown.recorder.write(out / f"{name}.npz")
-    console.print(f"plot [bold]{out / name}.png[/], record {out / name}.npz", soft_wrap=True)
+    plot, record = out / f"{name}.png", out / f"{name}.npz"
+    lost = [
+        kept(plot, lambda path: plot_flight(flown.recorder.arrays(), flown.summary, title, path)),
+        kept(record, flown.recorder.write),
+    ]
+    for sentence in filter(None, lost):
+        typer.echo(f"companion: {sentence}", err=True)
+    words = [
+        f"{what} {path}" for what, path, bad in zip(("plot", "record"), (plot, record), lost, strict=True) if not bad
+    ]
+    console.print(", ".join(words), markup=False, highlight=False, soft_wrap=True)
+    return "; ".join(filter(None, lost))

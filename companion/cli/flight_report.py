@@ -5,7 +5,9 @@ from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from companion.config_controller import ErrorLimits, LoadedController
 from companion.experiments.summary import ArmSummary, Summary
@@ -50,7 +52,7 @@ def print_report(
         console.print(_timing_table(summary))
         if summary.arms is not None:
             console.print(_arms_line(summary.arms), highlight=False, soft_wrap=True)
-    verdict = "[yellow]interrupted[/]; " if interrupted else ""
+    verdict = Text.assemble(("interrupted", "yellow"), "; ") if interrupted else Text()
     console.print(verdict + _verdict(controller, summary, failure), highlight=False, soft_wrap=True)
 
 
@@ -62,7 +64,7 @@ def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]
     for name, summary in flights:
         if summary is not None:
             errors = [f"{value:.4f}" for value in (*summary.mean_error_m, *summary.max_error_m)]
-            table.add_row(name, *errors, f"{summary.update_share:.1%}")
+            table.add_row(escape(name), *errors, f"{summary.update_share:.1%}")
     (_, first), (_, last) = flights[0], flights[-1]
     if first is not None and last is not None:
         pairs = zip((*first.mean_error_m, *first.max_error_m), (*last.mean_error_m, *last.max_error_m), strict=True)
@@ -72,7 +74,7 @@ def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]
 
 def _error_table(controller: LoadedController, summary: Summary) -> Table:
     limits = controller.error_limits
-    table = Table(title=f"tracking error, {controller.name} (m)", title_justify="left")
+    table = Table(title=f"tracking error, {escape(controller.name)} (m)", title_justify="left")
     for name in ("", "x", "y", "z", "limit"):
         table.add_column(name, justify="right" if name else "left")
     for name, values, limit in (
@@ -109,13 +111,13 @@ def _arms_line(arms: ArmSummary) -> str:
     )
 
 
-def _verdict(controller: LoadedController, summary: Summary | None, failure: str) -> str:
+def _verdict(controller: LoadedController, summary: Summary | None, failure: str) -> Text:
     if failure:
-        return f"[red]failed:[/] {failure}"
+        return Text(failure, style="red")
     if summary is None:
-        return "[red]no trajectory was tracked[/]"
+        return Text("no trajectory was tracked", style="red")
     if not (summary.landed and summary.disarmed):
-        return "[red]the vehicle did not land and disarm[/]"
+        return Text("the vehicle did not land and disarm", style="red")
     if not within_limits(summary, controller.error_limits):
-        return "[red]landed and disarmed, but outside the error limits[/]"
-    return "[green]landed, disarmed, inside the error limits[/]"
+        return Text("landed and disarmed, but outside the error limits", style="red")
+    return Text("landed, disarmed, inside the error limits", style="green")

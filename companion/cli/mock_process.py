@@ -1,10 +1,11 @@
 """The mocks as a process of their own, for as long as a demo needs them."""
 
 import asyncio
+import re
 import socket
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +14,36 @@ from companion.ports import CompanionError
 
 _START_S = 20.0
 _STOP_S = 5.0
+_TOLD = re.compile(r"fault (?P<turn>begins|ends|never began)(?: at (?P<at_s>[\d.]+) s \(monotonic\))?: (?P<what>.*)")
+_WHEN = re.compile(r" (?:at [\d.e+]+ s|(?:on the ground|armed|in the air|landing)(?: after [\d.e+]+ s)?)(?= for |$)")
 
 
 class MockError(CompanionError):
     """The mocks did not start; says why in their own words."""
+
+
+@dataclass(frozen=True)
+class FaultTold:
+    """What the mocks say of a fault."""
+
+    turn: str
+    """begins, ends, or never began."""
+    sentence: str
+    """The fault; without its time when that has come."""
+    at_s: float
+    """On our monotonic clock; 0 for one that never began."""
+
+
+def _fault_told(line: str) -> FaultTold | None:
+    said = _TOLD.fullmatch(line)
+    if said is None:
+        return None
+    sentence = said["what"] if said["at_s"] is None else _WHEN.sub("", said["what"])
+    return FaultTold(said["turn"], sentence, float(said["at_s"] or 0.0))
+
+
+def _unheard(_: FaultTold) -> None:
+    """Nobody wants to know."""
 
 
 @dataclass(frozen=True)
@@ -57,11 +84,15 @@ def free_ports() -> MockPorts:
 
 @asynccontextmanager
 async def mock_process(
-    config: Path, seed: int, ports: MockPorts, faults: Sequence[str] = ()
+    config: Path,
+    seed: int,
+    ports: MockPorts,
+    faults: Sequence[str] = (),
+    hear: Callable[[FaultTold], None] = _unheard,
 ) -> AsyncIterator[asyncio.subprocess.Process]:
     """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said.
 
-    `faults` are sentences, see docs/faults.md.
+    `faults` are sentences, see docs/faults.md; `hear` is told when one begins, ends, or did not begin at all.
     """
     command = [sys.executable, "-m", "mock_autopilot", "--config", str(config), "--seed", str(seed)]
     process = await asyncio.create_subprocess_exec(
@@ -74,11 +105,25 @@ async def mock_process(
         stderr=asyncio.subprocess.PIPE,
         start_new_session=True,  # Ctrl-C is for the companion, which still has to land
     )
+    listening: list[asyncio.Task[None]] = []
     try:
         await _ready(process)
+        listening = [
+            asyncio.create_task(_listen(process.stdout, hear), name="companion.mocks_say"),
+            asyncio.create_task(_listen(process.stderr, _unheard), name="companion.mocks_complain"),
+        ]
         yield process
     finally:
         await _stop(process)
+        await asyncio.gather(*listening)
+
+
+async def _listen(stream: asyncio.StreamReader | None, hear: Callable[[FaultTold], None]) -> None:
+    """To the end: a pipe that nobody empties would stop them."""
+    while stream is not None and (line := await stream.readline()):
+        told = _fault_told(line.decode(errors="replace").strip())
+        if told is not None:
+            hear(told)
 
 
 async def _ready(process: asyncio.subprocess.Process) -> None:
@@ -99,7 +144,7 @@ async def _stop(process: asyncio.subprocess.Process) -> None:
     process.stdin.close()
     try:
         async with asyncio.timeout(_STOP_S):
-            await process.communicate()
+            await process.wait()
     except TimeoutError:
         process.kill()
-        await process.communicate()
+        await process.wait()

@@ -1,9 +1,14 @@
 """Where results go, tried before the work that makes them."""
 
+import contextlib
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from companion.ports import ConfigError
+
+_TRIAL_BYTES = 65536
+"""A full disk still takes the name of a file."""
 
 
 def check_output(out: Path | None, summary: Path | None) -> None:
@@ -35,11 +40,23 @@ def check_file(file: Path, option: str) -> None:
 def _check_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
+        with tempfile.TemporaryFile(dir=folder) as trial:
+            trial.write(bytes(_TRIAL_BYTES))
+            trial.flush()
     except OSError as error:
         raise _refused(folder, error) from error
 
 
+def kept(path: Path, write: Callable[[Path], None]) -> str:
+    """Write what the work has made; why it could not be, as a sentence, and then no half of it is left."""
+    try:
+        write(path)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            path.unlink(missing_ok=True)
+        return str(_refused(path, error))
+    return ""
+
+
 def _refused(path: Path, error: OSError) -> ConfigError:
-    return ConfigError(f"cannot write to {path}: {error.strerror}")
+    return ConfigError(f"cannot write to {path}: {error.strerror or error}")

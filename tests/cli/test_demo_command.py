@@ -7,19 +7,22 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from companion.adapters.recorder import Recorder
 from companion.cli.flight_report import print_report
+from companion.cli.output import kept
 from companion.config_controller import ErrorLimits, LoadedController, load_controller
 from companion.control.controller import VehicleModel
 from companion.experiments.summary import Spread, Summary
-from tests.cli.typed import typing
+from tests.adapters.test_recorder import tick
+from tests.cli.typed import disk_full_after, typing
 
 TIMING = Spread(1.0, 2.0)
 FLOWN = Summary((0.01,) * 3, (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)
 
 
-def report(controller: LoadedController, summary: Summary | None) -> str:
+def report(controller: LoadedController, summary: Summary | None, failure: str = "") -> str:
     console = Console(file=io.StringIO(), width=100)
-    print_report(console, controller, summary, "", False)
+    print_report(console, controller, summary, failure, False)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -50,6 +53,53 @@ def test_the_verdict_is_on_the_worst_axis(mean_m: float, verdict: str) -> None:
     flown = Summary((0.01, mean_m, 0.01), (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)
     law = load_controller("pid", VehicleModel(), 0.01).law
     assert verdict in report(LoadedController("mine", law, ErrorLimits(mean_m=0.05, max_m=0.2)), flown)
+
+
+def test_a_reason_is_printed_as_it_is() -> None:
+    law = load_controller("pid", VehicleModel(), 0.01)
+    assert "real-time: set [preflight] realtime = false\n" in report(
+        law, None, "real-time: set [preflight] realtime = false"
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (
+            ("--fault", "broker off at 3 s"),
+            '--fault "broker off at 3 s": no broker is listened to: the configuration has',
+        ),
+        (
+            ("--config", "config/mock.toml"),
+            "config/mock.toml: this is the mock's configuration; give the companion's, ",
+        ),
+        (("--out", "FULL"), "cannot write to FULL: File too large"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_anything_is_said(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    sentence: str,
+) -> None:
+    full = str(tmp_path / "full")
+    with disk_full_after(1000 if "FULL" in arguments else -1):
+        refused = typing("demo", monkeypatch, capsys)(*(full if one == "FULL" else one for one in arguments))
+    assert (refused.code, refused.out) == (2, "")
+    assert sentence.replace("FULL", full) in refused.err
+    assert len(refused.err.splitlines()) == 1
+
+
+def test_a_record_that_cannot_be_written_is_a_sentence_and_leaves_no_half_of_it(tmp_path: Path) -> None:
+    recorder, path = Recorder(), tmp_path / "record.npz"
+    for number in range(2000):
+        recorder(tick(number, seen=True))
+    with disk_full_after(2000):
+        assert kept(path, recorder.write) == f"cannot write to {path}: File too large"
+    assert not list(tmp_path.iterdir())
+    assert kept(path, recorder.write) == ""
+    assert path.exists()
 
 
 @pytest.mark.realtime

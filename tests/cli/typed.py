@@ -1,7 +1,9 @@
 """A command line typed in this process, and what came of it."""
 
+import resource
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,3 +35,14 @@ def typing(command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
         return Typed(ended.value.code, *capsys.readouterr())
 
     return call
+
+
+@contextmanager
+def disk_full_after(size_bytes: int) -> Iterator[None]:
+    """No file of this process grows beyond that; -1: as ever."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes if size_bytes >= 0 else before[0], before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)

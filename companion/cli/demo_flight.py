@@ -1,0 +1,220 @@
+"""One flight of the demo: the mocks, the service, the verbs in their order, and whatever happens, down again."""
+
+import asyncio
+import signal
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from companion.adapters.dead_man import KernelDeadMan
+from companion.adapters.recorder import Recorder
+from companion.cli.demo_arms import plan_arms
+from companion.cli.flight_story import FlightStory
+from companion.cli.flight_words import shorter, still_there
+from companion.cli.mock_process import FaultTold, MockError, MockPorts, mock_process
+from companion.cli.progress import FlightDisplay
+from companion.config import CompanionConfig
+from companion.config_controller import LoadedController
+from companion.control.reference import Trajectory
+from companion.experiments.summary import Summary, summarise
+from companion.ports import CompanionError, FlightError
+from companion.service import Service, open_service
+from companion.supervisor.flight import Phase
+
+_POLL_S = 0.02
+_THEIRS_S = 30.0
+"""So long somebody else's flight is watched."""
+_STOPPED_S = 1.0
+_ENDED = "the flight was ended: "
+
+
+@dataclass(frozen=True)
+class DemoFlight:
+    """One flight to be flown."""
+
+    config: CompanionConfig
+    controller: LoadedController
+    trajectory_name: str
+    trajectory: Trajectory
+    arms: str
+    """What they do meanwhile, as in --arms."""
+    notes: tuple[str, ...]
+    """What is to be known of that."""
+    mock_config: Path
+    ports: MockPorts
+    seed: int
+    start_mocks: bool
+    faults: tuple[str, ...]
+    """What the mocks let go wrong, in their words."""
+    records: Path
+    """Where the record goes."""
+
+
+@dataclass
+class Flown:
+    """What came of it."""
+
+    recorder: Recorder
+    story: FlightStory
+    interrupted: bool = False
+    failure: str = ""
+    """Why it did not go as planned; empty when it did."""
+    begun: list[str] = field(default_factory=list)
+    """Faults that the mocks let go wrong."""
+    never: list[str] = field(default_factory=list)
+    """Faults that should have been, and were not."""
+    summary: Summary | None = None
+
+
+async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
+    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
+    display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
+    flown = Flown(Recorder(), display.story)
+
+    def hear(told: FaultTold) -> None:
+        if told.turn == "never began":
+            flown.never.append(told.sentence)
+            return
+        flown.begun += [told.sentence] if told.turn == "begins" else []
+        display.say_fault(told)
+
+    async with _mocks(flight, hear):
+        for note in flight.notes:
+            console.print(Text(f"  arms: {note}", style="dim"), soft_wrap=True)
+        for sentence in flight.faults:
+            console.print(Text.assemble("  ", ("fault", "bold"), f" {sentence}"), soft_wrap=True)
+        with display:
+            try:
+                async with _service(flight, flown.recorder, display) as service:
+                    await _mission(flight, service, display, flown)
+            except CompanionError as error:
+                if not flown.recorder.flew:
+                    raise
+                flown.failure = flown.failure or str(error)
+    flown.summary = summarise(flown.recorder.arrays()) if flown.recorder.flew else None
+    return flown
+
+
+@asynccontextmanager
+async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
+    if not flight.start_mocks:
+        yield
+        return
+    try:
+        async with mock_process(flight.mock_config, flight.seed, flight.ports, flight.faults, hear):
+            yield
+    except MockError as error:
+        if "in use" in str(error):
+            raise MockError(f"{error}; or fly with --free-ports, or with --no-mocks if mocks are running") from error
+        raise
+
+
+@asynccontextmanager
+async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDisplay) -> AsyncIterator[Service]:
+    def sink(tick: Any) -> None:
+        recorder(tick)
+        display.take(tick)
+
+    display.say("connecting to motion capture and autopilot")
+    dead_man = KernelDeadMan(flight.config.safety.dead_man_s)
+    async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
+        yield service
+
+
+async def _mission(flight: DemoFlight, service: Service, display: FlightDisplay, flown: Flown) -> None:
+    """The flight itself; whatever goes wrong or is interrupted, it lands."""
+    work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
+
+    def on_interrupt() -> None:
+        landing = flown.interrupted or service.phase in {Phase.STOW, Phase.LAND}
+        display.say("interrupted: already landing" if landing else "interrupted: landing")
+        if not flown.interrupted:
+            work.cancel()
+        flown.interrupted = True
+
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, on_interrupt)
+    said = ""
+    try:
+        await work
+    except asyncio.CancelledError:
+        if not flown.interrupted:
+            raise
+    except CompanionError as error:
+        said = shorter(str(error).removeprefix(_ENDED))
+        if service.loop.flight.airborne and not display.story.ending():
+            display.say(f"{said}; it lands")
+    still = await _land_anyway(service, display.story, flown)
+    flown.failure = display.story.ending(still) or said or shorter(service.trouble)
+
+
+async def _fly(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
+    """The verbs; an operator's hold ends them, and lasts until the operator or a fault ends it."""
+    verbs = asyncio.create_task(_verbs(flight, service, display), name="companion.demo_verbs")
+    try:
+        while not (verbs.done() or display.story.held):
+            await asyncio.wait({verbs}, timeout=_POLL_S)
+        while display.story.held and service.phase is Phase.HOLD:  # noqa: ASYNC110 - the phase has no event
+            await asyncio.sleep(_POLL_S)
+    finally:
+        verbs.cancel()
+        await asyncio.gather(verbs, return_exceptions=True)
+    if not display.story.held:
+        verbs.result()
+
+
+async def _verbs(flight: DemoFlight, service: Service, display: FlightDisplay) -> None:
+    await service.ready()
+    motion = None
+    if flight.config.arms is not None:
+        for warning in service.warnings:
+            display.say(warning)
+        display.say("torque on, arms stowed")
+        held_rad = await service.arms.prepare()
+        motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
+    display.say("preflight checks, offboard mode, then arming", "preflight checks")
+    await service.arm(flight.trajectory)
+    await service.take_off(flight.config.flight.takeoff_height_m)
+    if motion is not None:
+        await service.arms.move(motion.trajectory)
+    await service.fly(flight.trajectory)
+
+
+async def _land_anyway(service: Service, story: FlightStory, flown: Flown) -> str:
+    """Come down, or wait for whoever has it; what is not over after that, empty when all is."""
+    landing = asyncio.create_task(_down(service, story, flown), name="companion.demo_landing")
+    try:
+        await asyncio.shield(landing)
+    except CompanionError as error:
+        return still_there(story.last, str(error)) if story.last is not None else str(error)
+    return ""
+
+
+async def _down(service: Service, story: FlightStory, flown: Flown) -> None:
+    """Only Ctrl-C tells an autopilot or a pilot who has the vehicle to land it; the operator may take it back."""
+    loop, hovering = asyncio.get_running_loop(), frozenset({Phase.RESUME})
+    end_s = loop.time() + _THEIRS_S
+    while service.phase in hovering | {Phase.HANDED_OVER} and not flown.interrupted and _goes_on(story):
+        if service.phase is Phase.RESUME:
+            hovering |= {Phase.HOLD}
+        if service.phase is not Phase.HANDED_OVER:
+            end_s = loop.time() + _THEIRS_S
+        if story.last is not None and not story.last.status.connected:
+            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+        if loop.time() > end_s:
+            raise FlightError("the autopilot is still armed")
+        await asyncio.sleep(_POLL_S)
+    story.ours = True
+    await service.land()
+
+
+def _goes_on(story: FlightStory) -> bool:
+    """The flight loop, which no phase changes without."""
+    return story.last is not None and time.monotonic() - story.last.time_s < _STOPPED_S
