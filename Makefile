@@ -4,11 +4,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-.PHONY: help install demo test faults lint bench conformance lock clean
+.PHONY: help install demo test faults lint coverage mutation bench conformance lock clean
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
-	@echo "make test | faults | lint | bench | conformance | lock | clean"
+	@echo "make test | faults | lint | coverage | mutation | bench | conformance | lock | clean"
 
 # The stamp depends on the lock files: a changed lock is a new installation.
 $(VENV)/.installed: requirements.lock requirements-dev.lock pyproject.toml
@@ -36,6 +36,17 @@ lint: install
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+
+# What keeps the vehicle safe is tested on every line and branch.
+coverage: install
+	@$(BIN)/python -m coverage run -m pytest -q tests/supervisor tests/control/test_limits.py tests/control/test_guard.py tests/control/test_fence.py
+	@$(BIN)/python -m coverage report
+
+# Changes that code in a thousand ways and sees whether a test notices; an hour. docs/mutation.md has the last result.
+mutation: install
+	@$(BIN)/mutmut run
+	@$(BIN)/mutmut export-cicd-stats
+	@$(BIN)/python -c 'import json; s = json.load(open("mutants/mutmut-cicd-stats.json")); k = s["killed"] + s["timeout"]; print(f"{k} of {s[\"total\"]} killed"); raise SystemExit(k < 0.95 * s["total"])'
 
 bench: install
 	@$(BIN)/python -m benchmarks $(ARGS)
