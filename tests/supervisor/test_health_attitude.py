@@ -22,6 +22,7 @@ from tests.supervisor.observing import (
     healthy,
     on_ground,
     standing,
+    text_of,
     tilted,
     watched,
     with_seen,
@@ -179,6 +180,13 @@ def test_a_setpoint_that_is_not_followed() -> None:
     assert events[-1] == (
         Event(Fault.SETPOINT_NOT_FOLLOWED, "the tilt is 0.40 rad off the answer of a healthy vehicle"),
     )
+
+
+@pytest.mark.parametrize("wanted", [tilted(0.4), tilted(-0.4), tilted(0.0, -0.4), tilted(0.3, 0.3)])
+def test_how_far_off_it_is_is_the_angle_about_any_axis(wanted: Array) -> None:
+    events = watched(flown(lambda t: wanted if t > 0.0 else LEVEL, lambda _: LEVEL, 2.0))
+    off_rad = math.acos(float(up_axis(wanted)[2]))
+    assert text_of(events[-1], Fault.SETPOINT_NOT_FOLLOWED).startswith(f"the tilt is {off_rad:.2f} rad off")
 
 
 def test_upside_down_is_not_following() -> None:

@@ -9,7 +9,7 @@ import pytest
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.observed import Observed
 from companion.types import FlightMode
-from tests.supervisor.observing import CYCLE_S, faults, healthy, on_ground, text_of, watched, with_status
+from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_status
 
 
 @pytest.mark.parametrize(
@@ -107,3 +107,12 @@ def test_one_bad_sample_is_no_flat_battery() -> None:
         [Fault.BATTERY_CRITICAL],
     ]
     assert CYCLE_S * 64 == 0.5
+
+
+def test_a_battery_that_says_it_is_empty_is_low_whatever_is_critical() -> None:
+    rules = replace(RULES, battery_low=0.5, battery_critical=0.0)
+    events = watched([with_status(healthy(k), battery_fraction=0.0) for k in range(80)], rules)
+    assert events[-1] == (Event(Fault.BATTERY_LOW, "0 % of the battery's charge left, below 50 %"),)
+    rules = replace(rules, battery_low=0.75)
+    events = watched([with_status(healthy(k), battery_fraction=0.0) for k in range(80)], rules)
+    assert events[-1][0].text.endswith("below 75 %")

@@ -160,6 +160,17 @@ def test_a_jump_is_over_on_the_ground_without_a_frame_too() -> None:
     assert [Fault.MOCAP_JUMPED in faults(found) for found in events] == [False, True, False, False]
 
 
+def test_what_was_seen_on_the_ground_is_known_in_a_cycle_without_a_frame_too() -> None:
+    ground = standing(healthy(0))
+    waiting = replace(ground, time_s=ground.time_s + CYCLE_S)
+    text = text_of(watched([ground, waiting, started(2)])[-1], Fault.MOCAP_JUMPED)
+    assert text.startswith("the pose jumped by 1.00 m")
+    still: list[Observed] = []
+    for k in range(1, 19):
+        still += [standing(repeating(k)), replace(standing(repeating(k)), time_s=healthy(k).time_s + CYCLE_S / 2.0)]
+    assert faults(watched([standing(healthy(0)), *still])[-1]) == [Fault.MOCAP_FROZEN]
+
+
 def test_a_start_on_the_ground_is_no_jump() -> None:
     begun = standing(started(0))
     assert not any(watched([begun, replace(started(0), time_s=begun.time_s + CYCLE_S)]))

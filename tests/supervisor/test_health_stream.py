@@ -8,6 +8,8 @@ import pytest
 
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Event, Fault
+from companion.supervisor.health_memory import NEVER
+from companion.supervisor.health_stream import StreamHealth, look_at_stream
 from companion.supervisor.observed import Observed
 from tests.supervisor.observing import (
     CYCLE_S,
@@ -175,6 +177,15 @@ def test_the_median_decides() -> None:
     assert text_of(found[-1], Fault.MOCAP_DELAYED).startswith("poses come 0.125 s late")
 
 
+def test_the_middle_one_of_an_odd_number_is_told() -> None:
+    """Half a second holds 64 frames; the last is of no use."""
+    flight = [late(k, 0.0626 + (k % 64) * 0.0025) for k in range(SECOND)]
+    flight[-1] = with_seen(flight[-1], verdict=Verdict.OUTLIER)
+    ages_s = sorted(now.seen.age_s for now in flight[-64:-1])
+    told = text_of(watched(flight)[-1], Fault.MOCAP_DELAYED)
+    assert told.startswith(f"poses come {ages_s[31]:.3f} s late")
+
+
 @pytest.mark.parametrize(("count", "median"), [(33, "0.063"), (40, "0.117"), (64, "0.250")])
 def test_the_median_is_told(count: int, median: str) -> None:
     """Of 64 delays, `count` above the limit and growing by 1/128 s: the lower one of the two in the middle."""
@@ -307,6 +318,37 @@ def test_a_first_stamp_that_is_broken_leaves_no_delay() -> None:
     assert not any(
         watched([first, *(on_ground(healthy(k)) for k in range(1, 10)), *(healthy(k) for k in range(10, 200))])
     )
+
+
+def test_a_jump_just_before_the_first_setpoint_is_taken_as_it_is_too() -> None:
+    flight = [on_ground(healthy(k)) for k in range(10)] + [on_ground(jumped(k, -5.0)) for k in range(10, 13)]
+    assert not any(watched([*flight, *(jumped(k, -5.0) for k in range(13, 60))]))
+
+
+def test_a_clock_that_jumps_again_at_once_is_given_three_frames_again() -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, 5.0) for k in range(10, 13)]
+    events = watched([*flight, *(jumped(k, 7.0) for k in range(13, 20))])
+    assert ["+5.00" in found[0].text for found in events[12:16]] == [True, True, True, False]
+    assert "+2.00" in events[15][0].text
+
+
+def test_without_numbers_a_delay_that_comes_at_once_is_a_clock_that_jumped() -> None:
+    flight = [healthy(k) for k in range(100)] + [delayed_by(healthy(k), 0.1875) for k in range(100, 120)]
+    alike = [with_seen(now, frame=1) for now in flight]
+    assert when(watched(alike), Fault.MOCAP_CLOCK_JUMP) == list(range(102, 120))
+
+
+def test_a_clock_that_jumped_does_not_hide_a_delay() -> None:
+    flight = [healthy(k) for k in range(10)] + [jumped(k, 5.0) for k in range(10, 2 * SECOND)]
+    late_too = [with_seen(now, age_s=0.25) for now in flight]
+    assert {Fault.MOCAP_CLOCK_JUMP, Fault.MOCAP_DELAYED} <= set(faults(watched(late_too)[-1]))
+
+
+def test_a_frame_that_comes_after_a_silence_begins_no_second() -> None:
+    memory, _ = look_at_stream(StreamHealth(), late(0, 0.2501), RULES, new=True)
+    assert memory.begun_s == NEVER
+    memory, _ = look_at_stream(memory, late(1, 0.25), RULES, new=True)
+    assert memory.begun_s == healthy(1).time_s
 
 
 def test_two_jumps_are_two() -> None:
