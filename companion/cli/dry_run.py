@@ -12,12 +12,16 @@ import uvloop
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
-from companion.cli.options import AllowUnstable, ControllerName
+from companion.cli.flight_words import shorter
+from companion.cli.options import AllowUnstable, ControllerName, settings_of
+from companion.cli.output import check_output, kept
 from companion.cli.preflight import ConfigFile, show, trajectory_of
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.cli.progress import show_cursor
+from companion.config import CompanionConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
 from companion.control.frames import up_axis, yaw_of
@@ -55,10 +59,11 @@ def dry_run(
     Exit code 0 if a flight would have gone on, 1 if something would have failed, 2 for what could not be started or a
     vehicle that is armed, 130 after Ctrl-C, which ends it early and keeps the record.
     """
-    settings = load_config(config or default_config_path("lab.toml"))
+    settings = settings_of(config, "lab.toml")
     flown = trajectory_of(trajectory, settings)
     name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
     law = load_controller(name, settings.vehicle_model(), period_s, allow_unstable).law
+    check_output(out, None)
     console = Console(stderr=as_json)
     dry = _DryRun(settings, law, flown, out, console)
     try:
@@ -68,9 +73,12 @@ def dry_run(
         raise typer.Exit(INTERRUPTED) from None
     show(checks, console, as_json, "nothing would have ended a flight", "would have ended a flight")
     record = out / f"{datetime.now(tz=UTC).astimezone():%Y%m%d-%H%M%S}-dry-run.npz"
-    dry.recorder.write(record)
-    console.print(f"record {record}", highlight=False, soft_wrap=True)
-    failed = FAILED if any(check.refuses for check in checks) else 0
+    lost = kept(record, dry.recorder.write)
+    if lost:
+        typer.echo(f"companion: {lost}", err=True)
+    else:
+        console.print(f"record {record}", markup=False, highlight=False, soft_wrap=True)
+    failed = FAILED if lost or any(check.refuses for check in checks) else 0
     raise typer.Exit(INTERRUPTED if dry.interrupted else failed)
 
 
@@ -103,9 +111,11 @@ class _DryRun:
             onlooker.each = dry
             self._end_s = running.clock.now_s() + seconds
             mocap = self._config.mocap
-            with Live(
+            live = Live(
                 console=self._console, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=self._table
-            ):
+            )
+            with live:
+                show_cursor(self._console)
                 watched = await watch(running, mocap.body, mocap.delay_s, seconds, lambda: self.interrupted)
             onlooker.each = None
             return self._judge(facts_of(running, watched, {}, self._config.preflight), dry.seen)
@@ -153,7 +163,8 @@ class _DryRun:
         table.add_row("autopilot less mocap", f"{apart_words} degrees (its heading is its own: it is sent no poses)")
         table.add_row("would send", _setpoint(tick))
         if tick.events:
-            table.add_row("[red]faults[/]", "; ".join(f"{event.fault}: {event.text}" for event in tick.events))
+            faults = "; ".join(f"{event.fault}: {shorter(event.text)}" for event in tick.events)
+            table.add_row(Text("faults", style="red"), Text(faults))
         return table
 
 

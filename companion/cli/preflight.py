@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -16,7 +17,10 @@ from rich.text import Text
 from companion.by_hand_file import write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.cli.options import settings_of
+from companion.cli.output import check_output
+from companion.cli.progress import show_cursor
+from companion.config import CompanionConfig
 from companion.control.reference import Trajectory
 from companion.onlooker import open_onlooker
 from companion.ports import FlightError
@@ -28,6 +32,11 @@ from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 
 ConfigFile = Annotated[Path | None, typer.Option(help="Companion configuration; config/lab.toml if not given.")]
+_PARAMETER = re.compile(r"[A-Z0-9]+(?:_[A-Z0-9]+)+")
+"""Names of checks that are one parameter each."""
+_FEW = 3
+_GLANCE = 12
+"""A longer list says at its end once more what is wrong."""
 Records = Annotated[Path, typer.Option(help="Folder of the records.")]
 
 
@@ -48,8 +57,9 @@ def preflight(
     Nothing is commanded; only poses go to the autopilot's estimator. Exit code 0 if the vehicle may arm, 1 if not, 2
     for what could not be started, 130 after Ctrl-C.
     """
-    settings = load_config(config or default_config_path("lab.toml"))
+    settings = settings_of(config, "lab.toml")
     flown = trajectory_of(trajectory, settings)
+    check_output(out, None)
     console = Console(stderr=as_json)
     try:
         if by_hand:
@@ -76,6 +86,7 @@ async def _look(
     config: CompanionConfig, trajectory: Trajectory | None, out: Path, console: Console
 ) -> tuple[Check, ...]:
     with console.status("connecting to motion capture, autopilot and arms") as status:
+        show_cursor(console)
         async with open_onlooker(config, out, forward_vision=True) as (running, _):
             status.update("looking at motion capture and the autopilot, asking for its parameters")
             return await check_everything(running, config, trajectory)
@@ -90,7 +101,7 @@ async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -
         checks = await carry(running, console)
     if all(check.passed for check in checks):
         path = write_kept(config.preflight, Kept(config.mocap.body, datetime.now(tz=UTC)))
-        console.print(f"kept in {path}", highlight=False, soft_wrap=True)
+        console.print(f"kept in {path}", markup=False, highlight=False, soft_wrap=True)
     return checks
 
 
@@ -101,19 +112,35 @@ def show(
     good: str = "it may arm",
     bad: str = "fail: arming is refused",
 ) -> None:
-    """The table, with what to do underneath what failed, and what it means; or JSON on standard output."""
+    """The table, what failed once more at its end, and what it means; or JSON on standard output."""
     if as_json:
         typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
         return
-    console.print(_table(checks))
+    console.print(_table(_gathered(checks), with_todo=len(checks) <= _GLANCE))
+    wrong = [check for check in checks if not check.passed]
+    if wrong and len(checks) > _GLANCE:
+        console.print(Text("\nwhat to do", style="bold"))
+        console.print(_table(wrong))
     refused = sum(check.refuses for check in checks)
     warned = sum(not check.passed for check in checks) - refused
     warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
-    verdict = f"[red]{refused} of {len(checks)} {bad}[/]" if refused else f"[green]{good}[/]"
-    console.print(f"{verdict}{warnings}", highlight=False)
+    verdict = (f"{refused} of {len(checks)} {bad}", "red") if refused else (good, "green")
+    console.print(Text.assemble(verdict, warnings))
 
 
-def _table(checks: Sequence[Check]) -> Table:
+def _gathered(checks: Sequence[Check]) -> list[Check]:
+    """PX4's parameters that are right on one line, in front of those that are not."""
+    of_px4 = [check for check in checks if _PARAMETER.fullmatch(check.name)]
+    right = [check for check in of_px4 if check.passed]
+    if len(right) < _FEW:
+        return list(checks)
+    place = checks.index(of_px4[0])
+    line = Check("PX4's parameters", True, f"{len(right)} of {len(of_px4)} are right")
+    rest = [check for check in checks if check not in right]
+    return [*rest[:place], line, *rest[place:]]
+
+
+def _table(checks: Sequence[Check], with_todo: bool = True) -> Table:
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(no_wrap=True)
@@ -121,7 +148,7 @@ def _table(checks: Sequence[Check]) -> Table:
     for check in checks:
         word, style = ("pass", "green") if check.passed else ("FAIL", "red") if check.must else ("warn", "yellow")
         says = Text(check.says)
-        if not check.passed:
+        if not check.passed and with_todo:
             says.append(f"\n-> {check.todo}", style=style)
-        table.add_row(Text(word, style=style), check.name, says)
+        table.add_row(Text(word, style=style), Text(check.name), says)
     return table

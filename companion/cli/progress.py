@@ -59,7 +59,8 @@ class FlightDisplay:
 
     def _print(self) -> None:
         if self._console.is_terminal:
-            show_live(self._live)
+            self._live.start()
+            show_cursor(self._console)
         try:
             while (line := self._lines.get()) is not None:
                 self._console.print(line, highlight=False, soft_wrap=True)
@@ -86,10 +87,10 @@ class FlightDisplay:
         return Text("  ".join(parts), no_wrap=True)
 
 
-def show_live(live: Live) -> None:
-    """Begin it with the cursor left visible: who is killed in flight cannot bring it back."""
-    live.start()
-    live.console.show_cursor(True)
+def show_cursor(console: Console) -> None:
+    """Bring back what a live display hides: who is killed in flight cannot."""
+    if console.is_terminal:
+        console.show_cursor(True)
 
 
 def _error_w_m(tick: Tick) -> Array | None:

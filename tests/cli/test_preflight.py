@@ -14,15 +14,16 @@ from rich.console import Console
 
 from companion.adapters.instance_lock import instance_lock
 from companion.by_hand_file import read_kept, write_kept
-from companion.cli.preflight import carry_and_keep
+from companion.cli.preflight import carry_and_keep, show
 from companion.config import load_config
 from companion.config_preflight import PreflightConfig
 from companion.preflight.by_hand import Kept, Move, check_kept
+from companion.preflight.check import Check
 from mock_autopilot.dynamixel_packets import Instruction, Packet
 from mock_autopilot.simulator import Simulator
 from mock_autopilot.truth import Truth
 from mock_autopilot.world import World
-from tests.cli.typed import typing
+from tests.cli.typed import disk_full_after, typing
 from tests.flights.command import run, start
 from tests.mavlink_relay import Relay
 from tests.preflight.rig import room
@@ -73,6 +74,73 @@ def test_a_mistake_in_its_table_is_one_sentence(
         typed = typing(command, monkeypatch, capsys)("--config", path)
         assert typed.code == 2
         assert sentence in typed.err
+
+
+@pytest.mark.parametrize("command", ["preflight", "dry-run"])
+def test_where_nothing_can_be_written_it_does_not_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], command: str
+) -> None:
+    typed = typing(command, monkeypatch, capsys)
+    with disk_full_after(1000):
+        full = typed("--config", "config/demo.toml", "--out", tmp_path / "full")
+    assert (full.code, full.out) == (2, "")
+    assert full.err == f"companion: cannot write to {tmp_path / 'full'}: File too large\n"
+    wrong = typed("--config", "config/mock.toml")
+    assert wrong.err.startswith("companion: config/mock.toml: this is the mock's configuration; give the companion's")
+
+
+def shown(*checks: Check) -> list[str]:
+    console = Console(file=io.StringIO(), width=120)
+    show(checks, console, as_json=False)
+    assert isinstance(console.file, io.StringIO)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+def test_parameters_that_are_right_are_one_line_and_what_is_wrong_comes_last_with_what_to_do() -> None:
+    right = [Check(f"PAR_{number}", True, "is 1") for number in range(20)]
+    wrong = Check("COM_OF_LOSS_T", False, "is 1", "set it to 0.5")
+    warned = Check("real-time priority", False, "not real-time", "set [preflight] realtime = false", must=False)
+    lines = shown(Check("body seen", True, "in 100 %"), *right, wrong, warned)
+    assert [line.split("  ")[1].strip() for line in lines[:4]] == [
+        "body seen", "PX4's parameters", "COM_OF_LOSS_T", "real-time priority",
+    ]  # fmt: skip
+    assert "20 of 21 are right" in lines[1]
+    assert [line.split("-> ")[-1].split("  ")[0] for line in lines[lines.index("what to do") + 1 :]] == [
+        "FAIL", "set it to 0.5", "warn", "set [preflight] realtime = false",
+        "1 of 23 fail: arming is refused, 1 warning",
+    ]  # fmt: skip
+    assert sum("set it to 0.5" in line for line in lines) == 1
+
+
+def test_a_short_list_says_what_to_do_on_the_spot() -> None:
+    lines = shown(Check("battery", False, "10 %", "charge it"), Check("disarmed", True, "on the ground"))
+    assert [line.strip() for line in lines] == [
+        "FAIL  battery   10 %", "-> charge it", "pass  disarmed  on the ground", "1 of 2 fail: arming is refused",
+    ]  # fmt: skip
+
+
+def test_ctrl_c_before_anything_has_begun_is_a_word(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for place in ("companion.cli.preflight.settings_of", "companion.cli.commands.run"):
+        monkeypatch.setattr(place, interrupted)
+        typed = typing("preflight", monkeypatch, capsys)()
+        assert (typed.code, typed.out, typed.err) == (130, "", "interrupted\n")
+
+
+@pytest.mark.realtime
+async def test_a_move_by_hand_that_does_not_come_says_what_was_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.cli.by_hand._PATIENCE_S", 1.5)
+    real = room(tmp_path)
+    async with real.mock:
+        checks = await carry_and_keep(load_config(real.config), tmp_path, Console(file=io.StringIO(), width=300))
+    assert [check.name for check in checks] == ["by hand: lift"]
+    assert checks[0].says.startswith("no such move within 1.5 s: motion capture saw it move ")
 
 
 READING = {Instruction.PING, Instruction.READ, Instruction.SYNC_READ, Instruction.FAST_SYNC_READ, Instruction.BULK_READ}

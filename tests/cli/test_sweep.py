@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 import companion.cli.sweep as command
-from companion.cli.main import app
+from companion.cli.commands import app
 from companion.experiments.sweep import Sweep
 from companion.ports import ConfigError
 from tests.experiments.sweep_rig import short_experiment

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from companion.cli.main import app
+from companion.cli.commands import app
 from companion.config_controller import load_controller
 from companion.control.controller import VehicleModel
 from companion.ports import ConfigError
