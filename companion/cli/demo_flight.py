@@ -211,7 +211,7 @@ async def _down(service: Service, story: FlightStory, flown: Flown) -> None:
         if loop.time() > end_s:
             raise FlightError("the autopilot is still armed")
         await asyncio.sleep(_POLL_S)
-    story.ours = True
+    story.ours = service.phase not in {Phase.STOW, Phase.LAND}  # else it was ordered before
     await service.land()
 
 

@@ -3,6 +3,7 @@
 import math
 import re
 
+from companion.arms.model import JOINT_COUNT
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Flight
 from companion.tick import Tick
@@ -12,7 +13,6 @@ _SERVO = re.compile(r"\S+ \(ID (?P<id>\d+)\) (?P<says>.*)")
 _NEXT_SERVO = re.compile(r"; (?=\S+ \(ID \d+\) |bus: |the arms. )")
 _NUMBERS = re.compile(r"\d+(?:\.\d+)?")
 _MANY = {"is": "are", "has": "have", "reports": "report", "holds": "hold", "its": "their", "it": "they"}
-_SERVOS = 8
 _PILOTS = frozenset({FlightMode.POSITION, FlightMode.ALTITUDE, FlightMode.MANUAL})
 _LANDINGS = frozenset({FlightMode.LAND, FlightMode.RETURN})
 _SEEN_S = 0.5
@@ -64,7 +64,7 @@ def _of_servos(said: list[tuple[int, str]]) -> str:
     servo = _SERVO.fullmatch(said[0][1])
     assert servo is not None
     many = re.sub(r"\b[a-z]+\b", lambda word: _MANY.get(word[0], word[0]), servo["says"])
-    return f"{len(said)} of {_SERVOS} servos (IDs {_ranges(sorted(number for number, _ in said))}) {many}"
+    return f"{len(said)} of {JOINT_COUNT} servos (IDs {_ranges(sorted(number for number, _ in said))}) {many}"
 
 
 def _ranges(numbers: list[int]) -> str:
