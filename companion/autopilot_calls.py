@@ -20,7 +20,7 @@ class AutopilotCalls:
             Action.OFFBOARD: autopilot.start_offboard,
             Action.KILL: autopilot.kill,
         }
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: dict[asyncio.Task[None], Action] = {}
         self.failure = ""
         """Why the autopilot did not do the last thing it did not do; empty if it did all."""
 
@@ -32,8 +32,8 @@ class AutopilotCalls:
     def begin(self, action: Action) -> None:
         """Ask; returns at once."""
         task = asyncio.get_running_loop().create_task(self._attempt(action), name=f"companion.{action}")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._tasks[task] = action
+        task.add_done_callback(self._tasks.pop)
 
     async def _attempt(self, action: Action) -> None:
         try:
@@ -46,11 +46,10 @@ class AutopilotCalls:
             LOG.exception("what the loop asked of the autopilot failed")
 
     async def cancel(self) -> None:
-        """Wait for nothing more."""
-        for task in list(self._tasks):
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-
-    async def answered(self) -> None:
-        """Until every call has its answer; each logs its own failure."""
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        """Wait for nothing more, except for motors that were to stop: one message may be lost."""
+        tasks = dict(self._tasks)
+        for task, action in tasks.items():
+            if action is not Action.KILL:
+                task.cancel()
+        if tasks:
+            await asyncio.wait(tasks)  # gather would cancel them all when it is cancelled itself

@@ -74,8 +74,8 @@ class ControlStage:
         """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
         if self._decided is None or self._halves is None:
             return {}
-        self._memory, late_signals = self._halves.settle(self._decided)
-        self._decided = None
+        decided, self._decided = self._decided, None  # tried once: what raises would raise again
+        self._memory, late_signals = self._halves.settle(decided)
         return late_signals
 
     def _decide(self, now: ControlInput) -> ControlOutput:

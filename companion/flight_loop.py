@@ -4,29 +4,31 @@ import asyncio
 import logging
 import math
 from dataclasses import dataclass, field
-
-import numpy as np
+from typing import TypeGuard
 
 from companion.arm_stage import ArmStage
 from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
+from companion.control.frames import yaw_of
 from companion.control.guard import SINKING, Guard
-from companion.control.limits import Gated
-from companion.control_stage import Asked, ControlStage, idle_setpoint, same_setpoint
+from companion.control_stage import ControlStage, idle_setpoint
 from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.health_stage import UNTRUSTED, Cycle, HealthStage, Sides, facts_of
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.giving_up import GivingUp, Patience
+from companion.health_stage import Cycle, HealthStage, Sides, facts_of
+from companion.law_stage import LawStage
 from companion.ports import ArmBus, Autopilot, Clock, CompanionError, DeadMan, MocapSource
+from companion.setpoint_stream import SetpointStream
 from companion.supervisor import phases
-from companion.supervisor.faults import Event, Reaction
+from companion.supervisor.faults import Event, Fault, Reaction
 from companion.supervisor.flight import (
     COMMANDED,
     STREAMING,
-    Action,
     Facts,
     Flight,
     HandOver,
+    Kill,
     Phase,
     Prepare,
     Request,
@@ -34,14 +36,14 @@ from companion.supervisor.flight import (
 )
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
-from companion.types import FlightMode
+from companion.types import FlightMode, MocapFrame
 from companion.vision_stage import VisionStage
 
 LOG = logging.getLogger(__name__)
 
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
-_NOTHING = np.zeros(3)
+_FAILED = "the flight loop has failed and the autopilot was told to land: only kill is still taken"
 
 
 @dataclass(frozen=True)
@@ -61,30 +63,34 @@ class FlightLoop:
 
     def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
-        self._dead_man = devices.dead_man
-        self._calls = AutopilotCalls(devices.autopilot)
         self._sink: TickSink | None = sink
         self._period_s = 1.0 / config.control.rate_hz
         self._rules, self._safety = config.flight_rules(), config.safety.rules()
         model, limits = config.vehicle.thrust_model(), config.limits.limits()
         guard = Guard(limits, model, config.fence.fence(), self._safety.coast_s, self._safety.degraded_s)
         self._stage = ControlStage(controller, model, limits, guard=guard)
-        self._health = HealthStage(self._safety, config.fence.fence(), devices.sides)
         self.arms = self._arm_stage(devices.arms, config)
         """The arms' part; None for a vehicle without."""
+        self._law = LawStage(self._stage, self.arms, self._rules, self._safety, limits.max_thrust, self._period_s)
+        self._health = HealthStage(self._safety, config.fence.fence(), devices.sides)
+        self._events: tuple[Event, ...] = ()
+        self._stream = SetpointStream(
+            devices.autopilot, devices.dead_man, devices.clock, self._stage, self._safety.not_followed_s
+        )
+        self._calls = AutopilotCalls(devices.autopilot)
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._vision = VisionStage(devices.autopilot, config.px4.vision_rate_hz, self._period_s)
         self._estimate = EstimatorState()
-        self._frame_number: int | None = None
+        self._frame: MocapFrame | None = None
         self._flight = Flight()
-        self._streaming = False
-        self._ticking = False
-        self._last_tick_s = -math.inf
-        self._law_fault = ""
-        self._not_finite = 0
-        self._max_thrust, self._at_max_thrust = limits.max_thrust, False
+        self._failed = False
+        self.ticking = False
+        """Cycles come by themselves."""
         self.missed_cycles = 0
         """Whole periods that passed without a cycle."""
+        patience = Patience(self._period_s, self._rules.stow_time_s, self._safety.land_refused_s)
+        parts = (self._see_without_checks, self._supervise_without_checks, self._fold_arms, self._keep_or_end_stream)
+        self._giving_up = GivingUp(self, self._calls, devices.clock, patience, parts)
 
     @staticmethod
     def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
@@ -105,7 +111,7 @@ class FlightLoop:
     @property
     def events(self) -> tuple[Event, ...]:
         """What is wrong now."""
-        return self._health.events
+        return self._events
 
     @property
     def action_failure(self) -> str:
@@ -114,6 +120,8 @@ class FlightLoop:
 
     def refusal(self, wanted: Request) -> str:
         """Why an operator's request cannot be met now; empty when it can."""
+        if self._failed and not isinstance(wanted, Kill):
+            return _FAILED
         status = self._autopilot.status()
         if isinstance(wanted, Prepare) and (status.armed or status.in_air):
             # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
@@ -132,7 +140,7 @@ class FlightLoop:
     async def run(self) -> None:
         """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
         timer = TickTimer(self._period_s, self._clock.now_s() + self._period_s)
-        self._ticking = True
+        self.ticking = True
         try:
             while True:
                 frame_arrived_s = await self._next_start(timer)
@@ -142,13 +150,14 @@ class FlightLoop:
         except asyncio.CancelledError:
             raise
         except BaseException as error:
-            self._ticking = False
-            await self._abandon(str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}")
+            self.ticking, self._failed, self._events = False, True, ()
+            words = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
+            await self._giving_up.give_up(words)
             raise
         finally:
-            self._ticking = False
+            self.ticking = False
             await self._calls.cancel()
-            self._end_stream()
+            self._stream.stop()
             if self.arms is not None:
                 await self.arms.close()
 
@@ -156,7 +165,7 @@ class FlightLoop:
         """Leave no vehicle in the air to a stream that goes on by itself, and no arm in the middle of a motion."""
         if self.arms is not None:
             self.arms.stop("the service was closed")
-        await self._abandon("the service was closed")
+        await self._giving_up.give_up("the service was closed")
 
     async def _next_start(self, timer: TickTimer) -> float | None:
         """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
@@ -174,22 +183,20 @@ class FlightLoop:
         for _ in range(_TURNS):
             await asyncio.sleep(0)
         frame = self._mocap.latest()
-        return frame.received_s if frame is not None and frame.frame != self._frame_number else None
+        return frame.received_s if self._is_new(frame) else None
 
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
         frame_received_s = self._read()
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
-        events = self._look(now_s, late_s)
-        facts = self._facts(now_s)
-        self._enter(phases.advance(self._flight, facts, self._rules))
-        asked, gated = self._control_or_fail(facts)
-        sent_s = self._send(gated)
-        self._keep_or_end_stream()
-        late_signals = self._stage.settle()
+        self._look(now_s, late_s)
+        self._enter(phases.advance(self._flight, self._facts(now_s), self._rules))
+        asked, gated = self._law.control(self._flight, self._estimate, now_s)
+        sent_s = self._stream.send(gated.setpoint) if gated is not None else math.nan
+        self._keep_or_end_stream(now_s)
+        late_signals = self._law.settle()
         self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
-        self._last_tick_s = now_s
         self._tell(
             Tick(
                 now_s,
@@ -197,7 +204,7 @@ class FlightLoop:
                 frame_received_s,
                 sent_s,
                 self._estimate.vehicle,
-                self._age_s(now_s),
+                estimator.age_s(self._estimate, now_s),
                 self._autopilot.status(),
                 self._flight,
                 phases.reference_at(self._flight, now_s) if asked else None,
@@ -205,70 +212,48 @@ class FlightLoop:
                 gated,
                 late_signals,
                 self.arms.tick(now_s, self._flight) if self.arms is not None else None,
-                events,
+                self._events,
             )
         )
 
     def _read(self) -> float:
         """Feed the newest frame to the estimator; its arrival (s), or NaN when there is no new one."""
         frame = self._mocap.latest()
-        if frame is None or frame.frame == self._frame_number:
+        if frame is None or not self._is_new(frame):
             return math.nan
-        self._frame_number = frame.frame
+        self._frame = frame
         self._estimate = estimator.step(self._estimate, frame, self._estimator_params)
         return frame.received_s
 
-    def _look(self, now_s: float, late_s: float) -> tuple[Event, ...]:
-        """What is wrong now; a pose that is not to be trusted is withheld from the autopilot from now on."""
+    def _is_new(self, frame: MocapFrame | None) -> TypeGuard[MocapFrame]:
+        """By its stamp, too: some QTM versions number every frame 1."""
+        if frame is None or self._frame is None:
+            return frame is not None
+        return frame.frame != self._frame.frame or frame.stamp_s != self._frame.stamp_s
+
+    def _look(self, now_s: float, late_s: float) -> None:
+        """What is wrong now, and whether the autopilot may see what we see."""
+        status = self._autopilot.status()
         cycle = Cycle(
             now_s,
             late_s,
             self._mocap.latest(),
             self._estimate,
-            self._autopilot.status(),
-            self._streaming,
-            self._stage.sent if self._streaming else None,
-            self._at_max_thrust,
-            self._law_fault,
+            status,
+            self._stream.on,
+            self._stream.sent,
+            self._law.at_max_thrust,
+            self._law.fault,
             self.arms.fault if self.arms is not None else "",
         )
-        events = self._health.look(cycle, self._flight)
-        if events and self._flight.airborne and any(event.fault in UNTRUSTED for event in events):
-            self._vision.trusted = False
-        return events
-
-    def _age_s(self, now_s: float) -> float:
-        vehicle = self._estimate.vehicle
-        return math.inf if vehicle is None else now_s - vehicle.time_s
+        self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
+        if unsent is not None:
+            self._events = (*(event for event in self._events if event.fault is not unsent.fault), unsent)
+        self._vision.judge(self._events, status.armed)
 
     def _facts(self, now_s: float) -> Facts:
-        return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._health.events)
-
-    def _control_or_fail(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
-        """A law that raises, or goes on giving what is no number, has lost the vehicle; the loop and vision go on."""
-        try:
-            asked, gated = self._control(facts)
-        except Exception as error:
-            LOG.exception("the control law failed")
-            self._law_fault = f"the control law failed: {type(error).__name__}: {error}"
-            return None, None
-        if gated is not None and gated.failure:
-            self._law_fault = f"the guard failed: {gated.failure}"
-        bad = gated is not None and bool(gated.not_finite.any())
-        self._not_finite = self._not_finite + 1 if bad else 0
-        if self._not_finite > self._safety.not_finite_cycles:
-            self._law_fault = f"the control law gave no finite command for {self._safety.not_finite_cycles} cycles"
-        self._at_max_thrust = asked is not None and float(asked.gated.setpoint.thrust) >= self._max_thrust
-        return asked, gated
-
-    def _leave_level(self, flight: Flight) -> None:
-        """The last setpoint of ours, which MAVSDK repeats until PX4 lands: level and sinking gently, not the law's."""
-        last = idle_setpoint(flight.yaw_rad)
-        if flight.airborne:
-            yaw_rad = phases.reference_at(flight, self._clock.now_s()).yaw_rad
-            last = self._stage.level(yaw_rad, SINKING * self._rules.hover_thrust)
-        self._autopilot.send_setpoint(last)
-        self._stage.sent = last
+        thrust = float(self._stage.sent.thrust) if self._stream.on else math.nan
+        return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""
@@ -280,92 +265,82 @@ class FlightLoop:
             LOG.exception("the tick's listener failed and is dropped")
             self._sink = None
 
-    def _control(self, facts: Facts) -> tuple[Asked | None, Gated | None]:
-        """This cycle's setpoint, through the gate; None in phases that send nothing."""
-        flight, vehicle = self._flight, self._estimate.vehicle
-        if vehicle is None or flight.phase not in STREAMING:
-            return None, None
-        dt_s = min(max(facts.time_s - self._last_tick_s, 0.2 * self._period_s), 5.0 * self._period_s)
-        if not flight.airborne:
-            thrust = phases.ground_thrust(flight, facts.time_s, self._rules)
-            return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
-        ahead = phases.reference_at(flight, facts.time_s + self._stage.preview_s)
-        known = self.arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz) if self.arms is not None else _NOTHING
-        asked = self._stage.fly(vehicle, self._age_s(facts.time_s), ahead, dt_s, known)
-        return asked, asked.gated
-
-    def _send(self, gated: Gated | None) -> float:
-        """Send what the gate let through if the autopilot does not have it yet; the time it had left (s), or NaN."""
-        if gated is None or (self._streaming and same_setpoint(gated.setpoint, self._stage.sent)):
-            return math.nan
-        self._autopilot.send_setpoint(gated.setpoint)
-        self._stage.sent, self._streaming = gated.setpoint, True
-        return self._clock.now_s()
-
-    def _keep_or_end_stream(self) -> None:
+    def _keep_or_end_stream(self, now_s: float) -> None:
         """Setpoints leave only while we fly, or until PX4 has begun to land; without them the dead man may rest."""
         flight, offboard = self._flight, self._autopilot.status().mode is FlightMode.OFFBOARD
-        landing = flight.phase is Phase.HANDED_OVER and flight.level is Reaction.AUTOPILOT_LAND and offboard
-        if flight.phase not in STREAMING and not landing:
-            self._end_stream()
-        elif self._streaming:
-            self._dead_man.renew()
-
-    def _end_stream(self) -> None:
-        if self._streaming:
-            self._autopilot.stop_stream()
-            self._streaming = False
-        self._dead_man.release()
+        landing = 0.0 <= now_s - flight.landing_asked_s <= self._safety.land_refused_s and offboard
+        if flight.phase in STREAMING or landing:
+            self._stream.renew()
+        else:
+            self._stream.stop()
 
     def _enter(self, flight: Flight) -> None:
         """Take over the flight's next state, and do what its changes ask of the loop."""
         before, self._flight = self._flight, flight
-        if flight.phase is not before.phase:
-            LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
-        if flight.action is Action.AUTOPILOT_LAND and before.phase in COMMANDED and self._streaming:
-            self._leave_level(before)
-        if flight.phase is not before.phase and flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
-            thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
-            self._stage.sent, self._streaming = idle_setpoint(flight.yaw_rad, thrust), False
-            self._vision.trusted, self._law_fault = True, ""
-        if flight.airborne and not before.airborne:
-            self._stage.forget()  # what was integrated on the ground would be of the ground
         if flight.action is not None and flight is not before:
             self._calls.begin(flight.action)
+        if flight.airborne and not before.airborne:
+            self._stage.forget()  # what was integrated on the ground would be of the ground
+        if flight.phase is before.phase:
+            return
+        LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
+        if flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
+            thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
+            self._stream.begin(idle_setpoint(flight.yaw_rad, thrust))
+            self._law.trust()
+            self._vision.trusted = True
+        elif flight.phase is Phase.HANDED_OVER and before.phase in COMMANDED:
+            self._leave_level(before)
 
-    async def _abandon(self, reason: str) -> None:
-        """The autopilot lands what is still flown, and we send nothing more.
+    def _leave_level(self, before: Flight) -> None:
+        """The last setpoint of ours, which PX4 holds until it lands: level and sinking gently, not the law's.
 
-        Waits until it has answered, and until the arms have folded.
+        A pilot who has the vehicle gets none.
         """
-        if self._flight.phase in COMMANDED:
+        silent = self._flight.cause is Fault.AUTOPILOT_SILENT and before.airborne
+        if not self._stream.on or not (self._flight.level is Reaction.AUTOPILOT_LAND or silent):
+            return
+        last = idle_setpoint(before.yaw_rad)
+        if before.airborne:
+            last = self._stage.level(float(yaw_of(self._stage.sent.q_w_flu_wxyz)), SINKING * self._rules.hover_thrust)
+        self._stream.send(last)
+
+    # What giving_up.Given asks for, and what is left of a cycle when the loop has failed.
+
+    @property
+    def arms_busy(self) -> bool:
+        """The arms move, or should."""
+        return self.arms is not None and self.arms.is_busy(self._flight)
+
+    @property
+    def unflown(self) -> bool:
+        """Given up, and the autopilot still shows OFFBOARD: it holds what it was told last."""
+        status = self._autopilot.status()
+        return self._flight.phase is Phase.HANDED_OVER and status.armed and status.mode is FlightMode.OFFBOARD
+
+    @property
+    def seen_landing(self) -> bool:
+        """Armed, and seen by motion capture."""
+        age_s = estimator.age_s(self._estimate, self._clock.now_s())
+        return self._autopilot.status().armed and age_s < self._safety.silent_s
+
+    def hand_over(self, reason: str) -> None:
+        """The autopilot lands what we still fly; nothing where we do not."""
+        if self._flight.phase in COMMANDED | {Phase.RESUME}:
             facts = self._facts(self._clock.now_s())
             self._enter(phases.request(self._flight, HandOver(reason), facts, self._rules))
-        ending = asyncio.create_task(self._end_stream_when_told(), name="companion.end_of_stream")
-        try:
-            await self._settle_arms()
-        except Exception:
-            LOG.exception("the arms could not be folded")
-        await ending
-        await self._calls.answered()
 
-    async def _end_stream_when_told(self) -> None:
-        """The level setpoint is repeated until PX4 has answered, but not for long: then its own failsafe lands."""
-        end_s = self._clock.now_s() + self._safety.land_refused_s
-        while self._calls.pending and self._clock.now_s() < end_s and not self._ticking:
-            if self._streaming:
-                self._dead_man.renew()
-            await asyncio.sleep(self._period_s)
-        if not self._ticking:
-            self._end_stream()
+    def _see_without_checks(self, now_s: float) -> None:
+        new = math.isfinite(self._read())
+        if self._estimate.verdict is Verdict.STARTED:  # jumped, or lost for long
+            self._vision.trusted = False
+        self._vision.forward(now_s, new, self._estimate)
 
-    async def _settle_arms(self) -> None:
-        """Let the arms fold, or at least come to rest, for as long as that may take; nothing else is done any more."""
-        if self.arms is None:
-            return
-        end_s = self._clock.now_s() + self._rules.stow_time_s
-        while self.arms.is_busy(self._flight) and self._clock.now_s() < end_s:
-            if not self._ticking:
-                self.arms.read(self._clock.now_s(), self._flight)
-                self.arms.tick(self._clock.now_s(), self._flight)
-            await asyncio.sleep(self._period_s)
+    def _supervise_without_checks(self, now_s: float) -> None:
+        if self._flight.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
+            self._enter(phases.advance(self._flight, self._facts(now_s), self._rules))
+
+    def _fold_arms(self, now_s: float) -> None:
+        if self.arms is not None:
+            self.arms.read(now_s, self._flight)
+            self.arms.tick(now_s, self._flight)

@@ -125,6 +125,28 @@ def test_the_law_begins_afresh_after_forgetting() -> None:
     assert law.begun == 2
 
 
+def test_a_second_half_that_raises_is_not_tried_again() -> None:
+    class Halves(Script):
+        broken = False
+
+        def decide(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+            return self.step(memory, now)
+
+        def settle(self, decided: Any) -> tuple[Any, dict[str, Array]]:
+            if self.broken:
+                raise ZeroDivisionError
+            return decided, {}
+
+    stage = stage_of(law := Halves())
+    stage.fly(VEHICLE, 0.01, reference(), DT_S)
+    law.broken = True
+    with pytest.raises(ZeroDivisionError):
+        stage.settle()
+    assert stage.settle() == {}
+    stage.fly(VEHICLE, 0.01, reference(), DT_S)
+    assert len(law.seen) == 2, "it goes on from what it remembered before"
+
+
 def test_on_the_ground_the_rotors_may_idle_and_the_vehicle_stays_level() -> None:
     stage = stage_of(Script())
     stage.sent = idle_setpoint(0.4)

@@ -17,7 +17,6 @@ from companion.types import Array, FlightMode
 from tests.flights.simulated import Flight, Step, fly
 
 MODEL = VehicleModel()
-JUMPED = "motion capture jumped, or came back after a gap, by more than the vehicle can move"
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
 
 
@@ -155,8 +154,8 @@ async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() ->
     mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
     flight = await fly([*UP, until(Phase.HANDED_OVER), wait(1.5)], mocap=mocap)
     handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
-    assert 0.30 < handed.age_s < 0.33
-    assert "motion capture has been silent" in handed.flight.reason
+    assert 0.25 < handed.age_s < 0.28
+    assert "no usable pose for 0.2" in handed.flight.reason
     assert flight.autopilot.setpoints[-1][0] <= handed.time_s, "no setpoint after handing over"
     assert flight.autopilot.status().mode is FlightMode.LAND
 
@@ -164,14 +163,14 @@ async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() ->
 async def test_silent_mocap_on_the_ground_disarms() -> None:
     mocap = {"silences": [{"start_s": 9.0, "for_s": 100.0}]}
     flight = await fly([*ARM, until(Phase.DISARMED)], mocap=mocap)
-    assert "motion capture has been silent" in flight.loop.flight.reason
+    assert "no usable pose for 0.2" in flight.loop.flight.reason
     assert Phase.TAKEOFF not in flight.phases()
 
 
 async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
     flight = await fly([*UP, wait(1.0), command(21), until(Phase.HANDED_OVER), wait(3.0)])
     over_s = flight.loop.flight.since_s
-    assert flight.loop.flight.reason == "the autopilot left OFFBOARD for land"
+    assert flight.loop.flight.reason == "the autopilot shows mode land, not offboard"
     assert all(at_s <= over_s for at_s, _ in flight.autopilot.setpoints), "it fought the pilot"
     assert not flight.loop.ask(Fly(LAP, 1.0)), "nothing but a new beginning is accepted"
 
@@ -179,7 +178,7 @@ async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
 async def test_a_kill_ends_the_flight() -> None:
     low = [*UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.25)]  # higher, and it hits the floor before
     flight = await fly([*low, command(400, 0.0, 21196.0), until(Phase.DISARMED)])  # the HEARTBEAT tells of the kill
-    assert flight.loop.flight.reason in {"disarmed in the air", JUMPED}, "the impact looks like a jump"
+    assert flight.loop.flight.reason == "the autopilot disarmed without our asking"
 
 
 class _Broken(Pid):
@@ -211,8 +210,8 @@ async def test_the_last_setpoint_before_handing_over_is_level() -> None:
 
 async def test_a_lost_land_command_is_repeated() -> None:
     mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
-    flight = await fly([*UP, until(Phase.HANDED_OVER), wait(7.0)], mocap=mocap, lost_land_commands=2)
-    assert flight.autopilot.land_calls == 3
+    flight = await fly([*UP, until(Phase.HANDED_OVER), wait(4.0)], mocap=mocap, lost_land_commands=1)
+    assert flight.autopilot.land_calls == 2
     assert flight.autopilot.status().mode is not FlightMode.OFFBOARD
 
 
@@ -231,7 +230,7 @@ async def test_a_jump_of_motion_capture_in_the_air_is_not_followed() -> None:
         return True
 
     flight = await fly([*UP, wait(1.0), jump, until(Phase.HANDED_OVER), wait(1.0)])
-    assert flight.loop.flight.reason == JUMPED
+    assert "the pose jumped by 0.60 m" in flight.loop.flight.reason
     assert flight.autopilot.land_calls == 1, "told at once, and once"
     assert flight.autopilot.status().mode is FlightMode.LAND
     assert np.abs(flight.truths_w_m[-1][0]) < 0.2

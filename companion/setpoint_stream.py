@@ -1,0 +1,79 @@
+"""Setpoints on their way to the autopilot, and the dead man who ends what MAVSDK would repeat for ever."""
+
+import logging
+import math
+
+from companion.control_stage import ControlStage, same_setpoint
+from companion.ports import Autopilot, Clock, CompanionError, DeadMan
+from companion.supervisor.faults import Event, Fault
+from companion.types import AttitudeThrust
+
+LOG = logging.getLogger(__name__)
+
+
+class SetpointStream:
+    """Owns whether setpoints leave. Nothing here raises because of the link."""
+
+    def __init__(
+        self, autopilot: Autopilot, dead_man: DeadMan, clock: Clock, stage: ControlStage, unsent_s: float
+    ) -> None:
+        self._autopilot, self._dead_man, self._clock, self._stage = autopilot, dead_man, clock, stage
+        self._unsent_limit_s = unsent_s
+        self._unsent_since_s, self._why_unsent = math.inf, ""
+        self.on = False
+        """The autopilot gets a setpoint of ours again and again."""
+
+    @property
+    def sent(self) -> AttitudeThrust | None:
+        """What the autopilot is told now; None while nothing leaves."""
+        return self._stage.sent if self.on else None
+
+    def begin(self, at: AttitudeThrust) -> None:
+        """A new stream, whose first setpoint is limited as if `at` had left before it; an earlier one ends."""
+        if self.on:
+            self.stop()
+        self._stage.sent = at
+
+    def send(self, setpoint: AttitudeThrust) -> float:
+        """Send it unless the autopilot has it; when it had left (s), or NaN. One that cannot be sent is not `sent`."""
+        if self.on and same_setpoint(setpoint, self._stage.sent):
+            self._unsent_since_s = math.inf
+            return math.nan
+        try:
+            self._autopilot.send_setpoint(setpoint)
+        except Exception as error:
+            self._fail(error)
+            return math.nan
+        self._stage.sent, self.on, self._unsent_since_s = setpoint, True, math.inf
+        return self._clock.now_s()
+
+    def _fail(self, error: Exception) -> None:
+        if math.isfinite(self._unsent_since_s):
+            return
+        self._unsent_since_s = self._clock.now_s()
+        self._why_unsent = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
+        LOG.error("a setpoint was not sent, the next one may be: %s", self._why_unsent)
+
+    def fault(self, now_s: float) -> Event | None:
+        """That setpoints cannot be sent any more; a single one that is lost follows from no fault."""
+        unsent_s = now_s - self._unsent_since_s
+        if unsent_s < self._unsent_limit_s:
+            return None
+        return Event(Fault.SETPOINT_NOT_FOLLOWED, f"no setpoint could be sent for {unsent_s:.2f} s: {self._why_unsent}")
+
+    def renew(self) -> None:
+        """Once a cycle while setpoints may leave."""
+        if self.on:
+            self._dead_man.renew()
+
+    def stop(self) -> None:
+        """No setpoint leaves any more, and the dead man may rest; if that fails, he ends this process instead."""
+        if self.on:
+            try:
+                self._autopilot.stop_stream()
+            except Exception:
+                LOG.exception("the stream of setpoints could not be stopped")
+                return
+            self.on = False
+        self._unsent_since_s = math.inf
+        self._dead_man.release()
