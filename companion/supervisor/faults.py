@@ -170,7 +170,7 @@ TABLE: tuple[Row, ...] = (
         "every correction goes sideways: the toilet bowl",
         _PX4, _PX4, _STOP),
     Row(Fault.SETPOINT_NOT_FOLLOWED, "attitude {not_followed_rad} rad off the answer a healthy vehicle would give, "
-        "for {not_followed_s} s",
+        "on the ground off its tilt at arming, for {not_followed_s} s",
         "setpoints do not arrive, or a motor or propeller fails; PX4 has the shorter loop; on the "
         "ground, with the rotors spinning up, it is tipping over",
         _PX4, _PX4, _STOP),
@@ -188,7 +188,8 @@ TABLE: tuple[Row, ...] = (
         "neither law nor guard kept it in",
         _PX4, _PX4, _STOP),
     Row(Fault.ROOM_LEFT, "{beyond_m} m beyond the fence, and still armed",
-        "the net is next; falling here is better than flying on there",
+        "the net is next; falling here is better than flying on there; in any mode but OFFBOARD and PX4's landing the "
+        "motors are a pilot's",
         _OFF, _OFF, _STOP, _OFF),
     Row(Fault.THRUST_SATURATED, "thrust at its upper limit for {saturated_s} s",
         "no reserve against a disturbance: weak battery, too heavy, a motor gone",
@@ -245,7 +246,7 @@ TABLE: tuple[Row, ...] = (
         "MAVSDK would repeat the last setpoint for ever: the kernel ends the process, PX4's offboard loss lands",
         _LET_GO, _LET_GO, _LET_GO, _LET_GO),
     Row(Fault.ABORT, "the operator says abort (or land, or Ctrl-C)",
-        "the normal way down, from every phase",
+        "the normal way down, from every phase; handed over, PX4 is asked to land",
         _LAND, _NOTE, _STOP),
     Row(Fault.KILL, "the operator says kill, and confirms",
         "the last resort, at once and in every phase",
