@@ -12,7 +12,7 @@ from companion.ports import Autopilot, AutopilotError, CompanionError, FlightErr
 from companion.service_arms import ArmVerbs
 from companion.service_space import check_climb, check_room, check_room_and_fence
 from companion.supervisor.faults import Reaction
-from companion.supervisor.flight import Brake, Fly, Kill, Land, Phase, Prepare, Request, Resume, TakeOff
+from companion.supervisor.flight import Brake, Fly, Kill, Land, Leg, Phase, Prepare, Request, Resume, TakeOff
 
 LOG = logging.getLogger(__name__)
 
@@ -160,10 +160,11 @@ class Service:
         await check_room_and_fence(trajectory, self._config)
         settle_s = self._config.flight.settle_s
         self._ask(Fly(trajectory, settle_s), "fly a trajectory")
-        await self._reach(Phase.TRACK, settle_s + _APPROACH_S, through=Phase.HOLD)
-        await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S)
+        end = self.loop.flight.legs[-1]
+        await self._reach(Phase.TRACK, settle_s + _APPROACH_S, Phase.HOLD, end)
+        await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S, end=end)
         await asyncio.sleep(settle_s)
-        self._expect(Phase.HOLD)
+        self._expect(Phase.HOLD, end)
 
     async def hold(self) -> None:
         """Brake and hover; what was flown is not taken up again."""
@@ -183,11 +184,13 @@ class Service:
     async def land(self) -> None:
         """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground.
 
-        When the flight loop has failed it has told the autopilot to land: then the autopilot's landing is awaited.
+        Whoever else has the vehicle is waited for, and commanded nothing. When the flight loop has failed it has told
+        the autopilot to land: then the autopilot's landing is awaited.
         """
         if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
             return
-        self.loop.ask(Land())
+        if self.phase is not Phase.HANDED_OVER:
+            self.loop.ask(Land())
         vehicle = self.loop.estimate.vehicle
         height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
         down_s = height_m / self._config.flight.descent_speed_mps
@@ -212,18 +215,35 @@ class Service:
             before = f" ({self.loop.flight.reason})" if self.loop.flight.reason else ""
             raise FlightError(f"cannot {what}: {refusal}{before}")
 
-    def _expect(self, phase: Phase) -> None:
+    def _diverted(self, end: Leg | None) -> bool:
+        """Whether something else is flown than what ends so."""
+        legs = self.loop.flight.legs
+        return end is not None and bool(legs) and legs[-1] is not end
+
+    def _expect(self, phase: Phase, end: Leg | None = None) -> None:
+        if self.phase is phase and self.loop.flight.level is Reaction.NOTE and self._diverted(end):
+            raise FlightError("the flight was ended: a hold was ordered")
         if self.phase is not phase or self.loop.flight.level > Reaction.NOTE:
             why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
             raise FlightError(f"the flight was ended: {why}")
 
-    async def _reach(self, phase: Phase, timeout_s: float, through: Phase | None = None) -> None:
-        """Wait for a phase; leaving the phases on the way there means that the flight went another way."""
+    async def _reach(
+        self, phase: Phase, timeout_s: float, through: Phase | None = None, end: Leg | None = None
+    ) -> None:
+        """Wait for a phase; leaving the phases on the way there means that the flight went another way.
+
+        So does, in flight, an end that is not the last of what is flown any more: somebody ordered something else.
+        """
         on_the_way = {self.phase, through}
-        reached = await self._until(lambda: self.phase is phase or self.phase not in on_the_way, timeout_s)
-        if not reached:
+
+        def over() -> bool:
+            return self.phase is phase or self.phase not in on_the_way or self._diverted(end)
+
+        if not await self._until(over, timeout_s):
             raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
-        self._expect(phase)
+        if self.phase is not phase and self._diverted(end) and self.loop.flight.level is Reaction.NOTE:
+            raise FlightError("the flight was ended: a hold was ordered")
+        self._expect(phase, end)
 
     async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
         """Poll; False after the time-out. Raises what stopped the flight loop, unless `although_failed`."""

@@ -169,3 +169,36 @@ async def test_arms_are_left_alone_when_a_service_starts_while_the_vehicle_flies
     async with served(room, config) as anew:
         with pytest.raises(FlightError, match="the vehicle is already in the air"):
             await anew.service.arms.prepare()
+
+
+async def test_a_hold_ordered_on_the_way_or_in_the_trajectory_is_no_flown_trajectory() -> None:
+    lap = Ellipse(np.array([0.0, 0.0, 1.0]), timing=LapTiming(12.0, 1))
+    async with served(Room(1)) as one:
+        await one.until(BOOTED_S)
+        await one.service.arm()
+        await one.service.take_off(0.5)
+        for begun in (Phase.HOLD, Phase.TRACK):
+            flying = asyncio.create_task(one.service.fly(lap))
+            legs = one.service.loop.flight.legs
+            while one.service.loop.flight.legs is legs or one.phase() is not begun:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+            await one.service.hold()
+            with pytest.raises(FlightError, match="the flight was ended: a hold was ordered"):
+                await asyncio.wait_for(flying, 30.0)
+            assert one.phase() is Phase.HOLD
+
+
+async def test_who_waits_for_a_pilots_landing_commands_nothing() -> None:
+    async with served(Room(1)) as one:
+        await one.until(BOOTED_S)
+        await one.service.arm()
+        await one.service.take_off(0.5)
+        one.room.inject("autopilot wrong (pilot takes over)")
+        while one.phase() is not Phase.HANDED_OVER:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        waiting = asyncio.create_task(one.service.land())
+        await one.until(one.room.now_s() + 3.0)
+        assert one.autopilot.land_calls == 0
+        assert one.autopilot.status().armed
+        waiting.cancel()
+        await asyncio.wait([waiting])

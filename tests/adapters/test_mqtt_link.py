@@ -1,15 +1,17 @@
 """Orders over a real broker, and what becomes of the link when the broker is not there, goes, hangs or comes back."""
 
 import asyncio
+import json
 import time
 from collections.abc import Iterator
 
+import aiomqtt
 import pytest
 
 from companion.operator_orders import Order, OrderKind
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
-from tests.adapters.mqtt_rig import STATUS, Vehicle, linked, open_files, operated, operating, ticking, until
+from tests.adapters.mqtt_rig import ORDER, STATUS, Vehicle, linked, open_files, operated, operating, ticking, until
 from tests.adapters.qtm_scripts import Silent, listening
 from tests.broker import BrokerProcess, broker
 
@@ -130,3 +132,17 @@ async def test_a_server_that_says_nothing_costs_nothing_and_leaves_nothing() -> 
                 await asyncio.sleep(0.0)
         assert longest_s[0] < BLOCKED_S
     await until(lambda: open_files() <= open_before)
+
+
+async def test_an_order_that_a_broker_has_kept_is_never_obeyed(running: BrokerProcess) -> None:
+    """Kill and abort count at any age: one that was published to stay would end every flight anew."""
+    vehicle = Vehicle()
+    kept = json.dumps({"order": "abort", "id": "kept", "sent_s": time.time()}).encode()
+    async with aiomqtt.Client("127.0.0.1", running.port) as client:
+        await client.publish(ORDER, kept, qos=1, retain=True)
+    async with operated(running.port, vehicle) as (_, operator):
+        name = await operator.order("hold")
+        await until(lambda: vehicle.orders)
+        assert vehicle.orders == [Order(OrderKind.HOLD, name)]
+    async with aiomqtt.Client("127.0.0.1", running.port) as client:
+        await client.publish(ORDER, b"", qos=1, retain=True)

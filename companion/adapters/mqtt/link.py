@@ -96,6 +96,9 @@ class MqttOperator:
         async for message in broker.messages:
             if message.topic.value != self._config.topic("order"):
                 continue  # some brokers send retained messages nobody asked for
+            if message.retain:
+                self._refuse(Refusal("a retained order is an old one: publish it without retain"))
+                continue
             payload = message.payload
             taken = self._orders.take(payload if isinstance(payload, bytes) else b"", time.time())
             refusal = taken if isinstance(taken, Refusal) else self._hand_on(taken)
