@@ -44,6 +44,14 @@ class Insisting(SimulatedAutopilot):
             await self._pass_time(0.5)
 
 
+class Paced(SimulatedMocap):
+    """Lets simulated time pass no faster than real: a verb's wait of a second is no minute of flight then."""
+
+    async def wait_frame(self, timeout_s: float) -> bool:
+        await asyncio.sleep(0.01)
+        return await super().wait_frame(timeout_s)
+
+
 @dataclass
 class Served:
     """A service, and what it is in charge of."""
@@ -63,7 +71,10 @@ class Served:
 
 @asynccontextmanager
 async def served(
-    room: Room, config: CompanionConfig | None = None, in_preflight: Callable[[FlightLoop], object] = lambda _: None
+    room: Room,
+    config: CompanionConfig | None = None,
+    in_preflight: Callable[[FlightLoop], object] = lambda _: None,
+    cameras: type[SimulatedMocap] = SimulatedMocap,
 ) -> AsyncIterator[Served]:
     config, autopilot = config or CompanionConfig(), Insisting(room)
     servos = SimulatedServos(room) if config.arms is not None else None
@@ -75,9 +86,7 @@ async def served(
     async def preflight(_: Trajectory | None) -> None:
         in_preflight(loop)
 
-    loop = FlightLoop(
-        Devices(SimulatedMocap(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None
-    )
+    loop = FlightLoop(Devices(cameras(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None)
     ticking = asyncio.create_task(loop.run())
     one = Served(Service(loop, autopilot, config, ticking, preflight), room, autopilot)
     try:
@@ -166,7 +175,7 @@ async def test_arms_are_left_alone_when_a_service_starts_while_the_vehicle_flies
         room.inject("autopilot wrong (pilot takes over)")
         while first.phase() is not Phase.HANDED_OVER:  # noqa: ASYNC110
             await asyncio.sleep(0)
-    async with served(room, config) as anew:
+    async with served(room, config, cameras=Paced) as anew:
         with pytest.raises(FlightError, match="the vehicle is already in the air"):
             await anew.service.arms.prepare()
 
