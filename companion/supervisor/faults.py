@@ -170,7 +170,7 @@ TABLE: tuple[Row, ...] = (
         "every correction goes sideways: the toilet bowl",
         _PX4, _PX4, _STOP),
     Row(Fault.SETPOINT_NOT_FOLLOWED, "attitude {not_followed_rad} rad off the answer a healthy vehicle would give, "
-        "on the ground off its tilt at arming, for {not_followed_s} s",
+        "on the ground off its tilt at arming, or no setpoint can be sent, for {not_followed_s} s",
         "setpoints do not arrive, or a motor or propeller fails; PX4 has the shorter loop; on the "
         "ground, with the rotors spinning up, it is tipping over",
         _PX4, _PX4, _STOP),
