@@ -131,8 +131,9 @@ def _cpu_s(program: psutil.Process) -> float:
 
 
 def _task(plan: FlightPlan, ports: MockPorts) -> Task:
-    """The demo's configuration; low and quick, because only the hover counts."""
+    """The defaults; low and quick, because only the hover counts, and on a computer that nobody has prepared."""
     data = CompanionConfig.model_validate({}).model_dump()
+    data["preflight"] |= {"realtime": False, "by_hand_within_h": 0.0, "mocap_hz": 50.0, "delay_apart_s": 0.05}
     data["control"]["rate_hz"] = plan.rate_hz
     data["px4"]["url"] = f"udpin://{LOOPBACK}:{ports.client}"
     data["mocap"] |= {"port": ports.qualisys, "transport": "udp"}

@@ -258,5 +258,5 @@ FACTS = (
         "FAILED, then -1 us",
         lambda: _interval(84, 100000.0),
     ),
-    same("j-command-unknown", "an unknown command", "UNSUPPORTED", lambda: acks(_boot().command(31010, 1.0))),
+    same("j-command-unknown", "an unknown command", "UNSUPPORTED", lambda: acks(_boot().again().command(31010, 1.0))),
 )
