@@ -48,7 +48,7 @@ def end_of(flown: Flown, planned_s: float | None, told: Told) -> End:
     if flown.lifted_s is None:
         return End.IN_THE_AIR if flown.armed else End.NOT_STARTED
     if flown.disarmed_s is None:
-        return End.IN_THE_AIR
+        return End.TERMINATED if flown.on_ground and flown.hung else End.IN_THE_AIR
     if flown.disarmed_in_the_air:
         return End.TERMINATED if flown.on_ground else End.IN_THE_AIR
     at_last = [mode for at_s, mode in flown.modes if at_s < flown.disarmed_s][-1]

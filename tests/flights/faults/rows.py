@@ -46,7 +46,7 @@ class End(StrEnum):
     PILOT = "pilot"
     """Somebody else flies, and nothing of ours is sent."""
     TERMINATED = "terminated"
-    """The motors stopped in the air, by us or by the fault itself."""
+    """The motors stopped in the air, by us or by the fault itself; or it fell, and its dead autopilot cannot disarm."""
     FLIES_ON = "flies on"
     """Until the operator lands."""
     NOT_STARTED = "not started"

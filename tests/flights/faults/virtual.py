@@ -17,7 +17,9 @@ from tests.flights.test_simulated_flights import ARM, ask, until, wait
 
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=2))
 HEIGHT_M = 1.2
-LONGEST_S = 60.0
+LONGEST_S = 150.0
+_PATIENCE_S = 35.0
+"""Who is not down then will not come down."""
 _OVER_S = 1.5
 """Down for so long: what the autopilot says of it has come."""
 _PILOT_FLIES_S = 2.0
@@ -56,7 +58,7 @@ class Operator:
             self._end_it(flight, now_s)
         if vehicle.armed or not flight.room.bench.world.truth.on_ground:
             self._over_s = None
-            return False
+            return now_s - self._since_s > _PATIENCE_S
         self._over_s = now_s if self._over_s is None else self._over_s
         return now_s - self._over_s > _OVER_S
 

@@ -6,6 +6,7 @@ from companion.config import CompanionConfig
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Flight, Phase
 from companion.tick import Tick
+from mock_autopilot.fault_ways import Kind, Part
 from mock_autopilot.px4 import Mode
 from mock_autopilot.truth import Truth
 from mock_autopilot.world import World
@@ -33,6 +34,8 @@ class Flown:
     """Furthest outside of the fence since it was armed; negative: always inside, and so near."""
     on_ground: bool = True
     armed: bool = False
+    hung: bool = False
+    """The autopilot hangs, so that it can neither disarm nor be disarmed."""
     modes: list[tuple[float, str]] = field(default_factory=list)
     """Every mode and when it began."""
     setpoints_s: list[float] = field(default_factory=list)
@@ -67,6 +70,7 @@ class Watch:
             self._mode = vehicle.mode
             flown.modes.append((now_s, self._mode.name))
         flown.on_ground = truth.on_ground
+        flown.hung = any(held.fault.kind is Kind.STUCK for held in self._world.faults.holding(Part.AUTOPILOT))
         self._look_at_arming(vehicle.armed, now_s)
         if flown.armed_s is None:
             return
