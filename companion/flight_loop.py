@@ -287,6 +287,8 @@ class FlightLoop:
         if flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
             thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
             self._stream.begin(idle_setpoint(flight.yaw_rad, thrust))
+            if flight.phase is Phase.RESUME:  # MAVSDK asks for no OFFBOARD before it has a setpoint
+                self._stream.send(idle_setpoint(flight.yaw_rad, thrust))
             self._law.trust()
             self._vision.trusted = True
         elif flight.phase is Phase.HANDED_OVER and before.phase in COMMANDED:
