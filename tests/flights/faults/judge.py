@@ -84,10 +84,14 @@ def _when_down(told: Told) -> Iterable[float]:
     return (said.time_s for said in told.changes if said.phase in _DOWN)
 
 
+_TOLD_LATER_S = 0.1
+"""His first setpoint leaves with his order; the tick that tells of it comes a cycle later, over the real link more."""
+
+
 def _last_setpoint(flown: Flown, told: Told) -> Iterable[float]:
     """Before the operator took the vehicle back, if he did; one before the fault counts as at its begin."""
     back_s = next((said.time_s for said in told.changes if said.phase is Phase.RESUME), float("inf"))
-    sent = [at_s for at_s in flown.setpoints_s if at_s < back_s]
+    sent = [at_s for at_s in flown.setpoints_s if at_s < back_s - _TOLD_LATER_S]
     return (max(sent[-1], flown.begin_s or 0.0),) if sent else ()
 
 
