@@ -10,10 +10,10 @@ import numpy as np
 from companion.arm_stage import ArmStage
 from companion.control.fence import Fence
 from companion.control.frames import yaw_of
-from companion.estimation.estimator import EstimatorState
+from companion.estimation.estimator import EstimatorState, age_s
 from companion.ports import OperatorLink
 from companion.supervisor import health
-from companion.supervisor.faults import Event, Fault, Reaction, reaction_to
+from companion.supervisor.faults import Event, Reaction, reaction_to
 from companion.supervisor.flight import COMMANDED, STREAMING, Facts, Flight, Phase
 from companion.supervisor.health import Health
 from companion.supervisor.observed import Observed, Seen
@@ -112,10 +112,10 @@ def _reference_w_m(flight: Flight, cycle: Cycle) -> Array:
 
 def _seen(cycle: Cycle) -> Seen:
     frame, vehicle = cycle.frame, cycle.estimate.vehicle
-    age_s = cycle.time_s - vehicle.time_s if vehicle is not None else math.inf
+    old_s = age_s(cycle.estimate, cycle.time_s)
     if frame is None:
-        return Seen(age_s, None, -1, math.nan, math.nan, vehicle)
-    return Seen(age_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle, frame.late)
+        return Seen(old_s, None, -1, math.nan, math.nan, vehicle)
+    return Seen(old_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle, frame.late)
 
 
 def facts_of(
@@ -135,10 +135,3 @@ def facts_of(
     yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
     position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
     return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *of_arms, events, *of_autopilot)
-
-
-UNTRUSTED = frozenset({
-    Fault.MOCAP_JUMPED, Fault.MOCAP_FROZEN, Fault.MOCAP_INVALID, Fault.MOCAP_OUTLIERS, Fault.MOCAP_DELAYED,
-    Fault.MOCAP_CLOCK_JUMP, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
-})  # fmt: skip
-"""Poses that the autopilot, landing on its own, must not follow either."""

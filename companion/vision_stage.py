@@ -5,13 +5,17 @@ import math
 from collections.abc import Iterable
 
 from companion.estimation.estimator import EstimatorState, Verdict
-from companion.health_stage import UNTRUSTED
 from companion.ports import Autopilot
-from companion.supervisor.faults import Event
+from companion.supervisor.faults import Event, Fault
 
 LOG = logging.getLogger(__name__)
 
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
+_UNTRUSTED = frozenset({
+    Fault.MOCAP_JUMPED, Fault.MOCAP_FROZEN, Fault.MOCAP_INVALID, Fault.MOCAP_OUTLIERS, Fault.MOCAP_DELAYED,
+    Fault.MOCAP_CLOCK_JUMP, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
+})  # fmt: skip
+"""Poses that the autopilot, landing on its own, must not follow either."""
 
 
 class VisionStage:
@@ -29,7 +33,7 @@ class VisionStage:
         """Whoever is armed, ours or handed over, gets no pose any more once one was not to be trusted."""
         if not armed:
             self.trusted = True
-        elif any(event.fault in UNTRUSTED for event in events):
+        elif any(event.fault in _UNTRUSTED for event in events):
             self.trusted = False
 
     def forward(self, now_s: float, new_frame: bool, estimate: EstimatorState) -> None:
