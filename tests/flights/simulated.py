@@ -137,13 +137,17 @@ class SimulatedMocap:
         return fresh
 
 
-async def _time_goes_on(room: Room, cameras: SimulatedMocap) -> None:
-    """Once nobody waits for frames any more, time passes by itself."""
-    while True:
-        await asyncio.sleep(0.01)
-        if room.now_s() > cameras.lost_at_s:
-            room.new_frame = False
-            room.pass_time(0.01)
+class FlightTimeoutError(AssertionError):
+    """The script did not end in time."""
+
+
+async def _time_goes_on(room: Room, loop: FlightLoop, longest_s: float) -> None:
+    """Once the loop has failed nobody waits for frames any more, and time passes by itself; FlightTimeoutError."""
+    while room.now_s() <= longest_s:
+        await asyncio.sleep(0.005)
+        if not loop.ticking:
+            room.bench.run(0.02)
+    raise FlightTimeoutError(f"the loop has failed and is not done with it, phase {loop.flight.phase}")
 
 
 Step = Callable[["Flight"], bool]
@@ -175,10 +179,6 @@ class Flight:
         return seen
 
 
-class FlightTimeoutError(AssertionError):
-    """The script did not end in time."""
-
-
 async def fly(
     script: list[Step],
     *,
@@ -195,20 +195,30 @@ async def fly(
     faults: Sequence[str] = (),
     longest_s: float = 120.0,
 ) -> Flight:
-    """Run the loop until the script has ended; raises what the loop raises."""
+    """Run the loop until the script has ended; raises what the loop raises.
+
+    What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
+    """
     config = config or CompanionConfig(arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
     room = Room(seed, plant, mocap, start, arms, faults)
-    done = asyncio.Event()
+    scripted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     steps = list(script)
 
     def every_tick() -> None:
-        if steps and steps[0](flight):
-            steps.pop(0)
-        if room.now_s() > longest_s:
-            raise FlightTimeoutError(f"{len(steps)} steps of the script are left, phase {flight.phase}")
+        if scripted.done():
+            return
+        try:
+            if steps and steps[0](flight):
+                steps.pop(0)
+        except Exception as error:
+            scripted.set_exception(error)
+            return
         if not steps:
-            done.set()
+            scripted.set_result(None)
+        elif room.now_s() > longest_s:
+            late = f"{len(steps)} steps of the script are left, phase {flight.phase}"
+            scripted.set_exception(FlightTimeoutError(late))
 
     def sink(tick: Tick) -> None:
         flight.ticks.append(tick)
@@ -224,14 +234,14 @@ async def fly(
     loop = FlightLoop(Devices(cameras, autopilot, room, NoDeadMan(), servos), law, config, sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
-    waiting = asyncio.create_task(done.wait(), name="script")
-    clock = asyncio.create_task(_time_goes_on(room, cameras), name="clock")
+    clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")
+    ways_to_end: set[asyncio.Future[None]] = {running, scripted, clock}
     try:
-        await asyncio.wait({running, waiting}, return_when=asyncio.FIRST_COMPLETED)
-        if running.done():
-            running.result()
+        ended, _ = await asyncio.wait(ways_to_end, return_when=asyncio.FIRST_COMPLETED)
+        for way in ended:
+            way.result()
     finally:
-        for task in (running, waiting, clock):
-            task.cancel()
-        await asyncio.gather(running, waiting, clock, return_exceptions=True)
+        for way in ways_to_end:
+            way.cancel()
+        await asyncio.gather(*ways_to_end, return_exceptions=True)
     return flight

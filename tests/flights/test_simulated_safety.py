@@ -16,7 +16,7 @@ from companion.control.frames import up_axis
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
 from companion.ports import AutopilotError, MocapError
-from companion.supervisor.flight import Action, Fly, HandOver, Kill, Land, Phase, Resume
+from companion.supervisor.flight import Action, FlightRules, Fly, HandOver, Kill, Land, Phase, Resume
 from companion.types import Array, AttitudeThrust, FlightMode, MocapFrame
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
@@ -70,21 +70,13 @@ def answered_by(flight: Flight, action: Action, how: Callable[[], Awaitable[None
 
 async def test_when_the_loop_fails_the_autopilot_lands_and_sees_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[list[tuple[float, Array]]] = []
-    clocks: list[asyncio.Task[None]] = []
 
     def fail_at_once(flight: Flight) -> None:
         told.append(poses_of(flight))
         monkeypatch.setattr(flight.loop._health, "look", fail)
-        clocks.append(asyncio.create_task(time_goes_on(flight)))
-
-    async def time_goes_on(flight: Flight) -> None:
-        while True:
-            await asyncio.sleep(0.005)
-            flight.room.bench.run(0.02)
 
     script = [*UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.4), do(fail_at_once)]
     flight = await flown_to_its_failure(script, RuntimeError)
-    clocks[0].cancel()
     assert flight.loop.flight.reason == "RuntimeError: a mistake in the service itself"
     assert flight.autopilot.land_calls == 1
     assert flight.phase is Phase.DISARMED
@@ -216,14 +208,35 @@ async def test_a_law_whose_second_half_raises_makes_the_autopilot_land_with_its_
 
 
 async def test_taking_the_vehicle_back_ends_the_stream_that_was_left() -> None:
+    said: list[str | AttitudeThrust] = []
+
+    def listen(flight: Flight) -> None:
+        stop, send = flight.autopilot.stop_stream, flight.autopilot.send_setpoint
+
+        def stopping() -> None:
+            said.append("stopped")
+            stop()
+
+        def sending(setpoint: AttitudeThrust) -> None:
+            said.append(setpoint)
+            send(setpoint)
+
+        flight.autopilot.stop_stream, flight.autopilot.send_setpoint = stopping, sending  # type: ignore[method-assign]
+
     def take_back(flight: Flight) -> None:
         assert flight.room.bench.setpoint is not None, "level, until the autopilot lands"
+        listen(flight)
         assert flight.loop.ask(Resume())
-        assert flight.room.bench.setpoint is None, "a new one begins with the next cycle"
 
     script = [*UP, ask(HandOver("somebody asked")), wait(0.1), do(take_back), until(Phase.HOLD), wait(2.0)]
     flight = await fly(script, lost_land_commands=1)
     assert flight.phase is Phase.HOLD
+    assert said[0] == "stopped"
+    assert "stopped" not in said[1:-1], "and then when the flight is ended"
+    first = said[1]
+    assert isinstance(first, AttitudeThrust), "a setpoint is there before OFFBOARD is asked for"
+    assert up_axis(first.q_w_flu_wxyz)[2] == pytest.approx(1.0, abs=1e-9), "idle: level, at hover thrust"
+    assert first.thrust == pytest.approx(FlightRules().hover_thrust)
 
 
 async def test_letting_go_of_a_silent_autopilot_leaves_it_level() -> None:
