@@ -1,7 +1,7 @@
 """From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
 
 from dataclasses import replace
-from math import inf
+from math import cos, inf, pi
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,8 @@ from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 YAW_STEP_RAD = 0.02
 """The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
+SWITCH_S = 3.0
+"""How long another law takes to have the vehicle to itself; PID's integrators need so much."""
 _NOTHING = np.zeros(3)
 Mask = NDArray[np.bool_]
 
@@ -29,6 +31,10 @@ class Asked:
     reference: Reference
     output: ControlOutput
     gated: Gated
+    given: ControlInput
+    """All that the law saw."""
+    begun: bool
+    """It began anew from this: lift-off, or another law."""
 
 
 class ControlStage:
@@ -56,6 +62,7 @@ class ControlStage:
         self._yaw_rad: Any = 0.0
         self._countered_w_mps2 = _NOTHING
         """The part of what was sent that only counters the arms."""
+        self._switching: _Switching | None = None
         self.sent = idle_setpoint(np.zeros(lead))
         """The last setpoint that went out; whoever sends sets it."""
         self._warm_up()
@@ -68,7 +75,18 @@ class ControlStage:
     def forget(self) -> None:
         """The next `fly` begins with nothing learnt: at lift-off."""
         self._memory, self._decided, self._wanted = None, None, None
-        self._countered_w_mps2 = _NOTHING
+        self._countered_w_mps2, self._switching = _NOTHING, None
+
+    def switch(self, controller: Controller) -> None:
+        """Another law from the next cycle on, without a bump.
+
+        It begins with nothing learnt, so what it wants first is not what was sent last. The difference is added to its
+        command and fades out within SWITCH_S.
+        """
+        self.settle()
+        self._controller = controller
+        self._halves = controller if isinstance(controller, TwoHalves) else None
+        self._memory, self._decided, self._switching = None, None, _Switching()
 
     def settle(self) -> dict[str, Array]:
         """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
@@ -129,9 +147,12 @@ class ControlStage:
             known_accel_w_mps2,
         )
         self._countered_w_mps2 = known_accel_w_mps2
+        begun = self._memory is None
         output = self._decide(now)
+        if self._switching is not None:
+            output, self._switching = self._switching.blended(output, accel_of_setpoint(self.sent, self._model), dt_s)
         self._wanted = self._latest(output, ahead.yaw_rad)
-        return Asked(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s))
+        return Asked(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s), now, begun)
 
     def _let_through(self, wanted: AttitudeThrust, vehicle: VehicleState, age_s: Any, dt_s: float) -> Gated:
         if self._guard is None:
@@ -152,6 +173,25 @@ class ControlStage:
         self._yaw_rad = chosen(fresh, yaw_rad, self._yaw_rad)
         q = chosen(column(fresh), new.q_w_flu_wxyz, held.q_w_flu_wxyz)
         return AttitudeThrust(q, chosen(fresh, new.thrust, held.thrust))
+
+
+@value
+class _Switching:
+    """Between two laws: what the new one's first command lacked of the last that was sent."""
+
+    gone_s: float = 0.0
+    gap_w_mps2: Array | None = None
+
+    def blended(
+        self, output: ControlOutput, sent_accel_w_mps2: Array, dt_s: float
+    ) -> "tuple[ControlOutput, _Switching | None]":
+        """The command with what is left of the gap, always worth sending; and the state for the next cycle."""
+        gap = sent_accel_w_mps2 - output.accel_w_mps2 if self.gap_w_mps2 is None else self.gap_w_mps2
+        left = 0.5 + 0.5 * cos(pi * min(self.gone_s / SWITCH_S, 1.0))
+        accel = output.accel_w_mps2 + left * gap
+        gone_s = self.gone_s + dt_s
+        after = _Switching(gone_s, gap) if gone_s < SWITCH_S else None
+        return ControlOutput(accel, np.ones_like(output.event), output.signals), after
 
 
 def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:

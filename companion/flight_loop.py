@@ -84,6 +84,8 @@ class FlightLoop:
         self._frame: MocapFrame | None = None
         self._flight = Flight()
         self._failed = False
+        self.law_name = ""
+        """For the record and the operator."""
         self.ticking = False
         """Cycles come by themselves."""
         self.missed_cycles = 0
@@ -136,6 +138,12 @@ class FlightLoop:
             return False
         self._enter(phases.request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
         return True
+
+    def switch(self, controller: Controller, name: str) -> None:
+        """Another control law from the next cycle on, in the air too, without a bump."""
+        LOG.info("control law %s -> %s", self.law_name, name)
+        self._stage.switch(controller)
+        self.law_name = name
 
     async def run(self) -> None:
         """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
@@ -213,6 +221,9 @@ class FlightLoop:
                 late_signals,
                 self.arms.tick(now_s, self._flight) if self.arms is not None else None,
                 self._events,
+                self._frame if math.isfinite(frame_received_s) else None,
+                self._estimate,
+                self.law_name,
             )
         )
 

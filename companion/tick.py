@@ -6,9 +6,10 @@ from typing import Protocol
 from companion.arm_stage import ArmTick
 from companion.control.limits import Gated
 from companion.control_stage import Asked
+from companion.estimation.state import EstimatorState
 from companion.supervisor.faults import Event
 from companion.supervisor.flight import Flight
-from companion.types import Array, AutopilotStatus, Reference, VehicleState
+from companion.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,12 @@ class Tick:
     arms: ArmTick | None
     events: tuple[Event, ...]
     """What was wrong."""
+    frame: MocapFrame | None = None
+    """The frame this cycle was the first to use."""
+    estimate: EstimatorState | None = None
+    """All that the estimator knows after it."""
+    law: str = ""
+    """Name of the control law."""
 
 
 class TickSink(Protocol):

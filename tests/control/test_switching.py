@@ -1,124 +1,76 @@
-"""Theta, the fractional power and sgn, against the paper's formulas in plain Python."""
+"""Another law takes over in the air: nothing jumps, and after a while the new one has the vehicle to itself."""
 
-import math
+from typing import Any
 
 import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from companion.control.switching import fractional_power, norm_squared, sign, steepest_secant, switch_map
-from tests.control import by_hand
+from companion.control.attitude import ThrustModel, accel_of_setpoint
+from companion.control.controller import ControlInput, ControlOutput
+from companion.control.limits import Limits
+from companion.control_stage import SWITCH_S, Asked, ControlStage
+from companion.types import Array, Reference, VehicleState
 
-P, EPSILON = 0.75, 1e-4
-COMPONENT = st.floats(-5.0, 5.0)
-NEAR = st.floats(-0.02, 0.02)
-VECTOR = st.lists(st.one_of(COMPONENT, NEAR), min_size=3, max_size=3)
-EXPONENT = st.floats(0.51, 0.99)
+MODEL = ThrustModel(4.85, 9.8, 0.5, 0.0)
+DT_S = 0.01
 
 
-def test_outside_the_switch_theta_is_the_fractional_power() -> None:
-    # |s|^2 = 16, so |s|^(2 (1 - 0.75)) = 16^(1/4) = 2
-    np.testing.assert_allclose(switch_map(np.array([4.0, 0.0, 0.0]), P, EPSILON), [2.0, 0.0, 0.0])
-    # |s|^2 = 9 + 16 + 144 = 169, 169^(1/4) = sqrt(13)
-    expected = np.array([3.0, -4.0, 12.0]) / math.sqrt(13.0)
-    np.testing.assert_allclose(switch_map(np.array([3.0, -4.0, 12.0]), P, EPSILON), expected)
+class Constant:
+    """A law that always wants the same, and says so rarely."""
+
+    preview_s = 0.0
+
+    def __init__(self, accel_w_mps2: tuple[float, float, float]) -> None:
+        self.accel_w_mps2 = np.array(accel_w_mps2)
+
+    def initial(self, first: ControlInput) -> Any:
+        return 0
+
+    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+        return memory + 1, ControlOutput(self.accel_w_mps2, np.array([float(memory == 0)]), {})
 
 
-def test_inside_the_switch_theta_fades_with_sin_squared() -> None:
-    # |s|^2 = epsilon / 2: sin^2(pi / 4) = 1/2, and |s|^(1/2) = (5e-5)^(1/4)
-    s = np.array([math.sqrt(5e-5), 0.0, 0.0])
-    np.testing.assert_allclose(switch_map(s, P, EPSILON), [0.5 * 5e-5**0.25, 0.0, 0.0], rtol=1e-12)
-    # a third: sin^2(pi / 6) = 1/4
-    s = np.array([0.0, -math.sqrt(EPSILON / 3.0), 0.0])
-    np.testing.assert_allclose(switch_map(s, P, EPSILON), [0.0, -0.25 * (EPSILON / 3.0) ** 0.25, 0.0], rtol=1e-12)
+def fly(stage: ControlStage, cycles: int) -> list[Asked]:
+    zero = np.zeros(3)
+    reference = Reference(zero, zero, zero, 0.0)
+    flown = []
+    for cycle in range(cycles):
+        vehicle = VehicleState(DT_S * cycle, zero, zero, np.array([1.0, 0.0, 0.0, 0.0]), zero)
+        asked = stage.fly(vehicle, 0.01, reference, DT_S)
+        stage.sent = asked.gated.setpoint
+        flown.append(asked)
+    return flown
 
 
-@pytest.mark.parametrize("tiny", [0.0, 5e-324, 1e-300, 1e-160, 1e-9])
-def test_nothing_is_singular_at_zero(tiny: float) -> None:
-    s = np.array([tiny, 0.0, -tiny])
-    for value in (switch_map(s, P, EPSILON), fractional_power(s, P)):
-        assert np.all(np.isfinite(value)), f"0/0 at s = 0 has the limit 0, not {value}"
-        assert np.abs(value).max() <= max(1e-4, tiny**0.5)
+def sent_w_mps2(asked: Asked) -> Array:
+    return accel_of_setpoint(asked.gated.setpoint, MODEL)
 
 
-@given(direction=VECTOR.filter(lambda v: by_hand.squared(v) > 1e-6), p=EXPONENT, epsilon=st.floats(1e-6, 1.0))
-def test_theta_is_continuous_where_it_switches(direction: list[float], p: float, epsilon: float) -> None:
-    unit = np.array(direction) / math.sqrt(by_hand.squared(direction))
-    radius = math.sqrt(epsilon)
-    inside, outside = (switch_map(unit * radius * factor, p, epsilon) for factor in (1 - 1e-9, 1 + 1e-9))
-    np.testing.assert_allclose(inside, outside, atol=1e-7 * radius ** (2 * p - 1))
+def switched() -> tuple[Asked, list[Asked]]:
+    limits = Limits(0.5, 0.05, 0.9, 6.0, 5.0)
+    stage = ControlStage(Constant((1.0, -0.5, 0.4)), MODEL, limits)
+    last = fly(stage, 200)[-1]
+    stage.switch(Constant((-1.0, 0.5, 0.0)))
+    return last, fly(stage, int(1.5 * SWITCH_S / DT_S))
 
 
-@given(s=VECTOR, p=EXPONENT, epsilon=st.floats(1e-6, 1.0))
-def test_theta_is_the_papers_formula(s: list[float], p: float, epsilon: float) -> None:
-    np.testing.assert_allclose(switch_map(np.array(s), p, epsilon), by_hand.theta(s, p, epsilon), rtol=1e-9, atol=1e-14)
-    np.testing.assert_allclose(fractional_power(np.array(s), p), by_hand.power(s, p), rtol=1e-9, atol=1e-14)
+def test_the_first_command_of_the_new_law_is_the_last_of_the_old_one() -> None:
+    last, after = switched()
+    assert after[0].begun
+    np.testing.assert_allclose(sent_w_mps2(after[0]), sent_w_mps2(last), atol=1e-9)
 
 
-@given(s=VECTOR, p=EXPONENT, epsilon=st.floats(1e-6, 1.0))
-def test_theta_is_bounded_by_a_line(s: list[float], p: float, epsilon: float) -> None:
-    """Eq. theta-bound: |s|^q <= q |s| + (1 - q) for q = 2p - 1 in (0, 1) (weighted means)."""
-    q = 2.0 * p - 1.0
-    size = math.sqrt(by_hand.squared(s))
-    theta = np.linalg.norm(switch_map(np.array(s), p, epsilon))
-    assert theta <= q * size + (1.0 - q) + 1e-12, f"|Theta| <= k|s| + c fails at |s| = {size}"
+def test_between_them_the_command_moves_in_one_direction_and_slowly() -> None:
+    _, after = switched()
+    sent = np.array([sent_w_mps2(asked) for asked in after])
+    steps = np.diff(sent, axis=0)
+    assert (steps[:, 0] <= 1e-9).all()
+    fastest = 0.5 * np.pi / SWITCH_S * 2.0 * DT_S  # of a cosine that falls by 2 m/s^2
+    assert np.abs(steps[:, 0]).max() < 1.05 * fastest
 
 
-@given(s=VECTOR, p=EXPONENT, epsilon=st.floats(1e-6, 1.0))
-def test_theta_loses_at_most_epsilon_to_the_p(s: list[float], p: float, epsilon: float) -> None:
-    """Case 2 of the proof: s'Theta(s) >= (s's)^p - epsilon^p."""
-    value = float(np.array(s) @ switch_map(np.array(s), p, epsilon))
-    assert value >= by_hand.squared(s) ** p - epsilon**p - 1e-12
-
-
-@given(s=VECTOR)
-def test_the_regularised_power_is_never_steeper_than_its_slope_at_zero(s: list[float]) -> None:
-    e = 0.01
-    value = np.linalg.norm(fractional_power(np.array(s), P, e))
-    assert value <= e ** (P - 1.0) * math.sqrt(by_hand.squared(s)) + 1e-12
-
-
-@given(s=VECTOR, p=EXPONENT, e=st.floats(1e-6, 1.0))
-def test_the_regularised_power_loses_at_most_e_to_the_p(s: list[float], p: float, e: float) -> None:
-    """What the stability proof would need of it, as it needs of Theta: s's/(s's + e)^(1-p) >= (s's)^p - e^p."""
-    value = float(np.array(s) @ fractional_power(np.array(s), p, e))
-    assert value >= by_hand.squared(s) ** p - e**p - 1e-12
-
-
-def test_the_regularised_power_by_hand() -> None:
-    # s's + e = 0.15 + 0.01 = 0.16: 0.16^(1/4) = sqrt(0.4)
-    s = np.array([math.sqrt(0.15), 0.0, 0.0])
-    expected = math.sqrt(0.15) / math.sqrt(0.4)
-    np.testing.assert_allclose(fractional_power(s, P, 0.01), [expected, 0.0, 0.0])
-    np.testing.assert_allclose(switch_map(s, P, EPSILON, 0.01), [expected, 0.0, 0.0])
-
-
-def test_the_steepest_secant_is_the_largest_ratio() -> None:
-    radii = [0.01 * n / 50_000 for n in range(1, 100_000)]
-    largest = max(by_hand.theta([r, 0.0, 0.0], P, EPSILON)[0] / r for r in radii)
-    assert steepest_secant(P, EPSILON, 0.0) == pytest.approx(largest, rel=1e-5)
-    assert largest == pytest.approx(10.07, abs=0.005)
-    # the regularised slope at 0: e^(p - 1) = 0.0001^(-1/4) = 10
-    assert steepest_secant(P, EPSILON, 1e-4) == pytest.approx(10.0)
-
-
-def test_sgn_is_componentwise_and_zero_at_zero() -> None:
-    np.testing.assert_array_equal(sign(np.array([-3.0, 0.0, 1e-300])), [-1.0, 0.0, 1.0])
-
-
-def test_a_boundary_layer_makes_sgn_linear_inside_it() -> None:
-    np.testing.assert_allclose(sign(np.array([0.05, -0.2, 0.0]), 0.1), [0.5, -1.0, 0.0])
-
-
-def test_a_batch_may_have_its_own_numbers() -> None:
-    s = np.array([by_hand.random_vectors(seed, 4, 0.02) for seed in range(3)])
-    p, epsilon = np.array([[0.6], [0.7], [0.8], [0.9]]), np.array([[1e-4], [2e-4], [3e-4], [4e-4]])
-    layer = np.array([[0.1], [0.2], [0.3], [0.4]])
-    for a in range(3):
-        for b in range(4):
-            one = s[a, b]
-            expected = switch_map(one, float(p[b, 0]), float(epsilon[b, 0]))
-            np.testing.assert_allclose(switch_map(s, p, epsilon)[a, b], expected, rtol=1e-12)
-            np.testing.assert_allclose(sign(s, layer)[a, b], sign(one, float(layer[b, 0])), rtol=1e-12)
-            np.testing.assert_allclose(norm_squared(s)[a, b], [by_hand.squared(list(one))], rtol=1e-12)
+def test_in_the_end_the_new_law_has_the_vehicle_to_itself() -> None:
+    _, after = switched()
+    done = int(SWITCH_S / DT_S)
+    np.testing.assert_allclose(sent_w_mps2(after[done + 1]), [-1.0, 0.5, 0.0], atol=1e-9)
+    assert not after[done + 1].output.event.any(), "and its own word on what is worth sending"
+    assert all(asked.output.event.all() for asked in after[: done - 1])

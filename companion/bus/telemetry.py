@@ -1,0 +1,116 @@
+"""What the service says; docs/bus/*.schema.json are printed from these models.
+
+Times are Unix seconds by the service's clock; vectors are in W, metres; angles in radians.
+"""
+
+from enum import StrEnum
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Vector = tuple[float, float, float]
+
+
+class _Said(BaseModel):
+    """Readers ignore what they do not know, so that a newer service may say more."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
+
+
+class Answer(StrEnum):
+    """What a reply says."""
+
+    ACCEPTED = "accepted"
+    """It fits, and has begun."""
+    PROGRESS = "progress"
+    """Where it is now."""
+    DONE = "done"
+    """What was commanded has happened."""
+    REFUSED = "refused"
+    """It was not begun and has changed nothing."""
+    FAILED = "failed"
+    """It was begun, and ended otherwise."""
+
+
+ENDS = frozenset({Answer.DONE, Answer.REFUSED, Answer.FAILED})
+"""Nothing follows."""
+
+
+class Reply(_Said):
+    """To whoever sent a command: refused; or accepted, perhaps progress, and then done or failed."""
+
+    id: str = Field(description="the command's; empty when it could not be read")
+    answer: Answer
+    time_s: float
+    text: str = Field("", description="a sentence: the reason, or what was done")
+    data: dict[str, Any] = Field(default_factory=dict, description="what was asked for: checks, parameters")
+
+
+class Presence(_Said):
+    """Retained: whether the service is there. The last will says that it is not."""
+
+    online: bool
+    session: str = Field("", description="of this run of the service, 16 hex digits; commands repeat it")
+    vehicle: str = ""
+    version: str = Field("", description="of the service")
+    since_s: float = 0.0
+
+
+class Kind(StrEnum):
+    """What an event is of."""
+
+    PHASE = "phase"
+    FAULT = "fault"
+    FAULT_ENDS = "fault ends"
+    COMMAND = "command"
+    REPLY = "reply"
+    LOG = "log"
+
+
+class Happened(_Said):
+    """Something worth telling at once."""
+
+    time_s: float
+    kind: Kind
+    text: str = Field(description="a sentence for the operator")
+    name: str = Field("", description="phase, fault or verb")
+    reaction: str = Field("", description="what a fault leads to")
+    id: str = Field("", description="the command's, where it is of one")
+
+
+class Doing(_Said):
+    """The command that is being carried out."""
+
+    id: str
+    verb: str
+    text: str = ""
+
+
+class State(_Said):
+    """Ten times a second."""
+
+    time_s: float
+    session: str
+    phase: str
+    reason: str = Field(description="why the flight was ended or handed over; empty when it was not")
+    armed: bool
+    in_air: bool
+    mode: str
+    battery: float | None = Field(description="share of its charge")
+    battery_v: float | None
+    position_w_m: Vector | None
+    velocity_w_mps: Vector | None
+    yaw_rad: float | None
+    tilt_rad: float | None
+    age_s: float | None = Field(description="of the pose")
+    reference_w_m: Vector | None
+    error_m: float | None = Field(description="distance to the reference")
+    thrust: float | None = Field(description="of the setpoint that was sent last, 0..1")
+    controller: str
+    sent_share: float | None = Field(description="share of the last second's cycles that sent a new setpoint")
+    faults: tuple[str, ...] = Field(description="what is wrong now, in the words of docs/safety.md")
+    arms: str | None = Field(description="phase of the arms; null without arms")
+    joints_rad: tuple[float | None, ...] | None
+    doing: Doing | None
+    late_s: float = Field(description="how late the control cycle began")
+    text: str = Field("", description="the autopilot's newest words")
