@@ -30,7 +30,18 @@ class AutopilotCalls:
         return bool(self._tasks)
 
     def begin(self, action: Action) -> None:
-        """Ask; returns at once."""
+        """Ask; returns at once.
+
+        A kill goes first: what still waits is given up for it, and nothing is asked beside it, as it insists by itself.
+        Anything else takes the place of the same call that still waits: on a dead link calls must not pile up.
+        """
+        if Action.KILL in self._tasks.values():
+            return
+        for task, asked in self._tasks.items():
+            if action is Action.KILL:
+                task.cancel()
+            elif asked is action and task.cancel():
+                self.failure = f"the autopilot has not done it yet and is asked once more: {action}"
         task = asyncio.get_running_loop().create_task(self._attempt(action), name=f"companion.{action}")
         self._tasks[task] = action
         task.add_done_callback(self._tasks.pop)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TypeGuard
 
 from companion.arm_stage import ArmStage
+from companion.arming import Arming
 from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
@@ -29,6 +30,7 @@ from companion.supervisor.flight import (
     Flight,
     HandOver,
     Kill,
+    Land,
     Phase,
     Prepare,
     Request,
@@ -78,6 +80,8 @@ class FlightLoop:
             devices.autopilot, devices.dead_man, devices.clock, self._stage, self._safety.not_followed_s
         )
         self._calls = AutopilotCalls(devices.autopilot)
+        self.arming = Arming()
+        """What goes before the flight's own phases."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._vision = VisionStage(devices.autopilot, config.px4.vision_rate_hz, self._period_s)
         self._estimate = EstimatorState()
@@ -130,12 +134,16 @@ class FlightLoop:
             return "the vehicle is already armed or in the air"
         if isinstance(wanted, Resume) and not status.in_air:
             return "the autopilot says that the vehicle is on the ground"
+        if isinstance(wanted, Land) and self.arming.under_way:
+            return ""
         return phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)
 
     def ask(self, wanted: Request) -> bool:
         """Hand in an operator's request; False when it is refused."""
         if self.refusal(wanted):
             return False
+        if isinstance(wanted, Land):
+            self.arming.call_off(wanted.reason or "a landing was ordered")
         self._enter(phases.request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
         return True
 

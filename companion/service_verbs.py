@@ -3,7 +3,8 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any
 
 from companion.config import CompanionConfig
 from companion.control.reference import Trajectory
@@ -28,6 +29,8 @@ _FIRST_STATES_S = 1.2
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
+_SAME_HEIGHT_M = 1e-6
+_HELD = "the flight was ended: a hold was ordered"
 
 
 class Service:
@@ -100,14 +103,7 @@ class Service:
         where it leads out of the room. Whatever interrupts it, an operator's order or cancellation too, nothing is
         asked of the autopilot any more but to disarm.
         """
-        await self._require_ground()
-        self.arms.check_ready()
-        before = self.loop.flight
-        if trajectory is not None:
-            await check_room(trajectory, self._config)
-        await self._preflight(trajectory)
-        if self.loop.flight.since_s != before.since_s:
-            raise FlightError(f"cannot arm: {self.loop.flight.reason or f'it went to phase {self.phase}'}")
+        await self._check(trajectory)
         self._ask(Prepare(), "arm")
         asked = False
         try:
@@ -123,18 +119,44 @@ class Service:
                 await self._disarm_again()
             raise
 
-    async def _while_preparing(self, call: Callable[[], Awaitable[None]]) -> None:
+    async def _check(self, trajectory: Trajectory | None) -> None:
+        """All that is looked at before arming; FlightError, too, when an abort or a kill comes meanwhile."""
+        arming, since_s = self.loop.arming, self.loop.flight.since_s
+
+        def ended() -> bool:
+            return bool(arming.called_off) or self.loop.flight.since_s != since_s
+
+        with arming.checking():
+            checking = asyncio.ensure_future(self._every_check(trajectory))
+            await self._unless(ended, checking)
+            if ended():
+                why = arming.called_off or self.loop.flight.reason or f"it went to phase {self.phase}"
+                raise FlightError(f"cannot arm: {why}")
+        checking.result()
+
+    async def _every_check(self, trajectory: Trajectory | None) -> None:
+        await self._require_ground()
+        self.arms.check_ready()
+        if trajectory is not None:
+            await check_room(trajectory, self._config)
+        await self._preflight(trajectory)
+
+    async def _while_preparing(self, call: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """What insists, as long as nobody has ended the preparation: an arming must not go on after a kill."""
         self._expect(Phase.PREFLIGHT)
         calling = asyncio.ensure_future(call())
-        try:
-            await self._until(lambda: calling.done() or self.phase not in {Phase.PREFLIGHT, Phase.ARMED}, math.inf)
-        finally:
-            calling.cancel()
-            await asyncio.gather(calling, return_exceptions=True)
+        await self._unless(lambda: self.phase not in {Phase.PREFLIGHT, Phase.ARMED}, calling)
         if calling.cancelled():
             self._expect(Phase.ARMED)
         calling.result()
+
+    async def _unless(self, ended: Callable[[], bool], doing: "asyncio.Future[None]") -> None:
+        """Wait for what is being done; it is cancelled when it is ended from elsewhere."""
+        try:
+            await self._until(lambda: doing.done() or ended(), math.inf)
+        finally:
+            doing.cancel()
+            await asyncio.gather(doing, return_exceptions=True)
 
     async def _disarm_again(self) -> None:
         """Arming was asked for, whether or not it shows yet: ask for the opposite."""
@@ -144,12 +166,24 @@ class Service:
             LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
 
     async def take_off(self, height_m: float) -> None:
-        """Climb to `height_m` above where the vehicle stands, and hold; FlightError where the fence is too near."""
+        """Climb to `height_m` above where the vehicle stands, and hold there.
+
+        FlightError where the fence is too near, and where an order held the vehicle below: then it stays there.
+        """
         vehicle = self.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
         self._ask(TakeOff(height_m), "take off")
         climb_s = 2.0 * height_m / self._config.flight.climb_speed_mps
         await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
+        held_m = self._held_at_m()
+        if abs(held_m - height_m) > _SAME_HEIGHT_M:
+            raise FlightError(f"{_HELD} at {held_m:.2f} m, on the way to {height_m:g} m")
+
+    def _held_at_m(self) -> float:
+        """Height of what is flown at last above where the vehicle stood."""
+        flight = self.loop.flight
+        ground_m = 0.0 if flight.ground_w_m is None else float(flight.ground_w_m[2])
+        return float(flight.legs[-1].trajectory.at(0.0).position_w_m[2]) - ground_m
 
     async def fly(self, trajectory: Trajectory) -> None:
         """Go to the trajectory's start, fly it, hold its end.
@@ -182,12 +216,14 @@ class Service:
             raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
 
     async def land(self) -> None:
-        """Come down where the vehicle is, stop the motors, disarm. From any phase; does nothing on the ground.
+        """Come down where the vehicle is, stop the motors, disarm. From any phase; on the ground it only calls an
+        arming off.
 
         Whoever else has the vehicle is waited for, and commanded nothing. When the flight loop has failed it has told
         the autopilot to land: then the autopilot's landing is awaited.
         """
         if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
+            self.loop.arming.call_off("a landing was ordered")
             return
         if self.phase is not Phase.HANDED_OVER:
             self.loop.ask(Land())
@@ -222,7 +258,7 @@ class Service:
 
     def _expect(self, phase: Phase, end: Leg | None = None) -> None:
         if self.phase is phase and self.loop.flight.level is Reaction.NOTE and self._diverted(end):
-            raise FlightError("the flight was ended: a hold was ordered")
+            raise FlightError(_HELD)
         if self.phase is not phase or self.loop.flight.level > Reaction.NOTE:
             why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
             raise FlightError(f"the flight was ended: {why}")
@@ -242,7 +278,7 @@ class Service:
         if not await self._until(over, timeout_s):
             raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
         if self.phase is not phase and self._diverted(end) and self.loop.flight.level is Reaction.NOTE:
-            raise FlightError("the flight was ended: a hold was ordered")
+            raise FlightError(_HELD)
         self._expect(phase, end)
 
     async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:

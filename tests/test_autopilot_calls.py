@@ -8,14 +8,25 @@ from companion.supervisor.flight import Action
 
 
 class Slow:
-    """An autopilot that answers late."""
+    """An autopilot that answers late, or not before the link is back."""
 
-    def __init__(self) -> None:
+    def __init__(self, answers: bool = True) -> None:
+        self.link = asyncio.Event()
+        if answers:
+            self.link.set()
+        self.asked: list[str] = []
+        self.waiting = 0
         self.done: list[str] = []
 
     def __getattr__(self, name: str) -> Any:
         async def answer() -> None:
-            await asyncio.sleep(0.01)
+            self.asked.append(name)
+            self.waiting += 1
+            try:
+                await self.link.wait()
+                await asyncio.sleep(0.01)
+            finally:
+                self.waiting -= 1
             self.done.append(name)
 
         return answer
@@ -43,3 +54,40 @@ async def test_a_kill_goes_on_when_even_the_waiting_is_cancelled() -> None:
     assert calls.pending
     await asyncio.sleep(0.05)
     assert autopilot.done == ["kill"]
+
+
+async def turns() -> None:
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+async def test_on_a_dead_link_one_call_of_each_kind_waits_and_the_operator_reads_why() -> None:
+    dead: Any = Slow(answers=False)
+    calls = AutopilotCalls(dead)
+    for asked in range(1, 11):
+        calls.begin(Action.AUTOPILOT_LAND)
+        calls.begin(Action.DISARM)
+        await turns()
+        assert dead.asked.count("land") == asked, "asked again, not only waited for"
+        assert dead.waiting == 2
+    assert calls.failure == "the autopilot has not done it yet and is asked once more: disarm"
+    await calls.cancel()
+    assert (dead.waiting, calls.pending) == (0, False)
+
+
+async def test_a_kill_goes_first_and_nothing_beside_it() -> None:
+    dead: Any = Slow(answers=False)
+    calls = AutopilotCalls(dead)
+    calls.begin(Action.DISARM)
+    await turns()
+    calls.begin(Action.OFFBOARD)
+    calls.begin(Action.KILL)
+    await turns()
+    assert dead.asked == ["disarm", "kill"], "what had not begun yet does not begin any more"
+    for action in (Action.KILL, Action.AUTOPILOT_LAND):
+        calls.begin(action)
+        await turns()
+    assert (dead.asked, dead.waiting) == (["disarm", "kill"], 1)
+    dead.link.set()
+    await calls.cancel()
+    assert dead.done == ["kill"]

@@ -13,9 +13,12 @@ from companion.config import CompanionConfig
 from companion.config_controller import load_controller
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.flight_loop import Devices, FlightLoop
+from companion.operator_orders import Order, OrderKind
 from companion.ports import ConfigError, FlightError
 from companion.service import Service
+from companion.service_orders import obey
 from companion.service_space import check_room_and_fence
+from companion.service_verbs import Preflight
 from companion.supervisor.flight import Kill, Land, Phase, Request
 from tests.dead_man import NoDeadMan
 from tests.flights.simulated import Room, SimulatedMocap
@@ -75,6 +78,7 @@ async def served(
     config: CompanionConfig | None = None,
     in_preflight: Callable[[FlightLoop], object] = lambda _: None,
     cameras: type[SimulatedMocap] = SimulatedMocap,
+    preflight: Preflight | None = None,
 ) -> AsyncIterator[Served]:
     config, autopilot = config or CompanionConfig(), Insisting(room)
     servos = SimulatedServos(room) if config.arms is not None else None
@@ -83,12 +87,12 @@ async def served(
     def count() -> None:
         one.cycles += 1
 
-    async def preflight(_: Trajectory | None) -> None:
+    async def passed(_: Trajectory | None) -> None:
         in_preflight(loop)
 
     loop = FlightLoop(Devices(cameras(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None)
     ticking = asyncio.create_task(loop.run())
-    one = Served(Service(loop, autopilot, config, ticking, preflight), room, autopilot)
+    one = Served(Service(loop, autopilot, config, ticking, preflight or passed), room, autopilot)
     try:
         yield one
     finally:
@@ -127,6 +131,71 @@ async def test_a_kill_while_the_checks_run_ends_the_arming() -> None:
             await one.service.arm()
         assert one.phase() is Phase.TERMINATED
         assert one.autopilot.asked == 0
+
+
+@pytest.mark.parametrize(
+    ("order", "why"),
+    [(OrderKind.ABORT, "the operator aborted"), (OrderKind.LAND, "a landing was ordered"), (None, "a landing was")],
+)
+async def test_an_abort_while_the_checks_run_ends_them(order: OrderKind | None, why: str) -> None:
+    running, ended = asyncio.Event(), asyncio.Event()
+
+    async def preflight(_: Trajectory | None) -> None:
+        running.set()
+        try:
+            await asyncio.sleep(60.0)
+        finally:
+            ended.set()
+
+    async with served(Room(1), preflight=preflight) as one:
+        await one.until(BOOTED_S)
+        with pytest.raises(FlightError, match="it does not fit phase standby"):
+            obey(one.service.loop, Order(OrderKind.ABORT, "too early"))
+        arming = asyncio.create_task(one.service.arm())
+        await running.wait()
+        with pytest.raises(FlightError, match=r"^cannot arm: the checks before arming run already$"):
+            await one.service.arm()
+        if order is None:
+            await one.service.land()
+        else:
+            obey(one.service.loop, Order(order, "desk-1"))
+        with pytest.raises(FlightError, match=f"^cannot arm: {why}"):
+            await asyncio.wait_for(arming, 30.0)
+        assert ended.is_set()
+        assert one.phase() is Phase.STANDBY
+        with pytest.raises(FlightError, match="it does not fit phase standby"):
+            obey(one.service.loop, Order(OrderKind.ABORT, "too late"))
+        assert one.autopilot.asked == 0
+
+
+async def test_an_abort_that_comes_with_the_last_check_prevents_the_arming_all_the_same() -> None:
+    def abort(loop: FlightLoop) -> None:
+        obey(loop, Order(OrderKind.ABORT, "desk-1"))
+
+    async with served(Room(1), in_preflight=abort) as one:
+        await one.until(BOOTED_S)
+        with pytest.raises(FlightError, match=r"^cannot arm: the operator aborted$"):
+            await one.service.arm()
+        assert (one.phase(), one.autopilot.asked) == (Phase.STANDBY, 0)
+
+
+async def test_a_hold_ordered_in_the_climb_is_no_takeoff_to_the_height() -> None:
+    async with served(Room(1)) as one:
+        await one.until(BOOTED_S)
+        await one.service.arm()
+        climbing = asyncio.create_task(one.service.take_off(1.2))
+        while not one.service.loop.flight.airborne:
+            with pytest.raises(FlightError, match="cannot hold: "):
+                await one.service.hold()
+            await asyncio.sleep(0)
+        await one.service.hold()
+        with pytest.raises(
+            FlightError, match=r"^the flight was ended: a hold was ordered at 0\.\d\d m, on the way to 1\.2 m$"
+        ):
+            await asyncio.wait_for(climbing, 30.0)
+        assert one.phase() is Phase.HOLD
+        await one.until(one.room.now_s() + 3.0)
+        assert 0.0 < one.room.truth_w_m[2] < 0.4, "it stays where it was held"
 
 
 async def test_what_leads_out_is_refused_before_and_in_flight_and_what_was_flown_goes_on() -> None:

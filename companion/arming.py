@@ -1,0 +1,32 @@
+"""From the operator's wish to arm until the flight's first phase: all is looked at, and it can be called off."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from companion.ports import FlightError
+
+
+class Arming:
+    """Between whoever checks, and whoever orders that nothing may follow from it."""
+
+    def __init__(self) -> None:
+        self.under_way = False
+        """The checks run; the flight is in a phase on the ground in which nothing is sent."""
+        self.called_off = ""
+        """Why nothing follows from the checks; empty when they were not called off."""
+
+    @contextmanager
+    def checking(self) -> Iterator[None]:
+        """While the checks run; FlightError when others run already."""
+        if self.under_way:
+            raise FlightError("cannot arm: the checks before arming run already")
+        self.under_way, self.called_off = True, ""
+        try:
+            yield
+        finally:
+            self.under_way = False
+
+    def call_off(self, why: str) -> None:
+        """End checks that run; nothing where none do."""
+        if self.under_way:
+            self.called_off = self.called_off or why
