@@ -1,54 +1,84 @@
 """Every command by name, and how any of them ends."""
 
+import ast
 import signal
 import sys
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from companion import __version__
 from companion.ports import CompanionError
 
 BAD_INPUT = 2
 
-COMMANDS = {
-    "demo": "companion.cli.demo:demo",
-    "simulate": "companion.cli.simulate:simulate",
-    "experiments": "companion.cli.experiments:experiments",
-    "sweep": "companion.cli.sweep:sweep",
-    "tune": "companion.cli.tune:tune",
-    "arms": "companion.cli.arms:app",
-    "preflight": "companion.cli.preflight:preflight",
-    "dry-run": "companion.cli.dry_run:dry_run",
+PANELS = {
+    "The vehicle and its room": {
+        "preflight": "companion.cli.preflight:preflight",
+        "dry-run": "companion.cli.dry_run:dry_run",
+        "arms": "companion.cli.arms:app",
+    },
+    "Without a vehicle": {
+        "demo": "companion.cli.demo:demo",
+        "simulate": "companion.cli.simulate:simulate",
+        "experiments": "companion.cli.experiments:experiments",
+        "sweep": "companion.cli.sweep:sweep",
+        "tune": "companion.cli.tune:tune",
+    },
 }
-"""Where each command is: a function, or a group of commands."""
+"""Where each command is: a function, or a group of commands; as --help lists them."""
+COMMANDS = {name: place for panel in PANELS.values() for name, place in panel.items()}
 
 
-class _Imported(dict[str, Any]):
-    """Commands by name; a command's module is imported when that command is wanted: all together take seconds."""
+def _imported(name: str) -> Any:
+    """The command itself; only when it is wanted: all together take seconds to import."""
+    module, attribute = COMMANDS[name].split(":")
+    found = getattr(import_module(module), attribute)
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
+        alone.command(name)(found)
+        found = alone
+    command = typer.main.get_command(found)
+    command.name = name
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # from here on the command minds it, see main.py
+    return command
 
-    def __getitem__(self, name: str) -> Any:
-        module, attribute = super().__getitem__(name).split(":")
-        found = getattr(import_module(module), attribute)
-        if not isinstance(found, typer.Typer):
-            alone = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
-            alone.command(name)(found)
-            found = alone
-        command = typer.main.get_command(found)
-        command.name = name
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # from here on the command minds it, see main.py
-        return command
 
-    def get(self, name: str, default: Any = None) -> Any:
-        return self[name] if name in self else default  # noqa: SIM401 - that is what it is for
+def _glance(name: str) -> TyperCommand:
+    """What --help and a shell's completion show of a command: its docstring, read without importing it."""
+    panel = next(title for title, commands in PANELS.items() if name in commands)
+    module, attribute = COMMANDS[name].split(":")
+    found = find_spec(module)
+    assert found is not None
+    assert found.origin is not None
+    source = ast.parse(Path(found.origin).read_text(encoding="utf-8"))
+    functions = [node for node in source.body if isinstance(node, ast.FunctionDef)]
+    says = [ast.get_docstring(one) for one in functions if one.name == attribute or _is_callback(one, attribute)]
+    return TyperCommand(name, help=(says[0] or "") if says else "", rich_help_panel=panel)
+
+
+def _is_callback(function: ast.FunctionDef, group: str) -> bool:
+    """Whether it is the one whose docstring is that of a group of commands."""
+    return any(ast.unparse(decorator).startswith(f"{group}.callback(") for decorator in function.decorator_list)
 
 
 class _Group(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        self.commands = _Imported(COMMANDS)
+        self.commands = dict.fromkeys(COMMANDS, TyperCommand(None))  # their names; see get_command
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002 - a method of typer's
+        """Enough to be listed."""
+        return _glance(cmd_name) if cmd_name in COMMANDS else None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """What runs, or tells its options and arguments."""
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, None if command is None or name is None else _imported(name), rest
 
     def invoke(self, ctx: Any) -> Any:
         """Ctrl-C while a command is imported or begins, before it minds that itself, is not typer's to word."""
@@ -61,7 +91,6 @@ class _Group(TyperGroup):
 app = typer.Typer(
     cls=_Group,
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
