@@ -30,8 +30,8 @@ from companion.types import ArmStatus, Array, JointMotion
 
 LOG = logging.getLogger(__name__)
 
-_STALE_S = 0.5
-"""Every joint unread for so long: the bus thread itself hangs, whatever it last said."""
+_STALE_S = 0.3
+"""Every joint unread for so much longer than `silent_s`, when the driver should have named them: its thread hangs."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class ArmStage:
         self._status = self._bus.status()
         self._off_stow = self._farthest_from_stow()
         unread_s = now_s - float(self._status.read_s.max())
-        if unread_s > _STALE_S and math.isfinite(unread_s) and not self._broken:
+        if unread_s > self._config.silent_s + _STALE_S and math.isfinite(unread_s) and not self._broken:
             self._broken = f"bus: no servo was read for {unread_s:.1f} s"
         held_rad = self._status.held_rad
         obey = bool(np.isfinite(held_rad).all())  # torque that an earlier program left is not ours to move with
@@ -171,6 +171,10 @@ class ArmStage:
     async def torque_on(self) -> None:
         """Hold where the joints are; ArmError naming the joints that refuse."""
         await self._bus.torque_on()
+
+    async def torque_off(self) -> None:
+        """Let every joint go limp; ArmError naming the joints that do not answer."""
+        await self._bus.torque_off()
 
     async def clear_faults(self) -> None:
         """Forget what is latched, on this side, too; ArmError naming what is still wrong."""

@@ -33,6 +33,7 @@ from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
 from tests.dead_man import NoDeadMan
 from tests.flights.simulated_autopilot import SimulatedAutopilot
+from tests.flights.simulated_bus import simulated_bus
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import NO_GPS, Bench
 
@@ -162,6 +163,7 @@ class Flight:
     autopilot: SimulatedAutopilot
     loop: FlightLoop
     servos: SimulatedServos | None
+    """None for a vehicle without arms, and where they have their real driver."""
     ticks: list[Tick] = field(default_factory=list)
     truths_w_m: list[Array] = field(default_factory=list)
     """Where the vehicle really was at each tick."""
@@ -193,11 +195,13 @@ async def fly(
     raise_in_sink_at_s: float = math.inf,
     mocap_lost_at_s: float = math.inf,
     faults: Sequence[str] = (),
+    real_driver: bool = False,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
+    With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
@@ -228,10 +232,11 @@ async def fly(
 
     autopilot = SimulatedAutopilot(room.bench)
     autopilot.deaf_to_land = lost_land_commands
-    servos = SimulatedServos(room) if arms is not None else None
+    servos = SimulatedServos(room) if arms is not None and not real_driver else None
+    bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
     cameras = SimulatedMocap(room, every_tick)
     cameras.lost_at_s = mocap_lost_at_s
-    loop = FlightLoop(Devices(cameras, autopilot, room, NoDeadMan(), servos), law, config, sink)
+    loop = FlightLoop(Devices(cameras, autopilot, room, NoDeadMan(), bus), law, config, sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")

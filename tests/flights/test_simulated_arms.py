@@ -42,8 +42,8 @@ def swing(for_s: float = 60.0) -> Plan:
 
 
 def torque(flight: Flight) -> bool:
-    assert flight.servos is not None
-    asyncio.get_running_loop().create_task(flight.servos.torque_on(), name="torque")
+    assert flight.loop.arms is not None
+    asyncio.get_running_loop().create_task(flight.loop.arms.torque_on(), name="torque")
     return True
 
 

@@ -12,6 +12,7 @@ from companion.control.pid import Pid, PidMemory
 from companion.health_stage import Sides
 from companion.supervisor.flight import Kill, Land
 from companion.types import AutopilotStatus
+from mock_autopilot.dynamixel_config import Fault, FaultKind
 from mock_autopilot.plant import Wrench, no_wrench
 from mock_autopilot.truth import Truth
 from tests.flights.faults.rows import Act
@@ -62,6 +63,17 @@ def servo_fails(flight: Flight) -> None:
     """One of the elbows is overloaded."""
     assert flight.servos is not None
     flight.servos.fail("left.elbow_pitch")
+
+
+def one_servo(kind: FaultKind, servo_id: int, **more: float) -> Act:
+    """What the mock's words do not cover: a fault of one servo."""
+
+    def break_it(flight: Flight) -> None:
+        servos = flight.room.bench.world.servos
+        assert servos is not None
+        servos.inject(Fault.model_validate({"kind": kind, "id": servo_id} | more))
+
+    return break_it
 
 
 class _Raises(Pid):

@@ -6,9 +6,11 @@ from enum import StrEnum
 from typing import Any
 
 from companion.config import CompanionConfig, FlightConfig
+from companion.config_arms import ArmsConfig
 from companion.config_safety import SafetyConfig
 from companion.supervisor.faults import Fault, Reaction, Stage, reaction_to
 from tests.flights.simulated import Flight
+from tests.flights.test_simulated_arms import mock_arms
 
 RULES = SafetyConfig().rules()
 """The limits that fly: the configuration's own."""
@@ -65,6 +67,8 @@ class When(StrEnum):
     LANDING = "landing"
     HANDED_OVER = "handed over"
     """While PX4 lands."""
+    SWINGING = "arms moving"
+    """In hover, both arms on their way; flown with ARMS."""
 
 
 STAGES = {
@@ -74,6 +78,7 @@ STAGES = {
     When.TRACK: Stage.FLYING,
     When.LANDING: Stage.LANDING,
     When.HANDED_OVER: Stage.HANDED_OVER,
+    When.SWINGING: Stage.FLYING,
 }
 
 Act = Callable[[Flight], None]
@@ -88,6 +93,12 @@ class Conditions:
     law: str = "etnn"
     """As in config/controllers/."""
     more: dict[str, Any] = field(default_factory=dict)
+
+
+ARMS = Conditions(
+    CompanionConfig(flight=BRISK, arms=ArmsConfig()), more={"arms": mock_arms(), "real_driver": True}
+)  # fmt: skip
+"""With both arms, as in config/mock.toml, and their real driver."""
 
 
 @dataclass(frozen=True)

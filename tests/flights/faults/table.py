@@ -1,7 +1,8 @@
 """The table of fault flights."""
 
 from tests.flights.faults.rows import Row
+from tests.flights.faults.table_arms import ARM_FAULTS
 from tests.flights.faults.table_flight import FLIGHT
 from tests.flights.faults.table_mocap import MOCAP
 
-VIRTUAL: tuple[Row, ...] = MOCAP + FLIGHT
+VIRTUAL: tuple[Row, ...] = MOCAP + FLIGHT + ARM_FAULTS

@@ -13,6 +13,7 @@ from tests.flights.faults.rows import CONFIG, Conditions, Row, When
 from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.watch import Told, Watch, fence_of
 from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
+from tests.flights.test_simulated_arms import play, swing, torque
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
 
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=2))
@@ -26,6 +27,8 @@ _PILOT_FLIES_S = 2.0
 """So long the operator leaves the vehicle to its pilot before he takes it back."""
 
 
+HALFWAY_S = 1.0
+"""Through the approach to the swing."""
 UP = [*ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD)]
 PRELUDES: dict[When, list[Step]] = {
     When.GROUND: [*ARM, wait(0.3)],
@@ -34,6 +37,7 @@ PRELUDES: dict[When, list[Step]] = {
     When.TRACK: [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(3.0)],
     When.LANDING: [*UP, ask(Land()), lambda flight: bool(flight.room.truth_w_m[2] < 0.8)],
     When.HANDED_OVER: [*UP, wait(1.0)],
+    When.SWINGING: [torque, *UP, play(swing()), wait(HALFWAY_S)],
 }
 
 
