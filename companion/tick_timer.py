@@ -30,15 +30,17 @@ class TickTimer:
         return arrived_s < self.due_s - 0.5 * self.period_s
 
     def begin(self, now_s: float, frame_arrived_s: float | None) -> float:
-        """Note that a cycle begins; returns how late it is (s), against the frame or against the deadline."""
+        """Note that a cycle begins; returns how late it is (s), against its frame or the deadline, whichever was first.
+
+        A loop that is behind finds a fresh frame every time: by that alone it would never be late.
+        """
+        begin_s = self.deadline_s
         if frame_arrived_s is not None:
-            late_s = now_s - frame_arrived_s
+            begin_s = min(begin_s, frame_arrived_s)
             half = 0.5 * self.period_s
             self.due_s += self.pull * min(max(frame_arrived_s - self.due_s, -half), half)
-        else:
-            late_s = now_s - self.deadline_s
         self.due_s += self.period_s
         behind = int(max(0.0, now_s - self.due_s) / self.period_s)
         self.missed += behind
         self.due_s += behind * self.period_s
-        return late_s
+        return now_s - begin_s

@@ -24,6 +24,31 @@ def test_lateness_is_counted_from_the_frame_that_started_the_cycle() -> None:
     assert timer.begin(1.0007, 1.0005) == pytest.approx(0.0002)
 
 
+def test_a_frame_that_comes_after_the_deadline_makes_no_late_cycle_punctual() -> None:
+    timer = TickTimer(PERIOD_S, 1.0)
+    assert timer.begin(1.0500, 1.0495) == pytest.approx(0.046), "the deadline was at 1.004"
+
+
+def test_a_loop_whose_cycles_take_too_long_is_late_though_frames_flow() -> None:
+    timer, now_s, late = TickTimer(PERIOD_S, 1.0), 1.0, []
+    for _ in range(50):
+        late.append(timer.begin(now_s, now_s - 0.002))
+        now_s = max(now_s + 0.04, timer.due_s)
+    assert late[0] == pytest.approx(0.002)
+    assert min(late[2:]) > 0.03
+
+
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.0331])
+def test_slow_frames_make_no_late_cycles(period_s: float) -> None:
+    """As the loop waits: for a frame that is not early, until the deadline."""
+    timer, frames = TickTimer(PERIOD_S, 1.0), [1.0003 + k * period_s for k in range(100)]
+    while frames:
+        arrived_s = next((at_s for at_s in frames if not timer.frame_is_early(at_s)), frames[-1])
+        now_s, frame_s = (arrived_s, arrived_s) if arrived_s <= timer.deadline_s else (timer.deadline_s, None)
+        assert timer.begin(now_s, frame_s) == pytest.approx(0.0, abs=1e-9)
+        frames = [at_s for at_s in frames if at_s > now_s]
+
+
 @settings(deadline=None)
 @given(offset_s=st.floats(-0.0049, 0.0039), drift=st.floats(-2e-4, 2e-4))
 def test_the_due_time_is_drawn_to_the_frames_and_follows_their_drift(offset_s: float, drift: float) -> None:

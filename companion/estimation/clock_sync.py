@@ -38,6 +38,14 @@ def observe(sync: ClockSync, stamp_s: float, received_s: float, window_s: float 
     return ClockSync(sync.started_s, min(sync.running_s, seen_s), sync.previous_s, stamp_s)
 
 
+def is_ahead(sync: ClockSync, stamp_s: float, received_s: float, by_s: float) -> bool:
+    """Whether a frame would have been captured more than `by_s` later than it can have been, as it has come already.
+
+    No network does that: its clock has jumped. `observe` would take it for the shortest way there ever was.
+    """
+    return sync.offset_s < inf and received_s - stamp_s < sync.offset_s - by_s
+
+
 def to_local_s(sync: ClockSync, stamp_s: float, delay_s: float) -> float:
     """Capture time on our clock; `delay_s` is the least time from capture to arrival."""
     return stamp_s + sync.offset_s - delay_s

@@ -1,8 +1,8 @@
 """From frames to the vehicle's state at capture time, with a verdict on every frame."""
 
 from dataclasses import replace
-from math import hypot, inf, isfinite, sqrt
-from operator import sub
+from math import acos, hypot, inf, isfinite, sqrt
+from operator import mul, sub
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from companion.control.frames import quat_from_rotation_vector, quat_multiply
 from companion.estimation import attitude as att
 from companion.estimation import kalman
 from companion.estimation.attitude import Attitude
-from companion.estimation.clock_sync import ClockSync, observe, to_local_s
+from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
 from companion.types import Array, MocapFrame, VehicleState
@@ -29,25 +29,29 @@ def step(
     `accel_input_w_mps2`, shape (3,): acceleration the rotors are known to have given since the last accepted frame
     (thrust per mass along the measured body z axis, less gravity); without it the filter has to find out by itself.
     """
-    clock = observe(state.clock, frame.stamp_s, frame.received_s, params.clock_window_s)
+    ahead = is_ahead(state.clock, frame.stamp_s, frame.received_s, params.ahead_s)
+    learnt = observe(ClockSync() if ahead else state.clock, frame.stamp_s, frame.received_s, params.clock_window_s)
+    back = frame.stamp_s < state.clock.last_stamp_s
+    clock = state.clock if ahead or back else learnt  # one broken stamp must not make all that follow look wrong
     pose = (*frame.position_w_m.tolist(), *frame.rotation_w_b.ravel().tolist())
     objection = _objection(pose, state, params)
     if objection is not None:
         return _refused(state, objection, clock, pose if objection is Verdict.REPEATED else state.pose)
-    dt_s = frame.stamp_s - state.stamp_s
-    if state.motion is None or state.attitude is None or abs(dt_s) > params.max_gap_s:
-        return _started(state, frame, params, clock, pose)
-    if dt_s <= 0.0:
-        return _refused(state, Verdict.STALE, clock, state.pose)
+    dt_s, silent_s = frame.stamp_s - state.stamp_s, frame.received_s - state.received_s
+    if state.motion is None or state.attitude is None or min(abs(dt_s), silent_s) > params.max_gap_s:
+        return _started(state, frame, params, learnt, pose)
+    if ahead or dt_s <= 0.0:
+        return _off_the_clock(state, Verdict.AHEAD if ahead else Verdict.STALE, frame, params, learnt, pose)
     known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
     surprise = att.surprise_rad(attitude, pose[3:])
-    if not _possible(_distance(pose[:3], motion.position), surprise, motion, attitude, dt_s, params):
+    off = _distance(pose[:3], motion.position), hypot(*surprise)
+    if not _possible(*off, motion, attitude, dt_s, params) or _goes_on_beside(state, pose, off, params):
         return _outlier(state, frame, params, clock, pose)
     motion = kalman.update(motion, pose[:3], params.noise_m**2)
     attitude = att.update(attitude, surprise, params.noise_rad**2)
-    return _known(state, Verdict.ACCEPTED, frame.stamp_s, params, clock, pose, motion, attitude)
+    return _known(state, Verdict.ACCEPTED, frame, params, clock, pose, motion, attitude)
 
 
 def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
@@ -91,13 +95,42 @@ def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Ve
 
 
 def _possible(
-    off_m: float, turn_rad: att.Vec3, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
+    off_m: float, turn_rad: float, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
 ) -> bool:
     """Whether the surprise is within noise, uncertainty (3 sigma) and what the airframe can do in `dt_s`."""
     half = 0.5 * dt_s * dt_s
     gate_m = params.gate_m + params.max_accel_mps2 * half + 3.0 * sqrt(motion.covariance.pp)
     gate_rad = params.gate_rad + params.max_turn_radps2 * half + 3.0 * sqrt(attitude.covariance.pp)
-    return off_m <= gate_m and hypot(*turn_rad) <= gate_rad
+    return off_m <= gate_m and turn_rad <= gate_rad
+
+
+def _goes_on_beside(state: EstimatorState, pose: Pose, off: tuple[float, float], params: EstimatorParams) -> bool:
+    """Whether a pose `off` (m, rad) the prediction goes on from the last outlier rather than from what was known.
+
+    The gate widens with the time since the last accepted frame. A step that no vehicle makes from one frame to the
+    next does not become possible by waiting, as long as frames show that it was one.
+    """
+    if not _agrees(state, pose, params):
+        return False
+    apart_m, apart_rad = _apart(state.pose, pose)
+    off_m, off_rad = off
+    return max(apart_m / params.gate_m, apart_rad / params.gate_rad) < max(
+        off_m / params.gate_m, off_rad / params.gate_rad
+    )
+
+
+def _agrees(state: EstimatorState, pose: Pose, params: EstimatorParams) -> bool:
+    """Whether the frame before was an outlier, and near this pose."""
+    if state.agreeing == 0:
+        return False
+    apart_m, apart_rad = _apart(state.pose, pose)
+    return apart_m <= params.agree_m and apart_rad <= params.agree_rad
+
+
+def _apart(a: Pose, b: Pose) -> tuple[float, float]:
+    """Distance (m) and angle (rad) between two poses."""
+    cosine = 0.5 * (sum(map(mul, a[3:], b[3:])) - 1.0)  # the trace of A' B
+    return _distance(a[:3], b[:3]), acos(min(max(cosine, -1.0), 1.0))
 
 
 def _distance(a: kalman.Vector, b: kalman.Vector) -> float:
@@ -111,13 +144,23 @@ def _started(
     of_motion, of_attitude = first_covariances(params)
     motion = Motion(pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
     attitude = att.at_rest(frame.rotation_w_b, of_attitude)
-    return _known(state, Verdict.STARTED, frame.stamp_s, params, clock, pose, motion, attitude)
+    return _known(state, Verdict.STARTED, frame, params, clock, pose, motion, attitude)
+
+
+def _off_the_clock(
+    state: EstimatorState, verdict: Verdict, frame: MocapFrame, params: EstimatorParams, learnt: ClockSync, pose: Pose
+) -> EstimatorState:
+    """A stamp that goes back or is ahead; `learnt` is the clock by it."""
+    run = state.run + 1 if verdict == state.verdict else 1
+    if run >= params.stamps_to_restart:
+        return _started(state, frame, params, learnt, pose)
+    return _refused(state, verdict, state.clock, state.pose)
 
 
 def _outlier(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
 ) -> EstimatorState:
-    agreeing = state.agreeing + 1 if _distance(pose[:3], state.pose[:3]) <= params.agree_m else 1
+    agreeing = state.agreeing + 1 if _agrees(state, pose, params) else 1
     if agreeing >= params.outliers_to_restart:
         return _started(state, frame, params, clock, pose)
     return replace(_refused(state, Verdict.OUTLIER, clock, pose), agreeing=agreeing)
@@ -138,7 +181,7 @@ def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Po
 def _known(
     state: EstimatorState,
     verdict: Verdict,
-    stamp_s: float,
+    frame: MocapFrame,
     params: EstimatorParams,
     clock: ClockSync,
     pose: Pose,
@@ -146,7 +189,7 @@ def _known(
     attitude: Attitude,
 ) -> EstimatorState:
     vehicle = VehicleState(
-        to_local_s(clock, stamp_s, params.delay_s),
+        to_local_s(clock, frame.stamp_s, params.delay_s),
         np.array(motion.position),
         np.array(motion.velocity),
         np.array(attitude.q),
@@ -154,7 +197,8 @@ def _known(
     )
     run = state.run + 1 if verdict == state.verdict else 1
     counts = _counted(state.counts, verdict)
-    return EstimatorState(vehicle, verdict, run, counts, clock, motion, attitude, stamp_s, pose)
+    stamp_s, received_s = frame.stamp_s, frame.received_s
+    return EstimatorState(vehicle, verdict, run, counts, clock, motion, attitude, stamp_s, received_s, pose)
 
 
 def _counted(counts: Counts, verdict: Verdict) -> Counts:

@@ -23,6 +23,8 @@ class Verdict(StrEnum):
     """The very same pose again: the system is frozen. Real measurements never repeat to the last bit."""
     STALE = "stale"
     """Captured no later than the last accepted frame."""
+    AHEAD = "ahead"
+    """Captured later than it came, says its stamp."""
     OUTLIER = "outlier"
     """Further from the prediction than physics allows."""
 
@@ -55,8 +57,14 @@ class EstimatorParams:
     """So many outliers that agree with each other are the truth: start anew from there."""
     agree_m: float = 0.05
     """Outliers agree when each is so close to the one before."""
+    agree_rad: float = 0.35
+    """The same for the attitude."""
+    ahead_s: float = 0.1
+    """A stamp so far ahead of its frame's arrival is of a clock that has jumped."""
+    stamps_to_restart: int = 10
+    """So many stamps in a row that go back, or are ahead, are a new clock: start anew from there."""
     max_gap_s: float = 1.0
-    """Start anew after so long without an accepted frame."""
+    """Start anew after so long without an accepted frame, by both clocks."""
     room_m: float = 100.0
     """No room is larger."""
     drop_repeats: bool = True
@@ -73,6 +81,7 @@ class Counts:
     invalid: int = 0
     repeated: int = 0
     stale: int = 0
+    ahead: int = 0
     outlier: int = 0
 
 
@@ -92,10 +101,12 @@ class EstimatorState:
     attitude: Attitude | None = None
     stamp_s: float = -inf
     """Of the last accepted frame."""
+    received_s: float = -inf
+    """Its arrival."""
     pose: tuple[float, ...] = ()
     """Position and rotation of the last tracked frame, whatever the verdict on it."""
     agreeing: int = 0
-    """Outliers in a row that agree with each other."""
+    """Outliers in a row that agree with each other; 0 unless the last tracked frame was one."""
 
     @property
     def velocity_std_mps(self) -> float:

@@ -151,7 +151,7 @@ TABLE: tuple[Row, ...] = (
         "upside down, origin moved)",
         "one of two truths is wrong and we cannot tell which; vision is withheld from PX4, too",
         _PX4, _PX4, _STOP),
-    Row(Fault.MOCAP_SLOW, "fewer than {slow_hz} usable frames in a second",
+    Row(Fault.MOCAP_SLOW, "fewer than {slow_hz} usable frames in a second, and no late cycles that explain it",
         "the filter's noise and the law's delay grow; still enough to land with",
         _LAND, _NOTE, _STOP),
     Row(Fault.MOCAP_DELAYED, "median age over half a second above {delayed_s} s, or the latency grew by that",
@@ -197,7 +197,8 @@ TABLE: tuple[Row, ...] = (
     Row(Fault.LAW_FAILED, "the law raises, or gives no finite command for {not_finite_cycles} cycles",
         "whatever else is right, nobody computes where to tilt",
         _PX4, _PX4, _STOP),
-    Row(Fault.LOOP_LATE, "control cycles on average later than {loop_late_s} s over a second",
+    Row(Fault.LOOP_LATE, "control cycles on average later than {loop_late_s} s over a second, or so late that fewer "
+        "than {slow_hz} frames were used in it",
         "computer overloaded; one late cycle is bridged, a stop is ended by the dead man",
         _LAND, _NOTE, _STOP),
     Row(Fault.AUTOPILOT_SILENT, "nothing heard from the autopilot for {autopilot_silent_s} s",

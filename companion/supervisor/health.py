@@ -45,6 +45,7 @@ def assess(memory: Health, now: Observed, rules: SafetyRules, fence: Fence) -> t
     place, of_place = look_at_place(memory.place, now, rules, fence, new)
     autopilot, of_autopilot = look_at_autopilot(memory.autopilot, now, rules)
     flight, of_flight = look_at_flight(memory.flight, now, rules)
-    events = of_mocap + of_stream + of_attitude + of_place + of_autopilot + of_flight
+    found = of_mocap + of_stream + of_attitude + of_place + of_autopilot + of_flight
+    events = {event.fault: event for event in found}.values()
     memory = Health(now.seen.received_s, mocap, stream, attitude, place, autopilot, flight)
     return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()

@@ -21,6 +21,7 @@ _WHY_USELESS = MappingProxyType(
         Verdict.OUTLIER: (Fault.MOCAP_OUTLIERS, "frames are further off than the vehicle can have moved"),
         Verdict.REPEATED: (Fault.MOCAP_FROZEN, "frames repeat one pose to the last bit"),
         Verdict.STALE: (Fault.MOCAP_SILENT, "frames are older than one already used"),
+        Verdict.AHEAD: (Fault.MOCAP_CLOCK_JUMP, "frames were captured later than they came, by their stamps"),
     }
 )
 _TOO_LATE = (Fault.MOCAP_SILENT, "frames arrive too late")
@@ -42,7 +43,7 @@ class MocapHealth:
 def look_at_mocap(memory: MocapHealth, now: Observed, rules: SafetyRules, new: bool) -> tuple[MocapHealth, list[Event]]:
     """`new`: this cycle brought a frame. Nothing is said unless poses are `relied_on`."""
     seen = now.seen
-    in_the_air = now.airborne or (now.autopilot.armed and now.autopilot.in_air)
+    in_the_air = now.airborne or (now.autopilot.armed and now.autopilot.in_air is not False)
     if new:
         memory = _with_frame(memory, seen, in_the_air)
     elif not in_the_air:

@@ -5,7 +5,7 @@ must not be forgotten as the estimator's clock comparison forgets it.
 """
 
 from dataclasses import field, replace
-from math import inf, nan
+from math import inf, isfinite, nan
 
 from companion.control.values import value
 from companion.estimation.state import Verdict
@@ -59,6 +59,8 @@ class StreamHealth:
     """How many such frames were dropped on their way here, in the last second."""
     late: int = 0
     """How many in all."""
+    overslept: Window = field(default_factory=Window)
+    """How late (s) those cycles of the last second began that may have passed over a frame."""
     delayed: Window = field(default_factory=Window)
     """Usable ones of the last half second that came too late, with their delay (s)."""
     clock: StampClock = field(default_factory=StampClock)
@@ -88,6 +90,9 @@ def _moved_on(memory: StreamHealth, now: Observed, rules: SafetyRules, new: bool
     frames = memory.frames.kept(time_s - WINDOW_S)
     stale = memory.stale.kept(time_s - WINDOW_S)
     dropped = memory.dropped.kept(time_s - WINDOW_S)
+    overslept = memory.overslept.kept(time_s - WINDOW_S)
+    if isfinite(now.late_s) and now.late_s > 0.5 / rules.slow_hz:
+        overslept = overslept.added(time_s, now.late_s)
     delayed = memory.delayed.kept(time_s - DELAY_WINDOW_S)
     clock = memory.clock
     if clock.jump and not relied_on(now):
@@ -106,7 +111,7 @@ def _moved_on(memory: StreamHealth, now: Observed, rules: SafetyRules, new: bool
                 delayed = delayed.added(time_s, delay_s)
         elif seen.verdict is Verdict.STALE:
             stale = stale.added(time_s, 1.0)
-    return StreamHealth(begun_s, frames, stale, dropped, seen.late, delayed, clock)
+    return StreamHealth(begun_s, frames, stale, dropped, seen.late, overslept, delayed, clock)
 
 
 def _observed(clock: StampClock, now: Observed, rules: SafetyRules) -> StampClock:
@@ -144,13 +149,20 @@ def _of_delay(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Ev
     return [Event(Fault.MOCAP_DELAYED, text)]
 
 
+def _of_slowness(usable: float, overslept_s: float, rules: SafetyRules) -> Event:
+    """Whose fault it is: in the time that the loop was awake, enough frames may have come."""
+    text = f"{usable:.0f} usable frames in a second, fewer than {rules.slow_hz:g}"
+    if usable < rules.slow_hz * (1.0 - overslept_s / WINDOW_S):
+        return Event(Fault.MOCAP_SLOW, text)
+    return Event(Fault.LOOP_LATE, f"{text}: cycles began {overslept_s:.2f} s late in it")
+
+
 def _of_count(memory: StreamHealth, rules: SafetyRules) -> list[Event]:
     events = []
     usable, dropped = memory.frames.total, memory.dropped.total
     frames, stale = len(memory.frames.times_s) + dropped, len(memory.stale.times_s) + dropped
     if usable < rules.slow_hz:
-        text = f"{usable:.0f} usable frames in a second, fewer than {rules.slow_hz:g}"
-        events.append(Event(Fault.MOCAP_SLOW, text))
+        events.append(_of_slowness(usable, memory.overslept.total, rules))
     if stale > rules.out_of_order_share * frames:
         text = f"{stale:.0f} of {frames:.0f} frames in a second are older than one already used"
         events.append(Event(Fault.MOCAP_OUT_OF_ORDER, text))

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.control.frames import quat_from_rotation_vector
+from companion.control.frames import matrix_from_quat, quat_from_rotation_vector
 from companion.estimation.estimator import EstimatorState, Verdict, step
 from companion.types import MocapFrame
 from tests.estimation.flights import NOISELESS, PARAMS, Sway, followed, frame, lost, noisy
@@ -114,6 +114,42 @@ def test_jumps_that_disagree_are_never_believed() -> None:
     assert {s.verdict for s in states} == {Verdict.OUTLIER}
 
 
+def test_a_heading_that_steps_is_not_waited_into_the_gate() -> None:
+    """After five frames the vehicle could have turned so far; but the frames show that it was a step."""
+    flight = noisy(Sway(3.0), 100)
+    turn = matrix_from_quat(quat_from_rotation_vector(np.array([0.0, 0.0, 0.6])))
+    flight[50:] = [replace(taken, rotation_w_b=taken.rotation_w_b @ turn) for taken in flight[50:]]
+    states = followed(flight)
+    assert [s.verdict for s in states[50:62]] == [Verdict.OUTLIER] * 9 + [Verdict.STARTED] + [Verdict.ACCEPTED] * 2
+
+
+def test_a_place_that_steps_is_not_waited_into_the_gate_either() -> None:
+    flight = noisy(Sway(3.0), 100)
+    flight[50:] = [
+        replace(taken, position_w_m=taken.position_w_m + np.array([0.0, 0.08, 0.0])) for taken in flight[50:]
+    ]
+    states = followed(flight)
+    assert [s.verdict for s in states[50:60]] == [Verdict.OUTLIER] * 9 + [Verdict.STARTED]
+
+
+def test_the_way_back_from_a_small_spike_is_no_outlier() -> None:
+    """The true frame is within what agrees, but nearer to what was known."""
+    flight = noisy(Sway(3.0), 60)
+    for k in (40, 41, 42):
+        flight[k] = replace(flight[k], position_w_m=flight[k].position_w_m + np.array([0.0, 0.045, 0.0]))
+    states = followed(flight)
+    assert [s.verdict for s in states[40:44]] == [Verdict.OUTLIER] * 3 + [Verdict.ACCEPTED]
+    assert states[-1].counts.outlier == 3
+    assert states[43].agreeing == 0
+
+
+def test_attitudes_that_disagree_are_never_believed() -> None:
+    before = in_flight()
+    turns = [quat_from_rotation_vector(np.array([0.0, 0.0, 2.5 + 0.6 * (k % 2)])) for k in range(15)]
+    frames = [replace(after(before, 50 + k), rotation_w_b=matrix_from_quat(turn)) for k, turn in enumerate(turns)]
+    assert set(verdicts(frames, before)) == {Verdict.OUTLIER}
+
+
 def test_what_physics_allows_is_no_outlier() -> None:
     """From hover into 1.5 g sideways and into 8 rad/s of roll, without warning."""
     still = [frame(k, (0, 1e-5 * (k % 3), 1.0)) for k in range(50)]
@@ -147,6 +183,37 @@ def test_the_attitudes_gate_widens_too(gap_s: float, expected: Verdict) -> None:
 def test_a_long_gap_starts_anew() -> None:
     before = in_flight()
     assert verdicts([after(before, 200)], before) == [Verdict.STARTED]
+
+
+@pytest.mark.parametrize(("by_s", "verdict"), [(0.12, Verdict.AHEAD), (1.0, Verdict.AHEAD), (60.0, Verdict.AHEAD),
+                                               (-0.5, Verdict.STALE), (-60.0, Verdict.STALE)])  # fmt: skip
+def test_a_clock_that_jumps_is_believed_after_ten_frames(by_s: float, verdict: Verdict) -> None:
+    flight = noisy(Sway(3.0), 100)
+    flight[50:] = [replace(taken, stamp_s=taken.stamp_s + by_s) for taken in flight[50:]]
+    states = followed(flight)
+    assert [s.verdict for s in states[50:61]] == [verdict] * 9 + [Verdict.STARTED, Verdict.ACCEPTED]
+    for state, taken in zip(states[59:], flight[59:], strict=True):
+        assert state.vehicle is not None
+        assert state.vehicle.time_s == pytest.approx(taken.received_s - PARAMS.delay_s), "its age is what it was"
+
+
+@pytest.mark.parametrize("by_s", [0.2, 1.5, 60.0, -0.3, -60.0])
+@pytest.mark.parametrize("tracked", [True, False])
+def test_one_broken_stamp_costs_one_frame(by_s: float, tracked: bool) -> None:
+    flight = noisy(Sway(3.0), 100)
+    broken = replace(flight[50] if tracked else lost(50), stamp_s=flight[50].stamp_s + by_s)
+    states = followed([*flight[:50], broken, *flight[51:]])
+    assert states[50].vehicle is states[49].vehicle
+    assert {s.verdict for s in states[51:]} == {Verdict.ACCEPTED}
+    assert states[-1].vehicle is not None
+    assert states[-1].vehicle.time_s == pytest.approx(flight[-1].received_s - PARAMS.delay_s)
+
+
+def test_frames_held_back_by_the_network_are_late_and_no_clock_that_jumped() -> None:
+    """Forty come at once, then all is as before."""
+    flight = noisy(Sway(3.0), 200)
+    flight[100:140] = [replace(taken, received_s=flight[140].received_s) for taken in flight[100:140]]
+    assert {s.verdict for s in followed(flight)[1:]} == {Verdict.ACCEPTED}
 
 
 def test_a_new_measurement_with_stamps_from_zero_starts_anew() -> None:

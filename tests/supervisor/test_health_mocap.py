@@ -70,6 +70,7 @@ def test_before_anything_is_sent_the_age_is_the_preflights_matter() -> None:
         (Verdict.OUTLIER, Fault.MOCAP_OUTLIERS, "frames are further off than the vehicle can have moved"),
         (Verdict.REPEATED, Fault.MOCAP_FROZEN, "frames repeat one pose to the last bit"),
         (Verdict.STALE, Fault.MOCAP_SILENT, "frames are older than one already used"),
+        (Verdict.AHEAD, Fault.MOCAP_CLOCK_JUMP, "frames were captured later than they came, by their stamps"),
         (Verdict.ACCEPTED, Fault.MOCAP_SILENT, "frames arrive too late"),
         (None, Fault.MOCAP_SILENT, "no frames arrive"),
     ],
@@ -182,6 +183,8 @@ def test_who_lands_or_is_flown_by_another_is_given_poses_that_are_looked_at() ->
     assert [faults(found) for found in watched(theirs)] == [[], [Fault.MOCAP_JUMPED], [Fault.MOCAP_JUMPED]]
     assert not any(watched([with_status(now, armed=False) for now in theirs])), "carried by hand"
     assert not any(watched([with_status(now, in_air=False) for now in theirs])), "carried by hand, armed"
+    unknown = watched([with_status(now, in_air=None) for now in theirs])
+    assert faults(unknown[-1]) == [Fault.MOCAP_JUMPED], "whoever may fly is not taken for one that stands"
     frozen = [handed_over(repeating(k)) for k in range(1, 19)]
     assert faults(watched([handed_over(healthy(0)), *frozen])[-1]) == [Fault.MOCAP_FROZEN]
 

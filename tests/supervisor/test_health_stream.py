@@ -11,6 +11,7 @@ from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health_memory import NEVER
 from companion.supervisor.health_stream import StreamHealth, look_at_stream
 from companion.supervisor.observed import Observed
+from companion.supervisor.safety import SafetyRules
 from tests.supervisor.observing import (
     CYCLE_S,
     RULES,
@@ -52,6 +53,51 @@ def test_fewer_are_not_once_a_whole_second_was_seen() -> None:
     first = 3 - 3  # the third cycle brings the first usable frame
     assert when(events, Fault.MOCAP_SLOW) == list(range(first + SECOND, 2 * SECOND - 3))
     assert set(events[-1]) == {Event(Fault.MOCAP_SLOW, "49 usable frames in a second, fewer than 50")}
+
+
+def seen_by_a_loop_that_is_late(late_s: float, of_a_second: int) -> list[Observed]:
+    """Cycles with frames, that many of a second, as all that is left of it; each begins so late."""
+    flight = [healthy(k) for k in range(SECOND)]
+    for k in range(SECOND, 3 * SECOND):
+        if share(k, of_a_second):
+            flight.append(replace(healthy(k), late_s=late_s))
+    return flight
+
+
+def names(flight: list[Observed], rules: SafetyRules = RULES) -> set[Fault]:
+    return {fault for found in watched(flight, rules) for fault in faults(found)}
+
+
+def test_frames_that_a_late_loop_passed_over_are_not_motion_captures_fault() -> None:
+    events = watched(seen_by_a_loop_that_is_late(1.0 / 64.0, 49))
+    assert {fault for found in events for fault in faults(found)} == {Fault.LOOP_LATE}
+    text = "49 usable frames in a second, fewer than 50: cycles began 0.77 s late in it"
+    assert set(events[-1]) == {Event(Fault.LOOP_LATE, text)}
+
+
+def test_a_slow_stream_stays_one_whatever_the_loop_does_now_and_then() -> None:
+    slow = seldom_usable(range(3 * SECOND), 40)
+    assert names(slow) == {Fault.MOCAP_SLOW}
+    slow = [replace(now, late_s=0.1875 if k % SECOND == 5 else 0.0) for k, now in enumerate(slow)]
+    assert names(slow) == {Fault.MOCAP_SLOW}, "40 frames in 0.81 s are too few"
+
+
+@pytest.mark.parametrize(("late_s", "blamed"), [(0.0312, Fault.MOCAP_SLOW), (0.03125, Fault.LOOP_LATE)])
+def test_enough_frames_in_the_time_it_was_awake_are_enough(late_s: float, blamed: Fault) -> None:
+    """60 frames a second, where 64 should be: 1/16 of the second explains it."""
+    flight = seldom_usable(range(3 * SECOND), 60)
+    twice = [replace(now, late_s=late_s if k % SECOND in {5, 6} else 0.0) for k, now in enumerate(flight)]
+    assert names(twice, replace(RULES, slow_hz=64.0)) == {blamed}
+
+
+@pytest.mark.parametrize("late_s", [0.01, math.nan, math.inf, -1.0])
+def test_a_little_late_passes_over_no_frame(late_s: float) -> None:
+    assert names([replace(now, late_s=late_s) for now in seldom_usable(range(3 * SECOND), 49)]) == {Fault.MOCAP_SLOW}
+
+
+def test_late_cycles_are_forgotten_after_a_second() -> None:
+    late = [replace(healthy(k), late_s=1.0 / 64.0) for k in range(SECOND)]
+    assert names([*late, *seldom_usable(range(SECOND, 4 * SECOND), 49)]) >= {Fault.MOCAP_SLOW}
 
 
 def test_a_start_is_usable_too() -> None:

@@ -52,6 +52,8 @@ JUMPED = (*(
         ("y mirrored", "mirrored)", When.TRACK),
         ("x and y swapped", "axes swapped)", When.TRACK),
         ("turned by half a turn", "turned) by 3 rad", When.HOVER),
+        ("its heading 0.6 rad off at once", "turned) by 0.6 rad", When.HOVER),
+        ("its heading 0.6 rad off at once", "turned) by 0.6 rad", When.TRACK),
     )),
     Row(Fault.MOCAP_OUTLIERS, "0.5 m off for five frames", ("mocap wrong (jump) for 0.05 s",), ON, 0.0,
         When.TRACK, harmless=True),
@@ -74,6 +76,7 @@ STREAM = (
     Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s ahead", ("mocap wrong (clock jump)",), PX4, within(TEN_FRAMES_S)),
     Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 s ahead", ("mocap wrong (clock jump)",), PX4, within(TEN_FRAMES_S),
         When.LANDING),
+    Row(Fault.MOCAP_CLOCK_JUMP, "stamps 1 min back", ("mocap wrong (clock jump) by -60 s",), PX4, within(TEN_FRAMES_S)),
 )  # fmt: skip
 
 ATTITUDE = (
