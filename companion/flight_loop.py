@@ -45,6 +45,7 @@ LOG = logging.getLogger(__name__)
 
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
+_LANDED_UNKNOWN = "the autopilot does not say whether the vehicle stands or flies"
 _FAILED = "the flight loop has failed and the autopilot was told to land: only kill is still taken"
 
 
@@ -129,11 +130,12 @@ class FlightLoop:
         if self._failed and not isinstance(wanted, Kill):
             return _FAILED
         status = self._autopilot.status()
-        if isinstance(wanted, Prepare) and (status.armed or status.in_air):
+        if isinstance(wanted, Prepare) and (status.armed or status.in_air is not False):
             # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
-            return "the vehicle is already armed or in the air"
+            known = status.armed or status.in_air is not None
+            return "the vehicle is already armed or in the air" if known else _LANDED_UNKNOWN
         if isinstance(wanted, Resume) and not status.in_air:
-            return "the autopilot says that the vehicle is on the ground"
+            return _LANDED_UNKNOWN if status.in_air is None else "the autopilot says that the vehicle is on the ground"
         if isinstance(wanted, Land) and self.arming.under_way:
             return ""
         return phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)

@@ -24,8 +24,6 @@ _POLL_S = 0.02
 _STREAM_FIRST_S = 0.2
 """Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
 _KNOWN_VELOCITY_MPS = 0.1
-_FIRST_STATES_S = 1.2
-"""EXTENDED_SYS_STATE comes at 1 Hz once MAVSDK has asked for it."""
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_S = 60.0
@@ -48,7 +46,6 @@ class Service:
         self.warnings: tuple[str, ...] = ()
         """What a device would like to have otherwise, for the operator to read."""
         self._autopilot, self._config, self._ticking, self._preflight = autopilot, config, ticking, preflight
-        self._states_known = False
         self.arms = ArmVerbs(loop, config.arms, self._until, self._require_ground)
         """What an operator may ask of the arms."""
 
@@ -75,18 +72,16 @@ class Service:
             )
 
     async def _heard(self) -> None:
-        """Armed, mode and landed state are guesses before the first HEARTBEAT and what comes with it."""
-        if self._states_known:
-            return
-        since_s = asyncio.get_running_loop().time()
+        """Wait until the autopilot has said whether it is armed, in which mode, and whether it stands."""
 
         def known() -> bool:
-            quiet_s = asyncio.get_running_loop().time() - since_s
-            return math.isfinite(self._autopilot.status().heartbeat_s) and quiet_s > _FIRST_STATES_S
+            status = self._autopilot.status()
+            return math.isfinite(status.heartbeat_s) and status.in_air is not None
 
         if not await self._until(known, self._config.px4.answer_timeout_s):
-            raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
-        self._states_known = True
+            silent = math.isinf(self._autopilot.status().heartbeat_s)
+            what = "sends no HEARTBEAT" if silent else "does not say whether the vehicle stands or flies"
+            raise AutopilotError(f"the autopilot was heard once but {what}: look at the link")
 
     async def _require_ground(self) -> None:
         """FlightError unless the autopilot says that the vehicle stands, disarmed; waits until it has said so."""

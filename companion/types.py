@@ -92,7 +92,8 @@ class AutopilotStatus:
     """Arrival of the last HEARTBEAT on our monotonic clock; -inf before the first: then nothing here is known."""
     armed: bool
     mode: FlightMode
-    in_air: bool
+    in_air: bool | None
+    """What its land detector says; None before it has said anything, and while it does not know itself."""
     battery_fraction: float
     battery_v: float
     q_w_flu_wxyz: Array

@@ -4,22 +4,21 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig
+from companion.config import CompanionConfig, Px4Config
 from companion.config_controller import load_controller
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.flight_loop import Devices, FlightLoop
-from companion.operator_orders import Order, OrderKind
-from companion.ports import ConfigError, FlightError
+from companion.ports import AutopilotError, ConfigError, FlightError
 from companion.service import Service
-from companion.service_orders import obey
 from companion.service_space import check_room_and_fence
 from companion.service_verbs import Preflight
-from companion.supervisor.flight import Kill, Land, Phase, Request
+from companion.supervisor.flight import Kill, Land, Phase, Prepare, Request, Resume
+from companion.types import AutopilotStatus
 from tests.dead_man import NoDeadMan
 from tests.flights.simulated import Room, SimulatedMocap
 from tests.flights.simulated_autopilot import SimulatedAutopilot
@@ -135,9 +134,13 @@ async def test_a_kill_while_the_checks_run_ends_the_arming() -> None:
 
 @pytest.mark.parametrize(
     ("order", "why"),
-    [(OrderKind.ABORT, "the operator aborted"), (OrderKind.LAND, "a landing was ordered"), (None, "a landing was")],
+    [
+        (Land("the operator aborted"), "the operator aborted"),
+        (Land(), "a landing was ordered"),
+        (None, "a landing was"),
+    ],
 )
-async def test_an_abort_while_the_checks_run_ends_them(order: OrderKind | None, why: str) -> None:
+async def test_an_abort_while_the_checks_run_ends_them(order: Land | None, why: str) -> None:
     running, ended = asyncio.Event(), asyncio.Event()
 
     async def preflight(_: Trajectory | None) -> None:
@@ -149,8 +152,7 @@ async def test_an_abort_while_the_checks_run_ends_them(order: OrderKind | None, 
 
     async with served(Room(1), preflight=preflight) as one:
         await one.until(BOOTED_S)
-        with pytest.raises(FlightError, match="it does not fit phase standby"):
-            obey(one.service.loop, Order(OrderKind.ABORT, "too early"))
+        assert one.service.loop.refusal(Land()) == "it does not fit phase standby"
         arming = asyncio.create_task(one.service.arm())
         await running.wait()
         with pytest.raises(FlightError, match=r"^cannot arm: the checks before arming run already$"):
@@ -158,21 +160,17 @@ async def test_an_abort_while_the_checks_run_ends_them(order: OrderKind | None, 
         if order is None:
             await one.service.land()
         else:
-            obey(one.service.loop, Order(order, "desk-1"))
+            assert one.service.loop.ask(order)
         with pytest.raises(FlightError, match=f"^cannot arm: {why}"):
             await asyncio.wait_for(arming, 30.0)
         assert ended.is_set()
         assert one.phase() is Phase.STANDBY
-        with pytest.raises(FlightError, match="it does not fit phase standby"):
-            obey(one.service.loop, Order(OrderKind.ABORT, "too late"))
+        assert one.service.loop.refusal(Land()) == "it does not fit phase standby"
         assert one.autopilot.asked == 0
 
 
 async def test_an_abort_that_comes_with_the_last_check_prevents_the_arming_all_the_same() -> None:
-    def abort(loop: FlightLoop) -> None:
-        obey(loop, Order(OrderKind.ABORT, "desk-1"))
-
-    async with served(Room(1), in_preflight=abort) as one:
+    async with served(Room(1), in_preflight=lambda loop: loop.ask(Land("the operator aborted"))) as one:
         await one.until(BOOTED_S)
         with pytest.raises(FlightError, match=r"^cannot arm: the operator aborted$"):
             await one.service.arm()
@@ -196,6 +194,25 @@ async def test_a_hold_ordered_in_the_climb_is_no_takeoff_to_the_height() -> None
         assert one.phase() is Phase.HOLD
         await one.until(one.room.now_s() + 3.0)
         assert 0.0 < one.room.truth_w_m[2] < 0.4, "it stays where it was held"
+
+
+class Mute(Insisting):
+    """Says everything but whether it stands or flies."""
+
+    def status(self) -> AutopilotStatus:
+        return replace(super().status(), in_air=None)
+
+
+async def test_who_does_not_say_that_he_stands_is_not_taken_for_one_that_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tests.test_service.Insisting", Mute)
+    unknown = "the autopilot does not say whether the vehicle stands or flies"
+    config = CompanionConfig(px4=Px4Config(answer_timeout_s=0.1))
+    async with served(Room(1), config) as one:
+        await one.until(BOOTED_S)
+        with pytest.raises(AutopilotError, match="heard once but does not say whether the vehicle stands or flies"):
+            await one.service.arm()
+        assert one.service.loop.refusal(Prepare()) == unknown
+        assert one.service.loop.refusal(Resume()) == unknown
 
 
 async def test_what_leads_out_is_refused_before_and_in_flight_and_what_was_flown_goes_on() -> None:

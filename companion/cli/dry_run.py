@@ -39,8 +39,6 @@ from companion.tick import Tick
 
 _REFRESH_HZ = 4.0
 _POLL_S = 0.02
-_FIRST_STATES_S = 1.2
-"""The landed state comes at 1 Hz once it has been asked for."""
 
 
 def dry_run(
@@ -182,10 +180,11 @@ async def _disarmed(running: Running, timeout_s: float) -> None:
     """Wait until the autopilot has said what it does; FlightError when the vehicle is armed or in the air."""
     clock = running.clock
     begun_s = clock.now_s()
-    while not math.isfinite(running.autopilot.status().heartbeat_s) or clock.now_s() - begun_s < _FIRST_STATES_S:
+    while not math.isfinite((status := running.autopilot.status()).heartbeat_s) or status.in_air is None:
         if clock.now_s() - begun_s > timeout_s:
-            raise AutopilotError("the autopilot was heard once but sends no HEARTBEAT: look at the link")
+            silent = math.isinf(status.heartbeat_s)
+            what = "sends no HEARTBEAT" if silent else "does not say whether the vehicle stands or flies"
+            raise AutopilotError(f"the autopilot was heard once but {what}: look at the link")
         await asyncio.sleep(_POLL_S)
-    status = running.autopilot.status()
     if status.armed or status.in_air:
         raise FlightError("the vehicle is armed or in the air: a dry run is for one that stands, disarmed")

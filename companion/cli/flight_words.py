@@ -111,7 +111,7 @@ def still_there(tick: Tick, said: str) -> str:
     status, ground_w_m = tick.status, tick.flight.ground_w_m
     if not status.connected or not status.armed:
         return said
-    if not status.in_air:
+    if status.in_air is False:
         return f"the vehicle is STILL ARMED on the ground: {said}"
     vehicle = tick.vehicle
     height = ""

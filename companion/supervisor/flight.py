@@ -115,8 +115,8 @@ class Facts:
     """Why the arms cannot be folded; empty when they can."""
     events: tuple[Event, ...] = ()
     """What is wrong now, in the order of faults.TABLE, see health.assess."""
-    in_air: bool = True
-    """What the autopilot's own land detector says."""
+    in_air: bool | None = None
+    """What the autopilot's own land detector says; None when it is not known."""
     thrust: float = math.nan
     """Of the last setpoint that left, 0..1; NaN when it is not known."""
 

@@ -240,7 +240,7 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 
 def _rests_on_something(facts: Facts, rules: FlightRules) -> bool:
     """A vehicle that stays where it is in the air needs its hover thrust for that."""
-    return not facts.in_air or facts.thrust < rules.stuck_thrust * rules.hover_thrust
+    return facts.in_air is False or facts.thrust < rules.stuck_thrust * rules.hover_thrust
 
 
 def _handed_over(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

@@ -40,7 +40,7 @@ class SimulatedAutopilot:
         self._read = 0
         self._offboard_asked_s = -math.inf
         level = np.array([1.0, 0.0, 0.0, 0.0])
-        self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, False, math.nan, math.nan, level, "")
+        self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
         self._takes: dict[str, Callable[[Sent], dict[str, Any]]] = {
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": lambda sent: {"mode": flight_mode(sent.message.custom_mode)},

@@ -49,6 +49,8 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"status": replace(STATUS, connected=False)}, "autopilot heard"),
         ({"status": replace(STATUS, armed=True)}, "disarmed"),
         ({"status": replace(STATUS, in_air=True)}, "disarmed"),
+        ({"status": replace(STATUS, in_air=None)}, "disarmed"),
+        ({"status": replace(STATUS, heartbeat_s=-math.inf)}, "disarmed"),
         ({"status": replace(STATUS, battery_fraction=0.45)}, "battery"),
         ({"status": replace(STATUS, battery_fraction=math.nan)}, "battery"),
         ({"apart": Apart(0.06, 0.0, 0.0)}, "roll agrees"),

@@ -74,7 +74,7 @@ def some_facts(draw: st.DrawFn) -> Facts:
         arm_fault=draw(st.sampled_from(["", "", "a servo"])),
         cannot_stow=draw(st.sampled_from(["", "", "a cable"])),
         events=draw(quiet | quiet | events),
-        in_air=draw(st.booleans()),
+        in_air=draw(st.sampled_from((None, False, True))),
         thrust=draw(st.sampled_from([0.1, 0.5, 0.5, float("nan")])),
     )
 

@@ -368,14 +368,15 @@ def test_who_stands_on_hanging_arms_or_a_crate_has_landed_too(sign: dict[str, fl
 
 
 @pytest.mark.parametrize("thrust", [0.35, 0.5, 0.8, float("nan")])
-@pytest.mark.parametrize("height_m", [0.07, 0.35, 1.2, 3.5])
+@pytest.mark.parametrize(("height_m", "in_air"), [(0.07, True), (0.35, None), (1.2, None), (3.5, True)])
 def test_who_stays_up_by_his_thrust_has_not_landed_however_far_the_reference_is_below(
-    height_m: float, thrust: float
+    height_m: float, thrust: float, in_air: bool | None
 ) -> None:
-    """A law that does not come down: its rotors carry it, so they must go on."""
+    """A law that does not come down: its rotors carry it, so they must go on, whether or not the autopilot says so."""
     flight, time_s = descending()
     for n in range(2000):
-        flight = advance(flight, replace(facts(time_s + n * DT_S, height_m), thrust=thrust), RULES)
+        seen = replace(facts(time_s + n * DT_S, height_m), thrust=thrust, in_air=in_air)
+        flight = advance(flight, seen, RULES)
         assert flight.airborne
         assert flight.still_since_s is None, "nor does it look so"
 

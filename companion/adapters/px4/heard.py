@@ -24,6 +24,10 @@ A recorded PX4 v1.17 shows 229 without vision, 495 on the ground and 367 in the 
 """
 
 
+def _in_air(state: LandedState) -> bool | None:
+    return None if state is LandedState.UNKNOWN else state is not LandedState.ON_GROUND
+
+
 def _nowhere() -> Array:
     return np.full(3, np.nan)
 
@@ -56,7 +60,7 @@ class Px4Heard:
         self._system, self._direct, self._clock = system, direct, clock
         self._telemetry = Telemetry(system)
         level = np.array([1.0, 0.0, 0.0, 0.0])
-        self.status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, False, math.nan, math.nan, level, "")
+        self.status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
         self.local = LocalEstimate()
         self._mode_s = -math.inf
         self._texts: list[tuple[float, str]] = []
@@ -80,7 +84,7 @@ class Px4Heard:
         self._direct.on_heartbeat(self._on_heartbeat)
         self._direct.on_current_mode(self._on_current_mode)
         self._direct.on("ESTIMATOR_STATUS", self._on_estimator)
-        t.subscribe_landed_state(lambda state, _: self._update(in_air=state is not LandedState.ON_GROUND))
+        t.subscribe_landed_state(lambda state, _: self._update(in_air=_in_air(state)))
         t.subscribe_attitude_quaternion(lambda q, _: self._on_attitude(q))
         t.subscribe_position_velocity_ned(lambda ned, _: self._on_local(ned.position, ned.velocity))
         t.subscribe_battery(
