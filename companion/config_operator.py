@@ -1,17 +1,30 @@
-"""The [operator] table: the MQTT broker over which orders come. Without the table there is no such link."""
+"""The [operator] table: the MQTT broker over which commands come. Without the table there is no such link."""
 
-from pydantic import Field, field_validator
+import ipaddress
+import stat
+from pathlib import Path
 
+from pydantic import Field, field_validator, model_validator
+
+from companion.bus.topics import Topics
 from companion.config_files import Section
+from companion.ports import ConfigError
+
+_MOST_PASSWORD_BYTES = 1024
 
 
 class OperatorConfig(Section):
-    """Where the broker is, and the vehicle's name on it."""
+    """Where the broker is, how it knows us, and the vehicle's name on it."""
 
     host: str = Field("127.0.0.1", min_length=1, description="address of the computer that runs the MQTT broker")
     port: int = Field(1883, gt=0, le=65535, description="its TCP port")
     prefix: str = Field("dauam", description="first part of every topic")
-    vehicle: str = Field("vehicle", description="second part of every topic; different for every vehicle")
+    vehicle: str = Field("vehicle", description="the vehicle's part of every topic; different for every vehicle")
+    embedded: bool = Field(False, description="the service starts a broker of its own, for this computer alone")
+    user: str | None = Field(None, min_length=1, max_length=64, description="as the broker knows the service")
+    password_file: str | None = Field(None, min_length=1, description="file with the user's password; chmod 600")
+    tls: bool = Field(False, description="encrypted, and the broker shows a certificate; its usual port is 8883")
+    ca_file: str | None = Field(None, min_length=1, description="PEM file of who signed it; the system's if left out")
 
     @field_validator("prefix", "vehicle")
     @classmethod
@@ -20,6 +33,65 @@ class OperatorConfig(Section):
             raise ValueError("must be 1 to 32 letters, digits, - or _, as a part of MQTT topics")
         return value
 
-    def topic(self, last: str) -> str:
+    @field_validator("password_file")
+    @classmethod
+    def _own(cls, value: str | None) -> str | None:
+        if value is not None and _mode_of(value) & stat.S_IRWXO:
+            raise ValueError(f"every user of this computer may read or write it: chmod 600 {value}")
+        return value
+
+    @field_validator("ca_file")
+    @classmethod
+    def _there(cls, value: str | None) -> str | None:
+        if value is not None:
+            _mode_of(value)
+        return value
+
+    @model_validator(mode="after")
+    def _together(self) -> "OperatorConfig":
+        if self.password_file is not None and self.user is None:
+            raise ValueError("password_file is the password of a user: give user as well")
+        if self.ca_file is not None and not self.tls:
+            raise ValueError("ca_file says whose certificates count: give tls = true as well")
+        if self.embedded and (self.user is not None or self.tls):
+            raise ValueError("embedded is a broker for this computer alone: it takes neither user nor tls")
+        if self.embedded and not _is_loopback(self.host):
+            raise ValueError(f"embedded is a broker for this computer alone: host must be 127.0.0.1, not {self.host!r}")
+        return self
+
+    @property
+    def topics(self) -> Topics:
         """Of this vehicle."""
-        return f"{self.prefix}/{self.vehicle}/{last}"
+        return Topics(self.prefix, self.vehicle)
+
+    def password(self) -> str | None:
+        """What `password_file` holds, without its last line end; ConfigError when it cannot be read or is empty."""
+        if self.password_file is None:
+            return None
+        where = f"operator.password_file = {self.password_file!r}"
+        try:
+            with Path(self.password_file).open("rb") as file:
+                said = file.read(_MOST_PASSWORD_BYTES + 1).decode().rstrip("\r\n")
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{where}: cannot be read: {error}") from error
+        if not said or len(said) > _MOST_PASSWORD_BYTES or "\n" in said:
+            raise ConfigError(f"{where}: must hold one line, the password")
+        return said
+
+
+def _mode_of(name: str) -> int:
+    """Of a file; ValueError when there is none."""
+    try:
+        mode = Path(name).stat().st_mode
+    except (OSError, ValueError) as error:
+        raise ValueError("there is no such file that could be read") from error
+    if not stat.S_ISREG(mode):
+        raise ValueError("is no file")
+    return mode
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import secrets
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
 from functools import partial
@@ -11,17 +12,17 @@ from companion.adapters.clock import MonotonicClock
 from companion.adapters.disk import DiskWatch
 from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.instance_lock import instance_lock
-from companion.adapters.mqtt import open_operator
+from companion.adapters.mqtt import Answering, open_bus
 from companion.adapters.px4 import open_px4
 from companion.adapters.qualisys import open_qualisys
+from companion.bus.commands import Command
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.flight_loop import Devices, FlightLoop
 from companion.health_stage import Sides
-from companion.operator_orders import Order
+from companion.orders import obey
 from companion.ports import DeadMan, FlightError
-from companion.service_orders import obey
-from companion.service_preflight import Running, require_preflight
+from companion.service_preflight import Running, preflight
 from companion.service_verbs import Service
 from companion.tick import TickSink
 
@@ -46,7 +47,7 @@ async def open_service(
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
-        listening = open_operator(config.operator, clock, obeying.take) if config.operator else None
+        listening = open_bus(config.operator, clock, secrets.token_hex(8), obeying.take) if config.operator else None
         operator = await devices.enter_async_context(listening) if listening else None
         sides = Sides(operator, disk.free_mb)
         loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms, sides), law, config, sink)
@@ -55,7 +56,7 @@ async def open_service(
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
             running = Running(mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb)
-            service = Service(loop, autopilot, config, ticking, partial(require_preflight, running, config))
+            service = Service(loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params)
             service.warnings = (*autopilot.warnings, *(arms.warnings if arms is not None else ()))
             yield service
         finally:
@@ -69,11 +70,11 @@ class _Obeying:
 
     loop: FlightLoop | None = None
 
-    def take(self, order: Order) -> None:
-        """FlightError with the reason when the order does not fit."""
+    def take(self, command: Command, answer: Answering) -> None:
+        """FlightError with the reason when the command does not fit."""
         if self.loop is None:
             raise FlightError("the service is not ready yet")
-        obey(self.loop, order)
+        obey(self.loop, command, answer)
 
 
 def _spare_the_collector() -> None:

@@ -6,6 +6,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
 from companion.trajectory_files import MAX_WAYPOINTS
 
+ID = r"^[A-Za-z0-9_.:-]{1,64}$"
+"""What a command may be called."""
 Metres = Annotated[float, Field(ge=-50.0, le=50.0)]
 
 
@@ -18,9 +20,7 @@ class _Message(BaseModel):
 class _Command(_Message):
     """What every command has."""
 
-    id: str = Field(
-        pattern=r"^[A-Za-z0-9_.:-]{1,64}$", description="new for every command; delivered twice counts once"
-    )
+    id: str = Field(pattern=ID, description="new for every command; delivered twice counts once")
     session: str = Field(pattern=r"^[0-9a-f]{16}$", description="of the retained status: one run of the service")
     sent_s: float = Field(
         ge=0.0, le=1e11, description="when it was sent, by the service's own clock: `time_s` of its state, gone on"

@@ -1,10 +1,13 @@
 """Which bytes are a command that counts."""
 
+import re
 from dataclasses import dataclass
 
 from pydantic import ValidationError
+from pydantic_core import from_json
 
-from companion.bus.commands import COMMAND, Command
+from companion.bus.commands import COMMAND, ID, Command
+from companion.bus.topics import is_client
 
 MAX_BYTES = 48_000
 """400 waypoints have less."""
@@ -43,12 +46,17 @@ class Intake:
         try:
             read = COMMAND.validate_json(payload)
         except ValidationError as error:
-            return Refusal(_reason(error))
+            return self.refuse(payload, _reason(error))
         reason = self._objection(read, now_s)
         if reason:
             return Refusal(reason, read.id, read.reply_to)
         self._taken.add(read.id)
         return read
+
+    def refuse(self, payload: bytes, reason: str) -> Refusal:
+        """For `reason`; with id and client, so far as they can be read, that the sender may know what is meant."""
+        name, client = _sender(payload) if len(payload) <= MAX_BYTES else ("", None)
+        return Refusal(reason, name, client)
 
     def _objection(self, read: Command, now_s: float) -> str:
         if read.session != self._session:
@@ -62,6 +70,21 @@ class Intake:
         if len(self._taken) >= _MOST_IDS and read.verb not in {"abort", "kill"}:
             return "too many commands for one run of the service: restart it on the ground"
         return ""
+
+
+def _sender(payload: bytes) -> tuple[str, str | None]:
+    """Id and reply_to of what may be no command otherwise."""
+    try:
+        read = from_json(payload)
+    except ValueError:
+        return "", None
+    if not isinstance(read, dict):
+        return "", None
+    name, client = read.get("id"), read.get("reply_to")
+    return (
+        name if isinstance(name, str) and re.fullmatch(ID, name) else "",
+        client if isinstance(client, str) and is_client(client) else None,
+    )
 
 
 def _reason(error: ValidationError) -> str:

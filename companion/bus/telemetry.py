@@ -73,7 +73,7 @@ class Happened(_Said):
     time_s: float
     kind: Kind
     text: str = Field(description="a sentence for the operator")
-    name: str = Field("", description="phase, fault or verb")
+    name: str = Field("", description="phase, fault or verb; of a reply that names nobody, what it answers")
     reaction: str = Field("", description="what a fault leads to")
     id: str = Field("", description="the command's, where it is of one")
 

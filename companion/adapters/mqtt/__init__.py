@@ -1,5 +1,5 @@
-"""The operator's orders over MQTT."""
+"""The service's end of the bus, over MQTT."""
 
-from companion.adapters.mqtt.link import MqttOperator, open_operator
+from companion.adapters.mqtt.link import Answering, BusLink, OnCommand, open_bus
 
-__all__ = ["MqttOperator", "open_operator"]
+__all__ = ["Answering", "BusLink", "OnCommand", "open_bus"]

@@ -8,19 +8,26 @@ without pause; and a packet may say that it has 256 MB.
 import asyncio
 import logging
 import socket
+import ssl
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
 import aiomqtt
 import paho.mqtt.client as paho
+from aiomqtt.exceptions import MqttConnectError
 from aiomqtt.types import PahoSocket
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from companion.config_operator import OperatorConfig
+V5, V311 = aiomqtt.ProtocolVersion.V5, aiomqtt.ProtocolVersion.V311
 
 ANSWER_S = 1.0
 """Whatever the broker does not answer within this, it does not answer."""
 MAX_PACKET_BYTES = 64_000
-"""To read more in one go would hold up the flight loop; an order has a sixteenth of it."""
+"""To read more in one go would hold up the flight loop; a command has less."""
 _KEEPALIVE_S = 5
 """After one and a half of these the broker gives us up and says so to everyone (the last will)."""
 
@@ -29,23 +36,43 @@ _QUIET.setLevel(logging.CRITICAL)
 """The libraries log every bad packet, which would fill a disk; what ends a connection is told once, in link.py."""
 
 
+class UnansweredError(aiomqtt.MqttError):
+    """CONNECT was not answered: some brokers mean that they know no MQTT 5 (amqtt 0.12)."""
+
+
+@dataclass(frozen=True)
+class Reached:
+    """How the broker is reached, and as whom."""
+
+    host: str
+    port: int
+    identifier: str
+    user: str | None
+    password: str | None
+    tls: ssl.SSLContext | None
+    will: aiomqtt.Will
+
+
 class Connection(aiomqtt.Client):
-    """A context manager for one use: MqttError, OSError or ValueError when the broker cannot be had.
+    """A context manager for one use: MqttError, OSError or ValueError when the broker cannot be had."""
 
-    MQTT 3.1.1, which every broker speaks.
-    """
-
-    def __init__(self, config: OperatorConfig, waiting_orders: int) -> None:
+    def __init__(self, reached: Reached, version: aiomqtt.ProtocolVersion, waiting: int) -> None:
+        """`waiting`: messages that may wait to be read; what is more is lost."""
+        self.version = version
         super().__init__(
-            config.host,
-            config.port,
-            identifier=f"{config.prefix}-{config.vehicle}",
-            protocol=aiomqtt.ProtocolVersion.V311,
-            clean_session=True,
-            will=aiomqtt.Will(config.topic("status"), b"offline", qos=1, retain=True),
+            reached.host,
+            reached.port,
+            identifier=reached.identifier,
+            username=reached.user,
+            password=reached.password,
+            tls_context=reached.tls,
+            protocol=version,
+            clean_session=None if version is V5 else True,
+            properties=_bounds() if version is V5 else None,
+            will=reached.will,
             timeout=ANSWER_S,
             keepalive=_KEEPALIVE_S,
-            max_queued_incoming_messages=waiting_orders,
+            max_queued_incoming_messages=waiting,
             logger=_QUIET,
         )
         self._client.connect_timeout = ANSWER_S
@@ -71,6 +98,13 @@ class Connection(aiomqtt.Client):
         """Close the socket without a farewell, so that the broker publishes the last will, however we end."""
         await self._drop()
 
+    async def listen_to(self, topic: str) -> None:
+        """Subscribe at QoS 1, and not to what the broker has kept; MqttError when it does not let us."""
+        kept = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=SubscribeOptions.RETAIN_DO_NOT_SEND)
+        granted = await (self.subscribe(topic, options=kept) if self.version is V5 else self.subscribe(topic, qos=1))
+        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
+            raise aiomqtt.MqttError(f"refuses the subscription to {topic}")
+
     def check(self) -> None:
         """MqttError when the broker sends what was not subscribed to: at QoS 2, of which paho keeps all it gets."""
         if self._client._in_messages:
@@ -80,10 +114,23 @@ class Connection(aiomqtt.Client):
         ends = (self._connected, self._disconnected)
         await asyncio.wait(ends, timeout=ANSWER_S, return_when=asyncio.FIRST_COMPLETED)
         if self._disconnected.done():
-            raise aiomqtt.MqttError("broken off") from self._disconnected.exception()
+            raise UnansweredError("closed the connection instead of an answer") from self._disconnected.exception()
         if not self._connected.done():
-            raise aiomqtt.MqttError("no answer to CONNECT")
+            raise UnansweredError("no answer to CONNECT")
         self._connected.result()
+
+    def _on_disconnect(
+        self,
+        client: paho.Client,
+        userdata: object,
+        flags: paho.DisconnectFlags,
+        reason_code: ReasonCode,
+        properties: Properties | None = None,
+    ) -> None:
+        """As aiomqtt does it, and also before the broker has answered to CONNECT, which it would wait out."""
+        if not self._connected.done() and not self._disconnected.done():
+            self._disconnected.set_result(None)
+        super()._on_disconnect(client, userdata, flags, reason_code, properties)
 
     def _on_socket_register_write(
         self,
@@ -123,6 +170,20 @@ class Connection(aiomqtt.Client):
         if size > MAX_PACKET_BYTES:
             raise ConnectionError(f"a packet of {size} bytes")
         return self._receive(size)
+
+
+def knows_no_mqtt5(error: BaseException) -> bool:
+    """Whether the broker says so."""
+    if not isinstance(error, MqttConnectError):
+        return False
+    return isinstance(error.rc, ReasonCode) and error.rc.getName() == "Unsupported protocol version"
+
+
+def _bounds() -> Properties:
+    """What a broker of MQTT 5 shall not send at all."""
+    bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+    bounds.MaximumPacketSize = MAX_PACKET_BYTES
+    return bounds
 
 
 async def _to_its_end(work: "asyncio.Future[None]") -> None:

@@ -1,18 +1,26 @@
-"""Orders in, refusals and presence out, over a broker that may be gone at any time."""
+"""Commands in; replies, events, state and presence out: over a broker that may be gone at any time."""
 
 import asyncio
-import json
 import logging
+import secrets
+import ssl
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import aiomqtt
+from aiomqtt.exceptions import MqttConnectError
+from pydantic import BaseModel
 
-from companion.adapters.mqtt.connection import Connection
+from companion import __version__
+from companion.adapters.mqtt.connection import V5, V311, Connection, Reached, UnansweredError, knows_no_mqtt5
+from companion.adapters.mqtt.outbox import Letter, Outbox
+from companion.adapters.mqtt.return_path import ReturnPath
+from companion.bus.commands import Command
+from companion.bus.intake import Intake, Refusal
+from companion.bus.telemetry import Answer, Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
-from companion.operator_orders import Order, Orders, Refusal
-from companion.ports import Clock, CompanionError
+from companion.ports import Clock, CompanionError, ConfigError
 
 LOG = logging.getLogger(__name__)
 
@@ -21,20 +29,28 @@ _BEAT_S = 0.5
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 2.0
 _WAITING = 64
-"""Orders and refusals that wait; what is more is lost."""
+"""Commands that wait to be read, and refusals to be said; what is more is lost."""
+_SPOKEN = {V5: "5", V311: "3.1.1"}
+_EVENTS = 256
+_REPLIES = 256
 
-OnOrder = Callable[[Order], None]
+Answering = Callable[[Reply], None]
+"""Says a reply to whoever sent the command; never waits, never raises, may be called at any later time."""
+OnCommand = Callable[[Command, Answering], None]
 
 
 @asynccontextmanager
-async def open_operator(config: OperatorConfig, clock: Clock, on_order: OnOrder) -> AsyncIterator["MqttOperator"]:
-    """Listen for orders from now on; goes on in the background while there is no broker, and never raises.
+async def open_bus(
+    config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand
+) -> AsyncIterator["BusLink"]:
+    """Listen for commands from now on; goes on in the background while there is no broker.
 
-    `on_order` is called on this event loop and must not wait; a CompanionError it raises becomes a refusal, whose
-    reason the operator reads.
+    `session` is new for every run, 16 hex digits. `on_command` is called on this event loop for every command that
+    counts, and must not wait; a CompanionError it raises is answered with a refusal. Raises ConfigError when password
+    or certificate cannot be read, and nothing later.
     """
-    link = MqttOperator(config, clock, on_order)
-    keeping = asyncio.create_task(link.keep(), name="companion.operator")
+    link = BusLink(config, clock, session, on_command)
+    keeping = asyncio.create_task(link.keep(), name="companion.bus")
     try:
         yield link
     finally:
@@ -42,17 +58,22 @@ async def open_operator(config: OperatorConfig, clock: Clock, on_order: OnOrder)
         await asyncio.wait([keeping])
 
 
-class MqttOperator:
-    """`ports.OperatorLink`; made by `open_operator`.
+class BusLink:
+    """`ports.OperatorLink`, and what the service says; made by `open_bus`. To be used on its event loop only."""
 
-    Topics below `<prefix>/<vehicle>/`: `order` is read; `refused` says why one was not taken, as JSON with `id` and
-    `reason`; `status` is `online`, again and again, or `offline` (retained).
-    """
-
-    def __init__(self, config: OperatorConfig, clock: Clock, on_order: OnOrder) -> None:
-        self._config, self._clock, self._on_order = config, clock, on_order
-        self._orders = Orders()
-        self._refusals: asyncio.Queue[Refusal] = asyncio.Queue(_WAITING)
+    def __init__(self, config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand) -> None:
+        self._config, self._clock, self._on_command = config, clock, on_command
+        self._topics = config.topics
+        self._intake = Intake(session)
+        self._presence = Presence(
+            online=True, session=session, vehicle=config.vehicle, version=__version__, since_s=time.time()
+        )
+        self._reached = _reached(config)
+        self._version = V311 if config.embedded else V5
+        self._met = False
+        self._events, self._replies = Outbox(_EVENTS), Outbox(_REPLIES)
+        self._state: State | None = None
+        self._shown = asyncio.Event()
         self._there = False
         self._heard_s = clock.now_s()
         self._told = ""
@@ -61,86 +82,138 @@ class MqttOperator:
         """Since the broker last answered, s; 0 while it does."""
         return 0.0 if self._there else self._clock.now_s() - self._heard_s
 
+    def tell(self, happened: Happened) -> None:
+        """Say it to everyone, later if there is no broker now; of very many the oldest are dropped. Never waits."""
+        self._put(self._events, self._topics.event, happened)
+
+    def show(self, state: State) -> None:
+        """Say it to everyone, if there is a broker and nothing newer. Never waits."""
+        self._state = state
+        self._shown.set()
+
     async def keep(self) -> None:
         """Connect, again and again, until cancelled."""
         pause_s = _FIRST_PAUSE_S
         while True:
             try:
-                await self._session()
+                await self._connected()
             except Exception as error:
+                if self._tries_another(error):
+                    continue
                 self._tell_lost(error)
             pause_s = _FIRST_PAUSE_S if self._there else min(2.0 * pause_s, _LONGEST_PAUSE_S)
             self._there = False
             await asyncio.sleep(pause_s)
 
-    async def _session(self) -> None:
+    def _tries_another(self, error: BaseException) -> bool:
+        """Whether to try an older version of MQTT at once; a broker that was met before is not tried with another."""
+        if knows_no_mqtt5(error) or (isinstance(error, UnansweredError) and not self._met):
+            self._version = V311 if self._version is V5 else V5
+            return self._version is V311
+        return False
+
+    async def _connected(self) -> None:
         """One connection, until it breaks; raises whatever broke it."""
-        async with Connection(self._config, _WAITING) as broker:
-            granted = await broker.subscribe(self._config.topic("order"), qos=1)
-            if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
-                raise aiomqtt.MqttError(f"refuses the subscription to {self._config.topic('order')}")
+        async with Connection(self._reached, self._version, _WAITING) as broker:
+            await broker.listen_to(self._topics.command)
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._beat(broker), name="companion.operator.beat")
-                group.create_task(self._listen(broker), name="companion.operator.listen")
-                group.create_task(self._answer(broker), name="companion.operator.answer")
+                group.create_task(self._beat(broker), name="companion.bus.beat")
+                group.create_task(self._listen(broker), name="companion.bus.listen")
+                group.create_task(self._say(broker, self._replies), name="companion.bus.replies")
+                group.create_task(self._say(broker, self._events), name="companion.bus.events")
+                group.create_task(self._say_state(broker), name="companion.bus.state")
 
     async def _beat(self, broker: Connection) -> None:
-        """Have a broker prove that it is there. TCP alone would not show one that hangs."""
+        """Have a broker prove that it is there. TCP alone would not show one that hangs.
+
+        The presence again and again: the last will of a connection that broke may come after the next one's first.
+        """
+        online = self._presence.model_dump_json().encode()
         while True:
-            await broker.publish(self._config.topic("status"), b"online", qos=1, retain=True)
+            await broker.publish(self._topics.status, online, qos=1, retain=True)
             broker.check()
             self._heard()
             await asyncio.sleep(_BEAT_S)
 
     async def _listen(self, broker: Connection) -> None:
         async for message in broker.messages:
-            if message.topic.value != self._config.topic("order"):
-                continue  # some brokers send retained messages nobody asked for
-            if message.retain:
-                self._refuse(Refusal("a retained order is an old one: publish it without retain"))
-                continue
-            payload = message.payload
-            taken = self._orders.take(payload if isinstance(payload, bytes) else b"", time.time())
-            refusal = taken if isinstance(taken, Refusal) else self._hand_on(taken)
-            if refusal is not None:
-                self._refuse(refusal)
+            if message.topic.value == self._topics.command:  # some brokers send what nobody asked for
+                self._take(message)
 
-    def _hand_on(self, order: Order) -> Refusal | None:
-        LOG.info("the operator orders %s (%s)", order.kind, order.id)
-        try:
-            self._on_order(order)
-        except CompanionError as error:
-            return Refusal(str(error), order.id)
-        except Exception as error:
-            LOG.exception("the order %s (%s) failed", order.kind, order.id)
-            return Refusal(f"failed: {type(error).__name__}", order.id)
+    def _take(self, message: aiomqtt.Message) -> None:
+        payload = message.payload if isinstance(message.payload, bytes) else b""
+        path = ReturnPath.of(message, self._topics)
+        if message.retain:
+            refusal = self._intake.refuse(payload, "a retained command is an old one: publish it without retain")
+            return self._refuse(path, refusal)
+        taken = self._intake.take(payload, time.time())
+        if isinstance(taken, Refusal):
+            return self._refuse(path, taken)
+        self._hand_on(taken, path.named(taken.reply_to))
         return None
 
-    def _refuse(self, refusal: Refusal) -> None:
-        """Without waiting: the next order may be an abort."""
-        if self._refusals.full():
-            return  # a flood; what fits in says enough
-        LOG.warning("an order is refused: %r", refusal.reason)  # %r: it may hold what the sender wrote
-        self._refusals.put_nowait(refusal)
+    def _hand_on(self, command: Command, path: ReturnPath) -> None:
+        LOG.info("the operator commands %s (%s)", command.verb, command.id)
 
-    async def _answer(self, broker: Connection) -> None:
+        def answer(reply: Reply) -> None:
+            self._put(self._replies, path.topic, path.message(reply), path.correlation)
+
+        def end(what: Answer, text: str) -> None:
+            answer(Reply(id=command.id, answer=what, time_s=time.time(), text=text))
+
+        try:
+            self._on_command(command, answer)
+        except CompanionError as error:
+            end(Answer.REFUSED, str(error))
+        except Exception as error:
+            LOG.exception("the command %s (%s) failed", command.verb, command.id)
+            end(Answer.FAILED, type(error).__name__)
+
+    def _refuse(self, path: ReturnPath, refusal: Refusal) -> None:
+        """Without waiting: the next command may be an abort."""
+        if len(self._replies) >= _WAITING:
+            return  # a flood; what fits in says enough
+        LOG.warning("a command is refused: %r", refusal.reason)  # %r: it may hold what the sender wrote
+        reply = Reply(id=refusal.id, answer=Answer.REFUSED, time_s=time.time(), text=refusal.reason)
+        path = path.named(refusal.reply_to)
+        self._put(self._replies, path.topic, path.message(reply), path.correlation)
+
+    def _put(self, box: Outbox, topic: str, said: BaseModel, correlation: bytes | None = None) -> None:
+        try:
+            box.put(Letter(topic, said.model_dump_json().encode(), correlation))
+        except Exception:  # text that is no Unicode, data that is no JSON
+            LOG.exception("cannot be said over the bus: %r", type(said).__name__)
+
+    async def _say(self, broker: Connection, box: Outbox) -> None:
         while True:
-            refusal = await self._refusals.get()
-            said = json.dumps({"id": refusal.id, "reason": refusal.reason})
-            await broker.publish(self._config.topic("refused"), said, qos=1)
+            letter = await box.next()
+            properties = letter.properties() if broker.version is V5 else None
+            try:
+                await broker.publish(letter.topic, letter.payload, qos=1, properties=properties)
+            except BaseException:
+                box.put_back(letter)
+                raise
+
+    async def _say_state(self, broker: Connection) -> None:
+        while True:
+            await self._shown.wait()
+            self._shown.clear()
+            if self._state is not None:
+                await broker.publish(self._topics.state, self._state.model_dump_json().encode(), qos=0)
 
     def _heard(self) -> None:
         self._heard_s = self._clock.now_s()
         if not self._there:
-            LOG.info("the operator's broker %s is there", self._where)
-            self._there, self._told = True, ""
+            LOG.info("the operator's broker %s is there, MQTT %s", self._where, _SPOKEN[self._version])
+            self._there, self._met, self._told = True, True, ""
 
     def _tell_lost(self, error: BaseException) -> None:
         """Once for every reason, not for every attempt."""
         while isinstance(error, BaseExceptionGroup):
             error = error.exceptions[0]
         error = error.__cause__ or error
-        why = "the connection broke" if isinstance(error, aiomqtt.MqttCodeError) else str(error) or type(error).__name__
+        plain = isinstance(error, aiomqtt.MqttCodeError) and not isinstance(error, MqttConnectError)
+        why = "the connection broke" if plain else str(error) or type(error).__name__
         if why != self._told:
             LOG.warning("the operator's broker %s is not there: %s", self._where, why)
             self._told = why
@@ -148,3 +221,17 @@ class MqttOperator:
     @property
     def _where(self) -> str:
         return f"{self._config.host}:{self._config.port}"
+
+
+def _reached(config: OperatorConfig) -> Reached:
+    """ConfigError when password or certificate cannot be read."""
+    tls = None
+    if config.tls:
+        try:
+            tls = ssl.create_default_context(cafile=config.ca_file)
+        except (OSError, ssl.SSLError) as error:
+            raise ConfigError(f"operator.ca_file = {config.ca_file!r}: no certificates can be read: {error}") from error
+    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"  # or whoever takes our name takes our connection
+    gone = Presence(online=False).model_dump_json().encode()
+    will = aiomqtt.Will(config.topics.status, gone, qos=1, retain=True)
+    return Reached(config.host, config.port, name, config.user, config.password(), tls, will)
