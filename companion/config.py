@@ -1,6 +1,5 @@
 """The service's configuration: strict models over TOML, every value with its unit, range and a sentence."""
 
-import math
 from pathlib import Path
 
 from pydantic import Field, model_validator
@@ -14,6 +13,7 @@ from companion.config_preflight import PreflightConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
+from companion.control.guard import most_braking_mps2
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
 
@@ -178,11 +178,16 @@ def _vehicle_and_limits(config: CompanionConfig) -> str:
             f"vehicle.hover_thrust = {vehicle.hover_thrust:g} must be above limits.min_thrust = {limits.min_thrust:g} "
             f"and below limits.max_thrust = {limits.max_thrust:g}"
         )
-    most_mps2 = vehicle.gravity_mps2 * math.tan(limits.max_tilt_rad)
-    if fence.braking_mps2 > most_mps2:
+    sideways_mps2, upwards_mps2 = most_braking_mps2(limits.limits(), vehicle.thrust_model())
+    if fence.braking_mps2 > sideways_mps2:
         return (
-            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {most_mps2:.2f}, which "
+            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {sideways_mps2:.2f}, which "
             f"limits.max_tilt_rad = {limits.max_tilt_rad:g} gives: brake less, or tilt more"
+        )
+    if fence.braking_mps2 > upwards_mps2:
+        return (
+            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {upwards_mps2:.2f}, which the guard gives "
+            "below the ceiling: it leaves half the weight on the rotors, and limits.min_thrust"
         )
     return ""
 

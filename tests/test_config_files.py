@@ -89,6 +89,16 @@ def refusal(path: Path) -> str:
             "or tilt more",
         ),
         (
+            "[limits]\nmax_tilt_rad = 0.7\n[fence]\nbraking_mps2 = 4.91",
+            "fence.braking_mps2 = 4.91 must be at most 4.90, which the guard gives below the ceiling: it leaves half "
+            "the weight on the rotors, and limits.min_thrust",
+        ),
+        (
+            "[limits]\nmin_thrust = 0.45",
+            "fence.braking_mps2 = 2 must be at most 0.98, which the guard gives below the ceiling: it leaves half "
+            "the weight on the rotors, and limits.min_thrust",
+        ),
+        (
             "[limits]\nmax_thrust = 0.5",
             "vehicle.hover_thrust = 0.5 must be above limits.min_thrust = 0.05 and below limits.max_thrust = 0.5",
         ),
@@ -128,6 +138,7 @@ def test_a_mistake_is_one_sentence_with_file_and_key(tmp_path: Path, text: str, 
     [
         "[control]\nrate_hz = 20\n[safety]\nslow_hz = 15\ndead_man_s = 0.15",
         "[limits]\nmax_tilt_rad = 0.202",
+        "[limits]\nmax_tilt_rad = 0.7\n[fence]\nbraking_mps2 = 4.9",
         "[limits]\nmax_thrust = 0.51",
         "[flight]\ntakeoff_height_m = 3.2",
         "[mocap]\ndelay_s = 0.059",

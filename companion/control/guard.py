@@ -32,6 +32,15 @@ Near = tuple[Allowed, Array]
 """What the fence allows, and the vehicle's attitude."""
 
 
+def most_braking_mps2(limits: Limits, model: ThrustModel) -> tuple[float, float]:
+    """Largest deceleration the guard gives a vehicle sideways, at hover, and on its way up: what a fence may count on.
+
+    On the way up the rotors keep half the weight, or what the least thrust gives if that is more.
+    """
+    kept_mps2 = max(_LEAST_PUSH * model.gravity_mps2, collective_force_n(limits.min_thrust, model) / model.mass_kg)
+    return model.gravity_mps2 * math.tan(limits.max_tilt_rad), model.gravity_mps2 - kept_mps2
+
+
 class Guard:
     """Cuts what is wanted to what may go out. It remembers nothing and never raises.
 

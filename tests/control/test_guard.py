@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel
 from companion.control.fence import Fence
 from companion.control.frames import quat_from_yaw, yaw_of
-from companion.control.guard import Guard
+from companion.control.guard import Guard, most_braking_mps2
 from companion.control.limits import Gated, Limits, gate
 from companion.types import Array, AttitudeThrust, VehicleState
 from tests.control.held_in import pressed
@@ -261,6 +261,33 @@ def test_below_the_ceiling_half_the_weight_stays_on_the_rotors_and_brakes_sidewa
     through = at((4.6, 0.0, 3.8), (1.0, 0.0, 2.0))
     np.testing.assert_allclose(accel(checked(HOVER, through)), [-0.5 * G * SLOPE, 0.0, -0.5 * G], atol=1e-6)
     assert FENCE.braking_mps2 < 0.5 * G * SLOPE, "what is counted on is there"
+
+
+def test_what_a_fence_may_count_on_is_what_the_guard_brakes_with() -> None:
+    sideways, upwards = most_braking_mps2(LIMITS, MODEL)
+    assert (sideways, upwards) == pytest.approx((G * SLOPE, 0.5 * G))
+    assert accel(checked(HOVER, at((4.6, 0.0, 1.5), (3.0, 0.0, 0.0))))[0] == pytest.approx(-sideways)
+    assert accel(checked(HOVER, at((0.0, 0.0, 3.6), (0.0, 0.0, 3.0))))[2] == pytest.approx(-upwards)
+    curved = ThrustModel(hover_thrust=0.4, curve=0.5)
+    idling = replace(LIMITS, min_thrust=0.3)
+    left = (0.5 * 0.3 * 0.3 + 0.5 * 0.3) / (0.5 * 0.4 * 0.4 + 0.5 * 0.4)
+    assert most_braking_mps2(idling, curved)[1] == pytest.approx((1.0 - left) * G)
+    cut = Guard(idling, curved, FENCE, 0.05, 0.1).check(HOVER, HOVER, at((0.0, 0.0, 3.6), (0.0, 0.0, 3.0)), 0.01, 10.0)
+    assert accel_of_setpoint(cut.setpoint, curved)[2] == pytest.approx(-(1.0 - left) * G)
+
+
+@pytest.mark.parametrize(("braking_mps2", "left"), [(0.5 * G, False), (8.0, True)])
+def test_a_ceiling_holds_who_presses_against_it_as_long_as_no_more_is_counted_on(
+    braking_mps2: float, left: bool
+) -> None:
+    """Full thrust for ever, from a speed that is just legal: why the configuration refuses more."""
+    fence = Fence((-4.5, -3.5), (4.5, 3.5, 9.0), braking_mps2, 0.4)
+    speed_mps = 6.0
+    below_m = fence.stopping_point_w_m(np.zeros(3), np.array([0.0, 0.0, speed_mps]))[2] + 0.05
+    start = np.array([0.0, 0.0, 9.0 - below_m]), np.array([0.0, 0.0, speed_mps]), 0.0
+    pressing = Guard(LIMITS, MODEL, fence, 0.05, 0.1)
+    held = pressed(pressing, fence, AttitudeThrust(LEVEL, np.array(0.8)), start)
+    assert bool((held.beyond_m > 0.0).any()) is left, f"by {held.beyond_m.max():.2f} m"
 
 
 def test_the_heading_stays_the_vehicles_while_it_brakes() -> None:
