@@ -82,7 +82,7 @@ class Track(_Command):
 
     verb: Literal["track"]
     curve: Literal["ellipse", "figure8"] | None = Field(None, description="one of the paper's; or `waypoints`")
-    waypoints: tuple[Waypoint, ...] | None = Field(None, min_length=2, max_length=MAX_WAYPOINTS)
+    waypoints: tuple[Waypoint, ...] | None = Field(None, min_length=2, max_length=MAX_WAYPOINTS, fail_fast=True)
     laps: int = Field(2, ge=1, le=100)
     period_s: float = Field(15.0, ge=4.0, le=120.0, description="a lap at full speed")
     size: float = Field(1.0, ge=0.1, le=3.0, description="1 is 2 m across")

@@ -13,6 +13,7 @@ MAX_BYTES = 48_000
 """400 waypoints have less."""
 STALE_S = 5.0
 """A command is for now: one that lay in a queue for longer was meant for another moment."""
+_MOST_FIELDS = 32
 _REASON_CHARACTERS = 200
 _MOST_IDS = 100_000
 """More than anybody commands in one run of the service; then it takes no more but abort and kill."""
@@ -43,6 +44,9 @@ class Intake:
         """The command in `payload`, or why there is none; `now_s` is Unix time. Each id is taken once."""
         if len(payload) > MAX_BYTES:
             return Refusal(f"{len(payload)} bytes are no command: at most {MAX_BYTES}")
+        fields = _fields(payload)
+        if len(fields) > _MOST_FIELDS:  # each would be a mistake to tell of, which takes time
+            return self.refuse(payload, f"{len(fields)} fields are no command: at most {_MOST_FIELDS}")
         try:
             read = COMMAND.validate_json(payload)
         except ValidationError as error:
@@ -55,8 +59,13 @@ class Intake:
 
     def refuse(self, payload: bytes, reason: str) -> Refusal:
         """For `reason`; with id and client, so far as they can be read, that the sender may know what is meant."""
-        name, client = _sender(payload) if len(payload) <= MAX_BYTES else ("", None)
-        return Refusal(reason, name, client)
+        fields = _fields(payload) if len(payload) <= MAX_BYTES else {}
+        name, client = fields.get("id"), fields.get("reply_to")
+        return Refusal(
+            reason,
+            name if isinstance(name, str) and re.fullmatch(ID, name) else "",
+            client if isinstance(client, str) and is_client(client) else None,
+        )
 
     def _objection(self, read: Command, now_s: float) -> str:
         if read.session != self._session:
@@ -72,19 +81,13 @@ class Intake:
         return ""
 
 
-def _sender(payload: bytes) -> tuple[str, str | None]:
-    """Id and reply_to of what may be no command otherwise."""
+def _fields(payload: bytes) -> dict[str, object]:
+    """Of what may be no command otherwise; none when it is no JSON object."""
     try:
         read = from_json(payload)
     except ValueError:
-        return "", None
-    if not isinstance(read, dict):
-        return "", None
-    name, client = read.get("id"), read.get("reply_to")
-    return (
-        name if isinstance(name, str) and re.fullmatch(ID, name) else "",
-        client if isinstance(client, str) and is_client(client) else None,
-    )
+        return {}
+    return read if isinstance(read, dict) else {}
 
 
 def _reason(error: ValidationError) -> str:

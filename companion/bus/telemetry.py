@@ -91,26 +91,26 @@ class State(_Said):
 
     time_s: float
     session: str
-    phase: str
-    reason: str = Field(description="why the flight was ended or handed over; empty when it was not")
-    armed: bool
-    in_air: bool
-    mode: str
-    battery: float | None = Field(description="share of its charge")
-    battery_v: float | None
-    position_w_m: Vector | None
-    velocity_w_mps: Vector | None
-    yaw_rad: float | None
-    tilt_rad: float | None
-    age_s: float | None = Field(description="of the pose")
-    reference_w_m: Vector | None
-    error_m: float | None = Field(description="distance to the reference")
-    thrust: float | None = Field(description="of the setpoint that was sent last, 0..1")
-    controller: str
-    sent_share: float | None = Field(description="share of the last second's cycles that sent a new setpoint")
-    faults: tuple[str, ...] = Field(description="what is wrong now, in the words of docs/safety.md")
-    arms: str | None = Field(description="phase of the arms; null without arms")
-    joints_rad: tuple[float | None, ...] | None
-    doing: Doing | None
-    late_s: float = Field(description="how late the control cycle began")
+    phase: str = Field(description="as in docs/safety.md; or waiting, while the service has no vehicle")
+    reason: str = Field("", description="why the flight was ended or handed over, or what is waited for")
+    armed: bool = False
+    in_air: bool | None = Field(None, description="null: not known")
+    mode: str = ""
+    battery: float | None = Field(None, description="share of its charge")
+    battery_v: float | None = None
+    position_w_m: Vector | None = None
+    velocity_w_mps: Vector | None = None
+    yaw_rad: float | None = None
+    tilt_rad: float | None = None
+    age_s: float | None = Field(None, description="of the pose")
+    reference_w_m: Vector | None = None
+    error_m: float | None = Field(None, description="distance to the reference")
+    thrust: float | None = Field(None, description="of the setpoint that was wanted last, 0..1")
+    controller: str = ""
+    sent_share: float | None = Field(None, description="share of the last second's cycles that sent a new setpoint")
+    faults: tuple[str, ...] = Field((), description="what is wrong now, in the words of docs/safety.md")
+    arms: str | None = Field(None, description="phase of the arms; null without arms")
+    joints_rad: tuple[float | None, ...] | None = None
+    doing: Doing | None = None
+    late_s: float | None = Field(None, description="how late the control cycle began")
     text: str = Field("", description="the autopilot's newest words")

@@ -2,7 +2,7 @@
 
 As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled, and may watch a socket that
 is closed, or for ever one that has nothing to write; a packet that makes paho raise is handed to it again and again
-without pause; and a packet may say that it has 256 MB.
+without pause; and a packet may say that it has 256 MB, or have more properties than paho can read in time.
 """
 
 import asyncio
@@ -17,10 +17,13 @@ import aiomqtt
 import paho.mqtt.client as paho
 from aiomqtt.exceptions import MqttConnectError
 from aiomqtt.types import PahoSocket
+from paho.mqtt.enums import MQTTErrorCode
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from companion.adapters.mqtt.packets import with_few_properties
 
 V5, V311 = aiomqtt.ProtocolVersion.V5, aiomqtt.ProtocolVersion.V311
 
@@ -28,6 +31,8 @@ ANSWER_S = 1.0
 """Whatever the broker does not answer within this, it does not answer."""
 MAX_PACKET_BYTES = 64_000
 """To read more in one go would hold up the flight loop; a command has less."""
+_MAX_OTHER_BYTES = 1024
+"""Of a packet that is no message."""
 _KEEPALIVE_S = 5
 """After one and a half of these the broker gives us up and says so to everyone (the last will)."""
 
@@ -78,6 +83,9 @@ class Connection(aiomqtt.Client):
         self._client.connect_timeout = ANSWER_S
         self._receive = self._client._sock_recv
         self._client._sock_recv = self._receive_bounded  # type: ignore[method-assign, assignment]
+        self._publish = self._client._handle_publish
+        if version is V5:
+            self._client._handle_publish = self._publish_bounded  # type: ignore[method-assign]
 
     async def __aenter__(self) -> Self:
         """Connect. Whatever goes wrong, cancellation too, the socket is closed again."""
@@ -167,9 +175,15 @@ class Connection(aiomqtt.Client):
 
     def _receive_bounded(self, size: int) -> bytes:
         """What paho reads with; `size` is what is missing of a packet, as its head says."""
-        if size > MAX_PACKET_BYTES:
+        message = self._client._in_packet["command"] & 0xF0 == paho.PUBLISH
+        if size > (MAX_PACKET_BYTES if message else _MAX_OTHER_BYTES):
             raise ConnectionError(f"a packet of {size} bytes")
         return self._receive(size)
+
+    def _publish_bounded(self) -> MQTTErrorCode:
+        packet = self._client._in_packet
+        packet["packet"] = bytearray(with_few_properties(bytes(packet["packet"]), (packet["command"] & 0x06) >> 1))
+        return self._publish()
 
 
 def knows_no_mqtt5(error: BaseException) -> bool:
