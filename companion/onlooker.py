@@ -6,8 +6,9 @@ At most it forwards poses to the autopilot's estimator, as a service does while 
 import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.disk import DiskWatch
@@ -19,7 +20,8 @@ from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.ports import ArmBus, Clock, MocapSource
+from companion.ports import ArmBus, ArmError, AutopilotError, Clock, CompanionError, MocapError, MocapSource
+from companion.preflight.check import Check
 from companion.service_preflight import Running
 from companion.supervisor.flight import Flight
 from companion.vision_stage import VisionStage
@@ -27,6 +29,44 @@ from companion.vision_stage import VisionStage
 _DEADLINE_S = 0.02
 """A cycle begins without a frame, too."""
 _DISK_S = 5.0
+Device = TypeVar("Device")
+
+
+_TODO = {
+    "motion capture": "start QTM's measurement with its real-time output; look at mocap.host, port and body",
+    "autopilot": "look at the cable, px4.url and PX4's power",
+    "arms": "look at the servos' power and at arms.port; then `companion arms ping`",
+}
+
+
+class DevicesMissingError(CompanionError):
+    """Not every device can be reached; `checks` has a line for each that was looked for."""
+
+    def __init__(self, checks: tuple[Check, ...]) -> None:
+        super().__init__("\n".join(check.says for check in checks if not check.passed))
+        self.checks = checks
+
+
+class _Opening:
+    """Opens device after device, and remembers which could not be reached."""
+
+    def __init__(self, devices: AsyncExitStack) -> None:
+        self._devices = devices
+        self._checks: list[Check] = []
+
+    async def device(self, name: str, opening: AbstractAsyncContextManager[Device]) -> Device | None:
+        """None when it cannot be reached."""
+        try:
+            device = await self._devices.enter_async_context(opening)
+        except (MocapError, AutopilotError, ArmError) as error:
+            self._checks.append(Check(name, False, str(error), _TODO[name]))
+            return None
+        self._checks.append(Check(name, True, "reached"))
+        return device
+
+    def missing(self) -> DevicesMissingError:
+        """What to raise when one is None."""
+        return DevicesMissingError(tuple(self._checks))
 
 
 class Onlooker:
@@ -72,19 +112,22 @@ async def open_onlooker(
 ) -> AsyncIterator[tuple[Running, Onlooker]]:
     """Devices connected and read; `records` is the folder whose disk is watched.
 
-    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, AutopilotError when a service has the
-    autopilot, and MocapError when motion capture fails later. Servos that are missing or at fault show in
+    Raises DevicesMissingError, after all were tried, when a device cannot be reached, AutopilotError when a service has
+    the autopilot, and MocapError when motion capture fails later. Servos that are missing or at fault show in
     `Running.arms`.
     """
     clock = MonotonicClock()
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
-        mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
-        autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
-        arms = None
+        opening = _Opening(devices)
+        mocap = await opening.device("motion capture", open_qualisys(config.mocap, clock))
+        autopilot = await opening.device("autopilot", open_px4(config.px4, clock))
+        bus: ArmBus | None = None
         if config.arms is not None:
-            bus = await devices.enter_async_context(open_dynamixel(config.arms, clock, strict=False))
-            arms = _arm_stage(bus, config)
+            bus = await opening.device("arms", open_dynamixel(config.arms, clock, strict=False))
+        if mocap is None or autopilot is None or (bus is None and config.arms is not None):
+            raise opening.missing()
+        arms = _arm_stage(bus, config)
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
         cycle_s = 1.0 / config.control.rate_hz
         vision = VisionStage(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
@@ -106,8 +149,8 @@ async def _kept_going(onlooker: Onlooker) -> AsyncIterator[None]:
         raise errors.exceptions[0] from None
 
 
-def _arm_stage(bus: ArmBus, config: CompanionConfig) -> ArmStage | None:
+def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
     """Only ever read from: nothing here moves it."""
-    if config.arms is None:
+    if bus is None or config.arms is None:
         return None
     return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

@@ -55,7 +55,8 @@ async def open_service(
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
-            running = Running(mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb)
+            operator_age_s = operator.age_s if operator is not None else None
+            running = Running(mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb, operator_age_s)
             service = Service(loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params)
             service.warnings = (*autopilot.warnings, *(arms.warnings if arms is not None else ()))
             yield service

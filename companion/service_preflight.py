@@ -69,6 +69,8 @@ class Running:
     arms: ArmStage | None = None
     disk_free_mb: Callable[[], float] | None = None
     """None: nothing is recorded to disk."""
+    operator_age_s: Callable[[], float] | None = None
+    """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
 
 
 async def require_preflight(
@@ -98,11 +100,11 @@ async def preflight(
 
 
 async def settle(running: Running, wanted: PreflightConfig) -> bool:
-    """Wait, for a while, until what comes late is there: vision fused, heading taken over, battery known."""
+    """Wait a while until what comes late is there: vision fused, heading taken over, battery known, broker met."""
 
     def settled() -> bool:
         vehicle, status = running.estimate().vehicle, running.autopilot.status()
-        if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running):
+        if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running) or _operator_age_s(running):
             return False
         off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
         return abs(off.heading_rad) <= wanted.heading_apart_rad
@@ -118,6 +120,10 @@ async def settle(running: Running, wanted: PreflightConfig) -> bool:
 def _fused(running: Running) -> bool:
     local = running.autopilot.local()
     return local.vision_fused and running.clock.now_s() - local.flags_s < _FLAGS_S
+
+
+def _operator_age_s(running: Running) -> float:
+    return running.operator_age_s() if running.operator_age_s is not None else 0.0
 
 
 @dataclass(frozen=True)
@@ -211,6 +217,7 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         _arms_of(running.arms, now_s),
         machine_of(running),
         read_kept(wanted),
+        _operator_age_s(running),
     )
 
 

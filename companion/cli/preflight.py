@@ -3,8 +3,10 @@
 import asyncio
 import json
 import re
-from collections.abc import Sequence
-from dataclasses import asdict
+import secrets
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +16,9 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.mqtt import open_bus
+from companion.bus.commands import Command
 from companion.by_hand_file import write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
@@ -22,10 +27,11 @@ from companion.cli.output import check_output
 from companion.cli.progress import show_cursor
 from companion.config import CompanionConfig
 from companion.control.reference import Trajectory
-from companion.onlooker import open_onlooker
+from companion.onlooker import DevicesMissingError, open_onlooker
 from companion.ports import FlightError
 from companion.preflight.by_hand import Kept
 from companion.preflight.check import Check
+from companion.preflight.whole import check_operator
 from companion.service_preflight import preflight as check_everything
 from companion.service_preflight import settle
 from companion.trajectory_check import check_trajectory
@@ -54,8 +60,8 @@ def preflight(
 ) -> None:
     """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
 
-    Nothing is commanded; only poses go to the autopilot's estimator. Exit code 0 if the vehicle may arm, 1 if not, 2
-    for what could not be started, 130 after Ctrl-C.
+    Nothing is commanded; only poses go to the autopilot's estimator, and the operator's broker hears that we are there.
+    Exit code 0 if the vehicle may arm, 1 if not, 2 for what could not be started, 130 after Ctrl-C.
     """
     settings = settings_of(config, "lab.toml")
     flown = trajectory_of(trajectory, settings)
@@ -87,9 +93,28 @@ async def _look(
 ) -> tuple[Check, ...]:
     with console.status("connecting to motion capture, autopilot and arms") as status:
         show_cursor(console)
-        async with open_onlooker(config, out, forward_vision=True) as (running, _):
-            status.update("looking at motion capture and the autopilot, asking for its parameters")
-            return await check_everything(running, config, trajectory)
+        async with _broker(config) as operator_age_s:
+            try:
+                async with open_onlooker(config, out, forward_vision=True) as (running, _):
+                    status.update("looking at motion capture and the autopilot, asking for its parameters")
+                    met = replace(running, operator_age_s=operator_age_s)
+                    return await check_everything(met, config, trajectory)
+            except DevicesMissingError as missing:
+                return *check_operator(operator_age_s(), config), *missing.checks
+
+
+@asynccontextmanager
+async def _broker(config: CompanionConfig) -> AsyncIterator[Callable[[], float]]:
+    """The age of the operator's broker, s; one that the service starts itself is not there yet, which is no fault."""
+    if config.operator is None or config.operator.embedded:
+        yield lambda: 0.0
+        return
+    async with open_bus(config.operator, MonotonicClock(), secrets.token_hex(8), _refuse) as link:
+        yield link.age_s
+
+
+def _refuse(command: Command, _: object) -> None:
+    raise FlightError(f"cannot {command.verb}: a preflight only looks")
 
 
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:

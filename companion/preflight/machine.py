@@ -54,6 +54,13 @@ def check_clock(seen: MachineSeen) -> tuple[Check, Check]:
     )
 
 
+def check_broker(age_s: float, where: str) -> Check:
+    """Whether the operator's broker answers, `age_s` after it last did."""
+    says = f"{where} has not answered for {age_s:.1f} s" if age_s > 0.0 else f"{where} answers"
+    todo = "start the broker, or look at operator.host, port, user and password, and at what that user may read"
+    return Check("operator's broker", age_s <= 0.0, says, todo)
+
+
 def check_priority(seen: MachineSeen, must: bool) -> Check:
     """Whether other programs can hold the control loop up."""
     realtime = seen.realtime_priority > 0

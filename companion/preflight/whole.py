@@ -41,6 +41,8 @@ class Facts:
     arms: ArmsSeen | None
     machine: MachineSeen
     kept: Kept | None
+    operator_age_s: float
+    """Since the operator's broker last answered; 0 while it does, and where none is configured."""
 
 
 def check_all(
@@ -53,6 +55,7 @@ def check_all(
     """Every check, in the order in which a person would go about it."""
     return (
         *check_machine(facts.machine, config, wanted),
+        *check_operator(facts.operator_age_s, config),
         *check_mocap(facts.mocap, config, wanted),
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
         vehicle.check_ground(facts.status),
@@ -74,6 +77,12 @@ def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightC
         *machine.check_clock(seen),
         machine.check_priority(seen, wanted.realtime),
     )
+
+
+def check_operator(age_s: float, config: CompanionConfig) -> tuple[Check, ...]:
+    """The way to the operator, where one is configured: without it a flight ends soon after it has begun."""
+    operator = config.operator
+    return () if operator is None else (machine.check_broker(age_s, f"{operator.host}:{operator.port}"),)
 
 
 def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:

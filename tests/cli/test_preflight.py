@@ -14,6 +14,7 @@ from rich.console import Console
 
 from companion.adapters.instance_lock import instance_lock
 from companion.by_hand_file import read_kept, write_kept
+from companion.cli.mock_process import free_ports
 from companion.cli.preflight import carry_and_keep, show
 from companion.config import load_config
 from companion.config_preflight import PreflightConfig
@@ -23,6 +24,7 @@ from mock_autopilot.dynamixel_packets import Instruction, Packet
 from mock_autopilot.simulator import Simulator
 from mock_autopilot.truth import Truth
 from mock_autopilot.world import World
+from tests.broker import broker
 from tests.cli.typed import disk_full_after, typing
 from tests.flights.command import run, start
 from tests.mavlink_relay import Relay
@@ -45,6 +47,39 @@ async def test_the_list_against_the_mock_names_the_one_parameter_that_is_wrong(t
     assert checks["COM_OF_LOSS_T"]["todo"].startswith("set it to 0.5: ")
     for name in ("heading agrees", "vision fused", "battery", "fence around the trajectory"):
         assert checks[name]["passed"], checks[name]
+
+
+def test_every_device_that_is_missing_has_its_line_and_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ports, path = free_ports(), tmp_path / "companion.toml"
+    path.write_text(
+        f"[mocap]\nport = {ports.qualisys}\nconnect_timeout_s = 0.2\n"
+        f'[px4]\nurl = "udpin://127.0.0.1:{ports.client}"\nconnect_timeout_s = 0.2\n'
+        f'[arms]\nport = "{tmp_path / "none"}"\n[operator]\nport = {ports.autopilot}\n'
+    )
+    typed = typing("preflight", monkeypatch, capsys)("--config", path, "--out", tmp_path, "--json")
+    checks = {check["name"]: check for check in json.loads(typed.out)}
+    assert (typed.code, list(checks)) == (1, ["operator's broker", "motion capture", "autopilot", "arms"])
+    assert all(check["todo"] and check["must"] and not check["passed"] for check in checks.values())
+    assert str(ports.qualisys) in checks["motion capture"]["says"]
+    assert "no autopilot heard" in checks["autopilot"]["says"]
+    dry = typing("dry-run", monkeypatch, capsys)("--config", path, "--out", tmp_path)
+    assert dry.code == 2
+    for words in ("no QTM at 127.0.0.1", "no autopilot heard on udpin", "no serial port "):
+        assert words in dry.err
+
+
+@pytest.mark.realtime
+async def test_the_operators_broker_is_met_with_all_else(tmp_path: Path) -> None:
+    real = room(tmp_path)
+    with broker() as there:
+        real.config.write_text(f"{real.config.read_text()}[operator]\nport = {there.port}\n")
+        async with real.mock:
+            ran = await run("preflight", "--json", "--config", real.config, "--out", tmp_path)
+    checks = {check["name"]: check for check in json.loads(ran.out)}
+    assert checks["operator's broker"]["passed"], checks["operator's broker"]
+    assert checks["disarmed"]["passed"]
 
 
 async def test_a_vehicle_that_another_companion_flies_is_left_alone(tmp_path: Path) -> None:

@@ -59,4 +59,5 @@ def ready() -> Facts:
         ARMS,
         MACHINE,
         Kept("dauam", now),
+        operator_age_s=0.0,
     )

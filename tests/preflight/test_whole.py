@@ -9,6 +9,7 @@ import pytest
 
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
+from companion.config_operator import OperatorConfig
 from companion.config_preflight import PreflightConfig
 from companion.control.frames import quat_from_rotation_vector, quat_from_yaw
 from companion.control.reference import Ellipse, LapTiming
@@ -21,7 +22,7 @@ from companion.trajectory_check import check_trajectory
 from companion.types import Array, Reference
 from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
 
-CONFIG = CompanionConfig(arms=ArmsConfig())
+CONFIG = CompanionConfig(arms=ArmsConfig(), operator=OperatorConfig())
 WANTED = PreflightConfig()
 
 
@@ -46,6 +47,7 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"position_w_m": np.array([0.0, 0.0, 2.1])}, "fence around the vehicle"),
         ({"position_w_m": None}, "fence around the vehicle"),
         ({"status": replace(STATUS, heard_s=99.0)}, "autopilot heard"),
+        ({"operator_age_s": 0.1}, "operator's broker"),
         ({"status": replace(STATUS, connected=False)}, "autopilot heard"),
         ({"status": replace(STATUS, armed=True)}, "disarmed"),
         ({"status": replace(STATUS, in_air=True)}, "disarmed"),
