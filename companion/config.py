@@ -10,6 +10,7 @@ from companion.config_files import Section, project_root, read_toml, validate
 from companion.config_mocap import MocapConfig
 from companion.config_operator import OperatorConfig
 from companion.config_preflight import PreflightConfig
+from companion.config_records import RecordsConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
@@ -128,6 +129,7 @@ class CompanionConfig(Section):
     preflight: PreflightConfig = PreflightConfig()
     arms: ArmsConfig | None = None
     operator: OperatorConfig | None = None
+    records: RecordsConfig = RecordsConfig()
 
     @model_validator(mode="after")
     def _agrees(self) -> "CompanionConfig":

@@ -21,7 +21,7 @@ from companion.control.controller import Controller
 from companion.flight_loop import Devices, FlightLoop
 from companion.health_stage import Sides
 from companion.orders import obey
-from companion.ports import DeadMan, FlightError
+from companion.ports import DeadMan, FlightError, OperatorLink
 from companion.service_preflight import Running, preflight
 from companion.service_verbs import Service
 from companion.tick import TickSink
@@ -33,9 +33,17 @@ _DISK_S = 2.0
 
 @asynccontextmanager
 async def open_service(
-    config: CompanionConfig, law: Controller, sink: TickSink, dead_man: DeadMan, records: Path | None = None
+    config: CompanionConfig,
+    law: Controller,
+    sink: TickSink,
+    dead_man: DeadMan,
+    records: Path | None = None,
+    operator: OperatorLink | None = None,
 ) -> AsyncIterator[Service]:
     """Devices connected and the loop ticking; `records` is the folder whose disk must not be full.
+
+    `operator` is a link whose commands somebody else takes; without it the configured one is opened, for orders that
+    need nobody to see them through.
 
     Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
     autopilot, or when the first two devices fail later, and whatever the law raises.
@@ -47,8 +55,9 @@ async def open_service(
         mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
-        listening = open_bus(config.operator, clock, secrets.token_hex(8), obeying.take) if config.operator else None
-        operator = await devices.enter_async_context(listening) if listening else None
+        if operator is None and config.operator is not None:
+            listening = open_bus(config.operator, clock, secrets.token_hex(8), obeying.take)
+            operator = await devices.enter_async_context(listening)
         sides = Sides(operator, disk.free_mb)
         loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms, sides), law, config, sink)
         obeying.loop = loop

@@ -57,8 +57,52 @@ class ArmVerbs:
 
     async def move(self, motion: JointTrajectory) -> None:
         """Begin a motion that was planned from where the joints are held; ArmError with the reason why it may not."""
+        self.begin(motion)
+
+    def begin(self, motion: JointTrajectory) -> None:
+        """As `move`, at once."""
         arms, _ = self._fitted()
         arms.play(motion, self._loop.flight.phase)
+
+    @property
+    def held_rad(self) -> Array:
+        """The joint angles (8,) that are held now; FlightError while the arms move or do not hold."""
+        arms, _ = self._fitted()
+        if arms.held_rad is None:
+            raise FlightError(f"the arms must hold still first, they are {arms.fault or arms.state.phase}")
+        return arms.held_rad
+
+    def still(self, reason: str) -> None:
+        """Bring a motion to rest on its way; nothing for arms that hold."""
+        arms, _ = self._fitted()
+        arms.stop(reason)
+
+    async def at_rest(self, within_s: float) -> None:
+        """Wait until a motion of so many seconds is over; FlightError when it was ended otherwise."""
+        arms, _ = self._fitted()
+        motion = arms.state.motion
+        if not await self._until(lambda: arms.state.motion is not motion, within_s + _SETTLE_S):
+            raise FlightError(f"the arms still move after {within_s + _SETTLE_S:.0f} s")
+        if arms.fault or (arms.state.motion is not None) or arms.state.reason:
+            raise FlightError(f"the motion was ended: {arms.fault or arms.state.reason or arms.state.phase}")
+
+    async def fold(self, taken: Callable[[str], None]) -> None:
+        """Fold from where the arms are held, in the air or on the ground; FlightError when they do not get there."""
+        arms, config = self._fitted()
+        floor_z_m = None if self._loop.flight.airborne else config.floor_z_m
+        way = arms.way_to_stow(self.held_rad, floor_z_m)
+        if way is None:
+            taken("the arms are folded")
+            return
+        self.begin(way)
+        taken(f"the arms fold, {way.duration_s:.0f} s")
+        await self.at_rest(way.duration_s)
+
+    async def limp(self) -> None:
+        """On the ground: torque off; ArmError naming the joints that do not answer."""
+        arms, _ = self._fitted()
+        await self._grounded()
+        await arms.torque_off()
 
     async def clear_faults(self) -> None:
         """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare` again."""

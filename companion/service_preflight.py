@@ -21,9 +21,9 @@ from companion.config_preflight import PreflightConfig, load_recommended
 from companion.control.reference import Trajectory
 from companion.estimation.clock_sync import to_local_s
 from companion.estimation.estimator import EstimatorState
-from companion.ports import Clock, FlightError, MocapSource
+from companion.ports import Clock, MocapSource
 from companion.preflight.agreement import Apart, VisionSeen, apart
-from companion.preflight.check import Check, refusal
+from companion.preflight.check import Check
 from companion.preflight.machine import MachineSeen
 from companion.preflight.mocap import MocapSeen
 from companion.preflight.vehicle import ArmsSeen
@@ -71,17 +71,6 @@ class Running:
     """None: nothing is recorded to disk."""
     operator_age_s: Callable[[], float] | None = None
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
-
-
-async def require_preflight(
-    running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
-) -> tuple[Check, ...]:
-    """Every check; FlightError with all that fail, and what to do, when the vehicle may not arm."""
-    checks = await preflight(running, config, trajectory)
-    refused = refusal(checks)
-    if refused:
-        raise FlightError(refused)
-    return checks
 
 
 async def preflight(

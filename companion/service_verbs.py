@@ -3,22 +3,26 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 
 from companion.config import CompanionConfig
-from companion.control.reference import Trajectory
+from companion.control.reference import Hold, Trajectory
 from companion.flight_loop import FlightLoop
 from companion.ports import Autopilot, AutopilotError, CompanionError, FlightError, MocapError
+from companion.preflight.check import Check, refusal
 from companion.service_arms import ArmVerbs
 from companion.service_space import check_climb, check_room, check_room_and_fence
 from companion.supervisor.faults import Reaction
 from companion.supervisor.flight import Brake, Fly, Kill, Land, Leg, Phase, Prepare, Request, Resume, TakeOff
+from companion.types import Array, AutopilotStatus
 
 LOG = logging.getLogger(__name__)
 
-Preflight = Callable[[Trajectory | None], Awaitable[object]]
-"""Every check of a vehicle that is to fly this; FlightError with all that fail."""
+Preflight = Callable[[Trajectory | None], Awaitable[Sequence[Check]]]
+"""Every check of a vehicle that is to fly this."""
+Params = Callable[[Sequence[str]], Awaitable[dict[str, float]]]
+"""Values of the autopilot's parameters by name; those that it does not know are absent."""
 
 _POLL_S = 0.02
 _STREAM_FIRST_S = 0.2
@@ -31,6 +35,15 @@ _SAME_HEIGHT_M = 1e-6
 _HELD = "the flight was ended: a hold was ordered"
 
 
+async def _no_params(_: Sequence[str]) -> dict[str, float]:
+    """Of an autopilot that has none."""
+    return {}
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
+
+
 class Service:
     """The verbs of an operator; each returns when it is done and raises CompanionError with the reason if not."""
 
@@ -40,19 +53,31 @@ class Service:
         autopilot: Autopilot,
         config: CompanionConfig,
         ticking: "asyncio.Task[None]",
-        preflight: Preflight,
+        checks: Preflight,
+        params: Params = _no_params,
     ) -> None:
         self.loop = loop
         self.warnings: tuple[str, ...] = ()
         """What a device would like to have otherwise, for the operator to read."""
-        self._autopilot, self._config, self._ticking, self._preflight = autopilot, config, ticking, preflight
-        self.arms = ArmVerbs(loop, config.arms, self._until, self._require_ground)
+        self._autopilot, self._config, self._ticking = autopilot, config, ticking
+        self.checks, self.params = checks, params
+        self.arms = ArmVerbs(loop, config.arms, self.until, self.require_ground)
         """What an operator may ask of the arms."""
 
     @property
     def trouble(self) -> str:
         """What went wrong in this flight, although it may have ended as it should; empty when nothing did."""
         return self.loop.flight.reason or (self.loop.arms.fault if self.loop.arms is not None else "")
+
+    @property
+    def status(self) -> AutopilotStatus:
+        """What the autopilot last said."""
+        return self._autopilot.status()
+
+    @property
+    def ticking(self) -> "asyncio.Task[None]":
+        """The flight loop: done when it has failed."""
+        return self._ticking
 
     @property
     def phase(self) -> Phase:
@@ -65,7 +90,7 @@ class Service:
         def known() -> bool:
             return self.loop.estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS
 
-        if not await self._until(known, self._config.mocap.first_frame_timeout_s):
+        if not await self.until(known, self._config.mocap.first_frame_timeout_s):
             raise MocapError(
                 f"body {self._config.mocap.body!r} is not seen by motion capture (last frame: "
                 f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
@@ -78,12 +103,12 @@ class Service:
             status = self._autopilot.status()
             return math.isfinite(status.heartbeat_s) and status.in_air is not None
 
-        if not await self._until(known, self._config.px4.answer_timeout_s):
+        if not await self.until(known, self._config.px4.answer_timeout_s):
             silent = math.isinf(self._autopilot.status().heartbeat_s)
             what = "sends no HEARTBEAT" if silent else "does not say whether the vehicle stands or flies"
             raise AutopilotError(f"the autopilot was heard once but {what}: look at the link")
 
-    async def _require_ground(self) -> None:
+    async def require_ground(self) -> None:
         """FlightError unless the autopilot says that the vehicle stands, disarmed; waits until it has said so."""
         await self._heard()
         status = self._autopilot.status()
@@ -106,7 +131,7 @@ class Service:
             await self._while_preparing(self._autopilot.start_offboard)
             asked = True
             await self._while_preparing(self._autopilot.arm)
-            await self._until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
+            await self.until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
             self._expect(Phase.ARMED)
         except BaseException:
             self.loop.ask(Land())
@@ -130,11 +155,13 @@ class Service:
         checking.result()
 
     async def _every_check(self, trajectory: Trajectory | None) -> None:
-        await self._require_ground()
+        await self.require_ground()
         self.arms.check_ready()
         if trajectory is not None:
             await check_room(trajectory, self._config)
-        await self._preflight(trajectory)
+        refused = refusal(await self.checks(trajectory))
+        if refused:
+            raise FlightError(refused)
 
     async def _while_preparing(self, call: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """What insists, as long as nobody has ended the preparation: an arming must not go on after a kill."""
@@ -148,7 +175,7 @@ class Service:
     async def _unless(self, ended: Callable[[], bool], doing: "asyncio.Future[None]") -> None:
         """Wait for what is being done; it is cancelled when it is ended from elsewhere."""
         try:
-            await self._until(lambda: doing.done() or ended(), math.inf)
+            await self.until(lambda: doing.done() or ended(), math.inf)
         finally:
             doing.cancel()
             await asyncio.gather(doing, return_exceptions=True)
@@ -180,8 +207,22 @@ class Service:
         ground_m = 0.0 if flight.ground_w_m is None else float(flight.ground_w_m[2])
         return float(flight.legs[-1].trajectory.at(0.0).position_w_m[2]) - ground_m
 
-    async def fly(self, trajectory: Trajectory) -> None:
-        """Go to the trajectory's start, fly it, hold its end.
+    async def go_to(self, position_w_m: Array, yaw_rad: float, taken: Callable[[], None] = _nothing) -> None:
+        """Fly straight to a place (3,) in W and a heading there, and hold; `taken` is called once it has begun.
+
+        Before anything moves, ConfigError where it lies out of the room, FlightError where it is too near the fence.
+        """
+        place = Hold(position_w_m, yaw_rad)
+        await check_room_and_fence(place, self._config)
+        self._ask(Fly(place, 0.0), "go there")
+        taken()
+        end = self.loop.flight.legs[-1]
+        await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), _APPROACH_S)
+        await asyncio.sleep(self._config.flight.settle_s)
+        self._expect(Phase.HOLD, end)
+
+    async def fly(self, trajectory: Trajectory, taken: Callable[[], None] = _nothing) -> None:
+        """Go to the trajectory's start, fly it, hold its end; `taken` is called once it has begun.
 
         Before anything moves, ConfigError where it leads out of the room or is too fast, FlightError where it comes
         too near the fence; the vehicle goes on as it was.
@@ -189,6 +230,7 @@ class Service:
         await check_room_and_fence(trajectory, self._config)
         settle_s = self._config.flight.settle_s
         self._ask(Fly(trajectory, settle_s), "fly a trajectory")
+        taken()
         end = self.loop.flight.legs[-1]
         await self._reach(Phase.TRACK, settle_s + _APPROACH_S, Phase.HOLD, end)
         await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S, end=end)
@@ -204,10 +246,14 @@ class Service:
         self._ask(Resume(), "take the vehicle back")
         await self._reach(Phase.HOLD, self._config.px4.answer_timeout_s)
 
+    async def disarm(self) -> None:
+        """Ask the autopilot itself; AutopilotError when it refuses."""
+        await self._autopilot.disarm()
+
     async def kill(self) -> None:
         """Stop the motors at once, wherever the vehicle is; whoever calls this has had it confirmed."""
         self._ask(Kill(), "stop the motors")
-        if not await self._until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
+        if not await self.until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
             raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
 
     async def land(self) -> None:
@@ -232,7 +278,7 @@ class Service:
             return not status.connected or (over and not status.armed)
 
         stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
-        landed = await self._until(down, stow_s + down_s + _LANDING_MARGIN_S, although_failed=True)
+        landed = await self.until(down, stow_s + down_s + _LANDING_MARGIN_S, although_failed=True)
         if not self._autopilot.status().connected:
             raise FlightError("the autopilot is not heard any more: look at the vehicle")
         if not landed:
@@ -270,13 +316,13 @@ class Service:
         def over() -> bool:
             return self.phase is phase or self.phase not in on_the_way or self._diverted(end)
 
-        if not await self._until(over, timeout_s):
+        if not await self.until(over, timeout_s):
             raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
         if self.phase is not phase and self._diverted(end) and self.loop.flight.level is Reaction.NOTE:
             raise FlightError(_HELD)
         self._expect(phase, end)
 
-    async def _until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
+    async def until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
         """Poll; False after the time-out. Raises what stopped the flight loop, unless `although_failed`."""
         clock = asyncio.get_running_loop()
         end_s = clock.time() + timeout_s

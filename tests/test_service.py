@@ -2,7 +2,7 @@
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,7 @@ from companion.config_controller import load_controller
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.flight_loop import Devices, FlightLoop
 from companion.ports import AutopilotError, ConfigError, FlightError
+from companion.preflight.check import Check
 from companion.service import Service
 from companion.service_space import check_room_and_fence
 from companion.service_verbs import Preflight
@@ -86,8 +87,9 @@ async def served(
     def count() -> None:
         one.cycles += 1
 
-    async def passed(_: Trajectory | None) -> None:
+    async def passed(_: Trajectory | None) -> Sequence[Check]:
         in_preflight(loop)
+        return ()
 
     loop = FlightLoop(Devices(cameras(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None)
     ticking = asyncio.create_task(loop.run())
@@ -143,12 +145,13 @@ async def test_a_kill_while_the_checks_run_ends_the_arming() -> None:
 async def test_an_abort_while_the_checks_run_ends_them(order: Land | None, why: str) -> None:
     running, ended = asyncio.Event(), asyncio.Event()
 
-    async def preflight(_: Trajectory | None) -> None:
+    async def preflight(_: Trajectory | None) -> Sequence[Check]:
         running.set()
         try:
             await asyncio.sleep(60.0)
         finally:
             ended.set()
+        return ()
 
     async with served(Room(1), preflight=preflight) as one:
         await one.until(BOOTED_S)

@@ -17,6 +17,9 @@ from companion.ports import CompanionError
 BAD_INPUT = 2
 
 PANELS = {
+    "The service": {
+        "serve": "companion.cli.serve:serve_command",
+    },
     "The vehicle and its room": {
         "preflight": "companion.cli.preflight:preflight",
         "dry-run": "companion.cli.dry_run:dry_run",

@@ -2,6 +2,7 @@
 
 import asyncio
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,7 @@ from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig, Feedforward
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.ports import MocapError
+from companion.preflight.check import Check
 from companion.service import Service
 from companion.supervisor.flight import Fly, Land, Phase
 from companion.types import Array
@@ -266,7 +268,7 @@ async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
     assert np.abs(np.diff(told, axis=0)).max() < 0.1
 
 
-async def _no_preflight(_: Trajectory | None) -> None:
+async def _no_preflight(_: Trajectory | None) -> Sequence[Check]:
     raise AssertionError("nobody arms")
 
 

@@ -1,0 +1,118 @@
+"""A broker of our own, for operators on this computer alone: amqtt, in a process beside the service.
+
+Not on the control loop's interpreter: amqtt takes milliseconds for a packet. It speaks MQTT 3.1.1.
+"""
+
+import asyncio
+import logging
+import os
+import socket
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from companion.adapters.realtime import beside_the_loop
+from companion.config_operator import OperatorConfig
+from companion.ports import ConfigError
+
+LOG = logging.getLogger(__name__)
+
+_START_S = 20.0
+_AGAIN_S = 1.0
+_STOP_S = 3.0
+
+
+@asynccontextmanager
+async def open_broker(config: OperatorConfig) -> AsyncIterator[None]:
+    """Begin it, and begin it again when it dies, until the end; ConfigError when its port is another's."""
+    _require_free(config)
+    process = await _begin(config)
+    keeping = asyncio.create_task(_keep(config, process), name="companion.broker")
+    try:
+        yield
+    finally:
+        keeping.cancel()
+        await asyncio.gather(keeping, return_exceptions=True)
+
+
+def _require_free(config: OperatorConfig) -> None:
+    with socket.socket() as free:
+        free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            free.bind((config.host, config.port))
+        except OSError as error:
+            raise ConfigError(
+                f"operator.port = {config.port}: no broker can begin on it ({error.strerror}): is there one already? "
+                "Give [operator] with embedded = false to use that one, or another port"
+            ) from error
+
+
+async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
+    process = await asyncio.create_subprocess_exec(
+        sys.executable,
+        "-m",
+        "companion.adapters.broker",
+        config.host,
+        str(config.port),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    try:
+        async with asyncio.timeout(_START_S):
+            line = await process.stdout.readline()
+    except BaseException as error:
+        await _end(process)
+        if isinstance(error, TimeoutError):
+            raise ConfigError(f"the embedded broker was not ready within {_START_S:g} s") from error
+        raise
+    if not line:
+        raise ConfigError("the embedded broker ended without a word: is amqtt installed?")
+    return process
+
+
+async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> None:
+    try:
+        while True:
+            code = await process.wait()
+            LOG.error("the embedded broker has ended (%d) and is begun again", code)
+            await asyncio.sleep(_AGAIN_S)
+            try:
+                process = await _begin(config)
+            except ConfigError as error:
+                LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
+    finally:
+        await _end(process)
+
+
+async def _end(process: asyncio.subprocess.Process) -> None:
+    """It ends when its standard input does."""
+    assert process.stdin is not None
+    process.stdin.close()
+    try:
+        async with asyncio.timeout(_STOP_S):
+            await process.wait()
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+
+
+async def _serve(host: str, port: int) -> None:
+    """Until standard input ends."""
+    from amqtt.broker import Broker  # type: ignore[import-untyped] # noqa: PLC0415 - only the child needs it
+
+    anonymous = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
+    listener = {"default": {"type": "tcp", "bind": f"{host}:{port}"}}
+    broker = Broker({"listeners": listener, "plugins": anonymous})
+    await broker.start()
+    os.write(1, b"ready\n")
+    ended = asyncio.Event()
+    asyncio.get_running_loop().add_reader(0, lambda: None if os.read(0, 64) else ended.set())
+    await ended.wait()
+
+
+if __name__ == "__main__":
+    beside_the_loop()
+    logging.getLogger("amqtt").setLevel(logging.CRITICAL)  # a client that dies is no news
+    asyncio.run(_serve(sys.argv[1], int(sys.argv[2])))

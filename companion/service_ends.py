@@ -1,0 +1,53 @@
+"""What follows an operator's order, for whoever gave it and waits: each returns when it is done, FlightError if not."""
+
+from companion.control_stage import SWITCH_S
+from companion.ports import FlightError
+from companion.service_verbs import Service
+from companion.supervisor.faults import Reaction
+from companion.supervisor.flight import Land, Phase
+
+_STOP_S = 10.0
+"""Braking takes 2 s."""
+
+
+async def stand_still(service: Service) -> None:
+    """After hold: until the reference stands."""
+    loop = service.loop
+    await service.until(lambda: loop.flight.phase is not Phase.HOLD or len(loop.flight.legs) == 1, _STOP_S)
+    _expect_hold(service)
+
+
+async def resumed(service: Service, timeout_s: float) -> None:
+    """After resume: until the autopilot shows OFFBOARD, and the law flies."""
+    await service.until(lambda: service.phase is not Phase.RESUME, timeout_s)
+    _expect_hold(service)
+
+
+async def killed(service: Service, timeout_s: float) -> None:
+    """After kill: until the autopilot shows that the motors are off."""
+    if not await service.until(lambda: not service.status.armed, timeout_s, although_failed=True):
+        raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
+
+
+async def disarmed(service: Service, timeout_s: float) -> None:
+    """Stop the motors of a vehicle that stands, whoever armed it; FlightError when the autopilot refuses."""
+    if service.phase in {Phase.PREFLIGHT, Phase.ARMED}:
+        service.loop.ask(Land("the operator disarmed"))
+    elif service.status.armed and service.phase is not Phase.LAND:
+        await service.disarm()
+    if not await service.until(lambda: not service.status.armed, timeout_s, although_failed=True):
+        raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
+
+
+async def switched(service: Service) -> None:
+    """After another law was given the vehicle: until it has it to itself."""
+    if service.loop.flight.airborne:
+        await service.until(lambda: not service.loop.flight.airborne, SWITCH_S)
+        if not service.loop.flight.airborne or service.loop.flight.level >= Reaction.LAND:
+            raise FlightError(f"the flight was ended: {service.loop.flight.reason or service.phase}")
+
+
+def _expect_hold(service: Service) -> None:
+    flight = service.loop.flight
+    if flight.phase is not Phase.HOLD:
+        raise FlightError(f"the flight was ended: {flight.reason or f'it went to phase {flight.phase}'}")

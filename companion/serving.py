@@ -1,0 +1,182 @@
+"""The service as it runs for days: the operators' bus, and a vehicle as soon as its devices are there."""
+
+import asyncio
+import logging
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from companion.adapters.broker import open_broker
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.dead_man import KernelDeadMan
+from companion.adapters.mqtt import BusLink, open_bus
+from companion.adapters.record_process import RecordSink
+from companion.adapters.systemd import Notifier
+from companion.bus.telemetry import Happened
+from companion.config import CompanionConfig
+from companion.config_controller import LoadedController
+from companion.config_operator import OperatorConfig
+from companion.desk import Desk
+from companion.ports import CompanionError
+from companion.service import Service, open_service
+from companion.supervisor.flight import STREAMING, Phase
+from companion.telemetry import Telemetry
+from companion.tick import Tick, TickSink
+
+LOG = logging.getLogger(__name__)
+
+_STATE_S = 0.1
+_AGAIN_S = 2.0
+"""Between two attempts to reach the devices."""
+_TICKING_S = 0.5
+"""A tick so lately, and the control loop lives."""
+_SWITCH_S = 0.0005
+"""A thread that computes (a plan, a list of parameters) gives way to the control loop after this, not after 5 ms."""
+
+
+@dataclass(frozen=True)
+class Serving:
+    """What is served, and to whom."""
+
+    config: CompanionConfig
+    controller: LoadedController
+    notifier: Notifier
+    recorder: RecordSink | None
+    records: Path | None
+
+    @property
+    def operator(self) -> OperatorConfig:
+        """The bus; without an [operator] table a broker of our own, for this computer alone."""
+        return self.config.operator or OperatorConfig(embedded=True)
+
+
+async def serve(what: Serving) -> None:
+    """Until SIGTERM or Ctrl-C, which land first. Raises ConfigError for a broker that cannot be."""
+    sys.setswitchinterval(_SWITCH_S)
+    stop = asyncio.Event()
+    _end_on_signals(stop)
+    session, desk = secrets.token_hex(8), Desk(what.config, what.controller.name)
+    async with AsyncExitStack() as devices:
+        if what.operator.embedded:
+            await devices.enter_async_context(open_broker(what.operator))
+        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, desk.take))
+        told = _Told(link, what.recorder)
+        telemetry = Telemetry(session, told)
+        showing = asyncio.create_task(_show(link, telemetry, desk, what), name="companion.state")
+        try:
+            what.notifier.ready("looking for the vehicle")
+            await _serve_vehicles(what, link, desk, telemetry, stop)
+        finally:
+            what.notifier.stopping("ends")
+            showing.cancel()
+            await asyncio.gather(showing, return_exceptions=True)
+
+
+def _end_on_signals(stop: asyncio.Event) -> None:
+    def end() -> None:
+        LOG.warning("told to end%s", "" if not stop.is_set() else ": it is doing so")
+        stop.set()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        asyncio.get_running_loop().add_signal_handler(number, end)
+
+
+async def _serve_vehicles(what: Serving, link: BusLink, desk: Desk, telemetry: Telemetry, stop: asyncio.Event) -> None:
+    """One vehicle, and again whenever its devices are lost and come back: on the ground, or with somebody else."""
+    dead_man, said = KernelDeadMan(what.config.safety.dead_man_s), ""
+    sinks: list[TickSink] = [telemetry, *([what.recorder] if what.recorder else [])]
+    while not stop.is_set():
+        try:
+            fan = _Fan(sinks)
+            async with open_service(what.config, what.controller.law, fan, dead_man, what.records, link) as service:
+                said = ""
+                await _with_vehicle(service, desk, stop)
+        except CompanionError as error:
+            if str(error) != said:
+                said = str(error)
+                LOG.error("no vehicle: %s", said)  # noqa: TRY400 - the sentence is for the operator
+            telemetry.forget(said)
+            desk.waiting = said
+        await _sleep(stop, _AGAIN_S)
+
+
+async def _with_vehicle(service: Service, desk: Desk, stop: asyncio.Event) -> None:
+    """Until told to end; raises what ends the flight loop before."""
+    for warning in service.warnings:
+        LOG.warning("%s", warning)
+    LOG.info("the vehicle is there")
+    desk.open(service)
+    ending = asyncio.create_task(stop.wait(), name="companion.end")
+    try:
+        await asyncio.wait({ending, service.ticking}, return_when=asyncio.FIRST_COMPLETED)
+        if service.ticking.done():
+            service.ticking.result()
+        await _land(service)
+    finally:
+        ending.cancel()
+        await desk.close()
+
+
+async def _land(service: Service) -> None:
+    """Down, before anything is closed; who else has the vehicle is waited for."""
+    if service.phase not in STREAMING | {Phase.HANDED_OVER}:
+        return
+    LOG.warning("lands, then ends")
+    try:
+        await service.land()
+    except CompanionError as error:
+        LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
+
+
+async def _show(link: BusLink, telemetry: Telemetry, desk: Desk, what: Serving) -> None:
+    """The state, ten times a second; and a sign of life to systemd while the control loop ticks, or waits for one."""
+    rate_hz = what.config.control.rate_hz
+    while True:
+        state = telemetry.state(desk.doing, rate_hz)
+        link.show(state)
+        tick = telemetry.tick
+        if tick is None or time.monotonic() - tick.time_s < _TICKING_S:
+            what.notifier.alive()
+        what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
+        await asyncio.sleep(_STATE_S)
+
+
+async def _sleep(stop: asyncio.Event, for_s: float) -> None:
+    try:
+        async with asyncio.timeout(for_s):
+            await stop.wait()
+    except TimeoutError:
+        return
+
+
+class _Told:
+    """Events go to the operators and into the record."""
+
+    def __init__(self, link: BusLink, recorder: RecordSink | None) -> None:
+        self._link, self._recorder = link, recorder
+
+    def __call__(self, happened: Happened) -> None:
+        self._link.tell(happened)
+        if self._recorder is not None:
+            self._recorder.tell(str(happened.kind), happened.text, happened.time_s)
+
+
+class _Fan:
+    """Every tick to each of several; one that fails is not told any more, and the others are."""
+
+    def __init__(self, sinks: Sequence[TickSink]) -> None:
+        self._sinks = list(sinks)
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
+        for sink in list(self._sinks):
+            try:
+                sink(tick)
+            except Exception:
+                LOG.exception("%s failed and is dropped", type(sink).__name__)
+                self._sinks.remove(sink)
