@@ -51,7 +51,7 @@ def refusal(path: Path) -> str:
         (
             "[zzz]\na = 1",
             "zzz: unknown key; known here are arms, control, fence, flight, limits, mocap, operator, preflight, px4, "
-            "room, safety, vehicle",
+            "records, room, safety, vehicle",
         ),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: input should be less than or equal to 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: input should be greater than 0.1"),

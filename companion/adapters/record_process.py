@@ -1,0 +1,144 @@
+"""Feeds the process that writes records, companion.records.writer; a TickSink that never waits."""
+
+import json
+import logging
+import socket
+import subprocess
+import sys
+import time
+from typing import Any
+
+from companion.config_records import RecordsConfig
+from companion.records.row import BEGIN, TOLD, RowEncoder
+from companion.supervisor.flight import Phase
+from companion.tick import Tick
+
+LOG = logging.getLogger(__name__)
+
+_BUFFER = 4_000_000
+"""Asked of the kernel for the socket; it gives what net.core.wmem_max allows."""
+_LISTEN_TICKS = 50
+_CLOSING_S = 10.0
+
+
+class RecordSink:
+    """A TickSink; `close` it, or let the process end: the file is whole in either case.
+
+    What the writer cannot take is dropped and counted. A writer that died is started again before the next flight.
+    """
+
+    def __init__(self, config: RecordsConfig, vehicle: str) -> None:
+        self._task = json.dumps({"records": config.model_dump(mode="json"), "vehicle": vehicle})
+        self._encoder = RowEncoder()
+        self._begin: dict[str, Any] = {"unix_offset_s": time.time() - time.monotonic(), "vehicle": vehicle}
+        self._listened = 0
+        self._link: socket.socket | None = None
+        self._writer: subprocess.Popen[bytes] | None = None
+        self.dropped = 0
+        """Rows that the writer did not get."""
+        self.trouble = ""
+        """Why flights are not recorded as they should be; empty when they are."""
+        self.file = ""
+        """Path of the newest record."""
+        self._start_writer()
+
+    @property
+    def alive(self) -> bool:
+        """Whether there is a writer."""
+        return self._link is not None
+
+    @property
+    def pid(self) -> int | None:
+        """Of the writer."""
+        return self._writer.pid if self._writer is not None else None
+
+    def begin(self, metadata: dict[str, Any]) -> None:
+        """What is to be known of the flights to come: `config`, `controller`, `versions`, `seed`; adds to what was."""
+        self._begin |= metadata
+        self._send(BEGIN + json.dumps(self._begin).encode())
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
+        if self._link is None:
+            self.dropped += 1
+            if tick.flight.phase is Phase.STANDBY or tick.flight.phase is Phase.DISARMED:
+                self._start_writer()
+            return
+        for message in self._encoder.messages(tick):
+            if not self._send(message):
+                self.dropped += 1
+        self._listened += 1
+        if self._listened >= _LISTEN_TICKS:
+            self._listened = 0
+            self._listen()
+
+    def tell(self, kind: str, text: str, time_s: float) -> None:
+        """Something for the record: a command, a reply, an event."""
+        self._send(TOLD + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
+
+    def close(self) -> None:
+        """The flight's file is whole when this returns; at most 10 s."""
+        link, self._link = self._link, None
+        if link is not None:
+            link.shutdown(socket.SHUT_WR)
+        if self._writer is not None:
+            try:
+                self._writer.wait(_CLOSING_S)
+            except subprocess.TimeoutExpired:
+                LOG.warning("the record of the flight is still being written by process %d", self._writer.pid)
+        if link is not None:
+            link.close()
+
+    def _start_writer(self) -> None:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours.setblocking(False)
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
+        command = [sys.executable, "-m", "companion.records.writer", self._task]
+        with theirs:
+            self._writer = subprocess.Popen(command, stdin=theirs.fileno(), start_new_session=True)  # noqa: S603
+        self._link = ours
+        self._encoder.forget()
+        self.begin({})
+
+    def _send(self, message: bytes) -> bool:
+        if self._link is None:
+            return False
+        try:
+            self._link.send(message)
+        except BlockingIOError:
+            return False
+        except OSError as error:
+            self._lose(error)
+            return False
+        return True
+
+    def _lose(self, error: OSError) -> None:
+        """The writer is gone."""
+        self._warn(f"the process that writes records has ended ({error.strerror}): this flight is not recorded further")
+        if self._link is not None:
+            self._link.close()
+        self._link = None
+        if self._writer is not None:
+            self._writer.poll()
+
+    def _listen(self) -> None:
+        """What the writer has to say."""
+        while self._link is not None:
+            try:
+                said = json.loads(self._link.recv(65536) or b"null")
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self._lose(error)
+                return
+            if said is None:
+                return
+            if "warning" in said:
+                self._warn(said["warning"])
+            if "file" in said:
+                self.file, self.trouble = said["file"], ""
+                LOG.info("recording to %s", self.file)
+
+    def _warn(self, text: str) -> None:
+        self.trouble = text
+        LOG.warning("records: %s", text)

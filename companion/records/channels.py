@@ -1,0 +1,95 @@
+"""Rows and events to Foxglove's channels: one file, and whoever watches live, get the same."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import foxglove
+from foxglove import Channel, Context, Schema
+from foxglove.channels import LogChannel
+from foxglove.mcap import MCAPWriteOptions
+from foxglove.messages import Log, LogLevel, Timestamp
+
+from companion.records.json_rows import JsonRows, Shapes, schema_of
+from companion.records.row import Row
+
+EVENT = "/event"
+META = "companion"
+"""Name of the metadata records."""
+_EVENT_SCHEMA = {
+    "type": "object",
+    "properties": {"time_s": {"type": "number"}, "kind": {"type": "string"}, "text": {"type": "string"}},
+}
+_WHOLE_CHUNKS = MCAPWriteOptions(chunk_size=None, disable_seeking=True, compression_threads=0)
+"""A chunk goes to the file at once, when it is flushed: what is killed leaves no half one in the middle."""
+
+
+class Channels:
+    """All topics, by name."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._json: dict[str, Channel] = {}
+        self._shapes: dict[str, Shapes] = {}
+        self._rows = JsonRows()
+        self._event = Channel(EVENT, schema=_EVENT_SCHEMA, context=context)
+        self._log = LogChannel("/log", context=context)
+
+    def row(self, row: Row, time_ns: int) -> None:
+        """All topics of a row."""
+        for message in self._rows.messages(row):
+            shapes = self._shapes.get(message.topic)
+            if shapes is not message.shapes and (shapes is None or not message.shapes.items() <= shapes.items()):
+                self._widen(message.topic, message.shapes)
+            self._json[message.topic].log(message.data.encode(), log_time=time_ns)
+
+    def _widen(self, topic: str, shapes: Shapes) -> None:
+        """A topic has more to say than its schema has: another channel for it."""
+        if topic in self._json:
+            self._json[topic].close()
+        known = self._shapes[topic] = self._shapes.get(topic, {}) | shapes
+        schema = Schema(name=topic.strip("/"), encoding="jsonschema", data=schema_of(topic, known))
+        self._json[topic] = Channel(topic, schema=schema, message_encoding="json", context=self._context)
+
+    def event(self, said: dict[str, Any], time_ns: int) -> None:
+        """Something told: `time_s`, `kind`, `text`."""
+        self._event.log(json.dumps(said).encode(), log_time=time_ns)
+        self.log(said["kind"], said["text"], time_ns)
+
+    def log(self, name: str, text: str, time_ns: int, warning: bool = False) -> None:
+        """A line for Foxglove's log panel."""
+        level = LogLevel.Warning if warning else LogLevel.Info
+        self._log.log(Log(timestamp=stamp(time_ns), level=level, name=name, message=text), log_time=time_ns)
+
+
+def stamp(time_ns: int) -> Timestamp:
+    """Foxglove's way to tell the time."""
+    return Timestamp(sec=time_ns // 10**9, nsec=time_ns % 10**9)
+
+
+@dataclass(frozen=True)
+class Mcap:
+    """An open file."""
+
+    path: Path
+    file: Any
+    writer: Any
+
+    def flush(self) -> None:
+        """All that was said is in the file."""
+        self.writer.flush()
+
+    def metadata(self, name: str, text: str) -> None:
+        """JSON under a name."""
+        self.writer.write_metadata(META, {name: text})
+
+    def close(self) -> None:
+        """Write the summary."""
+        self.writer.close()
+        self.file.close()
+
+
+def open_mcap(path: Path, file: Any, context: Context) -> Mcap:
+    """From now on the context's channels go into the file."""
+    return Mcap(path, file, foxglove.open_mcap(file, context=context, writer_options=_WHOLE_CHUNKS))

@@ -1,0 +1,146 @@
+"""Which ticks go into which file: one a flight, from leaving standby until some seconds after its end."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from foxglove import Context
+
+from companion.arms.model import ArmModel
+from companion.config_arms import ArmsConfig
+from companion.records.channels import Channels, Mcap, open_mcap
+from companion.records.row import TIME, Row, RowDecoder
+from companion.records.scene import Scene
+from companion.records.shelf import Shelf, Unbreakable
+
+AFTER_S = 3.0
+"""Recorded after the flight's end: what the arms and the autopilot do then."""
+_FLUSH_S = 0.5
+"""At most so much is lost when the writer is killed."""
+_LOOK_S = 1.0
+"""How often the disk's free space is asked."""
+_OVER = frozenset({"standby", "disarmed", "terminated"})
+_ANEW = "preflight"
+
+
+class FlightFiles:
+    """Takes messages of RowEncoder in their order; what goes wrong with the disk is told, and ends no flight."""
+
+    def __init__(self, shelf: Shelf, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
+        self._shelf, self._context, self._tell = shelf, context, tell
+        self._channels, self._scene, self._decoder = Channels(context), Scene(context), RowDecoder()
+        self._file: Mcap | None = None
+        self._begin: dict[str, Any] = {}
+        self._offset_s = 0.0
+        self._over_s: float | None = None
+        self._flushed_s = self._looked_s = 0.0
+        self._said = ("", "")
+
+    def begin(self, message: bytes) -> None:
+        """What is known of the flights to come: a message BEGIN."""
+        self._begin |= json.loads(message[1:])
+        self._offset_s = float(self._begin.get("unix_offset_s", self._offset_s))
+        self._scene.arms = _arm_model(self._begin)
+        if self._file is not None:
+            self._file.metadata("begin", json.dumps(self._begin))
+
+    def learn(self, message: bytes) -> None:
+        """A message LAYOUT."""
+        self._decoder.learn(message)
+
+    def start(self, message: bytes) -> None:
+        """A flight begins with the next row: a message START."""
+        text = message[1:].decode()
+        said = json.loads(text)
+        if self._file is not None and said["phase"] != _ANEW:
+            return
+        self.close()
+        self._over_s = None
+        if not self._shelf.has_room():
+            self._warn(f"less than {self._shelf.config.min_free_mb:g} MB free for records: this flight is not recorded")
+            return
+        try:
+            self._open(self._shelf.new_path(said["time_s"] + self._offset_s), text)
+        except OSError as error:
+            self._warn(f"this flight is not recorded: {error.filename or self._shelf.folder}: {error.strerror}")
+
+    def _open(self, path: Path, start: str) -> None:
+        file = Unbreakable(path, lambda why: self._warn(f"{why}: the rest of this flight is not recorded"))
+        self._file = open_mcap(path, file, self._context)
+        self._file.metadata("begin", json.dumps(self._begin))
+        self._file.metadata("start", start)
+        self._shelf.rotate(path)
+        self._tell({"file": str(path)})
+
+    def row(self, message: bytes) -> None:
+        """A message ROW."""
+        row = self._decoder.row(message)
+        time_s = float(row.block[TIME])
+        time_ns = round(1e9 * (time_s + self._offset_s))
+        self._channels.row(row, time_ns)
+        self._scene.draw(row, time_ns)
+        self._announce(row, time_ns)
+        if self._file is not None:
+            self._keep(self._file, row, time_s)
+
+    def told(self, message: bytes) -> None:
+        """A message TOLD: `time_s`, `kind`, `text`."""
+        said = json.loads(message[1:])
+        self._channels.event(said, round(1e9 * (said["time_s"] + self._offset_s)))
+
+    def close(self) -> None:
+        """The flight's record is whole."""
+        file, self._file = self._file, None
+        if file is None:
+            return
+        file.close()
+        if file.file.broken:
+            return
+        self._tell({"closed": str(file.path)})
+
+    def _keep(self, file: Mcap, row: Row, time_s: float) -> None:
+        """Flush, look for space, and close when the flight is over."""
+        if not 0.0 <= time_s - self._flushed_s < _FLUSH_S:
+            self._flushed_s = time_s
+            file.flush()
+        if file.file.broken:
+            self.close()
+        elif not 0.0 <= time_s - self._looked_s < _LOOK_S:
+            self._looked_s = time_s
+            if not self._shelf.has_room():
+                self._warn(
+                    f"less than {self._shelf.config.min_free_mb:g} MB free: the rest of this flight is not recorded"
+                )
+                self.close()
+        if not self._is_over(row):
+            self._over_s = None
+        elif self._over_s is None:
+            self._over_s = time_s
+        elif time_s - self._over_s > AFTER_S:
+            self.close()
+
+    def _is_over(self, row: Row) -> bool:
+        phase = row.words["phase"]
+        return phase in _OVER or (phase == "handed over" and not row.cell("armed"))
+
+    def _announce(self, row: Row, time_ns: int) -> None:
+        """Phases and faults for the log panel."""
+        said = (row.words["phase"], ", ".join(event["fault"] for event in row.words["events"]))
+        if said == self._said:
+            return
+        if said[0] != self._said[0]:
+            reason = row.words["reason"]
+            self._channels.log("phase", f"{said[0]}: {reason}" if reason else said[0], time_ns)
+        if said[1] != self._said[1]:
+            texts = [f"{event['fault']}: {event['text']} ({event['reaction']})" for event in row.words["events"]]
+            self._channels.log("faults", "; ".join(texts) or "none any more", time_ns, warning=bool(texts))
+        self._said = said
+
+    def _warn(self, text: str) -> None:
+        self._tell({"warning": text})
+
+
+def _arm_model(begin: dict[str, Any]) -> ArmModel | None:
+    arms = (begin.get("config") or {}).get("arms")
+    return ArmsConfig.model_validate_json(json.dumps(arms)).model() if arms else None

@@ -1,0 +1,107 @@
+"""A row's columns as one JSON message a topic, every float as `repr` has it: exact."""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from companion.records.row import TIME, WORDS, Column, Layout, Row, Shape
+
+Shapes = dict[str, Shape]
+WITH_WORDS = "/flight"
+"""The topic that has the words, too."""
+_NO_NUMBER = {"nan": "null", "inf": "1e999", "-inf": "-1e999"}
+"""JSON knows none of them; what reads a number too large makes it infinite."""
+_TABLES = {"type": "array", "items": {"type": "object"}}
+
+
+@dataclass(frozen=True)
+class Message:
+    """One topic's part of a row."""
+
+    topic: str
+    shapes: Shapes
+    """Of its numbers; the same object for every row of a layout."""
+    data: str
+
+
+@dataclass(frozen=True)
+class _Topic:
+    name: str
+    shapes: Shapes
+    template: str
+    pick: Callable[[list[str]], tuple[str, ...]]
+
+
+class JsonRows:
+    """Keeps what it worked out of each layout."""
+
+    def __init__(self) -> None:
+        self._layouts: dict[Layout, list[_Topic]] = {}
+        self._words: dict[str, Any] = {}
+        self._said = ""
+
+    def messages(self, row: Row) -> list[Message]:
+        """All topics of the row."""
+        if row.words is not self._words:
+            self._words, self._said = row.words, "," + json.dumps(row.words)[1:]
+        topics = self._layouts.get(row.layout)
+        if topics is None:
+            topics = self._layouts[row.layout] = _topics(row.layout.columns)
+        said = list(map(repr, row.block.tolist()))
+        for where in np.flatnonzero(~np.isfinite(row.block)):
+            said[where] = _NO_NUMBER[said[where]]
+        number, time = str(row.number), said[TIME]
+        return [
+            Message(
+                topic.name, topic.shapes, topic.template % (number, time, *topic.pick(said)) + self._end(topic.name)
+            )
+            for topic in topics
+        ]
+
+    def _end(self, topic: str) -> str:
+        return self._said if topic == WITH_WORDS else "}"
+
+
+def _topics(columns: tuple[Column, ...]) -> list[_Topic]:
+    found: dict[str, list[tuple[str, Shape, int]]] = {}
+    at = 0
+    for topic, name, shape in columns:
+        if name != "time_s":  # which every topic has
+            found.setdefault(topic, []).append((name, shape, at))
+        at += math.prod(shape)
+    return [_topic(topic, named) for topic, named in found.items()]
+
+
+def _topic(topic: str, named: list[tuple[str, Shape, int]]) -> _Topic:
+    parts = [f"{json.dumps(name)}:".replace("%", "%%") + _holes(shape) for name, shape, _ in named]
+    cells = [cell for _, shape, at in named for cell in range(at, at + math.prod(shape))]
+    template = '{"tick":%s,"time_s":%s,' + ",".join(parts)
+    pick: Any = itemgetter(*cells) if len(cells) > 1 else lambda said: tuple(said[cell] for cell in cells)
+    return _Topic(topic, {name: shape for name, shape, _ in named}, template, pick)
+
+
+def _holes(shape: Shape) -> str:
+    if not shape:
+        return "%s"
+    return "[" + ",".join([_holes(shape[1:])] * shape[0]) + "]"
+
+
+def schema_of(topic: str, shapes: Shapes) -> bytes:
+    """JSON Schema of a topic's messages, from which Foxglove knows what there is to plot."""
+    known: dict[str, Any] = {"tick": {"type": "integer"}, "time_s": {"type": "number"}}
+    properties = known | {name: _kind(shape) for name, shape in shapes.items()}
+    if topic == WITH_WORDS:
+        properties |= {word: {"type": "string"} for word in WORDS}
+        properties |= {"events": _TABLES, "arm_faults": _TABLES}
+    return json.dumps({"type": "object", "title": topic.strip("/"), "properties": properties}).encode()
+
+
+def _kind(shape: Shape) -> dict[str, Any]:
+    if not shape:
+        return {"type": "number"}
+    return {"type": "array", "items": _kind(shape[1:])}

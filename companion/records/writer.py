@@ -1,0 +1,112 @@
+"""The process that writes: `python -m companion.records.writer JSON`, with a socket as its standard input.
+
+It ends when the other side does, in whatever way, and then the flight's file is whole. Signals that are meant for the
+service do not end it. One thread empties the socket, so that a slow disk never lets it run full; the other one writes.
+"""
+
+import json
+import logging
+import os
+import queue
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import foxglove
+from foxglove import Context
+
+from companion.config_records import RecordsConfig
+from companion.records.flight_file import FlightFiles
+from companion.records.row import BEGIN, LAYOUT, ROW, START, TOLD
+from companion.records.shelf import Shelf
+
+LOG = logging.getLogger(__name__)
+
+LARGEST = 4_000_000
+"""Bytes of a message."""
+_MOST_WAITING = 20_000
+"""Messages in memory, some 50 MB: minutes of a disk that does not answer."""
+_NICE = 5
+
+
+def main() -> None:
+    """Write until the other side is gone."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
+    _step_back()
+    task = json.loads(sys.argv[1])
+    config = RecordsConfig.model_validate_json(json.dumps(task["records"]))
+    link = socket.socket(fileno=sys.stdin.fileno())
+    context = Context()
+    tell = _teller(link)
+    files = FlightFiles(Shelf(config, task["vehicle"]), context, tell)
+    server = _serve(config, context, task["vehicle"], tell)
+    waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
+    threading.Thread(target=_read, args=(link, waiting), name="read", daemon=True).start()
+    _write(files, waiting, tell)
+    if server is not None:
+        server.stop()
+
+
+def _step_back() -> None:
+    """The control loop comes first, and its real-time priority is not ours."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.nice(_NICE)
+
+
+def _teller(link: socket.socket) -> Callable[[dict[str, Any]], None]:
+    def tell(said: dict[str, Any]) -> None:
+        try:
+            link.send(json.dumps(said).encode(), socket.MSG_DONTWAIT)
+        except OSError:  # the service is gone, or does not listen
+            print(f"records: {said}", file=sys.stderr, flush=True)
+
+    return tell
+
+
+def _serve(config: RecordsConfig, context: Context, name: str, tell: Callable[[dict[str, Any]], None]) -> Any:
+    if config.live_port == 0:
+        return None
+    try:
+        return foxglove.start_server(name=name, host=config.live_host, port=config.live_port, context=context)
+    except (OSError, RuntimeError, ValueError) as error:
+        tell({"warning": f"nothing to watch on {config.live_host}:{config.live_port}, see [records]: {error}"})
+        return None
+
+
+def _read(link: socket.socket, waiting: queue.Queue[bytes]) -> None:
+    """Until the other side is gone; then an empty message."""
+    while message := _received(link):
+        try:
+            waiting.put(message, block=message[:1] != ROW)
+        except queue.Full:
+            continue  # the file shows it by the tick's number
+    waiting.put(b"")
+
+
+def _received(link: socket.socket) -> bytes:
+    try:
+        return link.recv(LARGEST)
+    except OSError:
+        return b""
+
+
+def _write(files: FlightFiles, waiting: queue.Queue[bytes], tell: Callable[[dict[str, Any]], None]) -> None:
+    do = {BEGIN: files.begin, LAYOUT: files.learn, START: files.start, ROW: files.row, TOLD: files.told}
+    failed = False
+    while message := waiting.get():
+        try:
+            do[message[:1]](message)
+        except Exception as error:  # one message that cannot be kept is not the end of the others
+            if not failed:
+                tell({"warning": f"the record lacks something: {type(error).__name__}: {error}"})
+                LOG.exception("a message cannot be kept")
+            failed = True
+    files.close()
+
+
+if __name__ == "__main__":
+    main()
