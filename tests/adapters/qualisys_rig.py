@@ -35,6 +35,7 @@ class QualisysRig:
     def __init__(self, server: QualisysServer, source: QualisysSource, clock: ManualClock, frames: int) -> None:
         self.server = server
         self.source = source
+        self.port = server.port
         self._clock = clock
         self._frames = frames
 

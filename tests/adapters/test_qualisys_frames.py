@@ -110,6 +110,20 @@ def test_a_clock_that_jumps_back_is_not_taken_for_frames_that_were_overtaken(bac
     assert source.counts.late == int(dropped)
 
 
+def test_frames_after_a_broken_packet_are_doubted_and_more_after_many() -> None:
+    source = source_of()
+    give(source, 1, 10_000)
+    source.on_malformed(MalformedError("rubbish"))
+    for number in range(2, 6):
+        give(source, number, number * 10_000)
+    assert source.counts == MocapCounts(received=2, lost=3, malformed=1, doubted=3)
+    for _ in range(100):
+        source.on_malformed(MalformedError("rubbish"))
+    for number in range(6, 17):
+        give(source, number, number * 10_000)
+    assert source.counts == MocapCounts(received=3, lost=13, malformed=101, doubted=13)
+
+
 async def test_the_first_reason_of_a_failure_stays() -> None:
     source = source_of()
     source.fail("sent rubbish")

@@ -3,22 +3,28 @@
 import asyncio
 import logging
 import socket
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
 
 from companion.adapters.clock import MonotonicClock
-from companion.adapters.qualisys import open_qualisys
+from companion.adapters.qualisys import MocapCounts, QualisysSource, open_qualisys
 from companion.config_mocap import MocapConfig
 from companion.ports import MocapError
 from tests.adapters.qtm_scripts import (
     COMMAND,
+    DATA,
     ERROR,
     EVENT,
     GOOD,
+    LEVEL_BODY,
     NO_BODIES,
     NO_MORE_DATA,
+    WELCOME,
     XML,
+    Scripted,
     Silent,
     frame,
     listening,
@@ -183,10 +189,55 @@ async def test_a_server_of_another_kind_is_recognised(garbage: bytes) -> None:
     assert text.endswith("is it really QTM's little-endian port?")
 
 
-async def test_garbage_in_the_middle_of_the_stream_is_told_to_the_waiting() -> None:
-    stream = GOOD["streamframes"] + b"\0" * 8
-    async with scripted({**GOOD, "streamframes": stream}) as port:
-        config = MocapConfig(port=port)
-        with pytest.raises(MocapError, match="sent a packet of 0 bytes: is it really QTM's little-endian port"):
-            async with open_qualisys(config, CLOCK) as source:
-                await source.wait_frame(5.0)
+@asynccontextmanager
+async def talked_to() -> AsyncIterator[tuple[QualisysSource, list[Scripted], int]]:
+    """A source that has had its first frame, the conversations with it so far, and its port."""
+    conversations = list[Scripted]()
+
+    def converse() -> Scripted:
+        first = frame(1, 10_000 + 1_000_000 * len(conversations), [LEVEL_BODY])
+        conversations.append(Scripted(WELCOME, {**GOOD, "streamframes": first}))
+        return conversations[-1]
+
+    async with listening(converse) as port, open_qualisys(MocapConfig(port=port), CLOCK) as source:
+        assert await source.wait_frame(0.0)
+        yield source, conversations, port
+
+
+def say(conversation: Scripted, said: bytes) -> None:
+    assert conversation._transport is not None
+    conversation._transport.write(said)
+
+
+async def test_a_stream_that_loses_its_packets_begin_is_asked_for_anew(caplog: pytest.LogCaptureFixture) -> None:
+    async with talked_to() as (source, conversations, port):
+        for _ in range(3):
+            say(conversations[-1], bytes(8))
+            assert await source.wait_frame(5.0)
+        assert source.counts == MocapCounts(received=4)
+    lost = f"QTM at 127.0.0.1:{port} sent a packet of 0 bytes: is it really QTM's little-endian port?"
+    assert caplog.text.count(lost) == caplog.text.count("is back\n") == 3
+
+
+async def test_packets_nobody_can_read_are_dropped_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    cut, without_body = packet(DATA, frame(2, 20_000, [LEVEL_BODY])[8:-4]), frame(2, 20_000, [])
+    whole = [frame(k, k * 10_000, [LEVEL_BODY]) for k in range(2, 15)]
+    async with talked_to() as (source, conversations, port):
+        say(conversations[0], b"".join([cut, without_body, packet(99, b"?"), packet(EVENT, b""), *whole]))
+        assert await source.wait_frame(5.0)
+        assert source.counts == MocapCounts(received=4, lost=10, malformed=4, doubted=10)
+        assert len(conversations) == 1
+    told = [record.getMessage() for record in caplog.records if "dropped" in record.getMessage()]
+    assert told == [f"QTM at 127.0.0.1:{port} sent a frame that ends too early: such packets are dropped, and counted"]
+
+
+async def test_leaving_while_qtm_is_looked_for_leaves_nothing_behind() -> None:
+    async with serving() as server, capturing(server):
+        async with open_qualisys(settings_for(server), CLOCK) as source:
+            await server.stop()
+            while await source.wait_frame(0.25):
+                pass
+        with pytest.raises(MocapError, match="is not listened to any more"):
+            await source.wait_frame(0.0)
+    names = {task.get_name() for task in asyncio.all_tasks()}
+    assert "companion.qualisys" not in names

@@ -1,9 +1,10 @@
 """From an address to a running stream, with a sentence for everything that can be wrong on the way."""
 
 import asyncio
+import logging
 import socket
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
 
 from qtm_rt.protocol import QRTCommandException
 
@@ -13,31 +14,73 @@ from companion.adapters.qualisys.source import QualisysSource
 from companion.config_mocap import MocapConfig
 from companion.ports import Clock, MocapError
 
+LOG = logging.getLogger(__name__)
+
 PROTOCOL_VERSION = "1.25"
+_AGAIN_S = 0.1
+"""Between two attempts to find QTM again: the first one is in time for a flight to outlive a broken connection."""
 
 
 @asynccontextmanager
 async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[QualisysSource]:
     """Connect, find the body, start the stream, wait for its first frame; on leaving, stop and close.
 
-    Raises MocapError when any of that fails.
+    Raises MocapError when any of that fails. Later nothing does: a packet that nobody can read is dropped, and a lost
+    connection is silence, for whoever waits for frames to judge, while QTM is looked for again in the background.
     """
+    source = QualisysSource(0, _where(config), clock)
+    async with AsyncExitStack() as connection:
+        link = await connection.enter_async_context(_streaming(config, source, source.fail))
+        if not await source.wait_unseen(config.first_frame_timeout_s):
+            raise MocapError(_no_frames(config))
+        link.on_failure, link.on_broken = LOG.debug, source.on_malformed
+        keeping = asyncio.create_task(_keep_streaming(config, source, link, connection), name="companion.qualisys")
+        try:
+            yield source
+        finally:
+            keeping.cancel()
+            await asyncio.gather(keeping, return_exceptions=True)
+            source.fail("is not listened to any more")
+
+
+@asynccontextmanager
+async def _streaming(
+    config: MocapConfig, source: QualisysSource, on_failure: Callable[[str], None]
+) -> AsyncIterator[Link]:
+    """A connection on which frames have been asked for; `on_failure` is told what ends it."""
     link = await _connect(config)
     datagrams: asyncio.DatagramTransport | None = None
     try:
-        index = await _body_index(link, config)
-        source = QualisysSource(index, _where(config), clock)
-        link.on_failure = source.fail
+        source.index = await _body_index(link, config)
+        link.on_failure = on_failure
         if config.transport == "udp":
             datagrams = await _open_datagrams(link, source, config)
         _start_stream(link, source, datagrams)
-        if not await source.wait_unseen(config.first_frame_timeout_s):
-            raise MocapError(_no_frames(config))
-        yield source
+        yield link
     finally:
         if datagrams is not None:
             datagrams.close()
         await link.close()
+
+
+async def _keep_streaming(config: MocapConfig, source: QualisysSource, link: Link, connection: AsyncExitStack) -> None:
+    """Whenever the link is lost, have another one in its place in `connection`; until cancelled."""
+    while True:
+        await asyncio.wait([link.closed])
+        LOG.error("no frames until QTM is back: QTM at %s %s", _where(config), link.failure)
+        link = await _found_again(config, source, connection)
+        link.on_broken = source.on_malformed
+        LOG.warning("QTM at %s is back", _where(config))
+
+
+async def _found_again(config: MocapConfig, source: QualisysSource, connection: AsyncExitStack) -> Link:
+    while True:
+        await connection.aclose()
+        await asyncio.sleep(_AGAIN_S)
+        try:
+            return await connection.enter_async_context(_streaming(config, source, LOG.debug))
+        except MocapError as error:
+            LOG.debug("%s", error)
 
 
 async def _connect(config: MocapConfig) -> Link:
@@ -126,12 +169,12 @@ def _start_stream(link: Link, source: QualisysSource, datagrams: asyncio.Datagra
     def on_answer(answer: asyncio.Future[object]) -> None:
         error = None if answer.cancelled() else answer.exception()
         if isinstance(error, QRTCommandException):
-            source.fail(f"refuses to stream ({_text(error)})")
+            link.end(f"refuses to stream ({_text(error)})")
 
     try:
         link.send_command(f"streamframes allframes{udp} 6dres").add_done_callback(on_answer)
     except QRTCommandException:
-        source.fail(link.failure or "closed the connection")
+        link.end("closed the connection")
 
 
 def _no_frames(config: MocapConfig) -> str:

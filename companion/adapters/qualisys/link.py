@@ -8,6 +8,7 @@ from typing import Any
 
 from qtm_rt.packet import QRTEvent, QRTPacket
 from qtm_rt.protocol import QTMProtocol
+from qtm_rt.receiver import Receiver
 
 from companion.adapters.qualisys.packets import DATA, HEADER, MalformedError, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
@@ -28,17 +29,33 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
         super().__init__(loop=loop, on_event=_log_event)
         self.failure: str | None = None
         self.on_failure: Callable[[str], None] = LOG.debug
+        self.on_broken: Callable[[MalformedError], None] | None = None
+        """Takes note of a packet nobody can read, which is dropped; None: such a packet ends the connection."""
         self.closed = loop.create_future()
         self._unparsed = bytearray()
 
     def data_received(self, data: bytes) -> None:
-        """Pass whole packets on to the SDK; anything that is none ends the connection."""
+        """Pass whole packets on to the SDK; bytes that tell no longer where the next one begins end the connection."""
         self._unparsed += data
         try:
-            for packet in split_packets(self._unparsed):
-                super().data_received(packet)
+            packets = split_packets(self._unparsed)
+        except MalformedError as error:
+            self._break_off(error)
+            return
+        for packet in packets:
+            if self.failure is None:
+                self._take(packet)
+
+    def _take(self, packet: bytes) -> None:
+        try:
+            check_packet(packet)
+            super().data_received(packet)
         except (ValueError, struct.error) as error:
-            self._break_off(str(error))
+            self._receiver = Receiver(self._handlers)  # the old one would read the broken packet again before the next
+            if self.on_broken is None:
+                self._break_off(error)
+            else:
+                self.on_broken(MalformedError(str(error)))
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Fail the questions that are still open: the SDK would leave them waiting."""
@@ -62,10 +79,14 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
             transport.abort()
             await self.closed
 
-    def _break_off(self, what: str) -> None:
-        self._end(f"sent {what}: is it really QTM's little-endian port?")
+    def end(self, reason: str) -> None:
+        """Give the connection up, for this reason."""
+        self._end(reason)
         if self.transport is not None:
             self.transport.abort()
+
+    def _break_off(self, what: Exception) -> None:
+        self.end(f"sent {what}: is it really QTM's little-endian port?")
 
     def _end(self, reason: str) -> None:
         """Keep and tell the first reason only."""

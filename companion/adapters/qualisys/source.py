@@ -18,6 +18,15 @@ Less would do for a network; more would turn a clock that jumped back into silen
 """
 
 
+_DOUBT = 3
+"""So many whole frames are not believed after a packet that nobody can read.
+
+TCP and UDP have checksums: whoever sends broken packets sends wrong numbers, too, in those that can still be read.
+"""
+_MOST_DOUBT = 10
+"""After however many."""
+
+
 @dataclass(frozen=True)
 class MocapCounts:
     """What became of the frames so far."""
@@ -25,11 +34,13 @@ class MocapCounts:
     received: int = 0
     """Frames that were newer than all before them."""
     lost: int = 0
-    """Frame numbers that were skipped."""
+    """Frame numbers that were skipped, those of doubted frames among them."""
     late: int = 0
     """Frames dropped because a newer one, or the same, was already here."""
     malformed: int = 0
-    """Datagrams dropped because they were no frame."""
+    """Packets dropped because nobody can read them."""
+    doubted: int = 0
+    """Frames dropped because such packets came just before."""
 
 
 class QualisysSource:
@@ -37,7 +48,9 @@ class QualisysSource:
 
     def __init__(self, index: int, where: str, clock: Clock) -> None:
         self.counts = MocapCounts()
-        self._index = index
+        self.index = index
+        """Place of our body among the bodies of a frame."""
+        self._doubt = 0
         self._where = where
         self._clock = clock
         self._latest: MocapFrame | None = None
@@ -53,7 +66,7 @@ class QualisysSource:
     async def wait_frame(self, timeout_s: float) -> bool:
         """Wait for a frame newer than the last one this returned for; False on time-out.
 
-        Raises MocapError once the connection is lost.
+        Raises MocapError once the source is closed.
         """
         fresh = await self.wait_unseen(timeout_s)
         self._unseen = False
@@ -91,7 +104,11 @@ class QualisysSource:
         if not self._is_newer(number, stamp_us):
             self.counts = replace(self.counts, late=self.counts.late + 1)
             return
-        pose = body_pose(packet, self._index)
+        pose = body_pose(packet, self.index)
+        if self._doubt > 0:
+            self._doubt -= 1
+            self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
+            return
         self._count(number)
         self._stamp_us = stamp_us
         self._latest = MocapFrame(
@@ -101,9 +118,11 @@ class QualisysSource:
         self._wake()
 
     def on_malformed(self, error: MalformedError) -> None:
-        """Count a datagram that was no frame."""
-        LOG.debug("dropped a datagram: %s", error)
+        """Count a packet that nobody can read, and doubt the next ones; the first one is told."""
+        if self.counts.malformed == 0:
+            LOG.warning("QTM at %s sent %s: such packets are dropped, and counted", self._where, error)
         self.counts = replace(self.counts, malformed=self.counts.malformed + 1)
+        self._doubt = min(self._doubt + _DOUBT, _MOST_DOUBT)
 
     def fail(self, sentence: str) -> None:
         """Let every `wait_frame` from now on raise MocapError; the first reason stays."""
@@ -121,4 +140,4 @@ class QualisysSource:
     def _count(self, number: int) -> None:
         skipped = max(0, number - self._latest.frame - 1) if self._latest is not None else 0
         c = self.counts
-        self.counts = MocapCounts(c.received + 1, c.lost + skipped, c.late, c.malformed)
+        self.counts = replace(c, received=c.received + 1, lost=c.lost + skipped)
