@@ -60,6 +60,8 @@ class Fault(StrEnum):
     MOCAP_OUT_OF_ORDER = "mocap out of order"
     MOCAP_CLOCK_JUMP = "mocap clock jumped"
     ATTITUDE_DISAGREES = "attitudes disagree"
+    HORIZON_WRONG = "autopilot's horizon wrong"
+    HORIZON_LOST = "horizon wrong and fence near"
     HEADING_DISAGREES = "headings disagree"
     SETPOINT_NOT_FOLLOWED = "setpoint not followed"
     TRACKING_ERROR = "tracking error"
@@ -164,8 +166,16 @@ TABLE: tuple[Row, ...] = (
         "velocities and ages hang on that clock",
         _PX4, _PX4, _STOP),
     Row(Fault.ATTITUDE_DISAGREES, "tilt of motion capture and autopilot {tilt_apart_rad} rad apart for {apart_s} s",
-        "mirrored axes, a slipped marker plate, a broken gyro: PX4 holds its own horizon, ours is the other",
+        "mirrored axes, a slipped marker plate: PX4 holds its own horizon, which the motion does not disprove",
         _PX4, _PX4, _STOP),
+    Row(Fault.HORIZON_WRONG, "tilts apart as above, and the vehicle moves as its tilt by motion capture explains, and "
+        "not by the autopilot",
+        "PX4 would land by its wrong horizon and fly sideways; our position control counters what leaves it room to "
+        "tilt; as long as it lasts, tracking lost and battery critical are reasons for our landing, too",
+        _LAND, _NOTE, _STOP),
+    Row(Fault.HORIZON_LOST, "the autopilot's horizon wrong, and the predicted stopping point outside the fence",
+        "our landing does not hold it, and PX4's would not: falling here is better than flying on into the net",
+        _OFF, _OFF, _STOP),
     Row(Fault.HEADING_DISAGREES, "headings {heading_apart_rad} rad apart for {apart_s} s",
         "every correction goes sideways: the toilet bowl",
         _PX4, _PX4, _STOP),

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from math import nan
 
 from companion.control.fence import Fence
-from companion.supervisor.faults import TABLE, Event
+from companion.supervisor.faults import TABLE, Event, Fault
 from companion.supervisor.health_attitude import AttitudeHealth, look_at_attitude
 from companion.supervisor.health_autopilot import AutopilotHealth, look_at_autopilot
 from companion.supervisor.health_flight import FlightHealth, look_at_flight
@@ -19,6 +19,8 @@ from companion.supervisor.health_stream import StreamHealth, look_at_stream
 from companion.supervisor.observed import Observed
 from companion.supervisor.safety import SafetyRules
 
+_OUR_LANDING = {Fault.TRACKING_LOST: Fault.TRACKING_ERROR, Fault.BATTERY_CRITICAL: Fault.BATTERY_LOW}
+"""What PX4 would be told to land for, and which fault the same is when we have to."""
 _ORDER = {row.fault: place for place, row in enumerate(TABLE)}
 
 
@@ -46,6 +48,15 @@ def assess(memory: Health, now: Observed, rules: SafetyRules, fence: Fence) -> t
     autopilot, of_autopilot = look_at_autopilot(memory.autopilot, now, rules)
     flight, of_flight = look_at_flight(memory.flight, now, rules)
     found = of_mocap + of_stream + of_attitude + of_place + of_autopilot + of_flight
+    if attitude.horizon_wrong:
+        found = _without_autopilot(found)
     events = {event.fault: event for event in found}.values()
     memory = Health(now.seen.received_s, mocap, stream, attitude, place, autopilot, flight)
     return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()
+
+
+def _without_autopilot(found: list[Event]) -> list[Event]:
+    """What all this means while PX4 would land by a wrong horizon: our landing goes on, or ends before the fence."""
+    found = [Event(_OUR_LANDING.get(event.fault, event.fault), event.text) for event in found]
+    at_fence = [event.text for event in found if event.fault in {Fault.FENCE_NEAR, Fault.FENCE_LEFT}]
+    return found + [Event(Fault.HORIZON_LOST, f"{text}, by a wrong horizon") for text in at_fence]

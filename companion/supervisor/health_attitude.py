@@ -1,10 +1,11 @@
 """Do motion capture and autopilot agree on the attitude, and does the vehicle follow its setpoint. Pure."""
 
-from math import atan2, cos, exp, hypot, isfinite, remainder, sin, sqrt, tau
+from math import atan2, cos, exp, isfinite, remainder, sin, sqrt, tau
 
-from companion.control.frames import up_axis_parts, yaw_of
+from companion.control.frames import up_axis_parts
 from companion.control.values import value
 from companion.supervisor.faults import Event, Fault
+from companion.supervisor.health_horizon import Axis, Pushed, autopilot_lies, between_rad, pushed_on
 from companion.supervisor.health_memory import NEVER, since
 from companion.supervisor.observed import Observed
 from companion.supervisor.safety import SafetyRules
@@ -12,8 +13,6 @@ from companion.types import Array, AttitudeThrust, VehicleState
 
 HEARD_S = 0.2
 """An attitude of the autopilot older than this is compared with nothing."""
-
-Axis = tuple[float, float, float]
 
 
 @value
@@ -40,6 +39,10 @@ class AttitudeHealth:
     stood: Axis | None = None
     """The vehicle's up axis in W as it stood when the motors were armed."""
     not_followed_since_s: float = NEVER
+    pushed: Pushed | None = None
+    """None on the ground, and while the tilts cannot be compared."""
+    horizon_wrong: bool = False
+    """The autopilot's, for as long as the tilts disagree."""
 
 
 _NOTHING = AttitudeHealth()
@@ -51,27 +54,40 @@ def look_at_attitude(memory: AttitudeHealth, now: Observed, rules: SafetyRules) 
     if vehicle is None or not now.commanded:
         return _NOTHING, []
     fresh = now.seen.age_s < rules.degraded_s
-    up = up_axis_parts(vehicle.q_w_flu_wxyz)
+    up, theirs = up_axis_parts(vehicle.q_w_flu_wxyz), up_axis_parts(now.autopilot.q_w_flu_wxyz)
     tilt_rad = heading_rad = 0.0
+    pushed = None
     if fresh and now.time_s - now.autopilot.attitude_s <= HEARD_S:
-        tilt_rad = _between(up, up_axis_parts(now.autopilot.q_w_flu_wxyz))
+        tilt_rad = between_rad(up, theirs)
         heading_rad = _turn(vehicle.q_w_flu_wxyz, now.autopilot.q_w_flu_wxyz)
+        if now.airborne:
+            pushed = pushed_on(memory.pushed, vehicle.time_s, vehicle.velocity_w_mps, up, theirs)
+    tilt_since_s = since(memory.tilt_since_s, tilt_rad > rules.tilt_apart_rad, now.time_s)
+    apart = now.time_s - tilt_since_s >= rules.apart_s
+    same_heading = not heading_rad > rules.heading_apart_rad
+    horizon_wrong = apart and (memory.horizon_wrong or (same_heading and autopilot_lies(pushed)))
     answer = _answered(memory.answer, now, vehicle, rules) if now.airborne else None
     stood = up if memory.stood is None else memory.stood
-    off_rad = _between(up, stood if answer is None else _up_of(answer)) if fresh else 0.0
+    tilted = theirs if horizon_wrong else up  # it follows by its own horizon
+    off_rad = between_rad(tilted, stood if answer is None else _up_of(answer)) if fresh else 0.0
     memory = AttitudeHealth(
-        since(memory.tilt_since_s, tilt_rad > rules.tilt_apart_rad, now.time_s),
+        tilt_since_s,
         since(memory.heading_since_s, heading_rad > rules.heading_apart_rad, now.time_s),
         answer,
         stood,
         since(memory.not_followed_since_s, off_rad > rules.not_followed_rad, now.time_s),
+        pushed,
+        horizon_wrong,
     )
     return memory, _events(memory, now, (tilt_rad, heading_rad, off_rad), rules)
 
 
 def _events(memory: AttitudeHealth, now: Observed, off_rad: Axis, rules: SafetyRules) -> list[Event]:
     events, now_s = [], now.time_s
-    if now_s - memory.tilt_since_s >= rules.apart_s:
+    if memory.horizon_wrong:
+        text = f"the autopilot's horizon is {off_rad[0]:.2f} rad off: the vehicle moves as motion capture sees it"
+        events.append(Event(Fault.HORIZON_WRONG, text))
+    elif now_s - memory.tilt_since_s >= rules.apart_s:
         text = f"motion capture and autopilot disagree on the tilt by {off_rad[0]:.2f} rad"
         events.append(Event(Fault.ATTITUDE_DISAGREES, text))
     if now_s - memory.heading_since_s >= rules.apart_s:
@@ -84,15 +100,14 @@ def _events(memory: AttitudeHealth, now: Observed, off_rad: Axis, rules: SafetyR
     return events
 
 
-def _between(a: Axis, b: Axis) -> float:
-    """Angle, rad; NaN if there is one in it."""
-    (ax, ay, az), (bx, by, bz) = a, b
-    return atan2(hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), ax * bx + ay * by + az * bz)
-
-
 def _turn(a: Array, b: Array) -> float:
-    """From one heading to the other the short way, rad, without sign."""
-    return abs(remainder(float(yaw_of(a)) - float(yaw_of(b)), tau))
+    """The part about the world's vertical of the turn from one attitude to the other, rad, without sign.
+
+    Whose tilt is wrong, has the right heading: the difference of the two noses' directions would be a tilt's, too.
+    """
+    (aw, ax, ay, az), (bw, bx, by, bz) = a.tolist(), b.tolist()
+    w, z = aw * bw + ax * bx + ay * by + az * bz, az * bw - aw * bz + ay * bx - ax * by
+    return abs(remainder(2.0 * atan2(z, w), tau))
 
 
 def _up_of(answer: Answer) -> Axis:

@@ -11,8 +11,9 @@ from tests.flights.faults.virtual import fly_named
 
 HERE = (
     Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_FROZEN, Fault.MOCAP_JUMPED, Fault.MOCAP_SLOW,
-    Fault.ATTITUDE_DISAGREES, Fault.SETPOINT_NOT_FOLLOWED, Fault.FENCE_LEFT, Fault.ROOM_LEFT, Fault.HOLD_TOO_LONG,
-    Fault.LAW_FAILED, Fault.AUTOPILOT_SILENT, Fault.MODE_CHANGED, Fault.BATTERY_LOW, Fault.ARMS, Fault.KILL,
+    Fault.ATTITUDE_DISAGREES, Fault.HORIZON_WRONG, Fault.HORIZON_LOST, Fault.SETPOINT_NOT_FOLLOWED, Fault.FENCE_LEFT,
+    Fault.ROOM_LEFT, Fault.HOLD_TOO_LONG, Fault.LAW_FAILED, Fault.AUTOPILOT_SILENT, Fault.MODE_CHANGED,
+    Fault.BATTERY_LOW, Fault.ARMS, Fault.KILL,
 )  # fmt: skip
 """One flight each; every reaction and every part is among them."""
 

@@ -4,8 +4,11 @@ from companion.config import CompanionConfig, FlightConfig, RoomConfig
 from companion.config_arms import ArmsConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.supervisor.faults import Fault
+from mock_autopilot.truth import Truth
 from tests.flights.faults import acts
-from tests.flights.faults.rows import BOOT_S, BRISK, MODE_S, RULES, Conditions, End, Row, When, within
+from tests.flights.faults.rows import ARMS as MOVING_ARMS
+from tests.flights.faults.rows import BOOT_S, BRISK, MODE_S, RULES, Act, Conditions, End, Row, When, within
+from tests.flights.simulated import Flight
 
 PX4, OURS, ON, OFF = End.HANDED_OVER, End.LANDED, End.FLIES_ON, End.TERMINATED
 BATTERY_S = 0.5
@@ -26,6 +29,26 @@ SHORT_HOLD = CompanionConfig(
 )  # fmt: skip
 PID = Conditions(law="pid")
 ARMS = Conditions(CompanionConfig(flight=BRISK, arms=ArmsConfig()), more={"arms": {"enabled": True}})
+
+GYRO_DRIFTS = tuple(f"autopilot wrong (attitude off) by {0.02 * k:.2f} rad" for k in range(1, 41))
+PLATE_SLIPS = ("mocap wrong (tilted) by 0.02 rad",) * 20
+
+
+def bit_by_bit(sentences: tuple[str, ...], every_s: float) -> Act:
+    """One after the other."""
+
+    def begin(flight: Flight) -> None:
+        world, left = flight.room.bench.world, list(sentences)
+        begin_s = world.time_s
+
+        def go_on(truth: Truth) -> None:
+            if left and truth.time_s >= begin_s + every_s * (len(sentences) - len(left)):
+                flight.room.inject(left.pop(0))
+
+        world.observers.append(go_on)
+
+    return begin
+
 
 AUTOPILOT = (
     Row(Fault.AUTOPILOT_SILENT, "nothing comes from the autopilot", ("link off (from the autopilot)",), PX4,
@@ -72,6 +95,22 @@ AUTOPILOT = (
         within(BATTERY_S, TOLD_S), When.GROUND),
 )  # fmt: skip
 
+HORIZON = (
+    *(Row(Fault.HORIZON_WRONG, "off by 0.4 rad", ("autopilot wrong (attitude off)",), OURS,
+        within(RULES.apart_s), when) for when in (When.HOVER, When.TRACK, When.TAKEOFF, When.LANDING)),
+    Row(Fault.HORIZON_WRONG, "off by 0.4 rad", ("autopilot wrong (attitude off)",), OURS,
+        within(RULES.apart_s), When.SWINGING, flown_with=MOVING_ARMS),
+    Row(Fault.HORIZON_WRONG, "it drifts by 0.1 rad/s", (bit_by_bit(GYRO_DRIFTS, 0.2),), OURS,
+        within(RULES.apart_s, RULES.tilt_apart_rad / 0.1)),
+    *(Row(Fault.HORIZON_LOST, f"off by {off_rad} rad",
+        (f"autopilot wrong (attitude off) by {off_rad} rad",), OFF, within(RULES.apart_s, 3.0), when)
+      for off_rad, when in ((0.6, When.HOVER), (0.6, When.TRACK), (0.6, When.TAKEOFF), (-0.8, When.TRACK))),
+    Row(Fault.ATTITUDE_DISAGREES, "the autopilot's horizon is off by 0.4 rad", ("autopilot wrong (attitude off)",),
+        End.NOT_STARTED, within(RULES.apart_s), When.GROUND),
+    *(Row(Fault.ATTITUDE_DISAGREES, "the marker plate slips by 0.4 rad in a second", (bit_by_bit(PLATE_SLIPS, 0.05),),
+        PX4, within(RULES.apart_s, 1.0), when) for when in (When.HOVER, When.TRACK, When.TAKEOFF)),
+)  # fmt: skip
+
 VEHICLE = (
     Row(Fault.SETPOINT_NOT_FOLLOWED, "setpoints are ignored", ("autopilot wrong (ignores setpoints)",), PX4,
         within(RULES.not_followed_s, 1.5), When.TRACK),
@@ -116,4 +155,4 @@ SERVICE = (
         flown_with=ARMS),
 )  # fmt: skip
 
-FLIGHT = AUTOPILOT + VEHICLE + SERVICE
+FLIGHT = AUTOPILOT + HORIZON + VEHICLE + SERVICE
