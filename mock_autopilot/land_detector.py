@@ -9,7 +9,7 @@ DISARMED_LANDS_AFTER_S = 0.5
 
 
 class LandDetector:
-    """Takes off at once and lands with patience; looks at controls and motion only, as PX4 does."""
+    """Takes off at once and lands with patience; looks at controls and estimated motion only, as PX4 does."""
 
     def __init__(self, params: ParamTable) -> None:
         self._params = params
@@ -17,7 +17,10 @@ class LandDetector:
         self._candidate_since_s: float | None = None
 
     def step(self, now_s: float, armed: bool, climb_controlled: bool, signal: float, down_mps: float) -> None:
-        """Look once: `signal` is the collective 0..1, `climb_controlled` whether PX4 itself holds the height."""
+        """Look once: `signal` is the collective 0..1, `climb_controlled` whether PX4 itself holds the height.
+
+        `down_mps` is the estimator's: a vehicle that stands and believes to sink is not landed to PX4.
+        """
         if armed and not self._throttle_low(climb_controlled, signal):
             self.landed = False
             self._candidate_since_s = None

@@ -235,7 +235,7 @@ class Vehicle:
     def _command(self) -> None:
         climb_controlled = self.mode is not Mode.OFFBOARD
         throttle = self.pilot.signal if climb_controlled else self.followed.signal
-        down_mps = self.felt.motion.velocity_ned_mps[2]
+        down_mps = self.estimator.velocity_mps[2]
         self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps)
         self.commander.step(self.situation)
         if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:

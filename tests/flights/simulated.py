@@ -23,6 +23,7 @@ from companion.ports import MocapError
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 from companion.types import Array, MocapFrame
+from mock_autopilot.config import MockConfig
 from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.fault_schedule import Turn
 from mock_autopilot.fault_words import parse
@@ -32,10 +33,14 @@ from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
 from tests.dead_man import NoDeadMan
+from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
 from tests.flights.simulated_servos import SimulatedServos
-from tests.mock_autopilot.bench import NO_GPS, Bench
+from tests.mock_autopilot.bench import Bench
+
+PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
+"""The demo's: what a vehicle in that room has set."""
 
 
 class Room:
@@ -51,8 +56,7 @@ class Room:
         faults: Sequence[str] = (),
     ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        params = NO_GPS | {"COM_OBL_RC_ACT": 4}
-        self.bench = Bench(params, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms, faults=faults)
+        self.bench = Bench(PX4_PARAMS, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms, faults=faults)
         self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
         cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
         self._camera = Camera(cameras, seed)

@@ -13,6 +13,7 @@ from companion.health_stage import Sides
 from companion.supervisor.flight import Kill, Land
 from companion.types import AutopilotStatus
 from mock_autopilot.dynamixel_config import Fault, FaultKind
+from mock_autopilot.fault_ways import Part
 from mock_autopilot.plant import Wrench, no_wrench
 from mock_autopilot.truth import Truth
 from tests.flights.faults.rows import Act
@@ -129,17 +130,26 @@ def told_by_another(command: int, *params: float) -> Act:
     return lambda flight: flight.autopilot.command(command, *params)
 
 
-class _NoBroker:
+class _Broker:
+    """ports.OperatorLink to a broker that is there but for the mock's `broker off`."""
+
     def __init__(self, flight: Flight) -> None:
-        self._flight, self._since_s = flight, flight.room.now_s()
+        self._faults, self._now_s = flight.room.bench.world.faults, flight.room.now_s
 
     def age_s(self) -> float:
-        return self._flight.room.now_s() - self._since_s
+        gone = self._faults.holding(Part.BROKER)
+        return self._now_s() - min(held.since_s for held in gone) if gone else 0.0
+
+
+def connect_broker(flight: Flight) -> None:
+    """The companion has one from now on."""
+    flight.loop._health._sides = Sides(operator=_Broker(flight))
 
 
 def broker_gone(flight: Flight) -> None:
     """From now on."""
-    flight.loop._health._sides = Sides(operator=_NoBroker(flight))
+    connect_broker(flight)
+    flight.room.inject("broker off")
 
 
 def busy(for_s: float, cycles: int) -> Act:

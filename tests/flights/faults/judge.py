@@ -14,6 +14,14 @@ _BY_THE_SERVICE = frozenset({Fault.ABORT, Fault.OFFBOARD_REFUSED})
 """Done by a request, not by the phase machine's own reaction."""
 
 
+SOFT_MPS, BLIND_MPS, FALLING_MPS = 0.9, 1.4, 1.7
+"""Touchdown at most. PX4 lands at MPC_LAND_SPEED (0.7 m/s), and its loop may add a little: as a drop from 4 cm. With no
+pose, or with wrong ones, its vertical speed is a guess: as a drop from 10 cm, which landing gear is built for. What
+nobody catches in the height that is left: as a drop from 15 cm."""
+_FALLS = frozenset({Fault.THRUST_SATURATED, Fault.LANDING_TOO_LONG})
+"""Motors too weak for the weight that PX4 believes in; a safety line that lets go near the floor."""
+
+
 @dataclass(frozen=True)
 class Result:
     """One line of the report."""
@@ -25,6 +33,7 @@ class Result:
     limit_s: float
     inside_fence: bool
     beyond_m: float
+    touchdown_mps: float
     says: str
     """The companion's reason."""
     problems: tuple[str, ...]
@@ -36,7 +45,7 @@ def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Resul
     end, reaction_s = end_of(flown, planned_s, told), reaction_of(row, flown, told, planned_s)
     inside = flown.beyond_m <= 0.0
     return Result(
-        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, _reason(told),
+        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, flown.touchdown_mps, _reason(told),
         tuple(_problems(row, end, reaction_s, inside, flown, told)),
     )  # fmt: skip
 
@@ -108,9 +117,18 @@ def _problems(row: Row, end: End, reaction_s: float | None, inside: bool, flown:
         yield f"{flown.beyond_m:.2f} m outside of the fence"
     if not flown.on_ground:
         yield "it is not down"
+    if end in {End.LANDED, End.HANDED_OVER, End.FLIES_ON}:
+        yield from _hard(row, end, flown)
     if not row.harmless:
         yield from _late(row, reaction_s)
     yield from _other_reaction(row, told)
+
+
+def _hard(row: Row, end: End, flown: Flown) -> Iterable[str]:
+    blind = end is End.HANDED_OVER and (flown.blinded or row.fault.startswith("mocap"))
+    most_mps = FALLING_MPS if row.fault in _FALLS else BLIND_MPS if blind else SOFT_MPS
+    if flown.touchdown_mps > most_mps:
+        yield f"it touched down at {flown.touchdown_mps:.2f} m/s, faster than {most_mps:.1f} m/s"
 
 
 def _late(row: Row, reaction_s: float | None) -> Iterable[str]:

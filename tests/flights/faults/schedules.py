@@ -1,23 +1,34 @@
-"""Random fault schedules: one to three faults of the mock's vocabulary, at any time of a tracking flight."""
+"""Random fault schedules: one to three faults of the mock's vocabulary, at any time of a tracking flight.
+
+Every second one is flown with both arms swinging, and their real driver.
+"""
 
 import asyncio
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.control.reference import Ellipse, LapTiming
+from companion.ports import ArmError
 from companion.supervisor.faults import Reaction
 from companion.supervisor.flight import Fly, Phase
-from mock_autopilot.fault_ways import WAYS, Part, Way
+from mock_autopilot.fault_ways import WAYS, Kind, Part, Way
+from tests.flights.faults import acts
 from tests.flights.faults.judge import end_of
-from tests.flights.faults.rows import CONFIG, Conditions, End
+from tests.flights.faults.rows import ARMS, CONFIG, Conditions, End
 from tests.flights.faults.virtual import UP, Operator, fly_to_the_end, told_in
 from tests.flights.faults.watch import Watch, fence_of
 from tests.flights.simulated import Flight, Step
+from tests.flights.test_simulated_arms import play, swing, torque
 
-_PARTS = frozenset({Part.MOCAP, Part.LINK, Part.AUTOPILOT})
-"""Flown without arms and without a broker."""
-_WAYS = tuple(way for way in WAYS if way.part in _PARTS)
+_SPOKEN = frozenset(way for way in WAYS if way.part is Part.BROKER and way.kind is not Kind.OFF)
+"""What only somebody who reads what the broker sends would notice."""
+_HUNG = frozenset(way for way in WAYS if way.part is Part.AUTOPILOT and way.kind is Kind.STUCK)
+"""Motors that keep their last signals and hear nobody: where it falls, and from which height, is chance and nobody's
+reaction. The table flies it from a hover."""
+_WAYS = tuple(way for way in WAYS if way not in _SPOKEN | _HUNG)
 _LAP = Fly(Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=1)), 0.5)
 _LAST_S = 22.0
 """Take-off, approach, lap and landing: a fault begins at any time of it."""
@@ -47,11 +58,17 @@ class Outcome:
 def faults_of(seed: int) -> tuple[str, ...]:
     """The same for the same seed."""
     rng = np.random.default_rng((2026, seed))
-    return tuple(_fault(rng) for _ in range(int(rng.integers(1, 4))))
+    ways = [way for way in _WAYS if has_arms(seed) or way.part is not Part.SERVOS]
+    return tuple(_fault(ways, rng) for _ in range(int(rng.integers(1, 4))))
 
 
-def _fault(rng: np.random.Generator) -> str:
-    way = _WAYS[int(rng.integers(len(_WAYS)))]
+def has_arms(seed: int) -> bool:
+    """Whether this one is flown with arms."""
+    return seed % 2 == 1
+
+
+def _fault(ways: Sequence[Way], rng: np.random.Generator) -> str:
+    way = ways[int(rng.integers(len(ways)))]
     begin_s = rng.uniform(0.0, _LAST_S)
     text = f"{way.words}{_amount(way, rng)} at {begin_s:.2f} s"
     if not way.lasts or rng.random() < _FOR_EVER:
@@ -82,6 +99,15 @@ class _Mission:
         return self._tracked and flight.phase is Phase.HOLD
 
 
+def _swing_once_up(flight: Flight) -> bool:
+    """The arms begin with the hover, unless they, or the flight, already are at fault."""
+    if flight.phase is not Phase.HOLD or flight.loop.flight.level > Reaction.NOTE:
+        return flight.phase is not Phase.TAKEOFF
+    with contextlib.suppress(ArmError):
+        play(swing())(flight)
+    return True
+
+
 def fly_schedule(seed: int) -> Outcome:
     """One flight: up, a lap of the ellipse, down, unless something comes of the faults."""
     return asyncio.run(_fly(seed))
@@ -95,10 +121,13 @@ async def _fly(seed: int) -> Outcome:
         watch = Watch(flight.room.bench.world, fence_of(CONFIG))
         watch.begin()
         seen.append((flight, watch))
+        acts.connect_broker(flight)
         return True
 
-    script: list[Step] = [look_on, *UP[:-1], _Mission(), operator]
-    await fly_to_the_end(script, Conditions(more={"faults": faults}), seed)
+    conditions = ARMS if has_arms(seed) else Conditions()
+    begin = [torque, *UP[:-1], _swing_once_up] if has_arms(seed) else UP[:-1]
+    script: list[Step] = [look_on, *begin, _Mission(), operator]
+    await fly_to_the_end(script, replace(conditions, more=conditions.more | {"faults": faults}), seed)
     flight, watch = seen[0]
     end = end_of(watch.flown, operator.planned_s, told_in(flight))
     if watch.flown.armed and watch.flown.mode() == "POSITION":

@@ -6,6 +6,7 @@ from companion.config import CompanionConfig
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Flight, Phase
 from companion.tick import Tick
+from mock_autopilot.estimator import REGAIN_AFTER_S
 from mock_autopilot.fault_ways import Kind, Part
 from mock_autopilot.px4 import Mode
 from mock_autopilot.truth import Truth
@@ -36,6 +37,10 @@ class Flown:
     armed: bool = False
     hung: bool = False
     """The autopilot hangs, so that it can neither disarm nor be disarmed."""
+    touchdown_mps: float = 0.0
+    """Fastest meeting with the ground, downward."""
+    blinded: bool = False
+    """For a while in the air PX4 had no pose."""
     modes: list[tuple[float, str]] = field(default_factory=list)
     """Every mode and when it began."""
     setpoints_s: list[float] = field(default_factory=list)
@@ -54,6 +59,7 @@ class Watch:
         self.flown = Flown()
         self._setpoint_s = -1.0
         self._mode: Mode | None = None
+        self._sinking_mps = 0.0
         world.observers.append(self._step)
 
     def begin(self) -> None:
@@ -69,6 +75,10 @@ class Watch:
         if vehicle.mode is not self._mode:
             self._mode = vehicle.mode
             flown.modes.append((now_s, self._mode.name))
+        if truth.on_ground and not flown.on_ground:
+            flown.touchdown_mps = max(flown.touchdown_mps, self._sinking_mps)
+        flown.blinded = flown.blinded or (not truth.on_ground and vehicle.estimator.silence_s > REGAIN_AFTER_S)
+        self._sinking_mps = float(truth.velocity_ned_mps[2])
         flown.on_ground = truth.on_ground
         flown.hung = any(held.fault.kind is Kind.STUCK for held in self._world.faults.holding(Part.AUTOPILOT))
         self._look_at_arming(vehicle.armed, now_s)
