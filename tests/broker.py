@@ -1,6 +1,7 @@
 """A real MQTT broker for tests, in a process of its own: it can be stopped, hung and begun again on its port."""
 
 import asyncio
+import logging
 import signal
 import socket
 import subprocess
@@ -75,4 +76,5 @@ async def serve(port: int) -> None:
 
 
 if __name__ == "__main__":
+    logging.getLogger("amqtt").setLevel(logging.CRITICAL)  # a client that dies is part of the tests, and no news
     asyncio.run(serve(int(sys.argv[1])))
