@@ -1,6 +1,6 @@
 """What an operator may command: one strict model a verb. docs/bus/command.schema.json is printed from them."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
@@ -177,5 +177,7 @@ Command = (
 """Any of them."""
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="verb")])
 """Reads one from JSON."""
+VERBS: tuple[str, ...] = tuple(get_args(model.model_fields["verb"].annotation)[0] for model in get_args(Command))
+"""All of them."""
 AT_ONCE = frozenset({"hold", "land", "abort", "resume", "kill", "disarm"})
 """Verbs that are never kept waiting by another one, and end it."""

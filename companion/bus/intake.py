@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pydantic import ValidationError
 from pydantic_core import from_json
 
-from companion.bus.commands import COMMAND, ID, Command
+from companion.bus.commands import COMMAND, ID, VERBS, Command
 from companion.bus.topics import is_client
 
 MAX_BYTES = 48_000
@@ -93,6 +93,8 @@ def _fields(payload: bytes) -> dict[str, object]:
 def _reason(error: ValidationError) -> str:
     """The first mistake, cut short: its text may hold what the sender wrote."""
     detail = error.errors(include_url=False, include_input=False)[0]
-    where = ".".join(str(part) for part in detail["loc"])
+    if detail["type"] in {"union_tag_not_found", "union_tag_invalid"}:
+        return f"verb: must be one of {', '.join(VERBS)}"
+    where = ".".join(str(part) for part in detail["loc"][1:])
     said = detail["msg"].removeprefix("Value error, ")
     return (f"{where}: {said}" if where else said)[:_REASON_CHARACTERS]

@@ -1,43 +1,76 @@
-"""The operator's link and an operator, on a real broker."""
+"""The service's end of the bus and an operator, on a real broker."""
 
 import asyncio
 import json
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import aiomqtt
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
 
 from companion.adapters.clock import MonotonicClock
-from companion.adapters.mqtt import MqttOperator, open_operator
+from companion.adapters.mqtt import Answering, BusLink, open_bus
+from companion.bus.commands import Command
+from companion.bus.telemetry import Answer, Reply
+from companion.bus.topics import Topics
 from companion.config_operator import OperatorConfig
-from companion.operator_orders import Order
 
 CLOCK = MonotonicClock()
 PATIENCE_S = 15.0
-ORDER, REFUSED, STATUS = (f"dauam/vehicle/{last}" for last in ("order", "refused", "status"))
+SESSION = "0123456789abcdef"
+TOPICS = Topics("dauam", "vehicle")
+V5, V311 = aiomqtt.ProtocolVersion.V5, aiomqtt.ProtocolVersion.V311
 
 
 class Vehicle:
-    """The link's end of the flight."""
+    """The link's end of the flight; what it is commanded is done at once."""
 
     def __init__(self) -> None:
-        self.orders: list[Order] = []
+        self.commands: list[Command] = []
         self.error: Exception | None = None
 
-    def on_order(self, order: Order) -> None:
-        self.orders.append(order)
+    def on_command(self, command: Command, answer: Answering) -> None:
+        self.commands.append(command)
         if self.error is not None:
             raise self.error
+        for what in (Answer.ACCEPTED, Answer.DONE):
+            answer(Reply(id=command.id, answer=what, time_s=time.time()))
+
+    @property
+    def told(self) -> list[tuple[str, str]]:
+        """Verb and id of every command."""
+        return [(command.verb, command.id) for command in self.commands]
 
 
 @asynccontextmanager
-async def linked(port: int, vehicle: Vehicle) -> AsyncIterator[MqttOperator]:
+async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[BusLink]:
     """The link, whether or not a broker is there."""
-    async with open_operator(OperatorConfig(port=port), CLOCK, vehicle.on_order) as link:
+    async with open_bus(OperatorConfig(port=port, **config), CLOCK, SESSION, vehicle.on_command) as link:
         yield link
+
+
+@dataclass(frozen=True)
+class Said:
+    """One message."""
+
+    topic: str
+    payload: bytes
+    correlation: bytes | None
+
+    @property
+    def json(self) -> dict[str, Any]:
+        read: dict[str, Any] = json.loads(self.payload)
+        return read
+
+
+def command(verb: str, name: str, **changes: Any) -> bytes:
+    """Good, apart from the changes."""
+    return json.dumps({"verb": verb, "id": name, "session": SESSION, "sent_s": time.time()} | changes).encode()
 
 
 class Operator:
@@ -45,39 +78,52 @@ class Operator:
 
     def __init__(self, client: aiomqtt.Client) -> None:
         self._client = client
-        self.heard: list[tuple[str, bytes]] = []
+        self.heard: list[Said] = []
         self._ids = 0
 
-    async def say(self, payload: bytes) -> None:
-        await self._client.publish(ORDER, payload, qos=1)
+    async def say(self, payload: bytes, topic: str = TOPICS.command, retain: bool = False, **properties: Any) -> None:
+        """`properties` by their names in MQTT 5."""
+        said = Properties(PacketTypes.PUBLISH) if properties else None  # type: ignore[no-untyped-call]
+        for name, value in properties.items():
+            setattr(said, name, value)
+        await self._client.publish(topic, payload, qos=1, retain=retain, properties=said)
 
-    async def order(self, kind: str, **changes: Any) -> str:
-        """Send one order with an id of its own, which is returned."""
+    async def order(self, verb: str, **changes: Any) -> str:
+        """Send one command with an id of its own, which is returned."""
         self._ids += 1
-        said = {"order": kind, "id": f"{id(self)}-{self._ids}", "sent_s": time.time()} | changes
-        await self.say(json.dumps(said).encode())
-        return str(said["id"])
+        name = str(changes.get("id", f"{id(self)}-{self._ids}"))
+        await self.say(command(verb, name, **changes))
+        return name
 
-    async def refusal(self) -> dict[str, str]:
-        """The newest, once there is one; it is forgotten then."""
-        await until(lambda: any(topic == REFUSED for topic, _ in self.heard))
-        said = [payload for topic, payload in self.heard if topic == REFUSED][-1]
-        self.heard.clear()
-        read: dict[str, str] = json.loads(said)
-        return read
+    async def hears(self, topic: str, **fields: Any) -> Said:
+        """The first message there that has these; all before it are forgotten."""
+
+        def fits(said: Said) -> bool:
+            return said.topic == topic and said.json.items() >= fields.items()
+
+        await until(lambda: any(fits(said) for said in self.heard))
+        while not fits(said := self.heard.pop(0)):
+            pass
+        return said
+
+    async def refusal(self, name: str = "") -> str:
+        """Why a command was refused that named nobody for the answer."""
+        return str((await self.hears(TOPICS.event, kind="reply", name="refused", id=name)).json["text"])
 
     async def listen(self) -> None:
         async for message in self._client.messages:
             assert isinstance(message.payload, bytes)
-            self.heard.append((message.topic.value, message.payload))
+            if message.topic.value != TOPICS.command:
+                back = getattr(message.properties, "CorrelationData", None)
+                self.heard.append(Said(message.topic.value, message.payload, back))
 
 
 @asynccontextmanager
-async def operating(port: int) -> AsyncIterator[Operator]:
-    """An operator who hears everything below the vehicle's name."""
-    async with aiomqtt.Client("127.0.0.1", port) as client:
-        operator = Operator(client)
-        await client.subscribe("dauam/vehicle/#", qos=1)
+async def operating(port: int, version: aiomqtt.ProtocolVersion = V311, **client: Any) -> AsyncIterator[Operator]:
+    """An operator who hears everything of the vehicle."""
+    async with aiomqtt.Client("127.0.0.1", port, protocol=version, **client) as connected:
+        operator = Operator(connected)
+        await connected.subscribe(f"{TOPICS.root}/#", qos=1)
         listening = asyncio.create_task(operator.listen(), name="operator")
         try:
             yield operator
@@ -88,11 +134,13 @@ async def operating(port: int) -> AsyncIterator[Operator]:
 
 
 @asynccontextmanager
-async def operated(port: int, vehicle: Vehicle) -> AsyncIterator[tuple[MqttOperator, Operator]]:
+async def operated(
+    port: int, vehicle: Vehicle, version: aiomqtt.ProtocolVersion = V311
+) -> AsyncIterator[tuple[BusLink, Operator]]:
     """Both, one after the other: amqtt 0.12 loses a client that connects while another subscribes."""
     async with linked(port, vehicle) as link:
         await until(lambda: link.age_s() == 0.0)
-        async with operating(port) as operator:
+        async with operating(port, version) as operator:
             yield link, operator
 
 

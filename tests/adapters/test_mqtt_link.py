@@ -1,17 +1,30 @@
-"""Orders over a real broker, and what becomes of the link when the broker is not there, goes, hangs or comes back."""
+"""Commands over a real broker, and what becomes of the link when the broker is not there, goes, hangs or comes back."""
 
 import asyncio
-import json
 import time
 from collections.abc import Iterator
 
 import aiomqtt
 import pytest
 
-from companion.operator_orders import Order, OrderKind
+from companion.bus.telemetry import Answer, Happened, Kind, Reply, State
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
-from tests.adapters.mqtt_rig import ORDER, STATUS, Vehicle, linked, open_files, operated, operating, ticking, until
+from tests.adapters.mosquitto import mosquitto, needs_mosquitto
+from tests.adapters.mqtt_rig import (
+    SESSION,
+    TOPICS,
+    V5,
+    V311,
+    Vehicle,
+    command,
+    linked,
+    open_files,
+    operated,
+    operating,
+    ticking,
+    until,
+)
 from tests.adapters.qtm_scripts import Silent, listening
 from tests.broker import BrokerProcess, broker
 
@@ -20,73 +33,190 @@ pytestmark = pytest.mark.realtime
 BLOCKED_S = 0.5
 """Every time-out of the link is longer: a loop that waited one out would show."""
 
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[BrokerProcess]:
-    with broker() as process:
-        yield process
+Served = tuple[int, aiomqtt.ProtocolVersion]
+MINE = TOPICS.reply("me")
 
 
-async def test_orders_reach_the_vehicle(running: BrokerProcess) -> None:
+@pytest.fixture(scope="module", params=[pytest.param("mosquitto", marks=needs_mosquitto), "amqtt"])
+def served(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """The broker of a lab with MQTT 5, and the embedded one, which knows 3.1.1 only."""
+    if request.param == "amqtt":
+        with broker() as process:
+            yield process.port, V311
+    else:
+        with mosquitto(tmp_path_factory.mktemp("mosquitto"), "allow_anonymous true") as port:
+            yield port, V5
+
+
+def state(number: int) -> State:
+    unknown = dict.fromkeys(State.model_fields)
+    known = {"time_s": float(number), "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
+    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": ""}
+    return State.model_validate(unknown | known | rest)
+
+
+async def test_a_command_reaches_the_vehicle_and_its_answers_the_sender(served: Served) -> None:
     vehicle = Vehicle()
-    async with operated(running.port, vehicle) as (_, operator):
-        for kind in OrderKind:
-            confirmed = {"confirm": "kill"} if kind is OrderKind.KILL else {}
-            name = await operator.order(kind, **confirmed)
-            await until(lambda name=name, kind=kind: vehicle.orders[-1:] == [Order(kind, name)])  # type: ignore[misc]
-        assert len(vehicle.orders) == len(OrderKind)
+    async with operated(served[0], vehicle, served[1]) as (_, operator):
+        for verb in ("hold", "land", "abort", "kill"):
+            confirmed = {"confirm": "kill"} if verb == "kill" else {}
+            name = await operator.order(verb, reply_to="me", **confirmed)
+            for answer in ("accepted", "done"):
+                await operator.hears(MINE, id=name, answer=answer)
+            assert vehicle.told[-1] == (verb, name)
 
 
-async def test_what_is_refused_changes_nothing_and_the_operator_is_told(running: BrokerProcess) -> None:
-    vehicle = Vehicle()
-    async with operated(running.port, vehicle) as (_, operator):
-        await operator.order("kill")
-        assert 'needs "confirm": "kill"' in (await operator.refusal())["reason"]
-        await operator.order("land", id="late", sent_s=time.time() - 6.0)
-        late = await operator.refusal()
-        assert (late["id"], late["reason"][:5]) == ("late", "sent ")
-        await operator.say(b"\x00" * 5000)
-        assert (await operator.refusal())["reason"] == "5000 bytes are no order: at most 4096"
-        assert vehicle.orders == []
-        await operator.order("hold", id="twice")
-        await operator.order("hold", id="twice")
-        assert await operator.refusal() == {"id": "twice", "reason": "this id was taken already"}
-        assert vehicle.orders == [Order(OrderKind.HOLD, "twice")]
-
-
-async def test_what_the_flight_cannot_do_is_a_refusal_and_a_defect_of_it_no_end(running: BrokerProcess) -> None:
-    vehicle = Vehicle()
-    async with operated(running.port, vehicle) as (link, operator):
-        vehicle.error = FlightError("cannot resume in phase standby")
-        name = await operator.order("resume")
-        assert await operator.refusal() == {"id": name, "reason": "cannot resume in phase standby"}
-        vehicle.error = ZeroDivisionError()
+async def test_who_names_nobody_is_answered_by_an_event(served: Served) -> None:
+    async with operated(served[0], Vehicle(), served[1]) as (_, operator):
         name = await operator.order("hold")
-        assert await operator.refusal() == {"id": name, "reason": "failed: ZeroDivisionError"}
-        vehicle.error = None
-        await operator.order("abort")
-        await until(lambda: vehicle.orders[-1].kind is OrderKind.ABORT)
+        for answer in ("accepted", "done"):
+            await operator.hears(TOPICS.event, kind="reply", name=answer, id=name)
+
+
+async def test_a_response_topic_goes_before_reply_to_but_only_one_of_this_vehicle(served: Served) -> None:
+    port, version = served
+    if version is not V5:
+        pytest.skip("MQTT 3.1.1 has no response topic")
+    async with operated(port, Vehicle(), version) as (_, operator):
+        laptop = TOPICS.reply("laptop")
+        await operator.say(command("hold", "a", reply_to="me"), ResponseTopic=laptop, CorrelationData=b"\x00\xff7")
+        for answer in ("accepted", "done"):
+            said = await operator.hears(laptop, id="a", answer=answer)
+            assert said.correlation == b"\x00\xff7"
+        for number, other in enumerate(
+            (TOPICS.command, TOPICS.status, "dauam/v1/other/reply/me", MINE + "/x", "$SYS/x")
+        ):
+            await operator.say(command("hold", f"b{number}", reply_to="me"), ResponseTopic=other, CorrelationData=b"8")
+            assert (await operator.hears(MINE, id=f"b{number}", answer="done")).correlation == b"8"
+            await operator.say(command("hold", f"c{number}"), ResponseTopic=other)
+            await operator.hears(TOPICS.event, kind="reply", name="done", id=f"c{number}")
+
+
+async def test_more_properties_than_can_be_read_in_time_are_not_read(served: Served) -> None:
+    port, version = served
+    if version is not V5:
+        pytest.skip("MQTT 3.1.1 has no properties")
+    vehicle = Vehicle()
+    async with operated(port, vehicle, version) as (link, operator), ticking() as longest_s:
+        many = [("", "")] * 9000
+        for number in range(3):
+            await operator.say(command("hold", f"a{number}"), ResponseTopic=MINE, UserProperty=many)
+            await operator.hears(TOPICS.event, kind="reply", name="done", id=f"a{number}")
+        assert longest_s[0] < BLOCKED_S
         assert link.age_s() == 0.0
 
 
-async def test_an_abort_comes_through_a_flood(running: BrokerProcess) -> None:
+async def test_what_is_refused_changes_nothing_and_the_operator_is_told(served: Served) -> None:
     vehicle = Vehicle()
-    async with operated(running.port, vehicle) as (_, operator):
+    async with operated(served[0], vehicle, served[1]) as (_, operator):
+        await operator.say(b'{"verb": "kill", "id": "k", "reply_to": "me"}')
+        said = await operator.hears(MINE, id="k", answer="refused")
+        assert "Field required" in said.json["text"]
+        await operator.order("land", id="late", sent_s=time.time() - 6.0)
+        assert (await operator.refusal("late")).startswith("sent ")
+        await operator.say(b"\x00" * 50_000)
+        assert await operator.refusal() == "50000 bytes are no command: at most 48000"
+        assert vehicle.commands == []
+        await operator.order("hold", id="twice")
+        await operator.order("hold", id="twice")
+        assert await operator.refusal("twice") == "this id was taken already"
+        assert vehicle.told == [("hold", "twice")]
+
+
+async def test_what_the_flight_cannot_do_is_refused_and_a_defect_of_it_no_end(served: Served) -> None:
+    vehicle = Vehicle()
+    async with operated(served[0], vehicle, served[1]) as (link, operator):
+        vehicle.error = FlightError("cannot resume in phase standby")
+        name = await operator.order("resume")
+        assert await operator.refusal(name) == "cannot resume in phase standby"
+        vehicle.error = ZeroDivisionError()
+        name = await operator.order("hold", reply_to="me")
+        assert (await operator.hears(MINE, id=name)).json["answer"] == "failed"
+        vehicle.error = None
+        await operator.order("abort")
+        await until(lambda: vehicle.commands[-1].verb == "abort")
+        assert link.age_s() == 0.0
+
+
+async def test_an_abort_comes_through_a_flood(served: Served) -> None:
+    vehicle = Vehicle()
+    async with operated(served[0], vehicle, served[1]) as (_, operator):
         async with ticking() as longest_s:
             for _ in range(300):
                 await operator.say(b"\xff" * 100)
             await operator.order("abort")
-            await until(lambda: vehicle.orders)
+            await until(lambda: vehicle.commands)
         assert longest_s[0] < BLOCKED_S
 
 
-async def test_everyone_sees_whether_the_vehicle_listens(running: BrokerProcess) -> None:
-    async with linked(running.port, Vehicle()) as link:
+async def test_a_retained_command_is_refused_or_never_read(served: Served) -> None:
+    """One that was published to stay would be heard anew after every break of the connection."""
+    port, version = served
+    vehicle = Vehicle()
+    async with operating(port, version) as operator:
+        await operator.say(command("abort", "kept"), retain=True)
+    async with operated(port, vehicle, version) as (_, operator):
+        if version is V5:
+            await operator.say(command("abort", "now"), retain=True)
+            assert "without retain" in await operator.refusal("now")
+        name = await operator.order("hold")
+        await until(lambda: vehicle.commands)
+        assert vehicle.told == [("hold", name)]
+        await operator.say(b"", retain=True)
+
+
+async def test_everyone_sees_whether_the_vehicle_listens(served: Served) -> None:
+    port, version = served
+    async with linked(port, Vehicle()) as link:
         await until(lambda: link.age_s() == 0.0)
-        async with operating(running.port) as late_comer:
-            await until(lambda: (STATUS, b"online") in late_comer.heard)
-    async with operating(running.port) as afterwards:
-        await until(lambda: (STATUS, b"offline") in afterwards.heard)
+        async with operating(port, version) as late_comer:
+            said = (await late_comer.hears(TOPICS.status, online=True)).json
+            assert (said["session"], said["vehicle"]) == (SESSION, "vehicle")
+            assert abs(said["since_s"] - time.time()) < 60.0
+    async with operating(port, version) as afterwards:
+        await afterwards.hears(TOPICS.status, online=False)
+
+
+async def test_events_wait_for_a_broker_and_of_states_only_the_newest_does() -> None:
+    process = BrokerProcess()
+    try:
+        async with linked(process.port, Vehicle()) as link:
+            for number in range(300):
+                link.tell(Happened(time_s=float(number), kind=Kind.LOG, text="flying"))
+                link.show(state(number))
+            await asyncio.to_thread(process.start)
+            async with operating(process.port) as operator:
+                await operator.hears(TOPICS.state, time_s=299.0)
+                link.tell(Happened(time_s=1000.0, kind=Kind.LOG, text="last"))
+                heard = []
+                while (time_s := (await operator.hears(TOPICS.event)).json["time_s"]) < 1000.0:
+                    heard.append(time_s)
+                assert heard == sorted(heard)
+    finally:
+        process.stop()
+
+
+async def test_every_event_comes_in_order_and_a_state_at_once(served: Served) -> None:
+    async with operated(served[0], Vehicle(), served[1]) as (link, operator):
+        for number in range(100):
+            link.tell(Happened(time_s=float(number), kind=Kind.LOG, text=f"{number}"))
+        for number in range(100):
+            assert (await operator.hears(TOPICS.event)).json["text"] == str(number)
+        link.show(state(7))
+        assert (await operator.hears(TOPICS.state)).json["time_s"] == 7.0
+
+
+async def test_what_cannot_be_said_does_no_harm(served: Served) -> None:
+    vehicle = Vehicle()
+    async with operated(served[0], vehicle, served[1]) as (link, operator):
+        link.tell(Happened.model_construct(time_s=0.0, kind=Kind.LOG, text="\ud800"))
+        vehicle.on_command = lambda command, answer: answer(  # type: ignore[method-assign]
+            Reply(id=command.id, answer=Answer.DONE, time_s=0.0, data={"nothing that JSON has": object()})
+        )
+        await operator.order("params", reply_to="me")
+        link.tell(Happened(time_s=1.0, kind=Kind.LOG, text="good"))
+        await operator.hears(TOPICS.event, text="good")
+        assert link.age_s() == 0.0
 
 
 async def test_a_broker_that_comes_late_goes_and_comes_back() -> None:
@@ -99,7 +229,7 @@ async def test_a_broker_that_comes_late_goes_and_comes_back() -> None:
                 await until(lambda: link.age_s() == 0.0)
                 async with operating(process.port) as operator:
                     await operator.order("hold")
-                    await until(lambda round_trip=round_trip: len(vehicle.orders) == round_trip)  # type: ignore[misc]
+                    await until(lambda round_trip=round_trip: len(vehicle.commands) == round_trip)  # type: ignore[misc]
                 await asyncio.to_thread(process.stop)
                 await until(lambda: link.age_s() > 0.0)
             assert longest_s[0] < BLOCKED_S
@@ -118,7 +248,7 @@ async def test_a_broker_that_hangs_is_as_good_as_gone() -> None:
             await until(lambda: link.age_s() == 0.0)
             async with operating(process.port) as operator:
                 await operator.order("land")
-                await until(lambda: vehicle.orders)
+                await until(lambda: vehicle.commands)
             assert longest_s[0] < BLOCKED_S
 
 
@@ -132,17 +262,3 @@ async def test_a_server_that_says_nothing_costs_nothing_and_leaves_nothing() -> 
                 await asyncio.sleep(0.0)
         assert longest_s[0] < BLOCKED_S
     await until(lambda: open_files() <= open_before)
-
-
-async def test_an_order_that_a_broker_has_kept_is_never_obeyed(running: BrokerProcess) -> None:
-    """Kill and abort count at any age: one that was published to stay would end every flight anew."""
-    vehicle = Vehicle()
-    kept = json.dumps({"order": "abort", "id": "kept", "sent_s": time.time()}).encode()
-    async with aiomqtt.Client("127.0.0.1", running.port) as client:
-        await client.publish(ORDER, kept, qos=1, retain=True)
-    async with operated(running.port, vehicle) as (_, operator):
-        name = await operator.order("hold")
-        await until(lambda: vehicle.orders)
-        assert vehicle.orders == [Order(OrderKind.HOLD, name)]
-    async with aiomqtt.Client("127.0.0.1", running.port) as client:
-        await client.publish(ORDER, b"", qos=1, retain=True)

@@ -1,0 +1,32 @@
+"""What waits for a broker: in order, bounded, and nothing that breaks every connection."""
+
+from companion.adapters.mqtt.outbox import Letter, Outbox
+
+
+async def test_of_too_many_the_oldest_are_dropped() -> None:
+    box = Outbox(3)
+    for number in range(5):
+        box.put(Letter(str(number), b""))
+    assert [(await box.next()).topic for _ in range(3)] == ["2", "3", "4"]
+    assert not len(box)
+
+
+async def test_what_could_not_be_said_comes_first_again_three_times() -> None:
+    box = Outbox(3)
+    box.put(Letter("bad", b""))
+    box.put(Letter("good", b""))
+    for _ in range(3):
+        letter = await box.next()
+        assert letter.topic == "bad"
+        box.put_back(letter)
+    assert (await box.next()).topic == "good"
+
+
+async def test_what_could_not_be_said_is_the_oldest_when_there_is_no_room() -> None:
+    box = Outbox(2)
+    box.put(Letter("old", b""))
+    old = await box.next()
+    box.put(Letter("new", b""))
+    box.put(Letter("newer", b""))
+    box.put_back(old)
+    assert [(await box.next()).topic for _ in range(2)] == ["new", "newer"]
