@@ -55,7 +55,7 @@ class Reached:
     user: str | None
     password: str | None
     tls: ssl.SSLContext | None
-    will: aiomqtt.Will
+    will: aiomqtt.Will | None
 
 
 class Connection(aiomqtt.Client):

@@ -1,0 +1,238 @@
+"""One operator's client: follows the service over a broker that may be gone for a while."""
+
+import asyncio
+import contextlib
+import secrets
+import ssl
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+
+import aiomqtt
+from aiomqtt.exceptions import MqttConnectError
+from pydantic import BaseModel, ValidationError
+
+from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
+from companion.bus.telemetry import Happened, Presence, Reply, State
+from companion.config_operator import OperatorConfig
+from companion.console.draft import Draft
+from companion.console.line import ForbiddenError, Line, NotSentError, is_forbidden
+from companion.console.place import url_of
+from companion.console.trouble import NobodyThereError
+from companion.ports import ConfigError
+
+_STATUS_S = 1.5
+"""A retained status comes at once; a broker that just begins has it with the service's next beat."""
+_STATE_S = 2.0
+"""States come ten times a second."""
+_HERE = frozenset({"127.0.0.1", "::1", "localhost"})
+"""There the service's embedded broker is, which knows no MQTT 5, and takes a second to show it; whichever broker it is,
+a connection to it does not break without it, so that nothing need be kept for us.
+"""
+_TRIES = 3
+_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.2, 2.0
+
+
+@dataclass(frozen=True)
+class Link:
+    """The connection to the broker broke, or is there again."""
+
+    there: bool
+    why: str = ""
+
+
+Said = Presence | State | Happened | Reply | Link
+
+
+@asynccontextmanager
+async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
+    """Connected, and connected again whenever that breaks.
+
+    NobodyThereError when there is no broker, ConfigError when it does not let us in.
+    """
+    console = Console(place)
+    keeping = asyncio.create_task(console.keep(), name="companion.console")
+    try:
+        await console.connected()
+        yield console
+    finally:
+        keeping.cancel()
+        await asyncio.wait([keeping])
+
+
+class Console:
+    """Made by `open_console`. `next` must be called again and again: what is said waits until then."""
+
+    def __init__(self, place: OperatorConfig) -> None:
+        self._place, self._topics = place, place.topics
+        self._client = f"console-{secrets.token_hex(6)}"
+        self._version = V311 if place.host in _HERE else V5
+        self._said: asyncio.Queue[Said] = asyncio.Queue()
+        self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._line: Line | None = None
+        self.presence: Presence | None = None
+        """The newest; None before the first."""
+        self.state: State | None = None
+        """The newest; None before the first."""
+        self._heard_s = 0.0
+
+    @property
+    def where(self) -> str:
+        """Vehicle and broker, for a sentence."""
+        return f"{self._place.vehicle!r} at {url_of(self._place)}"
+
+    @property
+    def linked(self) -> bool:
+        """Whether there is a connection to the broker now."""
+        return self._line is not None
+
+    def state_age_s(self) -> float:
+        """Since the newest state came."""
+        return asyncio.get_running_loop().time() - self._heard_s
+
+    async def connected(self) -> None:
+        """Wait for the first connection; raises what it failed with."""
+        await asyncio.shield(self._first)
+
+    async def next(self, timeout_s: float) -> Said | None:
+        """What was said next; None if nothing within that time."""
+        try:
+            return await asyncio.wait_for(self._said.get(), timeout_s)
+        except TimeoutError:
+            return None
+
+    async def find(self) -> State:
+        """Wait for a service and its state; NobodyThereError when there is none."""
+        loop = asyncio.get_running_loop()
+        status_s, state_s = loop.time() + _STATUS_S, loop.time() + _STATE_S
+        while True:
+            presence, state = self.presence, self.state
+            here = presence is not None and presence.online
+            if presence is not None and here and state is not None and state.session == presence.session:
+                return state
+            if not here and loop.time() > status_s:
+                raise NobodyThereError(f"nobody there: the service of {self.where} does not run")
+            if loop.time() > state_s:
+                raise NobodyThereError(
+                    f"nobody there: the service of {self.where} was there, but has said nothing for {_STATE_S:g} s: "
+                    "it hangs, or is cut off from the broker"
+                )
+            await asyncio.sleep(0.01)
+
+    async def send(self, draft: Draft) -> bool:
+        """Send it now, to the run of the service that `find` found; whether the broker surely has it.
+
+        NotSentError when it surely did not leave, ConfigError when the broker does not let us command.
+        """
+        line, state = self._line, self.state
+        if line is None or state is None:
+            raise NotSentError("the connection is broken")
+        payload = draft.payload(state.session, state.time_s + self.state_age_s(), self._client)
+        try:
+            await line.command(self._topics, self._client, draft.id, payload)
+        except ForbiddenError as error:
+            raise ConfigError(f"{url_of(self._place)} {error}") from error
+        except NotSentError:
+            raise
+        except (aiomqtt.MqttError, OSError):
+            return False
+        return True
+
+    async def keep(self) -> None:
+        """Connect, again and again, until cancelled; what the first time fails with is told by `connected`."""
+        pause_s, tries = _FIRST_PAUSE_S, 0
+        while True:
+            try:
+                await self._follow()
+            except (ConfigError, aiomqtt.MqttError, OSError, ValueError) as error:
+                if self._tries_older(error):
+                    continue
+                tries += 1
+                if not self._first.done() and (tries == _TRIES or not _may_be_chance(error)):
+                    self._first.set_exception(self._sentence(error))
+                    return
+                pause_s = _FIRST_PAUSE_S if self._line is not None else min(2.0 * pause_s, _LONGEST_PAUSE_S)
+                self._broken(error)
+            await asyncio.sleep(pause_s)
+
+    def _tries_older(self, error: Exception) -> bool:
+        """Whether to try 3.1.1 at once; a broker that was met before is not tried with another version."""
+        older = self._version is V5 and not self._first.done()
+        older = older and (knows_no_mqtt5(error) or isinstance(error, UnansweredError))
+        self._version = V311 if older else self._version
+        return older
+
+    async def _follow(self) -> None:
+        """One connection, until it breaks; raises whatever broke it."""
+        async with Line(self._place, self._client, self._version, self._first.done()) as line:
+            await line.follow(self._topics, self._client)
+            self._line = line
+            if self._first.done():
+                self._said.put_nowait(Link(True))
+            else:
+                self._first.set_result(None)
+            try:
+                async for message in line.messages:
+                    self._read(message)
+            except asyncio.CancelledError:
+                await line.farewell()
+                raise
+
+    def _broken(self, error: Exception) -> None:
+        if self._line is not None:
+            self._line = None
+            self._said.put_nowait(Link(False, f"the connection to {url_of(self._place)} broke: {_why(error)}"))
+
+    def _read(self, message: aiomqtt.Message) -> None:
+        """What is none of the service's words is nothing to us."""
+        models: dict[str, type[Reply | Happened | State | Presence]] = {
+            self._topics.reply(self._client): Reply,
+            self._topics.event: Happened,
+            self._topics.state: State,
+            self._topics.status: Presence,
+        }
+        model = models.get(message.topic.value)
+        if model is None or (message.retain and model is not Presence) or not isinstance(message.payload, bytes):
+            return
+        with contextlib.suppress(ValidationError):
+            self._note(model.model_validate_json(message.payload))
+
+    def _note(self, said: BaseModel) -> None:
+        if isinstance(said, Presence):
+            if said == self.presence:
+                return
+            self.presence = said
+        if isinstance(said, State):
+            self.state, self._heard_s = said, asyncio.get_running_loop().time()
+        if isinstance(said, Presence | State | Happened | Reply):
+            self._said.put_nowait(said)
+
+    def _sentence(self, error: Exception) -> Exception:
+        url = url_of(self._place)
+        if isinstance(error, ForbiddenError):
+            return ConfigError(f"{url} {error}")
+        if isinstance(error, ConfigError):
+            return error
+        if is_forbidden(error):
+            return ConfigError(
+                f"{url} does not let us in: user and password: --broker mqtt://USER@..., --password-file"
+            )
+        if isinstance(error, ssl.SSLError):
+            return ConfigError(f"{url}: {_why(error)}: is --ca-file the one that signed its certificate?")
+        return NobodyThereError(f"nobody there: no broker at {url} ({_why(error)}), so the service does not run there")
+
+
+def _may_be_chance(error: Exception) -> bool:
+    """A broker that accepts and then is silent: amqtt 0.12 is, when two clients come at once."""
+    return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
+
+
+def _why(error: Exception) -> str:
+    cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
+    if isinstance(cause, ssl.SSLCertVerificationError):
+        return cause.verify_message
+    if isinstance(cause, OSError) and cause.strerror:
+        return cause.strerror
+    if isinstance(cause, aiomqtt.MqttCodeError) and not isinstance(cause, MqttConnectError):
+        return "broken off"
+    return str(cause) or type(cause).__name__
