@@ -10,6 +10,7 @@ import numpy as np
 from companion.arm_stage import ArmStage
 from companion.control.fence import Fence
 from companion.control.frames import yaw_of
+from companion.control.values import value
 from companion.estimation.estimator import EstimatorState, age_s
 from companion.ports import OperatorLink
 from companion.supervisor import health
@@ -34,7 +35,7 @@ class Sides:
     """None: nothing is recorded to disk."""
 
 
-@dataclass(frozen=True)
+@value
 class Cycle:
     """What the loop knows of the cycle before its setpoint; see Observed."""
 

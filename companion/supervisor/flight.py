@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from companion.control.reference import Trajectory
+from companion.control.values import value
 from companion.supervisor.faults import Event, Fault, Reaction, Stage
 from companion.types import Array, FlightMode
 
@@ -97,7 +98,7 @@ class FlightRules:
     """A servo fault ends the flight; False: the arms hold still and the flight goes on."""
 
 
-@dataclass(frozen=True)
+@value
 class Facts:
     """What is known at a tick."""
 

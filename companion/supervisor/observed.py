@@ -1,13 +1,12 @@
 """What the health checks look at: one cycle's measurements and states, as plain values."""
 
-from dataclasses import dataclass
-
+from companion.control.values import value
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Stage
 from companion.types import Array, AttitudeThrust, AutopilotStatus, VehicleState
 
 
-@dataclass(frozen=True)
+@value
 class Seen:
     """Motion capture in this cycle."""
 
@@ -27,7 +26,7 @@ class Seen:
     """Frames dropped so far because a newer one had come before them."""
 
 
-@dataclass(frozen=True)
+@value
 class Observed:
     """Everything a health check may know; see health.assess."""
 
