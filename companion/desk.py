@@ -13,16 +13,19 @@ from companion.bus import commands as asked
 from companion.bus.commands import AT_ONCE, Command
 from companion.bus.telemetry import Answer, Doing, Reply
 from companion.config import CompanionConfig
+from companion.control.reference import Hold
 from companion.desk_plans import Laws, Planned, params_of, planned_arms, planned_track, yaw_here_rad
 from companion.orders import wanted_by
 from companion.ports import CompanionError, FlightError
 from companion.service_ends import disarmed, killed, resumed, stand_still, switched
 from companion.service_space import check_climb
 from companion.service_verbs import Service
-from companion.supervisor.flight import IN_THE_AIR, Phase, Request, TakeOff
+from companion.supervisor.flight import IN_THE_AIR, Fly, Phase, Request, TakeOff
 
 LOG = logging.getLogger(__name__)
 
+_FLY = Fly(Hold(np.zeros(3)), 0.0)
+"""Any: whether one fits depends on the phase alone."""
 Say = Callable[[Reply], None]
 """Where the answers to one command go; must neither wait nor raise."""
 
@@ -271,12 +274,14 @@ class _Verbs:
 
     async def _go_to(self, command: asked.GoTo) -> str:
         service, place_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
+        self._fits(_FLY, "go there")
         yaw_rad = yaw_here_rad(service) if command.yaw_rad is None else command.yaw_rad
         await service.go_to(place_w_m, yaw_rad, self._job.accept)
         return f"it hovers at {command.x_m:g} {command.y_m:g} {command.z_m:g} m"
 
     async def _track(self, command: asked.Track) -> str:
         service = self._service
+        self._fits(_FLY, "fly a trajectory")  # before anything is worked out
         plan: Planned = await planned_track(command, service, self._config)
         await service.fly(plan.trajectory, lambda: self._begin_track(plan))
         if plan.arms is not None:
