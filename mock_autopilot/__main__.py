@@ -176,13 +176,19 @@ class _Orders:
                 print(f"mock autopilot: {line.decode(errors='replace')!r}: {error}", file=sys.stderr, flush=True)
 
     def _obey(self, order: str) -> None:
-        """A fault from now on: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`."""
+        """A fault from now on: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`.
+
+        Or the hand's: `carry 0.5 0 -0.3` to a place (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw (rad).
+        """
         word, _, text = order.partition(" ")
         bus = self._simulator.servo_bus
         if word == "fault":
             self._simulator.world.inject(parse(text))
+        elif word == "carry":
+            numbers = [float(number) for number in text.split()]
+            self._simulator.world.carry(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
         elif word != "servo-fault":
-            raise ValueError("orders are: fault SENTENCE (docs/faults.md), servo-fault {json}")
+            raise ValueError("orders are: fault SENTENCE (docs/faults.md), servo-fault {json}, carry X Y Z")
         elif bus is None:
             raise ValueError("there are no arms here")
         else:

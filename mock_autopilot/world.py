@@ -4,7 +4,7 @@ Deterministic: the same configuration, seed and timed inputs give the same truth
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from mock_autopilot.fault_schedule import FaultSchedule, Turn
 from mock_autopilot.fault_servos import bus_fault_of
 from mock_autopilot.fault_ways import Part
 from mock_autopilot.faults import Fault, check_fits
+from mock_autopilot.hand import Hand
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import Actuation, PlantState, Wrench
 from mock_autopilot.servo_rack import ServoRack
@@ -54,6 +55,7 @@ class World:
         self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
         self.external_wrench: Wrench = plant.no_wrench()
         """Force and push from outside, for a payload or a gust; stays until it is changed."""
+        self._hand = Hand()
         self.servos: ServoRack | None = None
         self.arms: Arms | None = None
         """Both arms, if the vehicle has them."""
@@ -113,11 +115,23 @@ class World:
         force = self._disturbance.step(self.time_s) + sum(push.force_ned_n for push in pushes)
         wrench = Wrench(force, np.asarray(sum(push.angular_frd_radps2 for push in pushes)))
         self._state = plant_one.step(self._state, actuation, wrench, self._params, STEP_S)
+        self._hand.holds = self._hand.holds and not demand.motors_on
+        if self._hand.holds:
+            self._state = self._hand.carry(self._state, self.time_s)
 
     def inject(self, fault: Fault) -> None:
         """Let this go wrong, from now on or when its own time comes; ValueError when there is no such part."""
         check_fits(fault, self.arms is not None)
         self.faults.inject(fault, self.time_s)
+
+    def carry(self, north_east_down_m: Sequence[float], roll_pitch_yaw_rad: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
+        """Take it by hand to a place, and hold it there until it is armed; ValueError when it is."""
+        if self.vehicle.armed:
+            raise ValueError("it is armed: keep your hands off")
+        where = np.array([*north_east_down_m, *roll_pitch_yaw_rad])
+        if where.shape != (6,) or not np.isfinite(where).all():
+            raise ValueError("carry wants NORTH EAST DOWN in m, and perhaps ROLL PITCH YAW in rad")
+        self._hand.take_to(where, self._state, self.time_s)
 
     def fault_rng(self) -> np.random.Generator:
         """Chance for one part's faults, another one with each call; what else is random does not depend on it."""

@@ -134,6 +134,9 @@ def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock(
         mock.process.stdin.flush()
         assert mock.process.stderr is not None
         assert 'mocap cannot be "stuk"' in mock.process.stderr.readline()
+        mock.process.stdin.write("carry 1 2\n")
+        mock.process.stdin.flush()
+        assert "carry wants NORTH EAST DOWN" in mock.process.stderr.readline()
         mock.process.terminate()
         assert mock.process.stdout.readline() == "fault never began: mocap stuck landing for 2 s\n"
         client.close()
