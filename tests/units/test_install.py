@@ -1,0 +1,154 @@
+"""The installer, into a folder in place of the system."""
+
+import os
+import shutil
+import stat
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from companion.config import load_config
+from companion.config_controller import controller_path
+from tests.units.tools import ROOT, SYSTEMD, said, tool
+
+INSTALL, UNINSTALL = SYSTEMD / "install.sh", SYSTEMD / "uninstall.sh"
+VEHICLE = {
+    "etc/dauam/companion.toml",
+    "etc/systemd/system/dauam-companion.service",
+    "etc/systemd/system/dauam-companion.service.d/network.conf",
+    "etc/sysusers.d/dauam.conf",
+    "etc/udev/rules.d/99-dauam-u2d2.rules",
+}
+USERS = {"etc/passwd", "etc/group", "etc/shadow", "etc/gshadow", "etc/.pwd.lock", "etc/passwd-", "etc/group-"}
+
+
+def install(root: Path, *words: str) -> str:
+    """Without the Python packages, which take a minute."""
+    tool("systemd-sysusers")
+    return said(INSTALL, *words, "--root", root, "--no-venv")
+
+
+def files(root: Path) -> dict[str, tuple[int, bytes]]:
+    """Mode and content by name; config/ is a copy, and systemd-sysusers' own files are its own."""
+    found = {}
+    for path in root.rglob("*"):
+        name = str(path.relative_to(root))
+        if path.is_file() and not name.startswith("opt/dauam/config/") and name not in USERS | {"etc/shadow-"}:
+            found[name] = (stat.S_IMODE(path.stat().st_mode), path.read_bytes())
+    return found
+
+
+def test_the_onboard_computer_gets_service_rule_user_and_configuration(tmp_path: Path) -> None:
+    out = install(tmp_path)
+    found = files(tmp_path)
+    assert set(found) == VEHICLE
+    assert {mode for mode, _ in found.values()} == {0o644}
+    for name in VEHICLE:
+        assert f"wrote {tmp_path}/{name}" in out
+    assert "dauam:x:" in (tmp_path / "etc/passwd").read_text()
+    groups = (tmp_path / "etc/group").read_text().splitlines()
+    assert any(line.startswith("dialout:") and line.endswith(":dauam") for line in groups)
+
+
+def test_again_changes_nothing_and_keeps_what_is_the_users(tmp_path: Path) -> None:
+    install(tmp_path)
+    configuration = tmp_path / "etc/dauam/companion.toml"
+    network = tmp_path / "etc/systemd/system/dauam-companion.service.d/network.conf"
+    configuration.write_text("mine")
+    network.write_text("mine, too")
+    (tmp_path / "etc/systemd/system/dauam-companion.service").write_text("an older one")
+    (tmp_path / "opt/dauam/config/controllers/gone.toml").write_text("of an older version")
+    out = install(tmp_path)
+    assert f"left {configuration} as it is" in out
+    assert f"left {network} as it is" in out
+    first = files(tmp_path)
+    assert first["etc/dauam/companion.toml"][1] == b"mine"
+    unit = (SYSTEMD / "dauam-companion.service").read_bytes()
+    assert first["etc/systemd/system/dauam-companion.service"] == (0o644, unit)
+    assert not (tmp_path / "opt/dauam/config/controllers/gone.toml").exists()
+    install(tmp_path)
+    assert files(tmp_path) == first
+
+
+def test_the_first_configuration_is_one_the_service_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    install(tmp_path)
+    config = load_config(tmp_path / "etc/dauam/companion.toml")
+    assert config.records.folder == "/var/lib/dauam/flights"
+    assert config.preflight.state_folder == "/var/lib/dauam"
+    assert config.arms is not None
+    assert config.arms.port == "/dev/dauam-arms"
+    monkeypatch.chdir(tmp_path / "opt/dauam")  # where the service stands
+    assert controller_path(config.control.controller).is_relative_to(tmp_path)
+
+
+def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
+    install(tmp_path / "room", "room")
+    install(tmp_path / "broker", "broker")
+    assert set(files(tmp_path / "room")) == {
+        "etc/dauam/companion.toml",
+        "etc/systemd/system/dauam-mocap-bridge.service",
+        "etc/sysusers.d/dauam.conf",
+    }
+    assert set(files(tmp_path / "broker")) == {"etc/systemd/system/mosquitto.service.d/dauam.conf"}
+
+
+@pytest.mark.parametrize("part", ["vehicle", "room", "broker"])
+def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part: str) -> None:
+    install(tmp_path, part)
+    record = tmp_path / "var/lib/dauam/flights/one.mcap"
+    record.parent.mkdir(parents=True)
+    record.write_bytes(b"flown")
+    out = said(UNINSTALL, "--root", tmp_path)
+    left = {"var/lib/dauam/flights/one.mcap"}
+    left |= {name for name in VEHICLE if name.endswith((".conf", ".toml")) and "sysusers" not in name}
+    assert set(files(tmp_path)) <= left
+    assert record.exists()
+    assert not (tmp_path / "opt/dauam").exists()
+    assert f"left {tmp_path}/var/lib/dauam: yours" in out
+    if part == "vehicle":
+        assert f"left {tmp_path}/etc/dauam: yours" in out
+        assert "dauam:x:" in (tmp_path / "etc/passwd").read_text()
+    said(UNINSTALL, "--root", tmp_path)
+
+
+@pytest.mark.parametrize("script", [INSTALL, UNINSTALL])
+def test_without_root_nothing_is_touched(script: Path, tmp_path: Path) -> None:
+    nobody: list[str | Path] = []
+    if os.geteuid() == 0:
+        nobody = [tool("setpriv"), "--reuid=65534", "--regid=65534", "--clear-groups"]
+        shutil.copytree(SYSTEMD, tmp_path / "systemd")
+        for folder in (tmp_path, *tmp_path.parents[:-2]):
+            if folder.stat().st_uid == os.geteuid():
+                folder.chmod(folder.stat().st_mode | 0o555)
+        script = tmp_path / "systemd" / script.name
+    out = said(*nobody, "sh", script, code=1)
+    assert f"say 'sudo make {script.stem}'" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["vehicel"], "'vehicel' is unknown"),
+        (["--root"], "--root wants a folder"),
+        (["--help"], "'--help' is unknown; it is: install.sh [vehicle|room|broker]"),
+    ],
+)
+def test_a_wrong_word_is_answered_with_the_right_ones(words: list[str], says: str) -> None:
+    assert says in said(INSTALL, *words, code=2)
+
+
+def test_a_python_that_the_service_cannot_run_is_refused(tmp_path: Path) -> None:
+    old = tmp_path / "old-python"
+    old.write_text("#!/bin/sh\nexit 1\n")
+    old.chmod(0o755)
+    tool("systemd-sysusers")
+    command = [str(INSTALL), "--root", str(tmp_path / "root")]
+    done = subprocess.run(command, env={**os.environ, "PYTHON": str(old)}, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert f"'{old}' is older than Python 3.11" in done.stderr
+
+
+def test_the_scripts_are_sound() -> None:
+    scripts = [INSTALL, UNINSTALL, ROOT / ".ci/run", ROOT / ".ci/packages"]
+    said(tool("shellcheck"), *scripts)
