@@ -1,15 +1,18 @@
-"""Memory that is never waited for. The real-time priority itself is given by who starts us, see systemd/."""
+"""What keeps other programs and page faults from holding the control loop up, and helpers from holding it up."""
 
 import ctypes
 import logging
 import os
 import resource
+import signal
 from pathlib import Path
 
 LOG = logging.getLogger(__name__)
 
 _MCL_CURRENT, _MCL_FUTURE = 1, 2
 _CAP_IPC_LOCK = 14
+_HELPER_NICE = 5
+_OF_THE_SERVICE = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGABRT)
 
 
 def lock_memory() -> bool:
@@ -40,3 +43,16 @@ def _without_limit() -> bool:
     except (ValueError, OSError):
         return False
     return True
+
+
+def beside_the_loop() -> None:
+    """Call first in a process that helps the service (recorder, broker): the control loop goes first, and ends first.
+
+    The helper inherits the service's real-time priority and gives it back. systemd sends its signals to every process
+    of the service at once; the helper has work left until the service is through, so it minds none of them: it has to
+    end when its pipe from the service does, or by SIGKILL.
+    """
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.setpriority(os.PRIO_PROCESS, 0, max(_HELPER_NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+    for number in _OF_THE_SERVICE:
+        signal.signal(number, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""Locked memory, each time in a process of its own."""
+"""Locked memory and helpers' priorities, each in a process of its own."""
 
 import subprocess
 import sys
@@ -14,6 +14,20 @@ from companion.adapters.realtime import lock_memory
 locked = lock_memory()
 kb = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmLck"))
 print(locked, kb > 1000)
+"""
+HELPER = """
+import os, signal, sys
+try:
+    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
+except PermissionError:
+    pass
+from companion.adapters.realtime import beside_the_loop
+beside_the_loop()
+print(os.sched_getscheduler(0) == os.SCHED_OTHER, os.getpriority(os.PRIO_PROCESS, 0) >= 5, flush=True)
+for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGABRT):
+    os.kill(os.getpid(), number)
+sys.stdin.read()
+print("closed the file")
 """
 
 
@@ -48,3 +62,8 @@ if os.geteuid() == 0:
     out, log = run(program)
     assert out == ["False False"]
     assert log == "memory is not locked: we may lock 64 kB only (systemd: LimitMEMLOCK=infinity)\n"
+
+
+def test_a_helper_gives_the_priority_back_and_ends_when_its_pipe_does() -> None:
+    out, _ = run(HELPER)
+    assert out == ["True True", "closed the file"]
