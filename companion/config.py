@@ -14,7 +14,7 @@ from companion.config_records import RecordsConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
-from companion.control.guard import most_braking_mps2
+from companion.control.guard import Guard, most_braking_mps2
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
 
@@ -151,6 +151,12 @@ class CompanionConfig(Section):
             stow_time_s=arms.stow_time_s,
             land_on_arm_fault=arms.land_on_fault,
         )
+
+    def guard(self) -> Guard:
+        """In front of the autopilot."""
+        safety = self.safety
+        model, limits = self.vehicle.thrust_model(), self.limits.limits()
+        return Guard(limits, model, self.fence.fence(), safety.coast_s, safety.degraded_s)
 
     def airframe(self) -> Airframe:
         """What the arms' forces and torques meet."""

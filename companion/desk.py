@@ -30,6 +30,10 @@ Say = Callable[[Reply], None]
 """Where the answers to one command go; must neither wait nor raise."""
 
 
+def _nobody(_: str) -> None:
+    """Nobody wants to know."""
+
+
 class Job:
     """One command that is being carried out, and whoever waits for it."""
 
@@ -69,6 +73,8 @@ class Desk:
         self._tasks: set[asyncio.Task[None]] = set()
         self.waiting = "the service begins"
         """Why nothing can be carried out now."""
+        self.note_law: Callable[[str], None] = _nobody
+        """Told the name of a law before it takes over."""
 
     def open(self, service: Service) -> None:
         """From now on commands are carried out."""
@@ -119,7 +125,7 @@ class Desk:
                     f"{running.command.verb} ({running.command.id}) is still under way: wait, or say hold"
                 )
             self._jobs[lane] = job
-        return _Verbs(service, self._config, self._laws, job).run()
+        return _Verbs(service, self._config, self._laws, job, self.note_law).run()
 
     async def _carry_out(self, job: Job, work: "Awaitable[str | _Said]") -> None:
         try:
@@ -220,8 +226,11 @@ class _AtOnce:
 class _Verbs:
     """A verb that takes its time."""
 
-    def __init__(self, service: Service, config: CompanionConfig, laws: Laws, job: Job) -> None:
+    def __init__(
+        self, service: Service, config: CompanionConfig, laws: Laws, job: Job, note_law: Callable[[str], None]
+    ) -> None:
         self._service, self._config, self._laws, self._job = service, config, laws, job
+        self._note_law = note_law
 
     def run(self) -> Coroutine[Any, Any, str | _Said]:
         """The coroutine that does it."""
@@ -322,6 +331,7 @@ class _Verbs:
     async def _controller(self, command: asked.SwitchController) -> str:
         before = self._service.loop.law_name
         law = await self._laws.load(command.name)
+        self._note_law(command.name)
         self._job.accept(f"{before} hands over to {command.name}")
         self._service.loop.switch(law, command.name)
         self._laws.name = command.name

@@ -9,7 +9,6 @@ from companion.arm_stage import ArmTick
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import up_axis, yaw_of
-from companion.control.guard import Guard
 from companion.control.reference import Hold, Trajectory
 from companion.control_stage import Asked, ControlStage
 from companion.health_stage import Cycle, HealthStage, Sides
@@ -31,8 +30,7 @@ class DryLaw:
     ) -> None:
         self._running, self._trajectory, self._sink = running, trajectory, sink
         model, limits, safety = config.vehicle.thrust_model(), config.limits.limits(), config.safety.rules()
-        guard = Guard(limits, model, config.fence.fence(), safety.coast_s, safety.degraded_s)
-        self._stage = ControlStage(law, model, limits, guard=guard)
+        self._stage = ControlStage(law, model, limits, guard=config.guard())
         self._health = HealthStage(safety, config.fence.fence(), Sides(disk_free_mb=running.disk_free_mb))
         self._period_s = 1.0 / config.control.rate_hz
         self._begun_s = math.nan

@@ -6,7 +6,7 @@ import secrets
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -48,6 +48,8 @@ class Serving:
     notifier: Notifier
     recorder: RecordSink | None
     records: Path | None
+    note_law: Callable[[str], None]
+    """Told the name of every law before it flies."""
 
     @property
     def operator(self) -> OperatorConfig:
@@ -61,6 +63,7 @@ async def serve(what: Serving) -> None:
     stop = asyncio.Event()
     _end_on_signals(stop)
     session, desk = secrets.token_hex(8), Desk(what.config, what.controller.name)
+    desk.note_law = what.note_law
     async with AsyncExitStack() as devices:
         if what.operator.embedded:
             await devices.enter_async_context(open_broker(what.operator))

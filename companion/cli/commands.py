@@ -17,6 +17,22 @@ from companion.ports import CompanionError
 BAD_INPUT = 2
 
 PANELS = {
+    "Operate (over MQTT, from any machine)": {
+        "status": "companion.cli.operate_look:status",
+        "watch": "companion.cli.operate_look:watch",
+        "arm": "companion.cli.operate:arm",
+        "takeoff": "companion.cli.operate:takeoff",
+        "hold": "companion.cli.operate:hold",
+        "goto": "companion.cli.operate:goto",
+        "track": "companion.cli.operate:track",
+        "controller": "companion.cli.operate:controller",
+        "land": "companion.cli.operate:land",
+        "abort": "companion.cli.operate:abort",
+        "resume": "companion.cli.operate:resume",
+        "kill": "companion.cli.operate:kill",
+        "disarm": "companion.cli.operate:disarm",
+        "params": "companion.cli.operate:params",
+    },
     "The service": {
         "serve": "companion.cli.serve:serve_command",
     },
@@ -24,6 +40,9 @@ PANELS = {
         "preflight": "companion.cli.preflight:preflight",
         "dry-run": "companion.cli.dry_run:dry_run",
         "arms": "companion.cli.arms:app",
+    },
+    "After a flight": {
+        "replay": "companion.cli.replay:replay_command",
     },
     "Without a vehicle": {
         "demo": "companion.cli.demo:demo",

@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,7 @@ from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier, logging_to
 from companion.cli.options import AllowUnstable, ControllerName, settings_of
 from companion.config import CompanionConfig
-from companion.config_controller import LoadedController, controller_path, load_controller
+from companion.config_controller import controller_path, load_controller
 from companion.serving import Serving, serve
 
 
@@ -36,24 +37,35 @@ def serve_command(
     notifier = Notifier.from_environment()
     with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
         lock_memory()
-        recorder = _recorder(settings, law, seed=None) if record else None
+        recorder = _recorder(settings) if record else None
         try:
             folder = Path(settings.records.folder) if recorder is not None else None
-            uvloop.run(serve(Serving(settings, law, notifier, recorder, folder)))
+            uvloop.run(serve(Serving(settings, law, notifier, recorder, folder, _note_law(recorder, law.name))))
         finally:
             if recorder is not None:
                 recorder.close()
 
 
-def _recorder(settings: CompanionConfig, law: LoadedController, seed: int | None) -> RecordSink:
+def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
+    """Every law that flies stands in the record with its file, as a replay needs it."""
+    texts: dict[str, str] = {}
+
+    def note(name: str) -> None:
+        texts[name] = controller_path(name).read_text(encoding="utf-8")
+        if recorder is not None:
+            recorder.begin({"laws": texts})
+
+    note(first)
+    return note
+
+
+def _recorder(settings: CompanionConfig) -> RecordSink:
     vehicle = settings.operator.vehicle if settings.operator else "vehicle"
     recorder = RecordSink(settings.records, vehicle)
     recorder.begin(
         {
             "config": settings.model_dump(mode="json"),
-            "controller": {"name": law.name, "file": controller_path(law.name).read_text(encoding="utf-8")},
             "versions": {"companion": __version__},
-            "seed": seed,
         }
     )
     return recorder

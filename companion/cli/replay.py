@@ -1,0 +1,113 @@
+"""`companion replay`: a recorded flight through the controller again."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from companion.cli.asked import FAILED
+from companion.cli.options import AllowUnstable
+from companion.cli.output import kept
+from companion.config_controller import load_controller
+from companion.records.read import read_flight
+from companion.replay.laws import config_of, laws_of
+from companion.replay.rerun import Replayed, replay
+
+
+def replay_command(
+    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", help="A record, an MCAP file.")],
+    controller: Annotated[
+        str | None,
+        typer.Option(help="Give another law what the recorded one was given: a name in config/controllers/ or a file."),
+    ] = None,
+    allow_unstable: AllowUnstable = False,
+    plot: Annotated[Path | None, typer.Option(help="Draw both commands, as PNG or PDF.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Feed a record's inputs through estimator and control law again, and compare to the last bit.
+
+    With --controller, or with other gains in that file: what another law would have wanted in each cycle, given what
+    the vehicle did. Exit code 0 if all is identical (or another law was asked for), 1 if something differs, 2 for a
+    file that is no record.
+    """
+    record = read_flight(flight)
+    config = config_of(record)
+    laws, other = laws_of(record, config), None
+    if controller is not None:
+        period_s = 1.0 / config.control.rate_hz
+        other = load_controller(controller, config.vehicle_model(), period_s, allow_unstable).law
+    done = replay(record, config, laws, other)
+    console = Console(stderr=as_json)
+    if as_json:
+        typer.echo(json.dumps(summary_of(done, record.dropped)))
+    else:
+        _show(done, record.dropped, controller, console)
+    if plot is not None:
+        _draw(done, controller, plot, console)
+    raise typer.Exit(0 if other is not None or (done.identical and done.flown) else FAILED)
+
+
+def summary_of(done: Replayed, dropped: int) -> dict[str, object]:
+    """The numbers, for a file or a script."""
+    return {
+        "ticks": done.ticks,
+        "flown": done.flown,
+        "dropped": dropped,
+        "identical": done.identical,
+        "sent_recorded": done.events[0],
+        "sent_again": done.events[1],
+        "apart": {
+            one.name: {"compared": one.compared, "differ": one.differ, "most": one.most, "rms": one.rms}
+            for one in done.apart.values()
+        },
+    }
+
+
+def _show(done: Replayed, dropped: int, controller: str | None, console: Console) -> None:
+    if not done.flown:
+        console.print("the law never flew in this record: there is nothing to replay")
+        return
+    if controller is None and done.identical:
+        names = len(done.apart)
+        console.print(
+            Text.assemble(
+                ("identical", "green"), f" to the last bit: {done.flown} cycles of the law, {names} quantities"
+            )
+        )
+        return
+    table = Table(box=None, pad_edge=False)
+    for title in ("quantity", "cycles", "that differ", "most", "rms", "first at"):
+        table.add_column(title, justify="left" if title == "quantity" else "right")
+    for one in done.apart.values():
+        if one.differ or controller is not None:
+            first = "" if one.first_s is None else f"{one.first_s:.2f} s"
+            table.add_row(one.name, str(one.compared), str(one.differ), f"{one.most:.3g}", f"{one.rms:.3g}", first)
+    console.print(table)
+    was, now = (100.0 * count / done.flown for count in done.events)
+    what = "the record's law" if controller is None else controller
+    console.print(f"cycles worth sending: {was:.1f} % in the record, {now:.1f} % by {what}", highlight=False)
+    if dropped:
+        console.print(f"{dropped} ticks are missing in the record: what the law remembered of them is not known")
+
+
+def _draw(done: Replayed, controller: str | None, path: Path, console: Console) -> None:
+    from matplotlib.figure import Figure  # noqa: PLC0415 - takes a second to import
+
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    axes = figure.subplots(3, 1, sharex=True)
+    recorded, again = np.array(done.recorded_accel_w_mps2), np.array(done.accel_w_mps2)
+    for place, axis in enumerate("xyz"):
+        axes[place].plot(done.time_s, recorded[:, place], label="recorded")
+        axes[place].plot(done.time_s, again[:, place], "--", label=controller or "again")
+        axes[place].set_ylabel(f"{axis} (m/s²)")
+        axes[place].grid(alpha=0.3)
+    axes[0].set_title("command u in W")
+    axes[0].legend()
+    axes[-1].set_xlabel("time in the record (s)")
+    lost = kept(path, lambda to: figure.savefig(to, dpi=150))
+    console.print(lost or f"plot {path}", markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,184 @@
+"""Recorded inputs through the controller again.
+
+What the estimator makes of the frames, and what law and guard make of what they were given, is worked out anew, each
+from its recorded input, so that one difference does not hide behind another. On the ground the law sleeps: there is
+nothing to compare but the estimate.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from companion.config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control_stage import ControlStage
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.records.read import FlightRecord, RecordedTick
+from companion.types import Array, VehicleState
+
+
+@dataclass
+class Apart:
+    """How far one quantity of the replay is from the record."""
+
+    name: str
+    compared: int = 0
+    """Cycles."""
+    differ: int = 0
+    """Cycles in which it is not the same to the last bit."""
+    most: float = 0.0
+    """Largest absolute difference of a component."""
+    square_sum: float = 0.0
+    first_s: float | None = None
+    """Where it differs first, since the record's begin."""
+
+    @property
+    def rms(self) -> float:
+        """Of the difference's norm."""
+        return float(np.sqrt(self.square_sum / self.compared)) if self.compared else 0.0
+
+    def take(self, recorded: Array, again: Array, at_s: float) -> None:
+        """Compare one cycle's; NaN equals NaN."""
+        self.compared += 1
+        if np.array_equal(recorded, again, equal_nan=True):
+            return
+        self.differ += 1
+        self.first_s = at_s if self.first_s is None else self.first_s
+        off = np.asarray(again, np.float64) - np.asarray(recorded, np.float64)
+        self.most = max(self.most, float(np.abs(off).max()) if np.isfinite(off).all() else np.inf)
+        self.square_sum += float(np.sum(off * off))
+
+
+@dataclass
+class Replayed:
+    """What a replay came to."""
+
+    law: str
+    """That was replayed; the record's own where empty."""
+    ticks: int = 0
+    flown: int = 0
+    """Cycles in which the law was in charge."""
+    apart: dict[str, Apart] = field(default_factory=dict)
+    events: tuple[int, int] = (0, 0)
+    """Cycles worth sending, in the record and now."""
+    time_s: list[float] = field(default_factory=list)
+    """Of the flown cycles, since the record's begin."""
+    recorded_accel_w_mps2: list[Array] = field(default_factory=list)
+    accel_w_mps2: list[Array] = field(default_factory=list)
+
+    @property
+    def identical(self) -> bool:
+        """All that was compared is the same to the last bit."""
+        return all(one.differ == 0 for one in self.apart.values())
+
+    def compare(self, name: str, recorded: Array, again: Array, at_s: float) -> None:
+        """Note one quantity of one cycle."""
+        self.apart.setdefault(name, Apart(name)).take(recorded, again, at_s)
+
+
+def replay(
+    record: FlightRecord, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None = None
+) -> Replayed:
+    """The whole record again, by the laws that flew it (by name) or by another one in their place.
+
+    RecordError for a record that is too old for it. Another law is given what the recorded one was given: it shows what
+    that law would have wanted there, not how the vehicle would have flown.
+    """
+    done = Replayed("" if other is None else "another")
+    begin_s = float(record.columns["time_s"][0])
+    estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
+    flying = _Flying(config, laws, other)
+    for row, tick in enumerate(record.ticks()):
+        done.ticks += 1
+        if row > 0 and other is None:
+            estimating.step(row, tick, done, tick.time_s - begin_s)
+        flying.step(tick, done, tick.time_s - begin_s)
+    return done
+
+
+class _Estimating:
+    """Frames to estimates."""
+
+    def __init__(self, record: FlightRecord, params: EstimatorParams) -> None:
+        self._state: EstimatorState | None = record.first_estimate
+        self._columns, self._params = record.columns, params
+
+    def step(self, row: int, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        if self._state is None or tick.frame is None:
+            return
+        self._state = estimator.step(self._state, tick.frame, self._params)
+        vehicle = self._state.vehicle
+        if vehicle is None:
+            return
+        for name, again in (
+            ("position_w_m", vehicle.position_w_m),
+            ("velocity_w_mps", vehicle.velocity_w_mps),
+            ("q_w_flu_wxyz", vehicle.q_w_flu_wxyz),
+            ("rate_flu_radps", vehicle.rate_flu_radps),
+        ):
+            done.compare(f"estimate {name}", self._columns[name][row], again, at_s)
+
+
+class _Flying:
+    """What the law was given to what goes out."""
+
+    def __init__(self, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None) -> None:
+        self._laws, self._other = laws, other
+        self._model = config.vehicle.thrust_model()
+        first = other if other is not None else next(iter(laws.values()))
+        self._stage = ControlStage(first, self._model, config.limits.limits(), guard=config.guard())
+        self._law: str | None = None
+        self._airborne = False
+
+    def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        given = tick.given
+        if given is not None:
+            self._begin(tick)
+            vehicle = VehicleState(
+                tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
+            )
+            asked = self._stage.fly(vehicle, given.age_s, given.reference, given.dt_s, given.known_accel_w_mps2)
+            late = self._stage.settle()
+            self._compare(tick, done, at_s, asked.output.accel_w_mps2, asked.output.signals | late)
+            if self._other is None and tick.setpoint is not None:
+                again = asked.gated.setpoint
+                done.compare("setpoint attitude", tick.setpoint.q_w_flu_wxyz, again.q_w_flu_wxyz, at_s)
+                done.compare("setpoint thrust", tick.setpoint.thrust, again.thrust, at_s)
+            before, now = done.events
+            done.events = before + tick.event, now + bool(asked.output.event.any())
+            done.flown += 1
+        self._airborne = given is not None
+        if tick.setpoint is not None:
+            self._stage.sent = tick.setpoint
+
+    def _begin(self, tick: RecordedTick) -> None:
+        """The law begins anew where it did: with nothing learnt, or in another one's place."""
+        if not tick.begun:
+            return
+        switched = self._airborne and self._law not in {None, tick.law}
+        if self._other is None and tick.law != self._law:
+            self._stage.switch(self._laws[tick.law])
+        if not switched:
+            self._stage.forget()
+        self._law = tick.law
+
+    def _compare(
+        self, tick: RecordedTick, done: Replayed, at_s: float, accel_w_mps2: Array, signals: Mapping[str, Array]
+    ) -> None:
+        assert tick.accel_w_mps2 is not None
+        done.compare("command", tick.accel_w_mps2, accel_w_mps2, at_s)
+        done.time_s.append(at_s)
+        done.recorded_accel_w_mps2.append(tick.accel_w_mps2)
+        done.accel_w_mps2.append(accel_w_mps2)
+        if self._other is not None:
+            return
+        for name in _both(tick.signals, signals):
+            done.compare(
+                f"law {name}", tick.signals[name], np.reshape(signals[name], np.shape(tick.signals[name])), at_s
+            )
+
+
+def _both(recorded: Mapping[str, Array], again: Mapping[str, Array]) -> Iterable[str]:
+    return [name for name in recorded if name in again]
