@@ -12,6 +12,7 @@ from companion.cli.arms_bench import bench_of, run
 from companion.cli.arms_carry_out import From, How, carry_out
 from companion.cli.arms_plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms_servos import clear_servos, ping_servos, read_servos, switch_torque
+from companion.cli.operate_arms import live
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -50,11 +51,15 @@ class Switch(StrEnum):
     OFF = "off"
 
 
+app.add_typer(live, name="live")
+
+
 @app.callback()
 def arms() -> None:
-    """Look at the arms' servos and move them, on the bench.
+    """Look at the arms' servos and move them, on the bench; or, by `live`, through the running service.
 
-    For a vehicle on the ground, disarmed, its propellers off: these commands know nothing of autopilot and flight.
+    On the bench: for a vehicle on the ground, disarmed, its propellers off, and no service that has the servos' bus:
+    these commands know nothing of autopilot and flight.
     Exit codes: 0 done, 1 failed on the way, 2 could not be started, 130 interrupted.
     """
     logging.basicConfig(level=logging.CRITICAL)  # what the driver has to say, the commands say themselves

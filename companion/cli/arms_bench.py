@@ -64,6 +64,8 @@ async def open_bus(arms: ArmsConfig, strict: bool = True) -> AsyncIterator[Dynam
 def _advice(arms: ArmsConfig, said: str) -> str:
     if not Path(arms.port).exists():
         return f"; {_WITHOUT_A_VEHICLE}"
+    if "in use by another process" in said:
+        return "; if it is `companion serve`, command its arms by `companion arms live`"
     return "\n  `companion arms clear` forgets what is latched from before" if "latched from before" in said else ""
 
 

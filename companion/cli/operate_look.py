@@ -1,0 +1,175 @@
+"""`companion status` and `companion watch`: what the service says, without a command."""
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import AsyncIterator, Coroutine
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from companion.bus.telemetry import Happened, Kind, Presence, State
+from companion.cli.asked import INTERRUPTED
+from companion.cli.operate_options import Asked, looking
+from companion.cli.operate_run import code_of
+from companion.cli.operate_voice import line_of, words_of
+from companion.cli.progress import show_cursor
+from companion.console import client
+from companion.console.client import Link, Said, open_console
+from companion.console.place import place_of
+from companion.ports import CompanionError
+
+_SILENT_S = 1.0
+_REFRESH_HZ = 5.0
+_STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.REPLY: "cyan"}
+
+
+@looking
+def status(
+    asked: Asked, once: Annotated[bool, typer.Option("--once", help="Print it once; so without a terminal.")] = False
+) -> None:
+    """Show phase, place, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
+    console = Console(highlight=False)
+    if asked.as_json:
+        _end(asked, _print_states(asked, once))
+    _end(asked, _show_live(asked, console) if console.is_terminal and not once else _show_once(asked, console))
+
+
+@looking
+def watch(asked: Asked) -> None:
+    """Print what happens as it happens: phases, faults, commands and replies; until Ctrl-C."""
+    _end(asked, _print_events(asked, Console(highlight=False, soft_wrap=True)))
+
+
+def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
+    code, text = 0, ""
+    try:
+        asyncio.run(work)
+    except KeyboardInterrupt:
+        code, text = INTERRUPTED, "interrupted"
+    except CompanionError as error:
+        code, text = code_of(error), str(error)
+    if text and asked.as_json:
+        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
+    elif text and code != INTERRUPTED:
+        typer.echo(f"companion: {text}", err=True)
+    raise typer.Exit(code)
+
+
+async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
+    """For ever; None when nothing was said for a while. NobodyThereError when there is nobody at the beginning."""
+    await console.find()
+    while True:
+        yield await console.next(_SILENT_S)
+
+
+async def _print_states(asked: Asked, once: bool) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        async for said in _heard(console):
+            if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
+                typer.echo(line_of(said))
+            if once and isinstance(said, State):
+                return
+
+
+async def _show_once(asked: Asked, out: Console) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        await console.find()
+        out.print(panel(console))
+
+
+async def _show_live(asked: Asked, out: Console) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        await console.find()
+        with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
+            show_cursor(out)
+            async for _ in _heard(console):
+                pass
+
+
+async def _print_events(asked: Asked, out: Console) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        async for said in _heard(console):
+            if said is None or isinstance(said, State):
+                continue
+            if asked.as_json:
+                typer.echo(line_of(said))
+            else:
+                out.print(_event(said))
+
+
+def _event(said: Said) -> Text:
+    if isinstance(said, Happened):
+        return Text(f"{_clock(said.time_s)}  {words_of(said)}", style=_STYLES.get(said.kind, ""))
+    if isinstance(said, Presence):
+        text = f"the service runs, version {said.version}" if said.online else "the service is gone"
+        return Text(f"{_clock(time.time())}  {text}", style="" if said.online else "red")
+    assert isinstance(said, Link)
+    return Text(f"{_clock(time.time())}  {'connected again' if said.there else said.why}", style="yellow")
+
+
+def _clock(time_s: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(time_s))
+
+
+def panel(console: client.Console) -> RenderableType:
+    """The newest state, and whether it is new."""
+    state = console.state
+    assert state is not None
+    age_s = console.state_age_s()
+    presence = console.presence
+    head = f"{console.where}"
+    if not console.linked:
+        warning = f"no connection to the broker for {age_s:.0f} s"
+    elif presence is not None and not presence.online:
+        warning = f"the service does not run; last heard {age_s:.0f} s ago"
+    else:
+        warning = f"nothing heard for {age_s:.0f} s" if age_s > _SILENT_S else ""
+    style = "dim" if warning else ""
+    return Group(Text(head, style="dim"), *([Text(warning, style="red")] if warning else []), _table(state, style))
+
+
+def _table(state: State, style: str) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False, style=style)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    armed = "armed" if state.armed else "disarmed"
+    flies = {True: ", in the air", False: ", on the ground", None: ""}[state.in_air]
+    rows = [("phase", f"{state.phase}{f': {state.reason}' if state.reason else ''}")]
+    rows.append(("vehicle", f"{armed}{flies}{f', {state.mode}' if state.mode else ''}"))
+    if state.doing is not None:
+        rows.append(("doing", f"{state.doing.verb}{f': {state.doing.text}' if state.doing.text else ''}"))
+    rows += _motion(state)
+    if state.battery is not None:
+        volts = "" if state.battery_v is None else f", {state.battery_v:.1f} V"
+        rows.append(("battery", f"{state.battery:.0%}{volts}"))
+    share = "" if state.sent_share is None else f", {state.sent_share:.0%} of its cycles send"
+    rows.append(("controller", f"{state.controller}{share}"))
+    if state.arms is not None:
+        rows.append(("arms", state.arms))
+    if state.text:
+        rows.append(("autopilot", state.text))
+    for name, value in rows:
+        table.add_row(name, Text(value))
+    for fault in state.faults:
+        table.add_row("fault", Text(fault, style="yellow"))
+    return table
+
+
+def _motion(state: State) -> list[tuple[str, str]]:
+    rows = []
+    if state.position_w_m is not None:
+        x_m, y_m, z_m = state.position_w_m
+        yaw = "" if state.yaw_rad is None else f", yaw {state.yaw_rad:+.2f} rad"
+        rows.append(("position", f"{x_m:+.2f} {y_m:+.2f} {z_m:+.2f} m{yaw}"))
+    if state.velocity_w_mps is not None:
+        tilt = "" if state.tilt_rad is None else f", tilt {state.tilt_rad:.2f} rad"
+        rows.append(("speed", f"{math.hypot(*state.velocity_w_mps):.2f} m/s{tilt}"))
+    if state.error_m is not None:
+        rows.append(("error", f"{100.0 * state.error_m:.1f} cm"))
+    return rows

@@ -1,0 +1,147 @@
+"""How an operator's command tells what it hears: to people, or as JSON."""
+
+import json
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import typer
+from pydantic import BaseModel
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from companion.bus.telemetry import Answer, Happened, Kind, Presence, Reply, State
+from companion.cli.progress import show_cursor
+from companion.console.client import Link, Said
+
+Show = Callable[[Reply, Console], None]
+"""Prints what a reply holds besides its sentence."""
+_REFRESH_HZ = 5.0
+_TYPES: dict[type, str] = {Reply: "reply", State: "state", Happened: "event", Presence: "status"}
+
+
+class Voice(Protocol):
+    """What a command says while it is carried out, and at its end."""
+
+    def begin(self, verb: str) -> None:
+        """From now on there is something to wait for."""
+
+    def say(self, said: Said) -> None:
+        """Of what is heard, all that is worth telling."""
+
+    def note(self, text: str) -> None:
+        """A sentence of our own."""
+
+    def end(self, code: int, text: str) -> None:
+        """The last sentence."""
+
+
+def line_of(said: Said) -> str:
+    """One JSON object: the message as it came, and `type`."""
+    if isinstance(said, Link):
+        return json.dumps({"type": "link", "there": said.there, "why": said.why})
+    kind = next(name for model, name in _TYPES.items() if isinstance(said, model))
+    assert isinstance(said, BaseModel)
+    return json.dumps({"type": kind, **said.model_dump(mode="json")})
+
+
+class JsonVoice:
+    """One object a line: replies, and at last `end` with code and text."""
+
+    def begin(self, verb: str) -> None:
+        """Nothing."""
+
+    def say(self, said: Said) -> None:
+        """Replies and the connection; states would be ten a second."""
+        if isinstance(said, Reply | Link):
+            typer.echo(line_of(said))
+
+    def note(self, text: str) -> None:
+        """As an object of its own."""
+        typer.echo(json.dumps({"type": "note", "text": text}))
+
+    def end(self, code: int, text: str) -> None:
+        """`code` is the exit code."""
+        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
+
+
+class PlainVoice:
+    """For people: one live line on a terminal, above it what is new."""
+
+    def __init__(self, show: Show | None = None) -> None:
+        self._show = show
+        self._out = Console(highlight=False, soft_wrap=True)
+        self._live: Live | None = None
+        self._verb, self._since_s, self._state = "", time.monotonic(), None  # type: str, float, State | None
+
+    def begin(self, verb: str) -> None:
+        """Show the live line until `end`."""
+        self._verb, self._since_s = verb, time.monotonic()
+        if self._out.is_terminal and self._live is None:
+            self._live = Live(
+                console=self._out, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=self._line
+            )
+            self._live.start()
+            show_cursor(self._out)
+
+    def say(self, said: Said) -> None:
+        """What is accepted and how it goes on, faults, and what became of the connection."""
+        if isinstance(said, State):
+            self._state = said
+        elif isinstance(said, Link):
+            self.note("connected again" if said.there else f"{said.why}; waiting, the command is not sent again")
+        elif isinstance(said, Happened) and said.kind in {Kind.FAULT, Kind.FAULT_ENDS}:
+            self._out.print(Text(f"  {words_of(said)}", style="yellow" if said.kind is Kind.FAULT else "dim"))
+        elif isinstance(said, Reply):
+            if said.answer in {Answer.ACCEPTED, Answer.PROGRESS} and said.text:
+                self._out.print(Text(f"  {said.text}", style="dim"))
+            if said.data and self._show is not None:
+                self._stop()
+                self._show(said, self._out)
+
+    def note(self, text: str) -> None:
+        """Beside the command's own words: on standard error."""
+        if self._live is not None:
+            self._out.print(Text(f"  {text}", style="yellow"))
+        else:
+            typer.echo(text, err=True)
+
+    def end(self, code: int, text: str) -> None:
+        """What was done on standard output; what was not, on standard error."""
+        self._stop()
+        if code:
+            typer.echo(f"companion: {text}", err=True)
+        elif text:
+            typer.echo(text)
+
+    def _stop(self) -> None:
+        if self._live is not None:
+            self._live.stop()
+            self._live = None
+
+    def _line(self) -> Text:
+        parts = [f"  {self._verb} {time.monotonic() - self._since_s:.0f} s"]
+        state = self._state
+        if state is not None:
+            parts.append(f"phase {state.phase}")
+            if state.position_w_m is not None:
+                parts.append(f"height {state.position_w_m[2]:.2f} m")
+            if state.error_m is not None:
+                parts.append(f"error {100.0 * state.error_m:.1f} cm")
+            if state.arms is not None:
+                parts.append(f"arms {state.arms}")
+            if state.doing is not None and state.doing.text:
+                parts.append(state.doing.text)
+        return Text("   ".join(parts), no_wrap=True, overflow="ellipsis")
+
+
+def words_of(happened: Happened) -> str:
+    """An event for people, without its time."""
+    if happened.kind is Kind.FAULT:
+        return f"fault: {happened.text}" + (f" -> {happened.reaction}" if happened.reaction else "")
+    if happened.kind is Kind.FAULT_ENDS:
+        return f"over: {happened.text}"
+    if happened.kind in {Kind.COMMAND, Kind.REPLY} and happened.name:
+        return f"{happened.name}: {happened.text}" if happened.text else happened.name
+    return happened.text
