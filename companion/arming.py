@@ -4,6 +4,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from companion.ports import FlightError
+from companion.supervisor.flight import Prepare, Request, Resume
+from companion.types import AutopilotStatus
+
+_UNKNOWN = "the autopilot does not say whether the vehicle stands or flies"
+
+
+def refused_for(wanted: Request, status: AutopilotStatus) -> str:
+    """What the autopilot says that is in the way of a request; empty when nothing is."""
+    if isinstance(wanted, Prepare) and (status.armed or status.in_air is not False):
+        # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
+        known = status.armed or status.in_air is not None
+        return "the vehicle is already armed or in the air" if known else _UNKNOWN
+    if isinstance(wanted, Resume) and not status.in_air:
+        return _UNKNOWN if status.in_air is None else "the autopilot says that the vehicle is on the ground"
+    return ""
 
 
 class Arming:

@@ -3,62 +3,35 @@
 import asyncio
 import logging
 import math
-from dataclasses import dataclass, field
 from typing import TypeGuard
 
-from companion.arm_stage import ArmStage
-from companion.arming import Arming
+from companion.arming import Arming, refused_for
 from companion.autopilot_calls import AutopilotCalls
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
-from companion.control.guard import SINKING, Guard
-from companion.control_stage import ControlStage, idle_setpoint
+from companion.control.guard import SINKING
+from companion.control_stage import idle_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
-from companion.giving_up import GivingUp, Patience
-from companion.health_stage import Cycle, HealthStage, Sides, facts_of
-from companion.law_stage import LawStage
-from companion.ports import ArmBus, Autopilot, Clock, CompanionError, DeadMan, MocapSource
-from companion.setpoint_stream import SetpointStream
+from companion.giving_up import GivingUp
+from companion.health_stage import Cycle, facts_of
+from companion.loop_parts import Devices, stages_of
+from companion.ports import CompanionError
 from companion.supervisor import phases
 from companion.supervisor.faults import Event, Fault, Reaction
-from companion.supervisor.flight import (
-    COMMANDED,
-    STREAMING,
-    Facts,
-    Flight,
-    HandOver,
-    Kill,
-    Land,
-    Phase,
-    Prepare,
-    Request,
-    Resume,
-)
+from companion.supervisor.flight import COMMANDED, STREAMING, Facts, Flight, HandOver, Kill, Land, Phase, Request
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
 from companion.types import FlightMode, MocapFrame
-from companion.vision_stage import VisionStage
+
+__all__ = ["Devices", "FlightLoop"]
 
 LOG = logging.getLogger(__name__)
 
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
-_LANDED_UNKNOWN = "the autopilot does not say whether the vehicle stands or flies"
 _FAILED = "the flight loop has failed and the autopilot was told to land: only kill is still taken"
-
-
-@dataclass(frozen=True)
-class Devices:
-    """The real or simulated parts the loop speaks to."""
-
-    mocap: MocapSource
-    autopilot: Autopilot
-    clock: Clock
-    dead_man: DeadMan
-    arms: ArmBus | None = None
-    sides: Sides = field(default_factory=Sides)
 
 
 class FlightLoop:
@@ -68,23 +41,16 @@ class FlightLoop:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
         self._sink: TickSink | None = sink
         self._period_s = 1.0 / config.control.rate_hz
-        self._rules, self._safety = config.flight_rules(), config.safety.rules()
-        model, limits = config.vehicle.thrust_model(), config.limits.limits()
-        guard = Guard(limits, model, config.fence.fence(), self._safety.coast_s, self._safety.degraded_s)
-        self._stage = ControlStage(controller, model, limits, guard=guard)
-        self.arms = self._arm_stage(devices.arms, config)
+        stages = stages_of(devices, controller, config)
+        self._rules, self._safety, self._stage = stages.rules, stages.safety, stages.control
+        self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
+        self.arms = stages.arms
         """The arms' part; None for a vehicle without."""
-        self._law = LawStage(self._stage, self.arms, self._rules, self._safety, limits.max_thrust, self._period_s)
-        self._health = HealthStage(self._safety, config.fence.fence(), devices.sides)
         self._events: tuple[Event, ...] = ()
-        self._stream = SetpointStream(
-            devices.autopilot, devices.dead_man, devices.clock, self._stage, self._safety.not_followed_s
-        )
         self._calls = AutopilotCalls(devices.autopilot)
         self.arming = Arming()
         """What goes before the flight's own phases."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
-        self._vision = VisionStage(devices.autopilot, config.px4.vision_rate_hz, self._period_s)
         self._estimate = EstimatorState()
         self._frame: MocapFrame | None = None
         self._flight = Flight()
@@ -95,15 +61,8 @@ class FlightLoop:
         """Cycles come by themselves."""
         self.missed_cycles = 0
         """Whole periods that passed without a cycle."""
-        patience = Patience(self._period_s, self._rules.stow_time_s, self._safety.land_refused_s)
-        parts = (self._see_without_checks, self._supervise_without_checks, self._fold_arms, self._keep_or_end_stream)
-        self._giving_up = GivingUp(self, self._calls, devices.clock, patience, parts)
-
-    @staticmethod
-    def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStage | None:
-        if bus is None or config.arms is None:
-            return None
-        return ArmStage(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)
+        parts = (self._see_without_checks, self._supervise_without_checks, self._keep_or_end_stream)
+        self._giving_up = GivingUp(self, self._calls, devices, self._period_s, self._rules, self._safety, parts)
 
     @property
     def flight(self) -> Flight:
@@ -129,16 +88,10 @@ class FlightLoop:
         """Why an operator's request cannot be met now; empty when it can."""
         if self._failed and not isinstance(wanted, Kill):
             return _FAILED
-        status = self._autopilot.status()
-        if isinstance(wanted, Prepare) and (status.armed or status.in_air is not False):
-            # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
-            known = status.armed or status.in_air is not None
-            return "the vehicle is already armed or in the air" if known else _LANDED_UNKNOWN
-        if isinstance(wanted, Resume) and not status.in_air:
-            return _LANDED_UNKNOWN if status.in_air is None else "the autopilot says that the vehicle is on the ground"
         if isinstance(wanted, Land) and self.arming.under_way:
             return ""
-        return phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)
+        of_autopilot = refused_for(wanted, self._autopilot.status())
+        return of_autopilot or phases.refusal(self._flight, wanted, self._facts(self._clock.now_s()), self._rules)
 
     def ask(self, wanted: Request) -> bool:
         """Hand in an operator's request; False when it is refused."""
@@ -328,25 +281,6 @@ class FlightLoop:
             last = self._stage.level(float(yaw_of(self._stage.sent.q_w_flu_wxyz)), SINKING * self._rules.hover_thrust)
         self._stream.send(last)
 
-    # What giving_up.Given asks for, and what is left of a cycle when the loop has failed.
-
-    @property
-    def arms_busy(self) -> bool:
-        """The arms move, or should."""
-        return self.arms is not None and self.arms.is_busy(self._flight)
-
-    @property
-    def unflown(self) -> bool:
-        """Given up, and the autopilot still shows OFFBOARD: it holds what it was told last."""
-        status = self._autopilot.status()
-        return self._flight.phase is Phase.HANDED_OVER and status.armed and status.mode is FlightMode.OFFBOARD
-
-    @property
-    def seen_landing(self) -> bool:
-        """Armed, and seen by motion capture."""
-        age_s = estimator.age_s(self._estimate, self._clock.now_s())
-        return self._autopilot.status().armed and age_s < self._safety.silent_s
-
     def hand_over(self, reason: str) -> None:
         """The autopilot lands what we still fly; nothing where we do not."""
         if self._flight.phase in COMMANDED | {Phase.RESUME}:
@@ -362,8 +296,3 @@ class FlightLoop:
     def _supervise_without_checks(self, now_s: float) -> None:
         if self._flight.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
             self._enter(phases.advance(self._flight, self._facts(now_s), self._rules))
-
-    def _fold_arms(self, now_s: float) -> None:
-        if self.arms is not None:
-            self.arms.read(now_s, self._flight)
-            self.arms.tick(now_s, self._flight)

@@ -3,28 +3,20 @@
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
+from companion.arm_stage import ArmStage
 from companion.autopilot_calls import AutopilotCalls
-from companion.ports import Clock
+from companion.estimation.estimator import EstimatorState, age_s
+from companion.loop_parts import Devices
+from companion.supervisor.flight import Flight, FlightRules, Phase
+from companion.supervisor.safety import SafetyRules
+from companion.types import FlightMode
 
 LOG = logging.getLogger(__name__)
 
 _SEEN_DOWN_S = 30.0
 """A landing from the ceiling of any room takes less."""
-
-
-@dataclass(frozen=True)
-class Patience:
-    """How long what is waited for."""
-
-    period_s: float
-    """Between two looks."""
-    stow_s: float
-    """For the arms to fold, or at least to come to rest."""
-    land_refused_s: float
-    """For an autopilot in OFFBOARD, which nobody flies, to begin its landing."""
 
 
 class Given(Protocol):
@@ -35,16 +27,16 @@ class Given(Protocol):
         """It goes on by itself."""
 
     @property
-    def arms_busy(self) -> bool:
-        """The arms move, or should."""
+    def flight(self) -> Flight:
+        """The present phase and all that goes with it."""
 
     @property
-    def unflown(self) -> bool:
-        """Given up, and the autopilot still shows OFFBOARD: it holds what it was told last."""
+    def estimate(self) -> EstimatorState:
+        """What is known of the vehicle's motion."""
 
     @property
-    def seen_landing(self) -> bool:
-        """Armed, and seen by motion capture."""
+    def arms(self) -> ArmStage | None:
+        """None for a vehicle without."""
 
     def hand_over(self, reason: str) -> None:
         """The autopilot lands what we still fly; nothing where we do not."""
@@ -61,12 +53,16 @@ class GivingUp:
         self,
         loop: Given,
         calls: AutopilotCalls,
-        clock: Clock,
-        patience: Patience,
+        devices: Devices,
+        period_s: float,
+        rules: FlightRules,
+        safety: SafetyRules,
         parts: Sequence[Callable[[float], None]],
     ) -> None:
-        self._loop, self._calls, self._clock, self._patience = loop, calls, clock, patience
-        self._parts = list(parts)
+        """Looks every `period_s`."""
+        self._loop, self._calls, self._clock, self._autopilot = loop, calls, devices.clock, devices.autopilot
+        self._period_s, self._rules, self._safety = period_s, rules, safety
+        self._parts = [*parts, self._fold_arms]
 
     async def give_up(self, reason: str) -> None:
         """Until the autopilot has answered and the arms have folded; after a failure, until the vehicle is down.
@@ -77,18 +73,38 @@ class GivingUp:
         self._loop.hand_over(reason)
         while self._waits(self._clock.now_s() - begun_s):
             self._go_on()
-            await asyncio.sleep(self._patience.period_s)
+            await asyncio.sleep(self._period_s)
             self._loop.hand_over(reason)
         self._go_on()
 
     def _waits(self, waited_s: float) -> bool:
-        loop, patience = self._loop, self._patience
+        """For an answer, for the arms to fold, for PX4 to begin its landing, and to end it if nobody else looks."""
         return (
             self._calls.pending
-            or (loop.arms_busy and waited_s < patience.stow_s)
-            or (loop.unflown and waited_s < patience.land_refused_s)
-            or (loop.seen_landing and not loop.ticking and waited_s < _SEEN_DOWN_S)
+            or (self._arms_busy() and waited_s < self._rules.stow_time_s)
+            or (self._unflown() and waited_s < self._safety.land_refused_s)
+            or (self._seen_landing() and not self._loop.ticking and waited_s < _SEEN_DOWN_S)
         )
+
+    def _arms_busy(self) -> bool:
+        """The arms move, or should."""
+        return self._loop.arms is not None and self._loop.arms.is_busy(self._loop.flight)
+
+    def _unflown(self) -> bool:
+        """Given up, and the autopilot still shows OFFBOARD: it holds what it was told last."""
+        status = self._autopilot.status()
+        return self._loop.flight.phase is Phase.HANDED_OVER and status.armed and status.mode is FlightMode.OFFBOARD
+
+    def _seen_landing(self) -> bool:
+        """Armed, and seen by motion capture."""
+        return (
+            self._autopilot.status().armed and age_s(self._loop.estimate, self._clock.now_s()) < self._safety.silent_s
+        )
+
+    def _fold_arms(self, now_s: float) -> None:
+        if self._loop.arms is not None:
+            self._loop.arms.read(now_s, self._loop.flight)
+            self._loop.arms.tick(now_s, self._loop.flight)
 
     def _go_on(self) -> None:
         if self._loop.ticking:

@@ -1,0 +1,64 @@
+"""What the flight loop is made of: the devices it speaks to, and the stages of a tick, built from the configuration."""
+
+from dataclasses import dataclass, field
+
+from companion.arm_stage import ArmStage
+from companion.config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.guard import Guard
+from companion.control_stage import ControlStage
+from companion.health_stage import HealthStage, Sides
+from companion.law_stage import LawStage
+from companion.ports import ArmBus, Autopilot, Clock, DeadMan, MocapSource
+from companion.setpoint_stream import SetpointStream
+from companion.supervisor.flight import FlightRules
+from companion.supervisor.safety import SafetyRules
+from companion.vision_stage import VisionStage
+
+
+@dataclass(frozen=True)
+class Devices:
+    """The real or simulated parts the loop speaks to."""
+
+    mocap: MocapSource
+    autopilot: Autopilot
+    clock: Clock
+    dead_man: DeadMan
+    arms: ArmBus | None = None
+    sides: Sides = field(default_factory=Sides)
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Each does its part of every tick."""
+
+    rules: FlightRules
+    safety: SafetyRules
+    control: ControlStage
+    arms: ArmStage | None
+    law: LawStage
+    health: HealthStage
+    stream: SetpointStream
+    vision: VisionStage
+
+
+def stages_of(devices: Devices, controller: Controller, config: CompanionConfig) -> Stages:
+    """All of them, with their memories empty."""
+    period_s = 1.0 / config.control.rate_hz
+    rules, safety = config.flight_rules(), config.safety.rules()
+    model, limits, fence = config.vehicle.thrust_model(), config.limits.limits(), config.fence.fence()
+    guard = Guard(limits, model, fence, safety.coast_s, safety.degraded_s)
+    control = ControlStage(controller, model, limits, guard=guard)
+    arms = None
+    if devices.arms is not None and config.arms is not None:
+        arms = ArmStage(devices.arms, config.arms, config.vehicle_model(), config.airframe(), period_s)
+    return Stages(
+        rules,
+        safety,
+        control,
+        arms,
+        LawStage(control, arms, rules, safety, limits.max_thrust, period_s),
+        HealthStage(safety, fence, devices.sides),
+        SetpointStream(devices.autopilot, devices.dead_man, devices.clock, control, safety.not_followed_s),
+        VisionStage(devices.autopilot, config.px4.vision_rate_hz, period_s),
+    )
