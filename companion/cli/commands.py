@@ -37,7 +37,7 @@ PANELS = {
         "serve": "companion.cli.serve:serve_command",
     },
     "The vehicle and its room": {
-        "preflight": "companion.cli.preflight:preflight",
+        "preflight": "companion.cli.operate_preflight:preflight",
         "dry-run": "companion.cli.dry_run:dry_run",
         "arms": "companion.cli.arms:app",
     },

@@ -20,12 +20,16 @@ _PANEL = "Where the service is"
 Broker = Annotated[
     str | None,
     typer.Option(
-        help=f"mqtt[s]://[USER@]HOST[:PORT]; else {BROKER}, else this computer.", rich_help_panel=_PANEL, metavar="URL"
+        help=f"mqtt://HOST, or mqtts://USER@HOST:PORT; else {BROKER}, else this computer.",
+        rich_help_panel=_PANEL,
+        metavar="URL",
     ),
 ]
 Vehicle = Annotated[
     str | None,
-    typer.Option(help=f"[PREFIX/]VEHICLE; else {VEHICLE}, else dauam/vehicle.", rich_help_panel=_PANEL, metavar="NAME"),
+    typer.Option(
+        help=f"VEHICLE or PREFIX/VEHICLE; else {VEHICLE}, else dauam/vehicle.", rich_help_panel=_PANEL, metavar="NAME"
+    ),
 ]
 PasswordFile = Annotated[
     str | None,
@@ -37,7 +41,9 @@ CaFile = Annotated[
 ]
 ConfigFile = Annotated[
     Path | None,
-    typer.Option("--config", help="TOML file whose [operator] says all this.", rich_help_panel=_PANEL, metavar="FILE"),
+    typer.Option(
+        "--config", help="A TOML file whose table operator says all this.", rich_help_panel=_PANEL, metavar="FILE"
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, and nothing else.")]
 NoWait = Annotated[bool, typer.Option("--no-wait", help="End once it is accepted.")]
