@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from companion.config_records import RecordsConfig
-from companion.records.row import BEGIN, TOLD, RowEncoder
+from companion.records.row import BEGIN, TOLD, RowEncoder, Signals, batch, frozen
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 
@@ -17,7 +17,15 @@ LOG = logging.getLogger(__name__)
 
 _BUFFER = 4_000_000
 """Asked of the kernel for the socket; it gives what net.core.wmem_max allows."""
-_LISTEN_TICKS = 50
+_BATCH_TICKS = 10
+"""Encoded together: in a loop that sleeps between its ticks the first one costs as much as the next five."""
+_LARGEST_BATCH = 100_000
+"""Bytes; of the rows of a law with a network of thousands each goes by itself."""
+_LISTEN_FLUSHES = 5
+_AGAIN_S = 5.0
+"""Between two attempts to start a writer."""
+_ON_GROUND = frozenset({Phase.STANDBY, Phase.DISARMED})
+"""Phases in which a process may be started from the control loop: it takes milliseconds."""
 _CLOSING_S = 10.0
 
 
@@ -31,7 +39,10 @@ class RecordSink:
         self._task = json.dumps({"records": config.model_dump(mode="json"), "vehicle": vehicle})
         self._encoder = RowEncoder()
         self._begin: dict[str, Any] = {"unix_offset_s": time.time() - time.monotonic(), "vehicle": vehicle}
-        self._listened = 0
+        self._waiting: list[tuple[Tick, Signals]] = []
+        self._flushes = 0
+        self._ready = False
+        self._started_s = 0.0
         self._link: socket.socket | None = None
         self._writer: subprocess.Popen[bytes] | None = None
         self.dropped = 0
@@ -52,6 +63,12 @@ class RecordSink:
         """Of the writer."""
         return self._writer.pid if self._writer is not None else None
 
+    @property
+    def ready(self) -> bool:
+        """Whether the writer takes what it is sent; a second after its start."""
+        self._listen()
+        return self._ready
+
     def begin(self, metadata: dict[str, Any]) -> None:
         """What is to be known of the flights to come: `config`, `controller`, `versions`, `seed`; adds to what was."""
         self._begin |= metadata
@@ -61,16 +78,33 @@ class RecordSink:
         """Take one tick."""
         if self._link is None:
             self.dropped += 1
-            if tick.flight.phase is Phase.STANDBY or tick.flight.phase is Phase.DISARMED:
+            if tick.flight.phase in _ON_GROUND and tick.time_s - self._started_s > _AGAIN_S:
                 self._start_writer()
             return
-        for message in self._encoder.messages(tick):
-            if not self._send(message):
-                self.dropped += 1
-        self._listened += 1
-        if self._listened >= _LISTEN_TICKS:
-            self._listened = 0
+        self._waiting.append((tick, frozen(tick)))
+        if len(self._waiting) >= _BATCH_TICKS:
+            self._flush()
+
+    def _flush(self) -> None:
+        """Hand over what is waiting."""
+        ticks, self._waiting = self._waiting, []
+        try:
+            messages = [message for tick, signals in ticks for message in self._encoder.messages(tick, signals)]
+        except Exception as error:  # a tick that is like no other is not the end of the flight
+            self._lose_ticks(len(ticks))
+            self._warn(f"a tick cannot be recorded: {type(error).__name__}: {error}")
+            return
+        if sum(map(len, messages)) <= _LARGEST_BATCH:
+            messages = [batch(messages)]
+        if not all(self._send(message) for message in messages):
+            self._lose_ticks(len(ticks))
+        self._flushes += 1
+        if self._flushes % _LISTEN_FLUSHES == 0:
             self._listen()
+
+    def _lose_ticks(self, count: int) -> None:
+        self.dropped += count
+        self._encoder.retell()
 
     def tell(self, kind: str, text: str, time_s: float) -> None:
         """Something for the record: a command, a reply, an event."""
@@ -78,6 +112,7 @@ class RecordSink:
 
     def close(self) -> None:
         """The flight's file is whole when this returns; at most 10 s."""
+        self._flush()
         link, self._link = self._link, None
         if link is not None:
             link.shutdown(socket.SHUT_WR)
@@ -96,8 +131,8 @@ class RecordSink:
         command = [sys.executable, "-m", "companion.records.writer", self._task]
         with theirs:
             self._writer = subprocess.Popen(command, stdin=theirs.fileno(), start_new_session=True)  # noqa: S603
-        self._link = ours
-        self._encoder.forget()
+        self._link, self._started_s, self._ready = ours, time.monotonic(), False
+        self._encoder.retell()
         self.begin({})
 
     def _send(self, message: bytes) -> bool:
@@ -119,7 +154,7 @@ class RecordSink:
             self._link.close()
         self._link = None
         if self._writer is not None:
-            self._writer.poll()
+            self._writer.poll()  # it leaves no zombie
 
     def _listen(self) -> None:
         """What the writer has to say."""
@@ -133,6 +168,9 @@ class RecordSink:
                 return
             if said is None:
                 return
+            self._ready = True
+            if "notice" in said:
+                LOG.warning("records: %s", said["notice"])
             if "warning" in said:
                 self._warn(said["warning"])
             if "file" in said:

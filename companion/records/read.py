@@ -2,6 +2,7 @@
 
 import json
 import math
+import struct
 import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -13,6 +14,7 @@ import numpy as np
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
+from zstandard import ZstdError
 
 from companion.control.controller import ControlInput
 from companion.estimation.state import EstimatorState
@@ -25,8 +27,8 @@ META = "companion"
 """Name of the metadata record: `begin` and `start`, both JSON."""
 EVENTS = "/event"
 _FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs")
-_BROKEN = (McapError, EOFError, ValueError, KeyError, IndexError, TypeError)
-"""What reading a file that was cut off, or is none, may raise; struct.error and zstd's come as ValueError, too."""
+_BROKEN = (McapError, EOFError, struct.error, ZstdError, ValueError, KeyError, IndexError, TypeError, RuntimeError)
+"""What reading a file that was cut off, or is none, may raise."""
 
 
 class RecordError(CompanionError):
@@ -202,8 +204,8 @@ def read_flight(path: Path) -> FlightRecord:
 
 def _read_npz(path: Path) -> FlightRecord:
     try:
-        with np.load(path, allow_pickle=False) as file:
-            columns = {name: file[name] for name in file.files}
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            columns = {name: arrays[name] for name in arrays.files}
     except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
         raise RecordError(f"{path}: a damaged NPZ file: {error}") from error
     if "time_s" not in columns or "phase" not in columns:
@@ -222,10 +224,8 @@ def _read_mcap(path: Path) -> FlightRecord:
                     table.take(record)
                 elif isinstance(record, Metadata) and record.name == META:
                     metadata.take(record)
-        except _BROKEN as error:
+        except _BROKEN:
             truncated = True
-            if not isinstance(error, McapError | EOFError | ValueError) and not table.ticks:
-                raise RecordError(f"{path}: an MCAP file, but not one of a flight: {error}") from error
     if not table.ticks:
         raise RecordError(f"{path}: an MCAP file without a single tick of a flight")
     return FlightRecord(
@@ -291,12 +291,27 @@ class _Table:
 
     def columns(self) -> dict[str, np.ndarray]:
         """Numbers as float64, words as str, flags as bool."""
-        columns = {name: self._column(rows, values) for name, (rows, values) in self._found.items()}
+        columns: dict[str, np.ndarray] = {}
+        for name, (rows, values) in self._found.items():
+            try:
+                columns[name] = self._column(rows, values)
+            except ValueError:  # it had not the same shape everywhere: another law's signal of the same name
+                columns |= self._by_shape(name, rows, values)
         columns["tick"] = np.array(self.ticks, np.float64)
         for name in _FLAGS:
             if name in columns:
                 columns[name] = np.nan_to_num(columns[name]) > 0.0
         return columns | _derived(columns)
+
+    def _by_shape(self, name: str, rows: list[int], values: list[Any]) -> dict[str, np.ndarray]:
+        """The first shape keeps the name, others are named after theirs."""
+        shapes: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
+        for row, value in zip(rows, values, strict=True):
+            of_shape = shapes.setdefault(np.shape(value), ([], []))
+            of_shape[0].append(row)
+            of_shape[1].append(value)
+        names = [name, *("_".join([name, *map(str, shape)]) for shape in [*shapes][1:])]
+        return {named: self._column(*found) for named, found in zip(names, shapes.values(), strict=True)}
 
     def _column(self, rows: list[int], values: list[Any]) -> np.ndarray:
         if isinstance(values[0], str):

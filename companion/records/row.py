@@ -7,7 +7,7 @@ its own. Each such kind of tick has a layout, which is sent once, before its fir
 import json
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -15,22 +15,23 @@ import numpy as np
 
 from companion.estimation.state import Counts
 from companion.records.exact import to_json
-from companion.supervisor.faults import TABLE, Event
+from companion.supervisor.faults import Event, reaction_to
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 from companion.types import Array
 
-ROW, LAYOUT, START, BEGIN, TOLD = b"R", b"L", b"S", b"B", b"T"
+ROW, LAYOUT, START, BEGIN, TOLD, BATCH = b"R", b"L", b"S", b"B", b"T", b"P"
 """First byte of a message: what it is."""
 _HEAD = struct.Struct("<cHII")
 """Kind of message, layout, the tick's number, bytes of words."""
+_LENGTH = struct.Struct("<I")
 _F64 = np.dtype(np.float64)
 _RESTING = frozenset({Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED, Phase.HANDED_OVER})
-_REACTIONS = {row.fault: row for row in TABLE}
 
 Shape = tuple[int, ...]
 Column = tuple[str, str, Shape]
 """Topic, name, and shape: () for a number."""
+_WANTED = "accel_w_mps2"
 TIME = 0
 """Place of `time_s` in every row's block."""
 
@@ -69,7 +70,7 @@ _ASKED = {
         "given_reference_position_w_m given_reference_velocity_w_mps given_reference_acceleration_w_mps2 "
         "given_sent_accel_w_mps2 given_known_accel_w_mps2",
     ),
-    "/law": ("event", "accel_w_mps2"),
+    "/law": ("event", ""),
 }
 _GATED = {
     "/setpoint": (
@@ -92,6 +93,18 @@ WORDS = (
 """Names of the words of every row; `events` and `arm_faults`, lists of tables, come on top."""
 
 
+@dataclass(frozen=True)
+class Signals:
+    """What the law wants and its inner values, in one block."""
+
+    columns: tuple[Any, ...]
+    """Their names, then the shape of each."""
+    block: bytes
+
+
+NO_SIGNALS = Signals(((),), b"")
+
+
 @dataclass
 class _Values:
     """What is gathered of one tick."""
@@ -110,34 +123,44 @@ class _Known:
     size: int
 
 
+def batch(messages: list[bytes]) -> bytes:
+    """Several messages as one."""
+    return BATCH + b"".join([part for message in messages for part in (_LENGTH.pack(len(message)), message)])
+
+
+def unbatched(message: bytes) -> Iterator[bytes]:
+    """The messages in a BATCH, in order."""
+    at = 1
+    while at < len(message):
+        (length,) = _LENGTH.unpack_from(message, at)
+        at += _LENGTH.size + length
+        yield message[at - length : at]
+
+
 class RowEncoder:
-    """Ticks to messages. Holds which layouts and words the other side has; `forget` when there is another one."""
+    """Ticks to messages. Holds which layouts and words the other side has; `retell` when it has them no more."""
 
     def __init__(self) -> None:
-        self.forget()
+        self.number = 0
+        """Of the next row."""
+        self.retell()
 
-    def forget(self) -> None:
-        """Somebody new listens: everything is told again."""
+    def retell(self) -> None:
+        """Something was lost on the way: all is told again. The count of ticks goes on, so that a gap shows."""
         self._layouts: dict[Any, _Known] = {}
         self._words: tuple[Any, ...] = ()
         self._phase: Phase | None = None
-        self.number = 0
-        """Of the next row."""
 
-    def messages(self, tick: Tick) -> list[bytes]:
-        """What is to be sent of this tick, in order; the row is the last."""
+    def messages(self, tick: Tick, signals: Signals) -> list[bytes]:
+        """What is to be sent of this tick and its `frozen` signals, in order; the row is the last."""
         before: list[bytes] = []
         phase = tick.flight.phase
         if phase is not self._phase:
             if phase is not Phase.STANDBY and (self._phase is None or self._phase in _RESTING):
                 before.append(START + _start(tick, self.number).encode())
             self._phase = phase
-        values, signals = _gathered(tick), _signals(tick)
-        key = (
-            *map(id, values.parts),
-            *signals,
-            *[signal.shape for signal in signals.values()],
-        )
+        values = _gathered(tick)
+        key = (*map(id, values.parts), signals.columns)
         known = self._layouts.get(key)
         if known is None:
             known = self._layouts[key] = _known(len(self._layouts), values, signals)
@@ -148,7 +171,7 @@ class RowEncoder:
             words,
             _packed(known, values.numbers),
             *[array.tobytes() for array in values.arrays],
-            *[array.tobytes() for array in signals.values()],
+            signals.block,
         ])  # fmt: skip
         if len(block) != _HEAD.size + len(words) + known.size:
             raise ValueError(f"a row of {len(block)} bytes does not fit its layout")
@@ -191,7 +214,7 @@ def _packed(known: _Known, numbers: list[Any]) -> bytes:
 
 
 def _event(event: Event, tick: Tick) -> dict[str, str]:
-    reaction = _REACTIONS[event.fault].reaction(tick.flight.stage)
+    reaction = reaction_to(event.fault, tick.flight.stage)
     return {"fault": event.fault, "text": event.text, "reaction": reaction.words}
 
 
@@ -234,7 +257,7 @@ def _gathered(tick: Tick) -> _Values:
         arrays += (
             given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps,
             ahead.position_w_m, ahead.velocity_w_mps, ahead.acceleration_w_mps2,
-            given.sent_accel_w_mps2, given.known_accel_w_mps2, asked.output.accel_w_mps2,
+            given.sent_accel_w_mps2, given.known_accel_w_mps2,
         )  # fmt: skip
     if (gated := tick.gated) is not None:
         parts.append(_GATED)
@@ -262,22 +285,27 @@ def _gather_arms(tick: Tick, parts: list[Any], numbers: list[Any], arrays: list[
         arrays += (goal.position_rad, goal.velocity_radps, goal.acceleration_radps2)
 
 
-def _signals(tick: Tick) -> dict[str, Array]:
-    """The law's inner values; whatever a user's law calls a number, as an array of float64."""
-    named = tick.late_signals if tick.asked is None else tick.asked.output.signals | tick.late_signals
-    return {
-        name: signal if type(signal) is np.ndarray and signal.dtype is _F64 else np.asarray(signal, _F64)
-        for name, signal in named.items()
-    }
+def frozen(tick: Tick) -> Signals:
+    """What the law wants and its inner values as they are now: a user's law may go on to write into its arrays."""
+    asked = tick.asked
+    named = tick.late_signals if asked is None else asked.output.signals | tick.late_signals
+    if not named and asked is None:
+        return NO_SIGNALS
+    arrays = [
+        signal if type(signal) is np.ndarray and signal.dtype is _F64 else np.asarray(signal, _F64)
+        for signal in ((asked.output.accel_w_mps2, *named.values()) if asked is not None else named.values())
+    ]
+    names = (_WANTED, *named) if asked is not None else (*named,)
+    return Signals((names, *[array.shape for array in arrays]), b"".join([array.tobytes() for array in arrays]))
 
 
-def _known(number: int, values: _Values, signals: dict[str, Array]) -> _Known:
+def _known(number: int, values: _Values, signals: Signals) -> _Known:
     pack = struct.Struct(f"<{len(values.numbers)}d").pack
     cells = sum(math.prod(shape) for _, _, shape in _columns(values, signals))
     return _Known(number, pack, cells * _F64.itemsize)
 
 
-def _columns(values: _Values, signals: dict[str, Array]) -> list[Column]:
+def _columns(values: _Values, signals: Signals) -> list[Column]:
     """Numbers first, then arrays, in the order in which they were gathered."""
     numbers: list[Column] = []
     arrays: list[tuple[str, str]] = []
@@ -288,7 +316,11 @@ def _columns(values: _Values, signals: dict[str, Array]) -> list[Column]:
     if len(numbers) != len(values.numbers):
         raise ValueError(f"{len(values.numbers)} numbers of a tick have {len(numbers)} names")
     shaped = [(topic, name, array.shape) for (topic, name), array in zip(arrays, values.arrays, strict=True)]
-    return numbers + shaped + [("/law", f"law_{name}", signal.shape) for name, signal in signals.items()]
+    names, *shapes = signals.columns
+    of_law = [
+        ("/law", name if name == _WANTED else f"law_{name}", shape) for name, shape in zip(names, shapes, strict=True)
+    ]
+    return numbers + shaped + of_law
 
 
 class Layout:

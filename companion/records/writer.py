@@ -20,14 +20,14 @@ from foxglove import Context
 
 from companion.config_records import RecordsConfig
 from companion.records.flight_file import FlightFiles
-from companion.records.row import BEGIN, LAYOUT, ROW, START, TOLD
+from companion.records.row import BATCH, BEGIN, LAYOUT, ROW, START, TOLD, unbatched
 from companion.records.shelf import Shelf
 
 LOG = logging.getLogger(__name__)
 
 LARGEST = 4_000_000
 """Bytes of a message."""
-_MOST_WAITING = 20_000
+_MOST_WAITING = 2_000
 """Messages in memory, some 50 MB: minutes of a disk that does not answer."""
 _NICE = 5
 
@@ -44,6 +44,7 @@ def main() -> None:
     tell = _teller(link)
     files = FlightFiles(Shelf(config, task["vehicle"]), context, tell)
     server = _serve(config, context, task["vehicle"], tell)
+    tell({"ready": True})
     waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
     threading.Thread(target=_read, args=(link, waiting), name="read", daemon=True).start()
     _write(files, waiting, tell)
@@ -73,17 +74,14 @@ def _serve(config: RecordsConfig, context: Context, name: str, tell: Callable[[d
     try:
         return foxglove.start_server(name=name, host=config.live_host, port=config.live_port, context=context)
     except (OSError, RuntimeError, ValueError) as error:
-        tell({"warning": f"nothing to watch on {config.live_host}:{config.live_port}, see [records]: {error}"})
+        tell({"notice": f"nothing to watch on {config.live_host}:{config.live_port}, see [records]: {error}"})
         return None
 
 
 def _read(link: socket.socket, waiting: queue.Queue[bytes]) -> None:
     """Until the other side is gone; then an empty message."""
     while message := _received(link):
-        try:
-            waiting.put(message, block=message[:1] != ROW)
-        except queue.Full:
-            continue  # the file shows it by the tick's number
+        waiting.put(message)  # and when that is full the socket runs full, too, which the service sees
     waiting.put(b"")
 
 
@@ -99,7 +97,8 @@ def _write(files: FlightFiles, waiting: queue.Queue[bytes], tell: Callable[[dict
     failed = False
     while message := waiting.get():
         try:
-            do[message[:1]](message)
+            for one in unbatched(message) if message[:1] == BATCH else (message,):
+                do[one[:1]](one)
         except Exception as error:  # one message that cannot be kept is not the end of the others
             if not failed:
                 tell({"warning": f"the record lacks something: {type(error).__name__}: {error}"})

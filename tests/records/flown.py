@@ -1,0 +1,104 @@
+"""Ticks of a made-up flight: real estimator, real law, real gate, and a vehicle that follows a circle."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from companion.arm_stage import ArmTick
+from companion.arms.machine import ArmPhase
+from companion.config import CompanionConfig
+from companion.config_controller import load_controller
+from companion.control_stage import ControlStage
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.supervisor.faults import Event, Fault
+from companion.supervisor.flight import Flight, Phase
+from companion.tick import Tick
+from companion.types import ArmStatus, AutopilotStatus, FlightMode, JointMotion, MocapFrame, Reference
+
+PERIOD_S = 0.01
+LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
+ZERO = np.zeros(3)
+CONFIG = CompanionConfig()
+STATUS = AutopilotStatus(True, -math.inf, False, FlightMode.HOLD, False, 0.9, 16.1, LEVEL, "")
+DISK_FULL = Event(Fault.DISK_FULL, '1 MB free, 100 % "full"')
+
+
+def flight(
+    track_s: float = 0.5, after_s: float = 0.1, start_s: float = 100.0, controllers: tuple[str, ...] = ("practical",)
+) -> Iterator[Tick]:
+    """Standby, preflight, track under each controller in turn, disarmed; no frame in every seventh tick."""
+    seed = np.random.default_rng(1)
+    estimate, time_s = EstimatorState(), start_s
+    stage: ControlStage | None = None
+    phases = [
+        (Phase.STANDBY, "", 10),
+        (Phase.PREFLIGHT, "", 10),
+        *((Phase.TRACK, name, round(track_s / PERIOD_S)) for name in controllers),
+        (Phase.DISARMED, "", round(after_s / PERIOD_S)),
+    ]
+    number = 0
+    for phase, name, ticks in phases:
+        if name:
+            law = load_controller(name, CONFIG.vehicle_model(), PERIOD_S).law
+            if stage is None:
+                stage = ControlStage(law, CONFIG.vehicle.thrust_model(), CONFIG.limits.limits())
+            else:
+                stage.switch(law)
+        for _ in range(ticks):
+            number += 1
+            time_s += PERIOD_S
+            frame = None
+            if number % 7:
+                where = np.array([math.cos(time_s), math.sin(time_s), 1.0]) + seed.normal(0.0, 3e-4, 3)
+                frame = MocapFrame(number, time_s - 40.0, time_s - 0.001, where, np.eye(3), math.nan, number // 100)
+                estimate = estimator.step(estimate, frame, EstimatorParams())
+            yield _tick(time_s, phase, name, frame, estimate, stage if name else None)
+
+
+def _tick(
+    time_s: float,
+    phase: Phase,
+    name: str,
+    frame: MocapFrame | None,
+    estimate: EstimatorState,
+    stage: ControlStage | None,
+) -> Tick:
+    flown = stage is not None and estimate.vehicle is not None
+    reference = Reference(np.array([math.cos(time_s), math.sin(time_s), 1.0]), ZERO, ZERO, 0.1)
+    asked, late = None, {}
+    if stage is not None and estimate.vehicle is not None:
+        asked = stage.fly(estimate.vehicle, estimator.age_s(estimate, time_s), reference, PERIOD_S)
+        stage.sent = asked.gated.setpoint
+        late = stage.settle()
+    return Tick(
+        time_s=time_s,
+        late_s=0.0001,
+        frame_received_s=frame.received_s if frame else math.nan,
+        sent_s=time_s + 0.0005 if flown else math.nan,
+        vehicle=estimate.vehicle,
+        age_s=estimator.age_s(estimate, time_s),
+        status=replace(STATUS, armed=flown, mode=FlightMode.OFFBOARD if flown else FlightMode.HOLD),
+        flight=Flight(phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""),
+        reference=reference if flown else None,
+        asked=asked,
+        gated=asked.gated if asked else None,
+        late_signals=late,
+        arms=_arms(time_s),
+        events=(DISK_FULL,) if phase is Phase.PREFLIGHT else (),
+        frame=frame,
+        estimate=estimate,
+        law=name or "practical",
+    )
+
+
+def _arms(time_s: float) -> ArmTick:
+    joints = np.full(8, 0.1 * math.sin(time_s))
+    nothing = np.full(8, np.nan)
+    goal = JointMotion(joints, joints, joints)
+    status = ArmStatus(
+        np.full(8, -np.inf), joints, joints, nothing, nothing, nothing, np.ones(8, bool), joints, (), 7, 0.004, 1
+    )
+    return ArmTick(ArmPhase.HOLDING, "", goal, status, ZERO)

@@ -1,0 +1,13 @@
+"""The writer as a test sees it from outside."""
+
+import time
+
+from companion.adapters.record_process import RecordSink
+
+
+def wait_until_it_reads(sink: RecordSink) -> None:
+    """From then on nothing is dropped."""
+    end_s = time.monotonic() + 30.0
+    while not sink.ready:
+        assert time.monotonic() < end_s, "the writer did not start"
+        time.sleep(0.01)
