@@ -185,11 +185,12 @@ class _AtOnce:
         command, service = self._job.command, self._service
         if isinstance(command, asked.Disarm):
             return self._disarm()
-        if isinstance(command, asked.Land | asked.Abort) and service.phase in {Phase.STANDBY, Phase.DISARMED}:
-            return self._on_ground()
         wanted = wanted_by(command)
         assert wanted is not None
         refused = service.loop.refusal(wanted)
+        down = service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
+        if refused and down and isinstance(command, asked.Land | asked.Abort):
+            return self._on_ground()
         if refused or not service.loop.ask(wanted):
             raise FlightError(f"cannot {command.verb}: {refused}")
         self._job.accept()
@@ -211,8 +212,7 @@ class _AtOnce:
 
     async def _on_ground(self) -> str:
         self._job.accept()
-        await self._service.land()
-        return "it stands"
+        return "it stands, nothing is under way"
 
     async def _disarm(self) -> str:
         service = self._service
