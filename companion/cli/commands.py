@@ -42,6 +42,7 @@ PANELS = {
         "arms": "companion.cli.arms:app",
     },
     "After a flight": {
+        "records": "companion.cli.records:records",
         "replay": "companion.cli.replay:replay_command",
     },
     "Without a vehicle": {

@@ -1,0 +1,47 @@
+"""A record as tables for other programs."""
+
+import csv
+import json
+import math
+from dataclasses import astuple, fields
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+from companion.records.read import FlightRecord, HealthEvent, RecordedEvent
+
+
+def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
+    """ticks.csv, events.csv, faults.csv and metadata.json; every float in full, nothing where there was none."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names, cells = _flat(record.columns)
+    tables = {
+        "ticks.csv": (names, list(zip(*cells, strict=True))),
+        "events.csv": ([field.name for field in fields(RecordedEvent)], [astuple(event) for event in record.events]),
+        "faults.csv": ([field.name for field in fields(HealthEvent)], [astuple(event) for event in record.health]),
+    }
+    for name, (heads, rows) in tables.items():
+        with (folder / name).open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(heads)
+            writer.writerows(rows)
+    metadata = folder / "metadata.json"
+    metadata.write_text(json.dumps(record.metadata | {"start": record.start}, indent=2) + "\n", encoding="utf-8")
+    return [*(folder / name for name in tables), metadata]
+
+
+def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]]:
+    """Every component by itself: `position_w_m_0`; time and number come first."""
+    names: list[str] = []
+    cells: list[list[object]] = []
+    for name in sorted(columns, key=lambda name: (name != "time_s", name != "tick", name)):
+        column = columns[name]
+        for place in product(*map(range, column.shape[1:])):
+            names.append("_".join([name, *map(str, place)]))
+            cells.append([_cell(value) for value in column[(slice(None), *place)].tolist()])
+    return names, cells
+
+
+def _cell(value: object) -> object:
+    return "" if isinstance(value, float) and math.isnan(value) else value
