@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import asdict
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -67,12 +66,10 @@ def _as_dict(one: Glance) -> dict[str, object]:
 
 
 def _table(found: list[Glance]) -> Table:
-    table = Table()
-    for head in ("record", "begun", "length", "law", "ended", "size"):
-        table.add_column(head, justify="right" if head in {"length", "size"} else "left", no_wrap=head != "ended")
+    table = Table(box=None)
+    for head in ("record", "length", "size", "law", "ended"):
+        table.add_column(head, justify="right" if head in {"length", "size"} else "left", no_wrap=head == "record")
     for one in found:
-        begun = "" if math.isnan(one.begin_s) else f"{datetime.fromtimestamp(one.begin_s, UTC).astimezone():%F %T}"
         ended = f"{one.ended} (the record breaks off)" if one.truncated else one.ended
-        cells = (one.path.name, begun, f"{one.length_s:.0f} s", one.law, ended, f"{one.size_mb:.1f} MB")
-        table.add_row(*map(Text, cells))
+        table.add_row(*map(Text, (one.path.name, f"{one.length_s:.0f} s", f"{one.size_mb:.1f} MB", one.law, ended)))
     return table

@@ -16,6 +16,10 @@ WITH_WORDS = "/flight"
 """The topic that has the words, too."""
 _NO_NUMBER = {"nan": "null", "inf": "1e999", "-inf": "-1e999"}
 """JSON knows none of them; what reads a number too large makes it infinite."""
+_ERROR: Shapes = {"position_error_w_m": (3,), "velocity_error_w_mps": (3,), "distance_m": ()}
+_ERROR_TEMPLATE = (
+    '{"tick":%s,"time_s":%s,"position_error_w_m":[%s,%s,%s],"velocity_error_w_mps":[%s,%s,%s],"distance_m":%s}'
+)
 _TABLES = {"type": "array", "items": {"type": "object"}}
 
 
@@ -56,12 +60,23 @@ class JsonRows:
         for where in np.flatnonzero(~np.isfinite(row.block)):
             said[where] = _NO_NUMBER[said[where]]
         number, time = str(row.number), said[TIME]
-        return [
+        parts = [
             Message(
                 topic.name, topic.shapes, topic.template % (number, time, *topic.pick(said)) + self._end(topic.name)
             )
             for topic in topics
         ]
+        return [*parts, *self._error(row, number, time)]
+
+    @staticmethod
+    def _error(row: Row, number: str, time: str) -> list[Message]:
+        """Where the vehicle is, less where it should be: what everybody wants to plot."""
+        if "position_w_m" not in row or "reference_position_w_m" not in row:
+            return []
+        position = (row.cell("position_w_m") - row.cell("reference_position_w_m")).tolist()
+        velocity = (row.cell("velocity_w_mps") - row.cell("reference_velocity_w_mps")).tolist()
+        said = [repr(value) for value in (*position, *velocity, math.hypot(*position))]
+        return [Message("/error", _ERROR, _ERROR_TEMPLATE % (number, time, *[_NO_NUMBER.get(s, s) for s in said]))]
 
     def _end(self, topic: str) -> str:
         return self._said if topic == WITH_WORDS else "}"
