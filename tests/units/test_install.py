@@ -150,5 +150,5 @@ def test_a_python_that_the_service_cannot_run_is_refused(tmp_path: Path) -> None
 
 
 def test_the_scripts_are_sound() -> None:
-    scripts = [INSTALL, UNINSTALL, ROOT / ".ci/run", ROOT / ".ci/packages"]
+    scripts = [INSTALL, UNINSTALL, SYSTEMD / "try.sh", ROOT / ".ci/run", ROOT / ".ci/packages"]
     said(tool("shellcheck"), *scripts)
