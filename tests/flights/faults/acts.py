@@ -60,12 +60,6 @@ def safety_line(flight: Flight) -> None:
     world.observers.append(pull)
 
 
-def servo_fails(flight: Flight) -> None:
-    """One of the elbows is overloaded."""
-    assert flight.servos is not None
-    flight.servos.fail("left.elbow_pitch")
-
-
 def one_servo(kind: FaultKind, servo_id: int, **more: float) -> Act:
     """What the mock's words do not cover: a fault of one servo."""
 

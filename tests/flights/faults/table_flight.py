@@ -1,13 +1,12 @@
 """Flights in which autopilot, law, loop, arms, operator or room go wrong."""
 
 from companion.config import CompanionConfig, FlightConfig, RoomConfig
-from companion.config_arms import ArmsConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.supervisor.faults import Fault
 from mock_autopilot.truth import Truth
 from tests.flights.faults import acts
 from tests.flights.faults.rows import ARMS as MOVING_ARMS
-from tests.flights.faults.rows import BOOT_S, BRISK, MODE_S, RULES, Act, Conditions, End, Row, When, within
+from tests.flights.faults.rows import BOOT_S, MODE_S, RULES, Act, Conditions, End, Row, When, within
 from tests.flights.simulated import Flight
 
 PX4, OURS, ON, OFF = End.HANDED_OVER, End.LANDED, End.FLIES_ON, End.TERMINATED
@@ -28,7 +27,6 @@ SHORT_HOLD = CompanionConfig(
     fence=NARROW.fence, room=NARROW.room, safety=SafetyConfig(tracking_m=4.0, lost_m=5.0, hold_s=3.0),
 )  # fmt: skip
 PID = Conditions(law="pid")
-ARMS = Conditions(CompanionConfig(flight=BRISK, arms=ArmsConfig()), more={"arms": {"enabled": True}})
 
 GYRO_DRIFTS = tuple(f"autopilot wrong (attitude off) by {0.02 * k:.2f} rad" for k in range(1, 41))
 PLATE_SLIPS = ("mocap wrong (tilted) by 0.02 rad",) * 20
@@ -150,9 +148,6 @@ SERVICE = (
       for when, end in ((When.HOVER, OURS), (When.TRACK, OURS), (When.TAKEOFF, OURS), (When.GROUND, End.NOT_STARTED))),
     *(Row(Fault.KILL, "kill", (acts.kill,), end, within(0.0), when)
       for when, end in ((When.TRACK, OFF), (When.TAKEOFF, OFF), (When.LANDING, OFF), (When.GROUND, End.NOT_STARTED))),
-    Row(Fault.ARMS, "a servo is overloaded", (acts.servo_fails,), OURS, within(0.0), When.HOVER, flown_with=ARMS),
-    Row(Fault.ARMS, "a servo is overloaded", (acts.servo_fails,), OURS, within(0.0), When.LANDING,
-        flown_with=ARMS),
 )  # fmt: skip
 
 FLIGHT = AUTOPILOT + HORIZON + VEHICLE + SERVICE
