@@ -9,9 +9,10 @@ import asyncio
 import logging
 import socket
 import ssl
+from collections.abc import Awaitable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
 
 import aiomqtt
 import paho.mqtt.client as paho
@@ -25,6 +26,7 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from companion.adapters.mqtt.packets import with_few_properties
 
+_T = TypeVar("_T")
 V5, V311 = aiomqtt.ProtocolVersion.V5, aiomqtt.ProtocolVersion.V311
 
 ANSWER_S = 1.0
@@ -126,6 +128,14 @@ class Connection(aiomqtt.Client):
         if not self._connected.done():
             raise UnansweredError("no answer to CONNECT")
         self._connected.result()
+
+    async def _wait_for(self, fut: Awaitable[_T], timeout: float | None) -> _T:  # noqa: ASYNC109 - aiomqtt's
+        """As aiomqtt does it, but ends when cancelled: wait_for forgets that when the answer comes at that moment."""
+        try:
+            async with asyncio.timeout(self.timeout if timeout is None else timeout):
+                return await fut
+        except TimeoutError:
+            raise aiomqtt.MqttError("no answer") from None
 
     def _on_disconnect(
         self,
