@@ -27,11 +27,12 @@ from tests.records.flown import CONFIG, flight
 BEGIN = {"unix_offset_s": 1.7e9, "config": CONFIG.model_dump(mode="json"), "seed": 7}
 
 
-def written(folder: Path, ticks: Iterable[Tick], **config: Any) -> list[Path]:
+def written(folder: Path, ticks: Iterable[Tick], begin: dict[str, Any] | None = None, **config: Any) -> list[Path]:
     """All that the writer does, in this process."""
     settings = RecordsConfig.model_validate({"folder": str(folder), "live_port": 0, "min_free_mb": 0.0} | config)
     files = FlightFiles(Shelf(settings, "one"), Context(), lambda _: None)
-    files.begin(b"B" + json.dumps(BEGIN | {"config": {"arms": ArmsConfig().model_dump(mode="json")}}).encode())
+    usual = BEGIN | {"config": {"arms": ArmsConfig().model_dump(mode="json")}}
+    files.begin(b"B" + json.dumps(usual if begin is None else begin).encode())
     encoder = RowEncoder()
     do = {LAYOUT: files.learn, START: files.start, ROW: files.row}
     for tick in ticks:

@@ -1,0 +1,115 @@
+"""A flight of the whole loop in simulated time, recorded, and fed through estimator, law and guard again."""
+
+import asyncio
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig
+from companion.config_controller import controller_path, load_controller
+from companion.control.reference import Ellipse, LapTiming
+from companion.ports import CompanionError
+from companion.records.read import FlightRecord, read_flight
+from companion.replay.laws import config_of, law_of, laws_of
+from companion.replay.rerun import Replayed, replay
+from companion.supervisor.flight import Fly, Phase
+from tests.flights.simulated import Flight, fly
+from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
+from tests.flights.test_simulated_safety import do
+from tests.records.test_round_trip import written
+
+CONFIG = CompanionConfig()
+LAP = Ellipse(np.array([0.0, 0.0, 1.2]), (0.5, 0.3), LapTiming(6.0, 1))
+
+
+def to_pid(flight: Flight) -> None:
+    law = load_controller("pid", CONFIG.vehicle_model(), 0.01).law
+    flight.loop.switch(law, "pid")
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """With another law from the middle of the lap on."""
+    script = [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(2.0), do(to_pid), wait(4.0), *DOWN]
+    flight = asyncio.run(fly(script))
+    ticks = [replace(tick, law=tick.law or "etnn") for tick in flight.ticks]
+    laws = {name: controller_path(name).read_text(encoding="utf-8") for name in ("etnn", "pid")}
+    begin = {"config": CONFIG.model_dump(mode="json"), "laws": laws, "unix_offset_s": 0.0}
+    (one,) = written(tmp_path_factory.mktemp("records"), ticks, begin)
+    return one
+
+
+@pytest.fixture(scope="module")
+def record(path: Path) -> FlightRecord:
+    return read_flight(path)
+
+
+def again(record: FlightRecord) -> Replayed:
+    config = config_of(record)
+    return replay(record, config, laws_of(record, config))
+
+
+def test_it_is_identical_to_the_last_bit_also_where_another_law_took_over(record: FlightRecord) -> None:
+    done = again(record)
+    assert done.identical, [one for one in done.apart.values() if one.differ]
+    assert done.flown > 1000
+    for name in ("command", "setpoint attitude", "setpoint thrust", "law f_hat", "law integral_n", "law kappa"):
+        assert done.apart[name].compared > 300, name
+    assert done.apart["estimate velocity_w_mps"].compared > 1000
+    assert done.events[0] == done.events[1] > 0
+
+
+def test_a_frame_that_is_not_as_it_was_shows_in_the_estimate_and_nowhere_else(record: FlightRecord) -> None:
+    columns = {name: column.copy() for name, column in record.columns.items()}
+    row = np.flatnonzero(np.isfinite(columns["frame_stamp_s"]))[500]
+    columns["frame_position_w_m"][row, 0] += 1e-6
+    done = again(replace(record, columns=columns))
+    assert done.apart["estimate position_w_m"].differ > 0
+    assert 0.0 < done.apart["estimate position_w_m"].most < 1e-5
+    assert done.apart["command"].differ == 0
+
+
+def test_a_law_that_was_given_something_else_shows_in_its_command(record: FlightRecord) -> None:
+    columns = {name: column.copy() for name, column in record.columns.items()}
+    row = np.flatnonzero(np.isfinite(columns["given_dt_s"]))[400]
+    columns["given_position_w_m"][row, 1] += 1e-3
+    done = again(replace(record, columns=columns))
+    assert done.apart["estimate position_w_m"].differ == 0
+    assert done.apart["law x1"].differ == 1
+    assert done.apart["command"].differ > 1, "the law remembers"
+    assert done.apart["command"].first_s is not None
+
+
+def test_other_gains_are_compared_with_what_flew(record: FlightRecord, tmp_path: Path) -> None:
+    text = controller_path("pid").read_text(encoding="utf-8")
+    config = config_of(record)
+    same = replay(record, config, laws_of(record, config), law_of("pid", text, config))
+    assert same.apart.keys() == {"command"}
+    assert same.apart["command"].differ > 0
+    flown_by_pid = np.array([str(name) == "pid" for name in record.columns["law_name"]])
+    assert same.flown > flown_by_pid.sum()
+
+
+def test_the_command_says_identical_and_ends_with_0(path: Path) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "companion.cli.main", "replay", str(path)], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.startswith("identical to the last bit")
+    told = subprocess.run(
+        [sys.executable, "-m", "companion.cli.main", "replay", str(path), "--controller", "pid", "--json"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert told.returncode == 0
+    numbers = json.loads(told.stdout)
+    assert numbers["sent_again"] == numbers["flown"], "pid sends in every cycle"
+
+
+def test_what_has_no_configuration_is_refused_in_one_sentence(record: FlightRecord) -> None:
+    with pytest.raises(CompanionError, match=r"has no configuration"):
+        config_of(replace(record, metadata={}))
