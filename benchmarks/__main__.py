@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: latency beside a bare relay, steps, CPU and memory, the arms' bus; `--help` for options."""
+"""`python -m benchmarks`: latency beside a bare relay, steps, CPU, memory, arms' bus, record; `--help` for options."""
 
 import json
 from enum import StrEnum
@@ -13,6 +13,7 @@ from rich.status import Status
 from benchmarks.arms import measure_arms
 from benchmarks.flights import measure_footprint, measure_latency
 from benchmarks.machine import this_machine
+from benchmarks.onlookers import measure_onlookers
 from benchmarks.results import Results, as_markdown, print_results
 from benchmarks.steps import stage_costs, step_costs
 from companion.config import default_config_path, load_config
@@ -29,6 +30,7 @@ class Part(StrEnum):
     STEPS = "steps"
     PROCESS = "process"
     ARMS = "arms"
+    RECORDS = "records"
 
 
 def bench(
@@ -65,6 +67,8 @@ def _measure(console: Console, quick: bool, parts: set[Part]) -> Results:
             _process(results, status)
         if Part.ARMS in parts:
             _arms(results, status)
+        if Part.RECORDS in parts:
+            _records(results, status)
     return results
 
 
@@ -98,6 +102,12 @@ def _process(results: Results, status: Status) -> None:
 def _arms(results: Results, status: Status) -> None:
     turns, for_s = (2, 1.0) if results.quick else (6, 5.0)
     results.arms.append(uvloop.run(measure_arms(turns, for_s, lambda what: status.update(f"arms: {what}"))))
+
+
+def _records(results: Results, status: Status) -> None:
+    for_s = 6.0 if results.quick else 30.0
+    measured = measure_onlookers(RATES_HZ[0], for_s, lambda what: status.update(f"record and telemetry: {what}"))
+    results.onlookers.append(uvloop.run(measured))
 
 
 if __name__ == "__main__":

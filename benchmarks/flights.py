@@ -111,16 +111,16 @@ def _us(answers: Answers) -> Spread:
 
 async def _fly(plan: FlightPlan, say: Progress) -> _Measured:
     ports, service = free_ports(), Stamps()
-    async with _relay(plan) as relay, simulated_room(_mock_config(plan, ports), service, relay):
+    async with _relay(plan) as relay, simulated_room(mock_config(plan, ports), service, relay):
         say("taking off")
-        async with _subject(_task(plan, ports)) as process:
+        async with hovering("benchmarks.subject", task_of(plan, ports)) as process:
             await asyncio.sleep(SETTLE_S)
             say(f"hovering for {plan.for_s:g} s")
             program = psutil.Process(process.pid)
             start_s, used_s = time.monotonic(), _cpu_s(program)
             await asyncio.sleep(plan.for_s)
             end_s, used_s, memory = time.monotonic(), _cpu_s(program) - used_s, program.memory_info().rss
-            said = await _end(process)
+            said = await end(process)
     inside = [(float(got), float(left)) for got, left in json.loads(said)]
     return _Measured(service, relay.stamps if relay else None, inside, start_s, end_s, used_s, memory)
 
@@ -130,7 +130,7 @@ def _cpu_s(program: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-def _task(plan: FlightPlan, ports: MockPorts) -> Task:
+def task_of(plan: FlightPlan, ports: MockPorts) -> Task:
     """The defaults; low and quick, because only the hover counts, and on a computer that nobody has prepared."""
     data = CompanionConfig.model_validate({}).model_dump()
     data["preflight"] |= {"realtime": False, "by_hand_within_h": 0.0, "mocap_hz": 50.0, "delay_apart_s": 0.05}
@@ -141,17 +141,19 @@ def _task(plan: FlightPlan, ports: MockPorts) -> Task:
     return Task(config=CompanionConfig.model_validate(data), controller="practical", every_cycle=plan.every_cycle)
 
 
-def _mock_config(plan: FlightPlan, ports: MockPorts) -> MockConfig:
+def mock_config(plan: FlightPlan, ports: MockPorts) -> MockConfig:
+    """config/mock.toml on these ports, with motion capture at the plan's rate."""
     data = MockConfig.load(default_config_path("mock.toml")).model_dump()
     data["mavlink"] |= {"local_port": ports.autopilot, "remote_port": ports.client}
     data["qualisys"] |= {"port": ports.qualisys, "rate_hz": plan.rate_hz}
+    data["arms"]["bus"]["link"] = ports.servo_link
     return MockConfig.from_dict(data)
 
 
 @asynccontextmanager
-async def _subject(task: Task) -> AsyncIterator[asyncio.subprocess.Process]:
+async def hovering(module: str, task: Task) -> AsyncIterator[asyncio.subprocess.Process]:
     """The service in its own process, hovering."""
-    async with python_process("benchmarks.subject", task.model_dump_json()) as process:
+    async with python_process(module, task.model_dump_json()) as process:
         if await first_line(process) != "flying":
             assert process.stderr is not None
             raise BenchError(f"the service did not fly: {(await process.stderr.read()).decode()[-2000:]}")
@@ -183,7 +185,7 @@ async def python_process(module: str, argument: str) -> AsyncIterator[asyncio.su
         await process.communicate()
 
 
-async def _end(process: asyncio.subprocess.Process) -> bytes:
+async def end(process: asyncio.subprocess.Process) -> bytes:
     """Close its standard input; what it still has to say."""
     assert process.stdin is not None
     process.stdin.close()

@@ -9,8 +9,16 @@ from rich.table import Table
 from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
 from benchmarks.machine import Machine
+from benchmarks.onlookers import OnlookersCost
 from benchmarks.steps import StageCost, StepCost
-from benchmarks.targets import Target, arms_targets, footprint_targets, latency_targets, step_targets
+from benchmarks.targets import (
+    Target,
+    arms_targets,
+    footprint_targets,
+    latency_targets,
+    onlookers_targets,
+    step_targets,
+)
 
 Row = tuple[str, ...]
 Section = tuple[str, Row, list[Row]]
@@ -28,6 +36,7 @@ class Results:
     stages: list[StageCost] = field(default_factory=list)
     footprints: list[Footprint] = field(default_factory=list)
     arms: list[ArmsCost] = field(default_factory=list)
+    onlookers: list[OnlookersCost] = field(default_factory=list)
 
     def targets(self) -> list[Target]:
         """Every target that this run can speak of."""
@@ -36,6 +45,7 @@ class Results:
             *step_targets(self.steps),
             *(target for footprint in self.footprints for target in footprint_targets(footprint)),
             *(target for cost in self.arms for target in arms_targets(cost)),
+            *(target for onlookers in self.onlookers for target in onlookers_targets(onlookers)),
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -46,7 +56,8 @@ class Results:
 
     def sections(self) -> list[Section]:
         """The tables, as text."""
-        tables = (self._targets(), self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
+        measured = (self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
+        tables = (self._targets(), *measured, self._onlookers())
         return [table for table in tables if table[2]]
 
     def _targets(self) -> Section:
@@ -99,6 +110,18 @@ class Results:
             )
         ]
         return "The arms' bus, and the tick beside it, us", ("", "least", "median", "p90", "p99", "most"), rows
+
+    def _onlookers(self) -> Section:
+        rows = [
+            (f"{name}, {cost.rate_hz:g} Hz", *(f"{v:.0f}" for v in (s.least, s.median, s.p90, s.p99, s.most)))
+            for cost in self.onlookers
+            for name, s in (
+                ("nobody looks on", cost.alone_us),
+                ("record", cost.record_us),
+                ("record and telemetry", cost.all_us),
+            )
+        ]
+        return "A whole tick, us, by who looks on", ("", "least", "median", "p90", "p99", "most"), rows
 
 
 def _number(value: float, unit: str) -> str:
@@ -156,5 +179,7 @@ _NOTES = """## How it is measured
 - **Arms**: eight simulated servos (6 XM, 2 AX) on a pty, in another process that sends the frames, too. The tick is
   law, conversion and gate; with arms, their status and new goals, too. Turns with the bus and without alternate. The
   servos' simulation shares the two cores, which real servos do not.
+- **Who looks on**: whole ticks of one hover, each ten under one group of onlookers, then the next. Rows of the record
+  are encoded ten at a time, after the setpoint has left: the median does not show that tick, the 90th percentile does.
 - **Process**: `psutil` over a hover under `practical.toml`; the mocks are not in it.
 """.splitlines()

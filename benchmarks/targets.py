@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
+from benchmarks.onlookers import OnlookersCost
 from benchmarks.steps import StepCost
 
 LATENCY_MS = 1.0
@@ -15,6 +16,9 @@ MEMORY_MB = 200.0
 ARMS_CYCLE_MS = 5.0
 ARMS_LATE_RATIO = 1.1
 """No later. Two halves of a run without arms differ by up to 8 % on a busy machine."""
+
+
+ONLOOKERS_SHARE = 0.10
 
 
 @dataclass(frozen=True)
@@ -77,3 +81,9 @@ def arms_targets(cost: ArmsCost) -> list[Target]:
         Target("arms' bus, one cycle of 8 servos, median", cost.cycle_ms.median, ARMS_CYCLE_MS, "ms"),
         Target("tick at 100 Hz begins, times as late with arms", cost.late_ratio, ARMS_LATE_RATIO),
     ]
+
+
+def onlookers_targets(cost: OnlookersCost) -> list[Target]:
+    """What the median grows by."""
+    what = f"record and telemetry at {cost.rate_hz:g} Hz, of the tick's median"
+    return [Target(what, 100.0 * cost.all_share, 100.0 * ONLOOKERS_SHARE, "%")]

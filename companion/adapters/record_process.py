@@ -9,7 +9,7 @@ import time
 from typing import Any
 
 from companion.config_records import RecordsConfig
-from companion.records.row import BEGIN, TOLD, RowEncoder, Signals, batch, frozen
+from companion.records.row import BEGIN, TOLD, Frozen, RowEncoder, batch, frozen
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 
@@ -39,7 +39,7 @@ class RecordSink:
         self._task = json.dumps({"records": config.model_dump(mode="json"), "vehicle": vehicle})
         self._encoder = RowEncoder()
         self._begin: dict[str, Any] = {"unix_offset_s": time.time() - time.monotonic(), "vehicle": vehicle}
-        self._waiting: list[tuple[Tick, Signals]] = []
+        self._waiting: list[tuple[Tick, Frozen]] = []
         self._flushes = 0
         self._ready = False
         self._started_s = 0.0
@@ -89,7 +89,7 @@ class RecordSink:
         """Hand over what is waiting."""
         ticks, self._waiting = self._waiting, []
         try:
-            messages = [message for tick, signals in ticks for message in self._encoder.messages(tick, signals)]
+            messages = [message for tick, kept in ticks for message in self._encoder.messages(tick, kept)]
         except Exception as error:  # a tick that is like no other is not the end of the flight
             self._lose_ticks(len(ticks))
             self._warn(f"a tick cannot be recorded: {type(error).__name__}: {error}")

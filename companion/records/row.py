@@ -102,7 +102,8 @@ class Signals:
     block: bytes
 
 
-NO_SIGNALS = Signals(((),), b"")
+Frozen = tuple[list[Array], bytes]
+"""Arrays, of which only type and shape still count, and what was in them."""
 
 
 @dataclass
@@ -151,15 +152,15 @@ class RowEncoder:
         self._words: tuple[Any, ...] = ()
         self._phase: Phase | None = None
 
-    def messages(self, tick: Tick, signals: Signals) -> list[bytes]:
-        """What is to be sent of this tick and its `frozen` signals, in order; the row is the last."""
+    def messages(self, tick: Tick, kept: Frozen) -> list[bytes]:
+        """What is to be sent of this tick and of what was `frozen` of it, in order; the row is the last."""
         before: list[bytes] = []
         phase = tick.flight.phase
         if phase is not self._phase:
             if phase is not Phase.STANDBY and (self._phase is None or self._phase in _RESTING):
                 before.append(START + _start(tick, self.number).encode())
             self._phase = phase
-        values = _gathered(tick)
+        values, signals = _gathered(tick), _signals(tick, kept)
         key = (*map(id, values.parts), signals.columns)
         known = self._layouts.get(key)
         if known is None:
@@ -285,18 +286,53 @@ def _gather_arms(tick: Tick, parts: list[Any], numbers: list[Any], arrays: list[
         arrays += (goal.position_rad, goal.velocity_radps, goal.acceleration_radps2)
 
 
-def frozen(tick: Tick) -> Signals:
-    """What the law wants and its inner values as they are now: a user's law may go on to write into its arrays."""
+def frozen(tick: Tick) -> Frozen:
+    """What the law wants and its inner values as they are now: a user's law may go on to write into its arrays.
+
+    For every tick at once, and cheap: the bytes alone are copied.
+    """
     asked = tick.asked
-    named = tick.late_signals if asked is None else asked.output.signals | tick.late_signals
-    if not named and asked is None:
-        return NO_SIGNALS
-    arrays = [
-        signal if type(signal) is np.ndarray and signal.dtype is _F64 else np.asarray(signal, _F64)
-        for signal in ((asked.output.accel_w_mps2, *named.values()) if asked is not None else named.values())
-    ]
-    names = (_WANTED, *named) if asked is not None else (*named,)
-    return Signals((names, *[array.shape for array in arrays]), b"".join([array.tobytes() for array in arrays]))
+    if asked is None:
+        arrays = [*tick.late_signals.values()]
+    else:
+        arrays = [asked.output.accel_w_mps2, *asked.output.signals.values(), *tick.late_signals.values()]
+    try:
+        return arrays, b"".join(arrays)  # type: ignore[arg-type]  # numpy's arrays are bytes to join
+    except TypeError:  # not one piece of memory, or what a user's law calls an array
+        arrays = [_array(array) for array in arrays]
+        return arrays, b"".join(arrays)  # type: ignore[arg-type]
+
+
+def _array(signal: Any) -> Array:
+    """In one piece; NaN where it is no number."""
+    try:
+        return np.array(signal, _F64, order="C")
+    except (TypeError, ValueError):
+        return np.array(math.nan)
+
+
+def _signals(tick: Tick, kept: Frozen) -> Signals:
+    """Of `frozen` values what a row needs."""
+    arrays, block = kept
+    names = (*tick.late_signals,)
+    if tick.asked is not None:
+        names = (_WANTED, *tick.asked.output.signals, *names)
+    if any(array.dtype is not _F64 for array in arrays):
+        arrays, block = _as_f64(arrays, block)
+    return Signals((names, *[array.shape for array in arrays]), block)
+
+
+def _as_f64(arrays: list[Array], block: bytes) -> Frozen:
+    """A user's law may have integers or short floats among its arrays."""
+    copies, at = [], 0
+    for array in arrays:
+        piece = block[at : at + array.nbytes]
+        at += array.nbytes
+        if array.dtype.kind in "fiub":
+            copies.append(np.frombuffer(piece, array.dtype).astype(_F64).reshape(array.shape))
+        else:
+            copies.append(np.array(math.nan))
+    return copies, b"".join(copies)  # type: ignore[arg-type]
 
 
 def _known(number: int, values: _Values, signals: Signals) -> _Known:

@@ -180,3 +180,31 @@ def test_a_record_that_was_cut_off_anywhere_is_read_up_to_there(tmp_path: Path) 
         counts.append(len(record.columns["time_s"]))
         np.testing.assert_array_equal(record.columns["time_s"], whole.columns["time_s"][: counts[-1]])
     assert 50 < counts[0] < counts[1] < counts[2] < len(whole.columns["time_s"])
+
+
+def test_whatever_a_law_calls_a_signal_is_recorded_or_is_nan(tmp_path: Path) -> None:
+    ticks = list(flight())
+    odd = {
+        "turned": np.arange(6.0).reshape(2, 3).T,
+        "float": 2.5,
+        "integers": np.array([1, 2]),
+        "short": np.array([0.5], np.float32),
+        "true": np.array(True),
+        "words": np.array(["a"]),
+        "none": None,
+    }
+    flown_ticks = [tick for tick in ticks if tick.asked is not None]
+    for tick in flown_ticks[:5] + flown_ticks[20:]:
+        object.__setattr__(tick, "late_signals", odd)
+    for tick in flown_ticks[5:20]:  # all in one piece of memory
+        whole = {name: odd[name] for name in ("integers", "short", "true", "words")}
+        object.__setattr__(tick, "late_signals", whole)
+    (path,) = written(tmp_path, ticks)
+    columns = read_flight(path).columns
+    flying = columns["phase"] == "track"
+    np.testing.assert_array_equal(columns["law_turned"][flying][-1], odd["turned"])
+    for name, value in (("float", 2.5), ("integers", [1.0, 2.0]), ("short", [0.5]), ("true", 1.0)):
+        for row in (-1, 10) if name != "float" else (-1,):
+            np.testing.assert_array_equal(columns[f"law_{name}"][flying][row], value, name)
+    assert np.isnan(columns["law_words"]).all()
+    assert np.isnan(columns["law_none"]).all()
