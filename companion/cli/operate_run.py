@@ -23,6 +23,7 @@ BAD_INPUT, NOBODY, LOST = 2, 3, 4
 _CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
 _SAFE_S = 15.0
 """A hold takes a few seconds to stand still."""
+_AGAIN_S = 0.1
 T = TypeVar("T")
 
 _HOLD, _DISARM = ({"verb": "hold"},), ({"verb": "disarm"},)
@@ -126,9 +127,10 @@ class _Run:
                 return doing.result()
             raise _PressedError
         finally:
-            for one in (doing, pressed):
-                one.cancel()
-            await asyncio.gather(doing, pressed, return_exceptions=True)
+            pressed.cancel()
+            while not doing.done():  # Python 3.11's wait_for loses a cancellation that comes with its result
+                doing.cancel()
+                await asyncio.wait({doing}, timeout=_AGAIN_S)
 
 
 _GOOD = frozenset({Answer.DONE, Answer.ACCEPTED})

@@ -75,6 +75,7 @@ class Console:
         self.state: State | None = None
         """The newest; None before the first."""
         self._heard_s = 0.0
+        self._reply: Reply | None = None
 
     @property
     def where(self) -> str:
@@ -97,7 +98,8 @@ class Console:
     async def next(self, timeout_s: float) -> Said | None:
         """What was said next; None if nothing within that time."""
         try:
-            return await asyncio.wait_for(self._said.get(), timeout_s)
+            async with asyncio.timeout(timeout_s):
+                return await self._said.get()
         except TimeoutError:
             return None
 
@@ -198,10 +200,12 @@ class Console:
             self._note(model.model_validate_json(message.payload))
 
     def _note(self, said: BaseModel) -> None:
+        if said in (self.presence, self._reply):
+            return  # the service says again that it is there; the broker, what we could not acknowledge
         if isinstance(said, Presence):
-            if said == self.presence:
-                return
             self.presence = said
+        if isinstance(said, Reply):
+            self._reply = said
         if isinstance(said, State):
             self.state, self._heard_s = said, asyncio.get_running_loop().time()
         if isinstance(said, Presence | State | Happened | Reply):
@@ -214,9 +218,7 @@ class Console:
         if isinstance(error, ConfigError):
             return error
         if is_forbidden(error):
-            return ConfigError(
-                f"{url} does not let us in: user and password: --broker mqtt://USER@..., --password-file"
-            )
+            return ConfigError(f"{url} does not let us in: give --broker mqtt://USER@HOST and --password-file")
         if isinstance(error, ssl.SSLError):
             return ConfigError(f"{url}: {_why(error)}: is --ca-file the one that signed its certificate?")
         return NobodyThereError(f"nobody there: no broker at {url} ({_why(error)}), so the service does not run there")
