@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import socket
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -121,7 +122,8 @@ class Operator:
 @asynccontextmanager
 async def operating(port: int, version: aiomqtt.ProtocolVersion = V311, **client: Any) -> AsyncIterator[Operator]:
     """An operator who hears everything of the vehicle."""
-    async with aiomqtt.Client("127.0.0.1", port, protocol=version, **client) as connected:
+    at_once = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
+    async with aiomqtt.Client("127.0.0.1", port, protocol=version, socket_options=at_once, **client) as connected:
         operator = Operator(connected)
         await connected.subscribe(f"{TOPICS.root}/#", qos=1)
         listening = asyncio.create_task(operator.listen(), name="operator")
@@ -138,7 +140,7 @@ async def operated(
     port: int, vehicle: Vehicle, version: aiomqtt.ProtocolVersion = V311
 ) -> AsyncIterator[tuple[BusLink, Operator]]:
     """Both, one after the other: amqtt 0.12 loses a client that connects while another subscribes."""
-    async with linked(port, vehicle) as link:
+    async with linked(port, vehicle, embedded=version is V311) as link:
         await until(lambda: link.age_s() == 0.0)
         async with operating(port, version) as operator:
             yield link, operator

@@ -1,8 +1,8 @@
 """One connection to a broker: aiomqtt's client, made to end at once and leave nothing behind.
 
-As it is, aiomqtt keeps socket, reader and task of an attempt that failed or was cancelled, and may watch a socket that
-is closed, or for ever one that has nothing to write; a packet that makes paho raise is handed to it again and again
-without pause; and a packet may say that it has 256 MB, or have more properties than paho can read in time.
+As they are, aiomqtt and paho keep socket, reader and task of an attempt that failed or was cancelled, and may watch a
+socket that is closed, or for ever one that has nothing to write; a packet that makes paho raise is handed to it again
+and again without pause; and a packet may say that it has 256 MB, or have more properties than paho can read in time.
 """
 
 import asyncio
@@ -83,6 +83,8 @@ class Connection(aiomqtt.Client):
             logger=_QUIET,
         )
         self._client.connect_timeout = ANSWER_S
+        self._host, self._tls = reached.host, reached.tls
+        self._client._ssl_wrap_socket = self._encrypted  # type: ignore[method-assign, assignment]
         self._receive = self._client._sock_recv
         self._client._sock_recv = self._receive_bounded  # type: ignore[method-assign, assignment]
         self._publish = self._client._handle_publish
@@ -182,6 +184,18 @@ class Connection(aiomqtt.Client):
         if self._misc_task is not None:
             self._misc_task.cancel()
             await asyncio.wait([self._misc_task])
+
+    def _encrypted(self, plain: socket.socket) -> ssl.SSLSocket:
+        """As paho does it, but what fails is closed."""
+        assert self._tls is not None
+        wire = self._tls.wrap_socket(plain, server_hostname=self._host, do_handshake_on_connect=False)
+        try:
+            wire.settimeout(ANSWER_S)
+            wire.do_handshake()
+        except BaseException:
+            wire.close()
+            raise
+        return wire
 
     def _receive_bounded(self, size: int) -> bytes:
         """What paho reads with; `size` is what is missing of a packet, as its head says."""

@@ -178,7 +178,7 @@ async def _twice(_: str, scene: Scene) -> None:
 
 async def _without_broker(_: str, scene: Scene) -> float | None:
     with broker() as server:
-        async with scene.service(operator=OperatorConfig(port=server.port)) as service:
+        async with scene.service(operator=OperatorConfig(port=server.port, embedded=True)) as service:
             await _hover(service)
             scene.mock.tell("begin")
             await asyncio.to_thread(server.stop)
