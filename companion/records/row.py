@@ -171,7 +171,7 @@ class RowEncoder:
             _HEAD.pack(ROW, known.number, self.number, len(words)),
             words,
             _packed(known, values.numbers),
-            *[array.tobytes() for array in values.arrays],
+            _joined(values.arrays),
             signals.block,
         ])  # fmt: skip
         if len(block) != _HEAD.size + len(words) + known.size:
@@ -212,6 +212,13 @@ def _packed(known: _Known, numbers: list[Any]) -> bytes:
         return known.pack(*numbers)
     except struct.error:  # a device that does not know yet, or a law that says None for a number
         return known.pack(*[math.nan if number is None else float(number) for number in numbers])
+
+
+def _joined(arrays: list[Array]) -> bytes:
+    try:
+        return b"".join(arrays)  # type: ignore[arg-type]  # numpy's arrays are bytes to join
+    except TypeError:  # a view that is not one piece of memory
+        return b"".join([array.tobytes() for array in arrays])
 
 
 def _event(event: Event, tick: Tick) -> dict[str, str]:
@@ -297,7 +304,7 @@ def frozen(tick: Tick) -> Frozen:
     else:
         arrays = [asked.output.accel_w_mps2, *asked.output.signals.values(), *tick.late_signals.values()]
     try:
-        return arrays, b"".join(arrays)  # type: ignore[arg-type]  # numpy's arrays are bytes to join
+        return arrays, b"".join(arrays)  # type: ignore[arg-type]
     except TypeError:  # not one piece of memory, or what a user's law calls an array
         arrays = [_array(array) for array in arrays]
         return arrays, b"".join(arrays)  # type: ignore[arg-type]
@@ -317,7 +324,7 @@ def _signals(tick: Tick, kept: Frozen) -> Signals:
     names = (*tick.late_signals,)
     if tick.asked is not None:
         names = (_WANTED, *tick.asked.output.signals, *names)
-    if any(array.dtype is not _F64 for array in arrays):
+    if any(array.dtype is not _F64 and array.dtype != _F64 for array in arrays):
         arrays, block = _as_f64(arrays, block)
     return Signals((names, *[array.shape for array in arrays]), block)
 
