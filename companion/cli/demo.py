@@ -145,8 +145,7 @@ def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -
     for sentence in faults:
         if sentence.lower().split()[:1] == ["broker"] and config.operator is None:
             raise MockError(
-                f'--fault "{sentence}": no broker is listened to: the configuration has no [operator], see '
-                "docs/operator-orders.md"
+                f'--fault "{sentence}": no broker is listened to: the configuration has no [operator], see docs/bus.md'
             )
 
 
@@ -194,13 +193,13 @@ def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> str:
     """The picture and the record; why one of them could not be written, empty when both are."""
     from companion.experiments.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
 
-    when = datetime.now(tz=UTC).astimezone().strftime("%Y%m%d-%H%M%S")
-    name = f"{when}-{Path(flight.trajectory_name).stem}-{Path(flight.controller.name).stem}-seed{flight.seed}"
+    when = f"{datetime.now(tz=UTC).astimezone():%Y%m%d-%H%M%S}"
+    record = flown.record or out / f"{when}-{flight.name}.mcap"
     title = f"{Path(flight.trajectory_name).name}, controller {flight.controller.name}, seed {flight.seed}"
-    plot, record = out / f"{name}.png", out / f"{name}.npz"
+    plot = record.with_suffix(".png")
     lost = [
         kept(plot, lambda path: plot_flight(flown.recorder.arrays(), flown.summary, title, path)),
-        kept(record, flown.recorder.write),
+        flown.record_trouble or ("" if flown.record else f"{record} was not written"),
     ]
     for sentence in filter(None, lost):
         typer.echo(f"companion: {sentence}", err=True)

@@ -17,7 +17,7 @@ from paho.mqtt.properties import Properties
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.mqtt import Answering, BusLink, open_bus
 from companion.bus.commands import Command
-from companion.bus.telemetry import Answer, Reply
+from companion.bus.telemetry import Answer, Reply, State
 from companion.bus.topics import Topics
 from companion.config_operator import OperatorConfig
 
@@ -72,6 +72,14 @@ class Said:
 def command(verb: str, name: str, **changes: Any) -> bytes:
     """Good, apart from the changes."""
     return json.dumps({"verb": verb, "id": name, "session": SESSION, "sent_s": time.time()} | changes).encode()
+
+
+def state(time_s: float) -> State:
+    """Of a vehicle that holds."""
+    unknown = dict.fromkeys(State.model_fields)
+    known = {"time_s": time_s, "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
+    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": ""}
+    return State.model_validate(unknown | known | rest)
 
 
 class Operator:

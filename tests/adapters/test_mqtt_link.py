@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import aiomqtt
 import pytest
 
-from companion.bus.telemetry import Answer, Happened, Kind, Reply, State
+from companion.bus.telemetry import Answer, Happened, Kind, Reply
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
 from tests.adapters.mosquitto import mosquitto, needs_mosquitto
@@ -22,6 +22,7 @@ from tests.adapters.mqtt_rig import (
     open_files,
     operated,
     operating,
+    state,
     ticking,
     until,
 )
@@ -46,13 +47,6 @@ def served(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
     else:
         with mosquitto(tmp_path_factory.mktemp("mosquitto"), "allow_anonymous true") as port:
             yield port, V5
-
-
-def state(number: int) -> State:
-    unknown = dict.fromkeys(State.model_fields)
-    known = {"time_s": float(number), "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
-    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": ""}
-    return State.model_validate(unknown | known | rest)
 
 
 async def test_a_command_reaches_the_vehicle_and_its_answers_the_sender(served: Served) -> None:
