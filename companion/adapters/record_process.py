@@ -1,5 +1,6 @@
 """Feeds the process that writes records, companion.records.writer; a TickSink that never waits."""
 
+import contextlib
 import json
 import logging
 import socket
@@ -113,16 +114,18 @@ class RecordSink:
     def close(self) -> None:
         """The flight's file is whole when this returns; at most 10 s."""
         self._flush()
-        link, self._link = self._link, None
-        if link is not None:
-            link.shutdown(socket.SHUT_WR)
+        if self._link is not None:
+            with contextlib.suppress(OSError):  # the writer is gone already
+                self._link.shutdown(socket.SHUT_WR)
         if self._writer is not None:
             try:
                 self._writer.wait(_CLOSING_S)
             except subprocess.TimeoutExpired:
-                LOG.warning("the record of the flight is still being written by process %d", self._writer.pid)
-        if link is not None:
-            link.close()
+                self._warn(f"process {self._writer.pid} is still writing the record of the flight")
+        self._listen()
+        if self._link is not None:
+            self._link.close()
+            self._link = None
 
     def _start_writer(self) -> None:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)

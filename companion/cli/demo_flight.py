@@ -1,9 +1,10 @@
 """One flight of the demo: the mocks, the service, the verbs in their order, and whatever happens, down again."""
 
 import asyncio
+import re
 import signal
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,9 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from companion import __version__
 from companion.adapters.dead_man import KernelDeadMan
+from companion.adapters.record_process import RecordSink
 from companion.adapters.recorder import Recorder
 from companion.cli.demo_arms import plan_arms
 from companion.cli.flight_story import FlightStory
@@ -20,12 +23,13 @@ from companion.cli.flight_words import shorter, still_there
 from companion.cli.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig
-from companion.config_controller import LoadedController
+from companion.config_controller import LoadedController, controller_path
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
 from companion.ports import CompanionError, FlightError
 from companion.service import Service, open_service
 from companion.supervisor.flight import Phase
+from companion.tick import Tick, TickSink
 
 _POLL_S = 0.02
 _THEIRS_S = 30.0
@@ -55,12 +59,19 @@ class DemoFlight:
     records: Path
     """Where the record goes."""
 
+    @property
+    def name(self) -> str:
+        """What is flown, as a part of a file's name."""
+        name = f"{Path(self.trajectory_name).stem}-{Path(self.controller.name).stem}-seed{self.seed}"
+        return re.sub(r"[^A-Za-z0-9_-]", "_", name)
+
 
 @dataclass
 class Flown:
     """What came of it."""
 
     recorder: Recorder
+    """For the summary and the picture."""
     story: FlightStory
     interrupted: bool = False
     failure: str = ""
@@ -70,35 +81,76 @@ class Flown:
     never: list[str] = field(default_factory=list)
     """Faults that should have been, and were not."""
     summary: Summary | None = None
+    record: Path | None = None
+    """The flight's file; None where there is none."""
+    record_trouble: str = ""
+    """Why it is not whole."""
 
 
 async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
     """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
     flown = Flown(Recorder(), display.story)
+    kept = _kept(flight)
 
     def hear(told: FaultTold) -> None:
+        kept.tell("injected fault", f"{told.sentence}: {told.turn}", time.monotonic())
         if told.turn == "never began":
             flown.never.append(told.sentence)
             return
         flown.begun += [told.sentence] if told.turn == "begins" else []
         display.say_fault(told)
 
-    async with _mocks(flight, hear):
-        for note in flight.notes:
-            console.print(Text(f"  arms: {note}", style="dim"), soft_wrap=True)
-        for sentence in flight.faults:
-            console.print(Text.assemble("  ", ("fault", "bold"), f" {sentence}"), soft_wrap=True)
-        with display:
-            try:
-                async with _service(flight, flown.recorder, display) as service:
-                    await _mission(flight, service, display, flown)
-            except CompanionError as error:
-                if not flown.recorder.flew:
-                    raise
-                flown.failure = flown.failure or str(error)
+    try:
+        async with _mocks(flight, hear):
+            for note in flight.notes:
+                console.print(Text(f"  arms: {note}", style="dim"), soft_wrap=True)
+            for sentence in flight.faults:
+                console.print(Text.assemble("  ", ("fault", "bold"), f" {sentence}"), soft_wrap=True)
+            with display:
+                try:
+                    display.say("connecting to motion capture and autopilot")
+                    async with _service(flight, [flown.recorder, kept, display.take]) as service:
+                        await _mission(flight, service, display, flown)
+                except CompanionError as error:
+                    if not flown.recorder.flew:
+                        raise
+                    flown.failure = flown.failure or str(error)
+    finally:
+        await _close(kept, flown)
     flown.summary = summarise(flown.recorder.arrays()) if flown.recorder.flew else None
     return flown
+
+
+def _kept(flight: DemoFlight) -> RecordSink:
+    """The record, named after what is flown."""
+    records = flight.config.records.model_copy(update={"folder": str(flight.records)})
+    if flight.ports.client is not None:  # so that demos run beside each other
+        records = records.model_copy(update={"live_port": 0})
+    kept = RecordSink(records, flight.name)
+    controller = {"name": flight.controller.name, "file": controller_path(flight.controller.name).read_text("utf-8")}
+    kept.begin(
+        {
+            "config": flight.config.model_dump(mode="json"),
+            "controller": controller,
+            "versions": {"companion": __version__},
+            "seed": flight.seed,
+            "trajectory": flight.trajectory_name,
+            "arms": flight.arms,
+            "faults": flight.faults,
+        }
+    )
+    return kept
+
+
+async def _close(kept: RecordSink, flown: Flown) -> None:
+    """The record is whole; of what never flew there is none."""
+    await asyncio.to_thread(kept.close)
+    path = Path(kept.file) if kept.file else None
+    if path is not None and not flown.recorder.flew:
+        path.unlink(missing_ok=True)
+        return
+    flown.record, flown.record_trouble = path, kept.trouble
 
 
 @asynccontextmanager
@@ -116,14 +168,14 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def _service(flight: DemoFlight, recorder: Recorder, display: FlightDisplay) -> AsyncIterator[Service]:
-    def sink(tick: Any) -> None:
-        recorder(tick)
-        display.take(tick)
+async def _service(flight: DemoFlight, sinks: Sequence[TickSink]) -> AsyncIterator[Service]:
+    def sink(tick: Tick) -> None:
+        for one in sinks:
+            one(tick)
 
-    display.say("connecting to motion capture and autopilot")
     dead_man = KernelDeadMan(flight.config.safety.dead_man_s)
     async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
+        service.loop.law_name = flight.controller.name
         yield service
 
 
