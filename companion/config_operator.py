@@ -3,6 +3,7 @@
 import ipaddress
 import stat
 from pathlib import Path
+from typing import ClassVar
 
 from pydantic import Field, field_validator, model_validator
 
@@ -16,6 +17,8 @@ _MOST_PASSWORD_BYTES = 1024
 class OperatorConfig(Section):
     """Where the broker is, how it knows us, and the vehicle's name on it."""
 
+    table: ClassVar[str] = "operator"
+    """Where it stands in the file."""
     host: str = Field("127.0.0.1", min_length=1, description="address of the computer that runs the MQTT broker")
     port: int = Field(1883, gt=0, le=65535, description="its TCP port")
     prefix: str = Field("dauam", description="first part of every topic")
@@ -68,7 +71,7 @@ class OperatorConfig(Section):
         """What `password_file` holds, without its last line end; ConfigError when it cannot be read or is empty."""
         if self.password_file is None:
             return None
-        where = f"operator.password_file = {self.password_file!r}"
+        where = f"{self.table}.password_file = {self.password_file!r}"
         try:
             with Path(self.password_file).open("rb") as file:
                 said = file.read(_MOST_PASSWORD_BYTES + 1).decode().rstrip("\r\n")

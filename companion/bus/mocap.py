@@ -4,8 +4,11 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Vector = tuple[float, float, float]
-Rotation = tuple[float, float, float, float, float, float, float, float, float]
+_Number = Annotated[float, Field(ge=-1e39, le=1e39)]
+"""QTM's are of single precision."""
+Vector = tuple[_Number, _Number, _Number]
+Rotation = tuple[_Number, _Number, _Number, _Number, _Number, _Number, _Number, _Number, _Number]
+_Count = Annotated[int, Field(ge=0, lt=2**32)]
 
 
 class MocapPose(BaseModel):
@@ -13,9 +16,9 @@ class MocapPose(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
 
-    frame: Annotated[int, Field(ge=0)]
+    frame: _Count
     """QTM's number."""
-    stamp_s: float
+    stamp_s: Annotated[float, Field(ge=-1e13, le=1e13)]
     """Capture time on QTM's own clock, as the service would have had it from QTM."""
     position_w_m: Vector | None
     """None while the body is not tracked."""
@@ -23,6 +26,22 @@ class MocapPose(BaseModel):
     """Body FLU into W, row by row; None while the body is not tracked."""
     velocity_w_mps: Vector | None
     """By the workstation's own filter, for other readers; the service estimates its own."""
-    residual_m: float | None
-    late: Annotated[int, Field(ge=0)] = 0
+    residual_m: _Number | None
+    late: _Count = 0
     """Frames of the bridge's connection that came too late for it."""
+
+
+class BridgePresence(BaseModel):
+    """The mocap bridge: retained, said twice a second, and its last will."""
+
+    model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
+
+    online: bool
+    session: Annotated[str, Field(max_length=64)] = ""
+    """New for every run."""
+    host: Annotated[str, Field(max_length=256)] = ""
+    """The workstation's name."""
+    since_s: float = 0.0
+    """Unix time by the workstation."""
+    trouble: Annotated[str, Field(max_length=1000)] = ""
+    """Why there are no frames; empty when there is no reason known."""

@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from companion.bus.commands import COMMAND
-from companion.bus.mocap import MocapPose
+from companion.bus.mocap import BridgePresence, MocapPose
 from companion.bus.telemetry import Happened, Presence, Reply, State
 from companion.bus.topics import VERSION
 
@@ -19,8 +19,9 @@ _OF: dict[str, TypeAdapter[Any]] = {
     "state": TypeAdapter(State),
     "status": TypeAdapter(Presence),
     "mocap": TypeAdapter(MocapPose),
+    "mocap-bridge": TypeAdapter(BridgePresence),
 }
-"""By the last part of the topic."""
+"""By the topic after the vehicle's name, - for /."""
 
 
 def printed() -> dict[str, str]:

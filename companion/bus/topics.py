@@ -43,6 +43,11 @@ class Topics:
         """The room's workstation to the service: telemetry-free, see bus.mocap."""
         return f"{self.root}/mocap"
 
+    @property
+    def mocap_bridge(self) -> str:
+        """The workstation to everyone, retained, and its last will: mocap.BridgePresence."""
+        return f"{self.mocap}/bridge"
+
     def reply(self, client: str) -> str:
         """Service to one operator's client: telemetry.Reply."""
         return f"{self.root}/reply/{client}"

@@ -14,7 +14,8 @@ from qtm_rt.packet import QRTPacket
 
 from companion.adapters.qualisys.link import Datagrams, Link
 from companion.adapters.qualisys.packets import MalformedError, body_names, body_pose, check_packet, split_packets
-from companion.adapters.qualisys.source import MocapCounts, QualisysSource
+from companion.adapters.qualisys.source import QualisysSource
+from companion.newest_frame import MocapCounts
 from companion.ports import MocapError
 from tests.adapters.qtm_scripts import DATA, GOOD, LEVEL_BODY, WELCOME, frame, packet
 from tests.adapters.qualisys_rig import ManualClock

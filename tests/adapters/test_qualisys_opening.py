@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 
 from companion.adapters.clock import MonotonicClock
-from companion.adapters.qualisys import MocapCounts, QualisysSource, open_qualisys
+from companion.adapters.qualisys import QualisysSource, open_qualisys
 from companion.config_mocap import MocapConfig
+from companion.newest_frame import MocapCounts
 from companion.ports import MocapError
 from tests.adapters.qtm_scripts import (
     COMMAND,

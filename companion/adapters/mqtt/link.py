@@ -2,35 +2,31 @@
 
 import asyncio
 import logging
-import secrets
-import ssl
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
 import aiomqtt
-from aiomqtt.exceptions import MqttConnectError
 from pydantic import BaseModel
 
 from companion import __version__
-from companion.adapters.mqtt.connection import V5, V311, Connection, Reached, UnansweredError, knows_no_mqtt5
+from companion.adapters.mqtt.again import Again
+from companion.adapters.mqtt.connection import V5, V311, Connection
 from companion.adapters.mqtt.outbox import Letter, Outbox
+from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.return_path import ReturnPath
 from companion.bus.commands import Command
 from companion.bus.intake import Intake, Refusal
 from companion.bus.telemetry import Answer, Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
-from companion.ports import Clock, CompanionError, ConfigError
+from companion.ports import Clock, CompanionError
 
 LOG = logging.getLogger(__name__)
 
 _BEAT_S = 0.5
 """With the time-out of an answer, a broker that hangs is noticed after 1.5 s."""
-_FIRST_PAUSE_S = 0.2
-_LONGEST_PAUSE_S = 2.0
 _WAITING = 64
 """Commands that wait to be read, and refusals to be said; what is more is lost."""
-_SPOKEN = {V5: "5", V311: "3.1.1"}
 _EVENTS = 256
 _REPLIES = 256
 
@@ -62,25 +58,24 @@ class BusLink:
     """`ports.OperatorLink`, and what the service says; made by `open_bus`. To be used on its event loop only."""
 
     def __init__(self, config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand) -> None:
-        self._config, self._clock, self._on_command = config, clock, on_command
+        self._clock, self._on_command = clock, on_command
         self._topics = config.topics
         self._intake = Intake(session)
         self._presence = Presence(
             online=True, session=session, vehicle=config.vehicle, version=__version__, since_s=time.time()
         )
-        self._reached = _reached(config)
-        self._version = V311 if config.embedded else V5
-        self._met = False
+        gone = Presence(online=False).model_dump_json().encode()
+        self._reached = reached(config, aiomqtt.Will(self._topics.status, gone, qos=1, retain=True))
+        self._where = f"{config.host}:{config.port}"
+        self._again = Again(f"the operator's broker {self._where}", V311 if config.embedded else V5)
         self._events, self._replies = Outbox(_EVENTS), Outbox(_REPLIES)
         self._state: State | None = None
         self._shown = asyncio.Event()
-        self._there = False
         self._heard_s = clock.now_s()
-        self._told = ""
 
     def age_s(self) -> float:
         """Since the broker last answered, s; 0 while it does."""
-        return 0.0 if self._there else self._clock.now_s() - self._heard_s
+        return 0.0 if self._again.there else self._clock.now_s() - self._heard_s
 
     def tell(self, happened: Happened) -> None:
         """Say it to everyone, later if there is no broker now; of very many the oldest are dropped. Never waits."""
@@ -93,28 +88,11 @@ class BusLink:
 
     async def keep(self) -> None:
         """Connect, again and again, until cancelled."""
-        pause_s = _FIRST_PAUSE_S
-        while True:
-            try:
-                await self._connected()
-            except Exception as error:
-                if self._tries_another(error):
-                    continue
-                self._tell_lost(error)
-            pause_s = _FIRST_PAUSE_S if self._there else min(2.0 * pause_s, _LONGEST_PAUSE_S)
-            self._there = False
-            await asyncio.sleep(pause_s)
+        await self._again.keep(self._connected)
 
-    def _tries_another(self, error: BaseException) -> bool:
-        """Whether to try an older version of MQTT at once; a broker that was met before is not tried with another."""
-        if knows_no_mqtt5(error) or (isinstance(error, UnansweredError) and not self._met):
-            self._version = V311 if self._version is V5 else V5
-            return self._version is V311
-        return False
-
-    async def _connected(self) -> None:
+    async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
-        async with Connection(self._reached, self._version, _WAITING) as broker:
+        async with Connection(self._reached, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._beat(broker), name="companion.bus.beat")
@@ -203,35 +181,4 @@ class BusLink:
 
     def _heard(self) -> None:
         self._heard_s = self._clock.now_s()
-        if not self._there:
-            LOG.info("the operator's broker %s is there, MQTT %s", self._where, _SPOKEN[self._version])
-            self._there, self._met, self._told = True, True, ""
-
-    def _tell_lost(self, error: BaseException) -> None:
-        """Once for every reason, not for every attempt."""
-        while isinstance(error, BaseExceptionGroup):
-            error = error.exceptions[0]
-        error = error.__cause__ or error
-        plain = isinstance(error, aiomqtt.MqttCodeError) and not isinstance(error, MqttConnectError)
-        why = "the connection broke" if plain else str(error) or type(error).__name__
-        if why != self._told:
-            LOG.warning("the operator's broker %s is not there: %s", self._where, why)
-            self._told = why
-
-    @property
-    def _where(self) -> str:
-        return f"{self._config.host}:{self._config.port}"
-
-
-def _reached(config: OperatorConfig) -> Reached:
-    """ConfigError when password or certificate cannot be read."""
-    tls = None
-    if config.tls:
-        try:
-            tls = ssl.create_default_context(cafile=config.ca_file)
-        except (OSError, ssl.SSLError) as error:
-            raise ConfigError(f"operator.ca_file = {config.ca_file!r}: no certificates can be read: {error}") from error
-    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"  # or whoever takes our name takes our connection
-    gone = Presence(online=False).model_dump_json().encode()
-    will = aiomqtt.Will(config.topics.status, gone, qos=1, retain=True)
-    return Reached(config.host, config.port, name, config.user, config.password(), tls, will)
+        self._again.heard()

@@ -1,0 +1,23 @@
+"""How a broker is reached, from its table of the configuration."""
+
+import secrets
+import ssl
+
+import aiomqtt
+
+from companion.adapters.mqtt.connection import Reached
+from companion.config_operator import OperatorConfig
+from companion.ports import ConfigError
+
+
+def reached(config: OperatorConfig, will: aiomqtt.Will | None) -> Reached:
+    """ConfigError when password or certificate cannot be read."""
+    tls = None
+    if config.tls:
+        try:
+            tls = ssl.create_default_context(cafile=config.ca_file)
+        except (OSError, ssl.SSLError) as error:
+            where = f"{config.table}.ca_file = {config.ca_file!r}"
+            raise ConfigError(f"{where}: no certificates can be read: {error}") from error
+    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"  # or whoever takes our name takes our connection
+    return Reached(config.host, config.port, name, config.user, config.password(), tls, will)
