@@ -23,7 +23,7 @@ Height = Annotated[float | None, typer.Option(help="Above where it stands, m; as
 
 @commanding
 def arm(asked: Asked) -> None:
-    """Check everything, fold the arms, offboard mode, motors at idle. Ctrl-C disarms."""
+    """Check everything, fold the arms, offboard mode, motors at idle. Ctrl-C aborts: the motors stop."""
     operate(asked, "arm")
 
 

@@ -148,8 +148,9 @@ def _table(state: State, style: str) -> Table:
     if state.battery is not None:
         volts = "" if state.battery_v is None else f", {state.battery_v:.1f} V"
         rows.append(("battery", f"{state.battery:.0%}{volts}"))
-    share = "" if state.sent_share is None else f", {state.sent_share:.0%} of its cycles send"
-    rows.append(("controller", f"{state.controller}{share}"))
+    if state.controller:
+        share = "" if state.sent_share is None else f", {state.sent_share:.0%} of its cycles send"
+        rows.append(("controller", f"{state.controller}{share}"))
     if state.arms is not None:
         rows.append(("arms", state.arms))
     if state.text:

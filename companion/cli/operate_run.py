@@ -26,10 +26,10 @@ _SAFE_S = 15.0
 _AGAIN_S = 0.1
 T = TypeVar("T")
 
-_HOLD, _DISARM = ({"verb": "hold"},), ({"verb": "disarm"},)
+_HOLD, _ABORT = ({"verb": "hold"},), ({"verb": "abort"},)
 _AFTER_CTRL_C: dict[str, tuple[dict[str, Any], ...]] = {
-    "arm": _DISARM,
-    "takeoff": (*_HOLD, {"verb": "abort"}),  # no hold fits before it has left the ground; then the motors stop
+    "arm": _ABORT,  # ends the checks before arming, too, which a disarm would not
+    "takeoff": (*_HOLD, *_ABORT),  # no hold fits before it has left the ground; then the motors stop
     "goto": _HOLD,
     "track": _HOLD,
     "arms": ({"verb": "arms", "do": "hold"},),

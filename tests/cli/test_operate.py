@@ -140,7 +140,7 @@ print({modules} & set(sys.modules))"""
 @pytest.mark.parametrize(
     ("words", "sent", "says"),
     [
-        (("arm",), ["arm", "disarm"], "interrupted; disarm done: disarm is done"),
+        (("arm",), ["arm", "abort"], "interrupted; abort done: abort is done"),
         (("takeoff",), ["takeoff", "hold", "abort"], "interrupted; abort done: abort is done"),
         (("track", "ellipse"), ["track", "hold"], "interrupted; hold done: hold is done"),
         (("land",), ["land"], "interrupted: land was sent and goes on without us"),
@@ -157,6 +157,24 @@ async def test_ctrl_c_makes_it_safe_and_says_how(
         ran = await running.ended()
     assert (ran.code, [one.verb for one in service.taken]) == (130, sent)
     assert ran.err.splitlines()[-1] == f"companion: {says}"
+
+
+async def test_a_second_ctrl_c_leaves_without_waiting(there: BrokerProcess) -> None:
+    async def never(service: ScriptedService, command: Command) -> Answers:
+        yield Answer.ACCEPTED, f"{command.verb} begins"
+        begun.set()
+
+    begun = asyncio.Event()
+    async with scripted(there.port, "twice", never) as service:
+        running = await start("track", "figure8", "--broker", f"mqtt://127.0.0.1:{there.port}", "--vehicle", "twice")
+        for verb in ("track", "hold"):
+            await begun.wait()
+            begun.clear()
+            await running.until_line(f"{verb} begins")
+            running.interrupt()
+        ran = await running.ended()
+    assert (ran.code, [one.verb for one in service.taken]) == (130, ["track", "hold"])
+    assert ran.err.splitlines()[-1] == "companion: left while hold was under way; the vehicle goes on"
 
 
 async def test_a_client_that_is_killed_harms_nothing_and_the_next_one_goes_on(there: BrokerProcess) -> None:
