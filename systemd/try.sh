@@ -26,6 +26,7 @@ outside() {
     sed '/^\[arms\]/,$d' "$source/config/demo.toml" > "$system/etc/dauam/companion.toml"
     printf '\n[operator]\nembedded = true\n\n[records]\nfolder = "/var/lib/dauam/flights"\n' >> "$system/etc/dauam/companion.toml"
     chroot "$system" env PYTHON="${PYTHON:-python3}" "$source/systemd/install.sh"
+    chroot "$system" "$source/systemd/install.sh" broker
     umount "$system/proc" "$system/dev"
 
     install -m 755 "$source/systemd/try.sh" "$system/opt/try.sh"
@@ -83,6 +84,7 @@ within() {
     done
 }
 restarted() { [ "$(shows NRestarts)" = "$1" ] && [ "$(shows ActiveState)" = active ]; }
+serves_again() { (exec 3<> /dev/tcp/127.0.0.1/1883) 2> /dev/null; }
 phase() { [ "$(shows StatusText)" = "$1" ]; }
 unlocked() { ! grep -q "^CapEff:.*[1-9a-f]" "/proc/$(shows MainPID)/status"; }
 
@@ -119,6 +121,12 @@ inside() {
     must "the watchdog sees it and begins it anew" within 30 restarted 1
     must "by its signal" logged "watchdog"
     must "stop" systemctl stop dauam-companion
+    if [ -x /usr/sbin/mosquitto ]; then
+        step "mosquitto with our drop-in"
+        must "it begins" systemctl start mosquitto
+        kill -9 "$(systemctl show -p MainPID --value mosquitto)"
+        must "it comes back" within 10 serves_again
+    fi
 }
 
 if [ "${1:-}" = inside ]; then

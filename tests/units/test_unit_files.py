@@ -68,7 +68,7 @@ def test_no_more_rights_than_were_agreed(unit: str, limit: float, root: Path) ->
 def test_the_brokers_drop_in_takes_rights_away(root: Path) -> None:
     debian = root / "etc/systemd/system/mosquitto.service"
     debian.write_text("[Service]\nType=notify\nExecStart=/usr/sbin/mosquitto -c /etc/mosquitto/mosquitto.conf\n")
-    command = [tool("systemd-analyze"), "security", "--offline=true", f"--root={root}", "--no-pager", "--threshold=29"]
+    command = [tool("systemd-analyze"), "security", "--offline=true", f"--root={root}", "--no-pager", "--threshold=18"]
     said(*command, "mosquitto.service")
     assert said(command[0], "verify", f"--root={root}", "--recursive-errors=no", "mosquitto.service") == ""
     shutil.rmtree(debian.with_name("mosquitto.service.d"))
