@@ -10,7 +10,8 @@ import time
 from typing import Any
 
 from companion.config_records import RecordsConfig
-from companion.records.row import BEGIN, TOLD, Frozen, RowEncoder, batch, frozen
+from companion.records.gathered import Frozen, frozen
+from companion.records.row import BEGIN, TOLD, RowEncoder, batch
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from companion.records.row import TIME, WORDS, Column, Layout, Row, Shape
+from companion.records.gathered import Column, Shape
+from companion.records.row import TIME, WORDS, Layout, Row
 
 Shapes = dict[str, Shape]
 WITH_WORDS = "/flight"

@@ -17,8 +17,9 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.records.exact import of_json, to_json
 from companion.records.flight_file import FlightFiles
+from companion.records.gathered import frozen
 from companion.records.read import FlightRecord, RecordError, read_flight
-from companion.records.row import LAYOUT, ROW, START, RowDecoder, RowEncoder, frozen
+from companion.records.row import LAYOUT, ROW, START, RowDecoder, RowEncoder
 from companion.records.shelf import Shelf
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
@@ -192,6 +193,7 @@ def test_whatever_a_law_calls_a_signal_is_recorded_or_is_nan(tmp_path: Path) -> 
         "true": np.array(True),
         "words": np.array(["a"]),
         "none": None,
+        "name": 3.0,
     }
     flown_ticks = [tick for tick in ticks if tick.asked is not None]
     for tick in flown_ticks[:5] + flown_ticks[20:]:
@@ -208,3 +210,5 @@ def test_whatever_a_law_calls_a_signal_is_recorded_or_is_nan(tmp_path: Path) -> 
             np.testing.assert_array_equal(columns[f"law_{name}"][flying][row], value, name)
     assert np.isnan(columns["law_words"]).all()
     assert np.isnan(columns["law_none"]).all()
+    assert columns["law_name_"][flying][-1] == 3.0
+    assert set(columns["law_name"]) == {"practical"}

@@ -1,0 +1,149 @@
+"""A flight that was read: columns, events, and exactly what each cycle was given."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.control.controller import ControlInput
+from companion.estimation.state import EstimatorState
+from companion.ports import CompanionError
+from companion.records.exact import of_json
+from companion.records.table import HealthEvent, RecordedEvent
+from companion.types import Array, AttitudeThrust, MocapFrame, Reference
+
+_OURS = frozenset({"law_name"})
+
+
+class RecordError(CompanionError):
+    """A file is no record, or has not what is asked of it."""
+
+
+@dataclass(frozen=True)
+class RecordedTick:
+    """What one cycle was given and made of it, exactly; arrays as the law had them."""
+
+    number: int
+    """Counted by the service: one is missing where rows were dropped."""
+    time_s: float
+    phase: str
+    law: str
+    frame: MocapFrame | None
+    """The motion-capture frame that this cycle was the first to use."""
+    given: ControlInput | None
+    """All that the law saw; None while it sleeps."""
+    begun: bool
+    """The law began anew from this input."""
+    accel_w_mps2: Array | None
+    """What the law wanted."""
+    event: bool
+    signals: dict[str, Array]
+    """The law's inner values, early and late ones."""
+    setpoint: AttitudeThrust | None
+    """After the gate."""
+    sent_s: float
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """One flight."""
+
+    path: Path
+    columns: dict[str, np.ndarray]
+    """One row a tick; NaN, "" or False where there was nothing. Recorder.arrays()' names and more: docs/records.md."""
+    events: tuple[RecordedEvent, ...] = ()
+    """What was told: commands, replies, and what else the service said."""
+    health: tuple[HealthEvent, ...] = ()
+    metadata: dict[str, Any] = field(default_factory=dict)
+    """`config`, `controller`, `versions`, `seed` and whatever else the service told; empty in an old NPZ file."""
+    start: dict[str, Any] = field(default_factory=dict)
+    """`time_s`, `number` and `estimate` (JSON) of the first tick."""
+    truncated: bool = False
+    """The file ends in the middle: service and writer were killed."""
+
+    @property
+    def unix_offset_s(self) -> float:
+        """Unix time less `time_s`; 0 where it was not recorded."""
+        return float(self.metadata.get("unix_offset_s", 0.0))
+
+    @property
+    def dropped(self) -> int:
+        """Ticks that the service had and the record has not."""
+        numbers = self.columns.get("tick", np.zeros(0))
+        return int(numbers[-1] - numbers[0]) + 1 - len(numbers) if len(numbers) else 0
+
+    @cached_property
+    def first_estimate(self) -> EstimatorState | None:
+        """What the estimator knew after the first tick's frame; a replay begins with it."""
+        known = self.start.get("estimate")
+        return of_json(EstimatorState, json.dumps(known)) if known else None
+
+    @property
+    def signal_names(self) -> tuple[str, ...]:
+        """The laws' inner values, without `law_`."""
+        return tuple(
+            name.removeprefix("law_") for name in self.columns if name.startswith("law_") and name not in _OURS
+        )
+
+    def ticks(self) -> Iterator[RecordedTick]:
+        """Every recorded cycle; RecordError when the record is an old one, which has not all that is needed."""
+        missing = [name for name in ("tick", "frame_number", "frame_rotation_w_b") if name not in self.columns]
+        if missing:
+            raise RecordError(f"{self.path}: no column {missing[0]}: too old or too short a record for a replay")
+        names = self.signal_names
+        for row in range(len(self.columns["time_s"])):
+            yield self._tick(row, names)
+
+    def _tick(self, row: int, names: tuple[str, ...]) -> RecordedTick:
+        c = self.columns
+        flown = "given_dt_s" in c and np.isfinite(c["given_dt_s"][row])
+        sent = "setpoint_thrust" in c and np.isfinite(c["setpoint_thrust"][row])
+        return RecordedTick(
+            int(c["tick"][row]),
+            float(c["time_s"][row]),
+            str(c["phase"][row]),
+            str(c["law_name"][row]),
+            self._frame(row) if np.isfinite(c["frame_stamp_s"][row]) else None,
+            self._given(row) if flown else None,
+            bool(flown and c["begun"][row]),
+            c["accel_w_mps2"][row] if flown else None,
+            bool(c["event"][row]),
+            {name: c[f"law_{name}"][row] for name in names if not np.isnan(c[f"law_{name}"][row]).all()},
+            AttitudeThrust(c["setpoint_q_w_flu_wxyz"][row], np.asarray(c["setpoint_thrust"][row])) if sent else None,
+            float(c["sent_s"][row]),
+        )
+
+    def _frame(self, row: int) -> MocapFrame:
+        c = self.columns
+        return MocapFrame(
+            int(c["frame_number"][row]),
+            float(c["frame_stamp_s"][row]),
+            float(c["frame_received_s"][row]),
+            c["frame_position_w_m"][row],
+            c["frame_rotation_w_b"][row],
+            float(c["frame_residual_m"][row]),
+            int(c["frame_late"][row]),
+        )
+
+    def _given(self, row: int) -> ControlInput:
+        c = {name.removeprefix("given_"): column for name, column in self.columns.items() if name.startswith("given_")}
+        return ControlInput(
+            c["position_w_m"][row],
+            c["velocity_w_mps"][row],
+            c["q_w_flu_wxyz"][row],
+            c["rate_flu_radps"][row],
+            float(c["age_s"][row]),
+            Reference(
+                c["reference_position_w_m"][row],
+                c["reference_velocity_w_mps"][row],
+                c["reference_acceleration_w_mps2"][row],
+                float(c["reference_yaw_rad"][row]),
+            ),
+            c["sent_accel_w_mps2"][row],
+            float(c["dt_s"][row]),
+            c["known_accel_w_mps2"][row],
+        )

@@ -1,0 +1,129 @@
+"""Messages of a record to columns, one row a tick, and to events."""
+
+import json
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mcap.records import Message
+
+EVENTS = "/event"
+_FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs")
+
+
+@dataclass(frozen=True)
+class RecordedEvent:
+    """Something that was told: a command, a reply, a fault's begin or end."""
+
+    time_s: float
+    """By the service's monotonic clock, as all columns."""
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True)
+class HealthEvent:
+    """A fault, from when it was seen first until it was not any more."""
+
+    time_s: float
+    fault: str
+    text: str
+    """What was wrong, as it began."""
+    reaction: str
+    """What the table says to it at that stage."""
+    end_s: float = math.inf
+    """Infinite: still there at the record's end."""
+
+
+class Table:
+    """Messages to rows."""
+
+    def __init__(self) -> None:
+        self.topics: dict[int, str] = {}
+        """By channel."""
+        self.ticks: list[int] = []
+        self.events: list[RecordedEvent] = []
+        self.health: list[HealthEvent] = []
+        self._present: dict[str, int] = {}
+        self._found: dict[str, tuple[list[int], list[Any]]] = {}
+        """Rows and values, by column."""
+
+    def take(self, message: Message) -> None:
+        """The next message, in the order in which they were written."""
+        topic = self.topics[message.channel_id]
+        if topic == EVENTS:
+            said = json.loads(message.data)
+            self.events.append(RecordedEvent(said["time_s"], said["kind"], said["text"]))
+            return
+        if not message.data.startswith(b'{"tick":'):
+            return
+        values = json.loads(message.data)
+        if "events" in values:
+            values |= self._health(values["time_s"], values.pop("events"), values.pop("arm_faults"))
+        number = values.pop("tick")
+        if not self.ticks or number != self.ticks[-1]:
+            self.ticks.append(number)
+        row = len(self.ticks) - 1
+        for name, value in values.items():
+            if name == "time_s" and topic != "/flight":
+                continue
+            rows, found = self._found.setdefault(name, ([], []))
+            rows.append(row)
+            found.append(value)
+
+    def _health(self, time_s: float, events: list[dict[str, str]], arm_faults: list[dict[str, str]]) -> dict[str, str]:
+        """The columns of faults; those that begin or end go into `health`."""
+        now = {event["fault"]: event for event in events}
+        for fault in [fault for fault in self._present if fault not in now]:
+            begun = self._present.pop(fault)
+            self.health[begun] = replace(self.health[begun], end_s=time_s)
+        for fault, event in now.items():
+            if fault not in self._present:
+                self._present[fault] = len(self.health)
+                self.health.append(HealthEvent(time_s, fault, event["text"], event["reaction"]))
+        return {"faults": ", ".join(now), "arm_faults": "; ".join(fault["text"] for fault in arm_faults)}
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """Numbers as float64, words as str, flags as bool."""
+        columns: dict[str, np.ndarray] = {}
+        for name, (rows, values) in self._found.items():
+            try:
+                columns[name] = self._column(rows, values)
+            except ValueError:  # it had not the same shape everywhere: another law's signal of the same name
+                columns |= self._by_shape(name, rows, values)
+        columns["tick"] = np.array(self.ticks, np.float64)
+        for name in _FLAGS:
+            if name in columns:
+                columns[name] = np.nan_to_num(columns[name]) > 0.0
+        return columns | _derived(columns)
+
+    def _by_shape(self, name: str, rows: list[int], values: list[Any]) -> dict[str, np.ndarray]:
+        """The first shape keeps the name, others are named after theirs."""
+        shapes: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
+        for row, value in zip(rows, values, strict=True):
+            of_shape = shapes.setdefault(np.shape(value), ([], []))
+            of_shape[0].append(row)
+            of_shape[1].append(value)
+        names = [name, *("_".join([name, *map(str, shape)]) for shape in [*shapes][1:])]
+        return {named: self._column(*found) for named, found in zip(names, shapes.values(), strict=True)}
+
+    def _column(self, rows: list[int], values: list[Any]) -> np.ndarray:
+        if isinstance(values[0], str):
+            words = np.full(len(self.ticks), "", object)
+            words[rows] = values
+            return words.astype(str)
+        numbers = np.array(values, np.float64)
+        column = np.full((len(self.ticks), *numbers.shape[1:]), np.nan)
+        column[rows] = numbers
+        return column
+
+
+def _derived(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """What Recorder.arrays() has under other names."""
+    nothing = np.zeros(len(columns["time_s"]))
+
+    def cut(*names: str) -> np.ndarray:
+        return np.asarray(sum(np.nan_to_num(columns.get(f"cut_{name}", nothing)) for name in names) > 0.0)
+
+    return {"gate_cut": cut("not_finite", "tilt", "thrust", "slew"), "guard_cut": cut("age", "fence")}
