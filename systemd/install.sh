@@ -10,6 +10,7 @@
 #   --root DIR  puts everything below DIR, as it would be below /: to look at it without touching the system
 #   --no-venv   leaves the Python packages out
 set -eu
+umask 022
 
 part=vehicle root='' venv=yes
 while [ $# -gt 0 ]; do
@@ -88,7 +89,6 @@ make_programs() {
     for each in companion mock_autopilot pyproject.toml README.md LICENSE; do
         cp -r "$source/$each" "$work/source/"
     done
-    umask 022
     "$python" -m venv "$root/opt/dauam"
     pip() { "$root/opt/dauam/bin/python" -m pip --quiet --disable-pip-version-check "$@"; }
     pip install --require-hashes -r "$source/requirements.lock" -r "$work/builder.lock"
