@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from companion.bus.telemetry import Reply
+from companion.cli.asked import INTERRUPTED
 from companion.cli.operate_options import Asked, commanding
 from companion.cli.operate_run import operate
 from companion.ports import ConfigError
@@ -137,7 +138,11 @@ def kill(asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not a
     if not yes:
         if not sys.stdin.isatty():
             raise ConfigError("kill stops the motors in the air: say --yes where nobody can be asked")
-        typed = typer.prompt("this stops the motors, in the air it falls; type kill", err=True)
+        try:
+            typed = typer.prompt("this stops the motors, in the air it falls; type kill", err=True)
+        except typer.Abort:
+            typer.echo("\ncompanion: interrupted, nothing was sent", err=True)
+            raise typer.Exit(INTERRUPTED) from None
         if typed.strip() != "kill":
             raise ConfigError(f"{typed.strip()!r} is not kill: nothing was sent")
     operate(asked, "kill", confirm="kill")

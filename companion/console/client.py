@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import secrets
 import ssl
+import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
@@ -88,8 +89,8 @@ class Console:
         return self._line is not None
 
     def state_age_s(self) -> float:
-        """Since the newest state came."""
-        return asyncio.get_running_loop().time() - self._heard_s
+        """Since the newest state came; on any thread."""
+        return time.monotonic() - self._heard_s
 
     async def connected(self) -> None:
         """Wait for the first connection; raises what it failed with."""
@@ -207,7 +208,7 @@ class Console:
         if isinstance(said, Reply):
             self._reply = said
         if isinstance(said, State):
-            self.state, self._heard_s = said, asyncio.get_running_loop().time()
+            self.state, self._heard_s = said, time.monotonic()
         if isinstance(said, Presence | State | Happened | Reply):
             self._said.put_nowait(said)
 
