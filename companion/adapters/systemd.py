@@ -49,11 +49,6 @@ class Notifier:
         known = address is not None and address[:1] in {"/", "@"} and len(address) > 1
         return cls(address if known else None, 1e-6 * int(period_us) if watched and known else None)
 
-    @property
-    def listening(self) -> bool:
-        """Whether systemd, or whoever set NOTIFY_SOCKET, began us."""
-        return self._address is not None
-
     def ready(self, status: str) -> None:
         """Commands are taken from now on; `systemctl start` returns."""
         self._owed, self._status = "READY=1\n", None

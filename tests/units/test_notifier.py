@@ -35,7 +35,6 @@ def said(listening: socket.socket) -> list[str]:
 def test_what_a_service_says_from_its_start_to_its_end(systemd: tuple[socket.socket, str]) -> None:
     listening, address = systemd
     notify = Notifier.from_environment({"NOTIFY_SOCKET": address})
-    assert notify.listening
     notify.ready("on the ground")
     notify.status("hold, 1.0 m")
     notify.status("hold, 1.0 m")
@@ -88,7 +87,7 @@ def test_without_a_watchdog_or_with_one_for_another_process_nothing_is_sent(
 def test_nobody_is_told_anything_without_an_address_of_systemd(address: str | None) -> None:
     environment = {"WATCHDOG_USEC": "1000000"} | ({} if address is None else {"NOTIFY_SOCKET": address})
     notify = Notifier.from_environment(environment)
-    assert not notify.listening
+    assert notify.period_s is None
     notify.ready("ready")
     notify.alive()
     notify.stopping("over")
