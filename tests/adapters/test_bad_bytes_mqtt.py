@@ -177,12 +177,33 @@ async def test_a_broker_that_talks_nonsense_of_mqtt_5_is_outlived(said: list[byt
     await outlived(said, 5)
 
 
+_SIZE = len(USER * 8000)
+MANY = bytes([_SIZE & 0x7F | 0x80, _SIZE >> 7 & 0x7F | 0x80, _SIZE >> 14]) + USER * 8000
+"""Properties, with their length."""
+
+
 @pytest.mark.parametrize("kind", [0x20, 0x40, 0x90, 0xE0])
 async def test_more_properties_than_can_be_read_in_time_end_the_connection(kind: int) -> None:
-    many = USER * 8000
-    size = bytes([len(many) & 0x7F | 0x80, len(many) >> 7 & 0x7F | 0x80, len(many) >> 14])
     bodies = {0x20: b"\x00\x00", 0x40: b"\x00\x02\x00", 0x90: b"\x00\x01", 0xE0: b"\x8b"}
-    await outlived([(b"" if kind == 0x20 else CONNACK_5 + SUBACK_5) + head(kind, bodies[kind] + size + many)], 5)
+    await outlived([(b"" if kind == 0x20 else CONNACK_5 + SUBACK_5) + head(kind, bodies[kind] + MANY)], 5)
+
+
+class Lavish(Broker):
+    """A good broker that passes on a message with very many properties."""
+
+    def _answer(self, kind: int, body: bytes) -> None:
+        super()._answer(kind, body)
+        assert self._wire is not None
+        if kind == 0x80:
+            self._wire.write(publish(command("hold", "many"), properties=MANY))
+
+
+async def test_a_message_with_more_properties_than_can_be_read_in_time_is_read_without_them() -> None:
+    """Whoever may command may have sent them: that is no reason to leave the broker."""
+    vehicle = Vehicle()
+    async with listening(lambda: Lavish([], 5)) as port, ticking() as longest_s, linked(port, vehicle):
+        await until(lambda: vehicle.told == [("land", "good"), ("hold", "many")])
+    assert longest_s[0] < BLOCKED_S
 
 
 class Stuffing(Broker):

@@ -1,5 +1,7 @@
 """What waits for a broker: in order, bounded, and nothing that breaks every connection."""
 
+import asyncio
+
 from companion.adapters.mqtt.outbox import Letter, Outbox
 
 
@@ -18,7 +20,7 @@ async def test_what_could_not_be_said_comes_first_again_three_times() -> None:
     for _ in range(3):
         letter = await box.next()
         assert letter.topic == "bad"
-        box.put_back(letter)
+        box.not_said(letter)
     assert (await box.next()).topic == "good"
 
 
@@ -28,5 +30,22 @@ async def test_what_could_not_be_said_is_the_oldest_when_there_is_no_room() -> N
     old = await box.next()
     box.put(Letter("new", b""))
     box.put(Letter("newer", b""))
-    box.put_back(old)
+    box.not_said(old)
     assert [(await box.next()).topic for _ in range(2)] == ["new", "newer"]
+
+
+async def test_empty_is_when_all_is_said_or_given_up() -> None:
+    box = Outbox(3)
+    await asyncio.wait_for(box.empty(), 1.0)
+    box.put(Letter("a", b""))
+    waiting = asyncio.create_task(box.empty())
+    for _ in range(3):
+        letter = await box.next()
+        assert not waiting.done()
+        box.not_said(letter)
+        await asyncio.sleep(0)
+    await asyncio.wait_for(waiting, 1.0)
+    box.put(Letter("b", b""))
+    await box.next()
+    box.said()
+    await asyncio.wait_for(box.empty(), 1.0)

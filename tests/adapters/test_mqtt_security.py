@@ -83,7 +83,13 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     password = folder / "password"
     password.touch(0o600)
     password.write_text("of vehicle\n")
-    lines = ("allow_anonymous false", f"password_file {folder}/users", f"acl_file {folder}/acl", "user root")
+    lines = (
+        "allow_anonymous false",
+        f"password_file {folder}/users",
+        f"acl_file {folder}/acl",
+        "user root",
+        "set_tcp_nodelay true",
+    )
     with mosquitto(folder, *lines) as port:
         yield Lab(port, folder)
 
@@ -201,6 +207,16 @@ async def test_the_service_says_what_is_wrong_with_its_password(lab: Lab, caplog
         assert link.age_s() > 0.0
 
 
+async def test_the_service_says_when_the_broker_passes_on_nothing_that_it_says(
+    lab: Lab, caplog: pytest.LogCaptureFixture
+) -> None:
+    mine = lab.folder / "of_operator"
+    mine.touch(0o600)
+    mine.write_text("of operator")
+    async with lab.link(Vehicle(), user="operator", password_file=str(mine)):
+        await until(lambda: "passes on nothing that we say below dauam/v1/vehicle: Not authorized" in caplog.text)
+
+
 @pytest.fixture(scope="module")
 def tls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     folder = tmp_path_factory.mktemp("tls")
@@ -209,7 +225,13 @@ def tls(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
          "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(folder / "key.pem"), "-out", str(folder / "ca.pem")],
         check=True, capture_output=True,
     )  # fmt: skip
-    lines = (f"certfile {folder}/ca.pem", f"keyfile {folder}/key.pem", "allow_anonymous true", "user root")
+    lines = (
+        f"certfile {folder}/ca.pem",
+        f"keyfile {folder}/key.pem",
+        "allow_anonymous true",
+        "user root",
+        "set_tcp_nodelay true",
+    )
     with mosquitto(folder, *lines) as port:
         yield Lab(port, folder)
 

@@ -66,6 +66,8 @@ class Connection(aiomqtt.Client):
     def __init__(self, reached: Reached, version: aiomqtt.ProtocolVersion, waiting: int) -> None:
         """`waiting`: messages that may wait to be read; what is more is lost."""
         self.version = version
+        self.objection = ""
+        """Why the broker took a message and passed it on to nobody, which MQTT 5 tells."""
         super().__init__(
             reached.host,
             reached.port,
@@ -151,6 +153,13 @@ class Connection(aiomqtt.Client):
         if not self._connected.done() and not self._disconnected.done():
             self._disconnected.set_result(None)
         super()._on_disconnect(client, userdata, flags, reason_code, properties)
+
+    def _on_publish(
+        self, client: paho.Client, userdata: object, mid: int, reason_code: ReasonCode, properties: Properties
+    ) -> None:
+        if reason_code.is_failure:
+            self.objection = str(reason_code)
+        super()._on_publish(client, userdata, mid, reason_code, properties)
 
     def _on_socket_register_write(
         self,

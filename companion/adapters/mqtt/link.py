@@ -4,7 +4,7 @@ import asyncio
 import logging
 import time
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 
 import aiomqtt
 from pydantic import BaseModel
@@ -25,6 +25,7 @@ LOG = logging.getLogger(__name__)
 
 _BEAT_S = 0.5
 """With the time-out of an answer, a broker that hangs is noticed after 1.5 s."""
+_LAST_WORDS_S = 0.5
 _WAITING = 64
 """Commands that wait to be read, and refusals to be said; what is more is lost."""
 _EVENTS = 256
@@ -49,6 +50,7 @@ async def open_bus(
     keeping = asyncio.create_task(link.keep(), name="companion.bus")
     try:
         yield link
+        await link.last_words()
     finally:
         keeping.cancel()
         await asyncio.wait([keeping])
@@ -72,6 +74,7 @@ class BusLink:
         self._state: State | None = None
         self._shown = asyncio.Event()
         self._heard_s = clock.now_s()
+        self._objection = ""
 
     def age_s(self) -> float:
         """Since the broker last answered, s; 0 while it does."""
@@ -85,6 +88,12 @@ class BusLink:
         """Say it to everyone, if there is a broker and nothing newer. Never waits."""
         self._state = state
         self._shown.set()
+
+    async def last_words(self) -> None:
+        """Wait until all is said that can be said soon."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_LAST_WORDS_S if self._again.there else 0.0):
+                await asyncio.gather(self._replies.empty(), self._events.empty())
 
     async def keep(self) -> None:
         """Connect, again and again, until cancelled."""
@@ -111,7 +120,13 @@ class BusLink:
             await broker.publish(self._topics.status, online, qos=1, retain=True)
             broker.check()
             self._heard()
+            self._tell_objection(broker.objection)
             await asyncio.sleep(_BEAT_S)
+
+    def _tell_objection(self, why: str) -> None:
+        if why and why != self._objection:
+            LOG.warning("the operator's broker passes on nothing that we say below %s: %s", self._topics.root, why)
+            self._objection = why
 
     async def _listen(self, broker: Connection) -> None:
         async for message in broker.messages:
@@ -169,8 +184,9 @@ class BusLink:
             try:
                 await broker.publish(letter.topic, letter.payload, qos=1, properties=properties)
             except BaseException:
-                box.put_back(letter)
+                box.not_said(letter)
                 raise
+            box.said()
 
     async def _say_state(self, broker: Connection) -> None:
         while True:

@@ -32,10 +32,13 @@ class Letter:
 
 
 class Outbox:
-    """First in, first out; of more than `most` the oldest is dropped. Never waits but in `next`."""
+    """First in, first out; of more than `most` the oldest is dropped. Waits in `next` and `empty` only."""
 
     def __init__(self, most: int) -> None:
         self._most, self._letters, self._there = most, deque[Letter](), asyncio.Event()
+        self._open = 0
+        self._all_said = asyncio.Event()
+        self._all_said.set()
 
     def __len__(self) -> int:
         return len(self._letters)
@@ -46,17 +49,30 @@ class Outbox:
             self._letters.popleft()
         self._letters.append(letter)
         self._there.set()
+        self._all_said.clear()
 
-    def put_back(self, letter: Letter) -> None:
-        """What could not be said comes first again."""
+    async def next(self) -> Letter:
+        """The oldest, once there is one; it is taken out, until `said` or `not_said`."""
+        while not self._letters:
+            self._there.clear()
+            await self._there.wait()
+        self._open += 1
+        return self._letters.popleft()
+
+    def said(self) -> None:
+        """What was taken out is where it should be."""
+        self._open -= 1
+        if not self._letters and not self._open:
+            self._all_said.set()
+
+    def not_said(self, letter: Letter) -> None:
+        """It comes first again, but not for ever."""
         letter.tries += 1
         if letter.tries < _TRIES and len(self._letters) < self._most:
             self._letters.appendleft(letter)
             self._there.set()
+        self.said()
 
-    async def next(self) -> Letter:
-        """The oldest, once there is one; it is taken out."""
-        while not self._letters:
-            self._there.clear()
-            await self._there.wait()
-        return self._letters.popleft()
+    async def empty(self) -> None:
+        """Wait until all is said."""
+        await self._all_said.wait()
