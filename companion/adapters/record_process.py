@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from typing import Any
 
 from companion.config_records import RecordsConfig
@@ -24,6 +25,9 @@ _BATCH_TICKS = 10
 _LARGEST_BATCH = 100_000
 """Bytes; of the rows of a law with a network of thousands each goes by itself."""
 _LISTEN_FLUSHES = 5
+_MOST_BACKLOG = 200
+"""Messages: 20 s of a writer that gets no time, some 5 MB."""
+_SENT_AT_ONCE = 4
 _AGAIN_S = 5.0
 """Between two attempts to start a writer."""
 _ON_GROUND = frozenset({Phase.STANDBY, Phase.DISARMED})
@@ -42,6 +46,7 @@ class RecordSink:
         self._encoder = RowEncoder()
         self._begin: dict[str, Any] = {"unix_offset_s": time.time() - time.monotonic(), "vehicle": vehicle}
         self._waiting: list[tuple[Tick, Frozen]] = []
+        self._backlog: deque[bytes] = deque()
         self._flushes = 0
         self._ready = False
         self._started_s = 0.0
@@ -116,8 +121,13 @@ class RecordSink:
         """The flight's file is whole when this returns; at most 10 s."""
         self._flush()
         if self._link is not None:
-            with contextlib.suppress(OSError):  # the writer is gone already
+            with contextlib.suppress(OSError):  # the writer is gone already, or hangs
+                self._link.settimeout(_CLOSING_S)
+                for message in self._backlog:
+                    self._link.send(message)
+                self._link.setblocking(False)
                 self._link.shutdown(socket.SHUT_WR)
+        self._backlog.clear()
         if self._writer is not None:
             try:
                 self._writer.wait(_CLOSING_S)
@@ -136,20 +146,31 @@ class RecordSink:
         with theirs:
             self._writer = subprocess.Popen(command, stdin=theirs.fileno(), start_new_session=True)  # noqa: S603
         self._link, self._started_s, self._ready = ours, time.monotonic(), False
+        self._backlog.clear()
         self._encoder.retell()
         self.begin({})
 
     def _send(self, message: bytes) -> bool:
-        if self._link is None:
+        """Now, or as soon as the writer takes it; False when too much waits already."""
+        if self._link is None or len(self._backlog) >= _MOST_BACKLOG:
             return False
-        try:
-            self._link.send(message)
-        except BlockingIOError:
-            return False
-        except OSError as error:
-            self._lose(error)
-            return False
-        return True
+        self._backlog.append(message)
+        self._send_backlog()
+        return self._link is not None
+
+    def _send_backlog(self) -> None:
+        """A few messages, as far as the socket has room: a writer that was kept waiting catches up step by step."""
+        for _ in range(min(_SENT_AT_ONCE, len(self._backlog))):
+            if self._link is None:
+                return
+            try:
+                self._link.send(self._backlog[0])
+            except BlockingIOError:
+                return
+            except OSError as error:
+                self._lose(error)
+                return
+            self._backlog.popleft()
 
     def _lose(self, error: OSError) -> None:
         """The writer is gone."""

@@ -4,6 +4,7 @@ It ends when the other side does, in whatever way, and then the flight's file is
 service do not end it. One thread empties the socket, so that a slow disk never lets it run full; the other one writes.
 """
 
+import contextlib
 import json
 import logging
 import os
@@ -54,8 +55,9 @@ def main() -> None:
 
 def _step_back() -> None:
     """The control loop comes first, and its real-time priority is not ours."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    os.nice(_NICE)
+    with contextlib.suppress(OSError):  # where the service may not either
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.nice(_NICE)
 
 
 def _teller(link: socket.socket) -> Callable[[dict[str, Any]], None]:

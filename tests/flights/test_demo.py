@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from companion.cli.mock_process import free_ports, mock_process
+from companion.records.read import read_flight
 from tests.flights.command import ROOT, mock_config, read_json, run, size_of_only, start
 
 pytestmark = pytest.mark.realtime
@@ -28,9 +29,16 @@ async def test_a_demo_flight_tracks_lands_says_so_and_agrees_with_the_simulation
     for timing in ("tick_late_ms", "frame_to_setpoint_ms"):
         assert set(data[timing]) == {"median", "p99"}
     assert size_of_only(tmp_path, "*-ellipse-etnn-seed1.png") > 20_000
+    _has_a_whole_record(tmp_path)
     for phase in ("preflight", "armed", "takeoff", "hold", "track", "land", "disarmed"):
         assert phase in ran.out
     await _agrees_with_the_simulation(data, tmp_path / "simulated.json")
+
+
+def _has_a_whole_record(folder: Path) -> None:
+    record = read_flight(next(folder.glob("*-ellipse-etnn-seed1.mcap")))
+    assert (record.truncated, record.dropped) == (False, 0)
+    assert (record.metadata["trajectory"], record.columns["phase"][-1]) == ("ellipse", "disarmed")
 
 
 async def _agrees_with_the_simulation(flown: dict[str, Any], summary: Path) -> None:

@@ -129,6 +129,18 @@ def test_a_full_disk_ends_the_writing_once_and_not_the_flight(tmp_path: Path) ->
     assert len(record.columns["time_s"]) >= 50
 
 
+def test_a_writer_that_is_kept_waiting_catches_up_without_a_gap(tmp_path: Path) -> None:
+    def stop_and_go(count: int) -> None:
+        if count in {15, 600}:
+            os.kill(sink.pid or 0, signal.SIGSTOP if count == 15 else signal.SIGCONT)
+
+    with recording(tmp_path) as sink:
+        count = feed(sink, stop_and_go, track_s=6.5)
+        assert sink.dropped == 0
+    record = read_flight(next(tmp_path.iterdir()))
+    assert (record.dropped, len(record.columns["time_s"])) == (0, count - 10)
+
+
 def test_too_little_space_is_told_and_nothing_is_written(tmp_path: Path) -> None:
     with recording(tmp_path, min_free_mb=1e7) as sink:
         feed(sink)
