@@ -66,10 +66,11 @@ def _as_dict(one: Glance) -> dict[str, object]:
 
 
 def _table(found: list[Glance]) -> Table:
-    table = Table(box=None)
-    for head in ("record", "length", "size", "law", "ended"):
-        table.add_column(head, justify="right" if head in {"length", "size"} else "left", no_wrap=head == "record")
+    table = Table(box=None, expand=True)
+    for head in ("record", "length", "size", "law"):
+        table.add_column(head, justify="right" if head in {"length", "size"} else "left", no_wrap=True)
+    table.add_column("ended", no_wrap=True, ratio=1)
     for one in found:
-        ended = f"{one.ended} (the record breaks off)" if one.truncated else one.ended
+        ended = " ".join(f"breaks off in {one.ended}".split() if one.truncated else one.ended.split())
         table.add_row(*map(Text, (one.path.name, f"{one.length_s:.0f} s", f"{one.size_mb:.1f} MB", one.law, ended)))
     return table
