@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from companion.arms.feedforward import Airframe
 from companion.config_arms import ArmsConfig
 from companion.config_files import Section, project_root, read_toml, validate
-from companion.config_mocap import MocapConfig
+from companion.config_mocap import MocapConfig, mocap_and_operator
 from companion.config_operator import OperatorConfig
 from companion.config_preflight import PreflightConfig
 from companion.config_records import RecordsConfig
@@ -134,10 +134,17 @@ class CompanionConfig(Section):
     @model_validator(mode="after")
     def _agrees(self) -> "CompanionConfig":
         """No two tables may ask for what cannot be had together; the first sentence of what does."""
-        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self)):
+        of_mocap = mocap_and_operator(self.mocap, self.operator)
+        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap):
             if wrong:
                 raise ValueError(wrong)
         return self
+
+    def mocap_broker(self) -> OperatorConfig:
+        """Over which frames come when mocap.source is mqtt."""
+        broker = self.mocap.broker or self.operator
+        assert broker is not None, "a configuration without one is refused"
+        return broker
 
     def flight_rules(self) -> FlightRules:
         """The phase machine's numbers."""

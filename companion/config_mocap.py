@@ -1,15 +1,38 @@
 """Settings of the motion-capture source; strict, so that a misspelt key is an error."""
 
-from typing import Literal
+from typing import ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from companion.config_operator import OperatorConfig
+
+
+class MocapBrokerConfig(OperatorConfig):
+    """[mocap.broker]: like [operator], for a broker, or a user of it, that only motion capture has."""
+
+    table: ClassVar[str] = "mocap.broker"
+
+    @model_validator(mode="after")
+    def _of_the_room(self) -> "MocapBrokerConfig":
+        if self.embedded:
+            raise ValueError("embedded is for [operator] alone: the bridge and the service both come to this broker")
+        return self
 
 
 class MocapConfig(BaseModel):
-    """Where QTM is, which body is ours, and how its frames travel."""
+    """Where QTM is, which body is ours, and how its frames travel.
+
+    With source = "mqtt" it is the bridge that comes to QTM by host, port, body and transport.
+    """
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
+    source: Literal["qualisys", "mqtt"] = Field(
+        default="qualisys", description="qualisys: QTM itself; mqtt: what `companion mocap-bridge` forwards of it."
+    )
+    broker: MocapBrokerConfig | None = Field(
+        default=None, description="For source = mqtt; [operator]'s broker if left out."
+    )
     host: str = Field(default="127.0.0.1", min_length=1, description="Address of the computer that runs QTM.")
     port: int = Field(default=22223, gt=0, le=65535, description="QTM's TCP port for little endian (base port + 1).")
     body: str = Field(default="dauam", min_length=1, description="Name of the vehicle's rigid body in QTM.")
@@ -30,3 +53,28 @@ class MocapConfig(BaseModel):
         le=0.5,
         description="Known seconds from capture to arrival here; measure it once per room.",
     )
+
+    @model_validator(mode="after")
+    def _together(self) -> "MocapConfig":
+        if self.broker is not None and self.source != "mqtt":
+            raise ValueError('broker is for frames by way of MQTT: give source = "mqtt" as well, or no [mocap.broker]')
+        return self
+
+
+def mocap_and_operator(mocap: MocapConfig, operator: OperatorConfig | None) -> str:
+    """Why frames cannot come by way of MQTT; empty when they can, or come from QTM itself."""
+    if mocap.source != "mqtt":
+        return ""
+    if mocap.broker is None and operator is None:
+        return 'mocap.source = "mqtt": over which broker? Give [operator], or [mocap.broker] with host'
+    if mocap.broker is None and operator is not None and operator.embedded:
+        return (
+            'mocap.source = "mqtt": the embedded broker of [operator] is for this computer alone, and the bridge comes '
+            "from another: give [mocap.broker] with host"
+        )
+    if mocap.broker is not None and operator is not None and mocap.broker.topics != operator.topics:
+        return (
+            f"mocap.broker: its topics begin with {mocap.broker.topics.root}, those of [operator] with "
+            f"{operator.topics.root}: give both the same prefix and vehicle"
+        )
+    return ""

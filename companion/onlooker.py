@@ -15,11 +15,11 @@ from companion.adapters.disk import DiskWatch
 from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.instance_lock import instance_lock
 from companion.adapters.px4 import open_px4
-from companion.adapters.qualisys import open_qualisys
 from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.mocap_source import open_mocap
 from companion.ports import ArmBus, ArmError, AutopilotError, Clock, CompanionError, MocapError, MocapSource
 from companion.preflight.check import Check
 from companion.service_preflight import Running
@@ -33,7 +33,8 @@ Device = TypeVar("Device")
 
 
 _TODO = {
-    "motion capture": "start QTM's measurement with its real-time output; look at mocap.host, port and body",
+    "motion capture": "start QTM's measurement with its real-time output; look at mocap.host, port and body, or at the "
+    "bridge if mocap.source is mqtt",
     "autopilot": "look at the cable, px4.url and PX4's power",
     "arms": "look at the servos' power and at arms.port; then `companion arms ping`",
 }
@@ -120,7 +121,7 @@ async def open_onlooker(
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
         opening = _Opening(devices)
-        mocap = await opening.device("motion capture", open_qualisys(config.mocap, clock))
+        mocap = await opening.device("motion capture", open_mocap(config, clock))
         autopilot = await opening.device("autopilot", open_px4(config.px4, clock))
         bus: ArmBus | None = None
         if config.arms is not None:

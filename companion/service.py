@@ -14,12 +14,12 @@ from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.instance_lock import instance_lock
 from companion.adapters.mqtt import Answering, open_bus
 from companion.adapters.px4 import open_px4
-from companion.adapters.qualisys import open_qualisys
 from companion.bus.commands import Command
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.flight_loop import Devices, FlightLoop
 from companion.health_stage import Sides
+from companion.mocap_source import open_mocap
 from companion.orders import obey
 from companion.ports import DeadMan, FlightError, OperatorLink
 from companion.service_preflight import Running, preflight
@@ -52,7 +52,7 @@ async def open_service(
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
-        mocap = await devices.enter_async_context(open_qualisys(config.mocap, clock))
+        mocap = await devices.enter_async_context(open_mocap(config, clock))
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
         if operator is None and config.operator is not None:

@@ -35,6 +35,7 @@ PANELS = {
     },
     "The service": {
         "serve": "companion.cli.serve:serve_command",
+        "mocap-bridge": "companion.cli.mocap_bridge:mocap_bridge",
     },
     "The vehicle and its room": {
         "preflight": "companion.cli.operate_preflight:preflight",

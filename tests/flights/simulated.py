@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from companion.adapters.qualisys.source import RESTART_US
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
 from companion.control.frames import flip_yz
 from companion.flight_loop import Devices, FlightLoop
+from companion.newest_frame import RESTART_S
 from companion.ports import MocapError
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
@@ -108,7 +108,7 @@ class Room:
         """Older than the newest, but not by so much that it is another measurement: as the real adapter has it."""
         if self.frame is None:
             return False
-        return self.frame.stamp_s - 1e-6 * RESTART_US <= seen.stamp_s <= self.frame.stamp_s
+        return self.frame.stamp_s - RESTART_S <= seen.stamp_s <= self.frame.stamp_s
 
 
 def _received(frame: Frame, now_s: float) -> MocapFrame:

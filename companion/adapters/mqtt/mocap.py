@@ -1,0 +1,153 @@
+"""Motion capture by way of the room's workstation and the broker: `companion mocap-bridge` is the other end."""
+
+import asyncio
+import logging
+import math
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import aiomqtt
+import numpy as np
+import paho.mqtt.client as paho
+from pydantic import ValidationError
+
+from companion.adapters.mqtt.again import Again
+from companion.adapters.mqtt.feed import Feed
+from companion.adapters.mqtt.reached import reached
+from companion.bus.mocap import BridgePresence, MocapPose
+from companion.config_mocap import MocapConfig
+from companion.config_operator import OperatorConfig
+from companion.newest_frame import NewestFrame
+from companion.ports import Clock, MocapError
+from companion.types import Array, MocapFrame
+
+LOG = logging.getLogger(__name__)
+
+_PROBE_S = 1.0
+"""In silence the broker is asked so often whether it is still there: one that hangs is left after twice this."""
+_UNTRACKED_M = np.full(3, math.nan)
+_UNTRACKED = np.full((3, 3), math.nan)
+MAX_POSE_BYTES = 2048
+"""A pose has 450."""
+
+
+@asynccontextmanager
+async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Clock) -> AsyncIterator["MqttMocap"]:
+    """Connect, listen, wait for the first frame.
+
+    Raises MocapError when none comes in time, ConfigError when password or certificate cannot be read. Later nothing is
+    raised: a message that nobody can read is dropped, and a lost broker or bridge is silence, for whoever waits for
+    frames to judge, while the broker is looked for again in the background.
+    """
+    source = MqttMocap(broker, clock)
+    keeping = asyncio.create_task(source.keep(), name="companion.mqtt_mocap")
+    try:
+        if not await source.wait_unseen(config.first_frame_timeout_s):
+            raise MocapError(source.why_silent())
+        yield source
+    finally:
+        keeping.cancel()
+        await asyncio.wait([keeping])
+        source.fail("is not listened to any more")
+
+
+class MqttMocap(NewestFrame):
+    """`ports.MocapSource`: the newest frame that the bridge has forwarded. Made by `open_mqtt_mocap`."""
+
+    def __init__(self, broker: OperatorConfig, clock: Clock) -> None:
+        topics = broker.topics
+        super().__init__(f"the mocap bridge (topic {topics.mocap} at {broker.host}:{broker.port})", clock)
+        self._broker = broker
+        self._pose_topic, self._bridge_topic = topics.mocap, topics.mocap_bridge
+        self._reached = reached(broker, None)
+        self._again = Again(f"motion capture's broker {broker.host}:{broker.port}")
+        self._bridge: BridgePresence | None = None
+
+    async def keep(self) -> None:
+        """Listen, again and again, until cancelled."""
+        await self._again.keep(self._connected)
+
+    async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
+        """One connection, until it breaks; raises whatever broke it."""
+        async with Feed(self._reached, version, self.on_message) as feed:
+            await feed.follow(self._bridge_topic)
+            await feed.follow(self._pose_topic)
+            while True:
+                self._again.heard()
+                received = self.counts.received
+                await feed.lost_within(_PROBE_S)
+                if self.counts.received == received:
+                    await feed.follow(self._pose_topic)
+
+    def on_message(self, message: paho.MQTTMessage) -> None:
+        """Take what has just arrived; nothing is raised for what it holds."""
+        received_s = self._clock.now_s()
+        try:
+            topic = message.topic
+        except UnicodeDecodeError:
+            return  # some brokers send what nobody asked for
+        if topic == self._pose_topic:
+            self._on_pose(message.payload, message.retain, received_s)
+        elif topic == self._bridge_topic:
+            self._on_bridge(message.payload)
+
+    def _on_pose(self, payload: bytes | bytearray, retained: bool, received_s: float) -> None:
+        if retained:
+            return None  # of any age, and the bridge retains nothing
+        if len(payload) > MAX_POSE_BYTES:
+            return self.on_malformed(ValueError(f"a pose of {len(payload)} bytes"))
+        try:
+            pose = MocapPose.model_validate_json(payload)
+        except ValidationError as error:
+            return self.on_malformed(ValueError(f"what is no pose ({_first_mistake(error)})"))
+        return self._take(pose, received_s)
+
+    def _take(self, pose: MocapPose, received_s: float) -> None:
+        if self.is_overtaken(pose.frame, pose.stamp_s):
+            return
+        position_w_m: Array = _UNTRACKED_M
+        rotation_w_b: Array = _UNTRACKED
+        if pose.position_w_m is not None and pose.rotation_w_b is not None:
+            position_w_m, rotation_w_b = np.array(pose.position_w_m), np.array(pose.rotation_w_b).reshape(3, 3)
+        residual_m = math.nan if pose.residual_m is None else pose.residual_m
+        late = pose.late + self.counts.late
+        self.put(MocapFrame(pose.frame, pose.stamp_s, received_s, position_w_m, rotation_w_b, residual_m, late))
+
+    def _on_bridge(self, payload: bytes | bytearray) -> None:
+        try:
+            now = BridgePresence.model_validate_json(payload)
+        except ValidationError:
+            return
+        before, self._bridge = self._bridge, now
+        if before is not None and before.online and not now.online:
+            LOG.error("the mocap bridge on %r has ended", before.host)
+        elif before is not None and now.trouble and now.trouble != before.trouble:
+            LOG.error("the mocap bridge on %r has no frames: %r", now.host, now.trouble)
+
+    def why_silent(self) -> str:
+        """The sentence for no first frame: what is known of the way it should have come."""
+        b, bridge = self._broker, self._bridge
+        if not self._again.there:
+            why = self._again.why or "it does not answer"
+            correct = f"start it, or correct host and port in [{b.table}]"
+            return f"no broker for motion capture at {b.host}:{b.port} ({why}): {correct}"
+        start = "start `companion mocap-bridge` on the workstation"
+        if bridge is None:
+            return (
+                f"no frames on topic {self._pose_topic} at {b.host}:{b.port}, and no mocap bridge was ever there: "
+                f"{start}, with the same prefix and vehicle, and let its user write there"
+            )
+        if not bridge.online:
+            return f"no frames on topic {self._pose_topic}: the mocap bridge on {bridge.host!r} has ended: {start}"
+        if bridge.trouble:
+            return f"the mocap bridge on {bridge.host!r} has no frames: {bridge.trouble}"
+        return (
+            f"the mocap bridge on {bridge.host!r} is there but sends no frames on topic {self._pose_topic}: look at "
+            "what it says, and whether its user may write there"
+        )
+
+
+def _first_mistake(error: ValidationError) -> str:
+    """Nothing of what was sent, which may be anything."""
+    detail = error.errors(include_url=False, include_input=False)[0]
+    return f"{'.'.join(str(part) for part in detail['loc'])[:60]}: {detail['msg'][:100]}"

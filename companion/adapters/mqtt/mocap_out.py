@@ -1,0 +1,127 @@
+"""The bridge's end: every pose to the broker at once, and of those that it does not take in time only the newest."""
+
+import asyncio
+import secrets
+import socket
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+import aiomqtt
+import paho.mqtt.client as paho
+from pydantic import ValidationError
+
+from companion.adapters.mqtt.again import Again
+from companion.adapters.mqtt.feed import Feed
+from companion.adapters.mqtt.reached import reached
+from companion.bus.mocap import BridgePresence, MocapPose
+from companion.config_operator import OperatorConfig
+from companion.ports import MocapError
+
+_BEAT_S = 0.5
+_LISTEN_S = 1.2
+"""Another bridge is heard twice within this."""
+
+
+@asynccontextmanager
+async def open_mocap_out(broker: OperatorConfig) -> AsyncIterator["MocapOut"]:
+    """Connects in the background, again and again. ConfigError when password or certificate cannot be read."""
+    out = MocapOut(broker)
+    keeping = asyncio.create_task(out.keep(), name="companion.mocap_out")
+    try:
+        yield out
+    finally:
+        keeping.cancel()
+        await asyncio.wait([keeping])
+
+
+class MocapOut:
+    """Made by `open_mocap_out`. To be used on its event loop only."""
+
+    def __init__(self, broker: OperatorConfig) -> None:
+        self._where, self._topics = f"{broker.host}:{broker.port}", broker.topics
+        self._presence = BridgePresence(
+            online=True, session=secrets.token_hex(8), host=socket.gethostname(), since_s=time.time()
+        )
+        gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
+        self._reached = reached(broker, aiomqtt.Will(self._topics.mocap_bridge, gone, qos=1, retain=True))
+        self._again = Again(f"the broker {self._where}")
+        self._alone = False
+        self._newest: MocapPose | None = None
+        self._shown = asyncio.Event()
+        self.sent = 0
+        """Poses that the broker's connection has taken."""
+        self.passed_over = 0
+        """Poses in whose place a newer one was sent, or none, because the broker was slow or not there."""
+        self.refused: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        """Fails with MocapError when another bridge forwards the same vehicle."""
+
+    @property
+    def why(self) -> str:
+        """Why nothing is sent; empty while it is."""
+        if self._again.there:
+            return "" if self._alone else "listens whether another bridge is at work"
+        return f"no broker at {self._where}" + (f": {self._again.why}" if self._again.why else "")
+
+    def show(self, pose: MocapPose) -> None:
+        """Send it now if that can be, or as soon as it can be and there is nothing newer. Never waits."""
+        if self._newest is not None:
+            self.passed_over += 1
+        self._newest = pose
+        self._shown.set()
+
+    def say_trouble(self, why: str) -> None:
+        """For everyone who asks why there are no frames; empty when there are."""
+        self._presence = self._presence.model_copy(update={"trouble": why[:1000]})
+
+    async def keep(self) -> None:
+        """Connect, again and again, until cancelled."""
+        await self._again.keep(self._connected)
+
+    async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
+        async with Feed(self._reached, version, self._on_message) as feed:
+            feed.keep_little()
+            await feed.follow(self._topics.mocap_bridge)
+            self._again.heard()
+            if not self._alone:  # once in a run: later the vehicle may fly by our frames
+                await feed.lost_within(_LISTEN_S)
+                self._alone = True
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._beat(feed), name="companion.mocap_out.beat")
+                group.create_task(self._say_newest(feed), name="companion.mocap_out.poses")
+
+    async def _beat(self, feed: Feed) -> None:
+        """Say that we are here, and have the broker prove that it is."""
+        while True:
+            online = self._presence.model_dump_json().encode()
+            await feed.publish(self._topics.mocap_bridge, online, qos=1, retain=True)
+            self._again.heard()
+            await feed.lost_within(_BEAT_S)
+
+    async def _say_newest(self, feed: Feed) -> None:
+        while True:
+            await self._shown.wait()
+            self._shown.clear()
+            pose, self._newest = self._newest, None
+            if pose is not None:
+                await feed.publish(self._topics.mocap, pose.model_dump_json().encode(), qos=0)
+                self.sent += 1
+
+    def _on_message(self, message: paho.MQTTMessage) -> None:
+        """Another bridge's word counts only while it is said: the retained one may be of a bridge that was."""
+        if message.retain:
+            return
+        try:
+            other = BridgePresence.model_validate_json(message.payload)
+        except ValidationError:
+            return
+        ours = self._presence
+        if not other.online or other.session == ours.session or self.refused.done():
+            return
+        if not self._alone or (other.since_s, other.session) < (ours.since_s, ours.session):
+            self.refused.set_exception(
+                MocapError(
+                    f"the mocap bridge on {other.host!r} forwards this vehicle already ({self._topics.mocap} at "
+                    f"{self._where}): end one of the two, or give this one another prefix or vehicle"
+                )
+            )
