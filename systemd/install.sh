@@ -93,7 +93,12 @@ make_programs() {
     pip() { "$root/opt/dauam/bin/python" -m pip --quiet --disable-pip-version-check "$@"; }
     pip install --require-hashes -r "$source/requirements.lock" -r "$work/builder.lock"
     pip install --no-deps --no-build-isolation --force-reinstall "$work/source"
-    say "wrote $root/opt/dauam/bin/companion"
+    # Called from any folder, it looks for config/ beside its packages.
+    packages=$("$root/opt/dauam/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
+    ln -sfn ../../../config "$packages/config"
+    install -d -m 755 "$root/usr/local/bin"
+    ln -sf /opt/dauam/bin/companion "$root/usr/local/bin/companion"
+    say "wrote $root/opt/dauam/bin/companion, and a link to it in $root/usr/local/bin"
 }
 
 # A first configuration: the example, and the folders the service may write to.

@@ -74,7 +74,7 @@ must() {
 }
 shows() { systemctl show -p "$1" --value dauam-companion; }
 logged() { journalctl --no-pager -u dauam-companion -o cat | grep -q -- "$1"; }
-companion() { /opt/dauam/bin/companion "$@" --config /etc/dauam/companion.toml; }
+companion() { /usr/local/bin/companion "$@" --config /etc/dauam/companion.toml; }
 # within SECONDS COMMAND...: it succeeds at last.
 within() {
     local end=$((SECONDS + $1))
@@ -89,7 +89,6 @@ phase() { [ "$(shows StatusText)" = "$1" ]; }
 unlocked() { ! grep -q "^CapEff:.*[1-9a-f]" "/proc/$(shows MainPID)/status"; }
 
 inside() {
-    cd /opt/dauam
     systemctl start mock
     step "the unit as installed, hardened as it is"
     must "it says itself that it is ready" systemctl start dauam-companion

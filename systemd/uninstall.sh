@@ -38,8 +38,9 @@ for each in \
     /etc/systemd/system/mosquitto.service.d/dauam.conf \
     /etc/udev/rules.d/99-dauam-u2d2.rules \
     /etc/sysusers.d/dauam.conf \
+    /usr/local/bin/companion \
     /opt/dauam; do
-    if [ -e "$root$each" ]; then
+    if [ -e "$root$each" ] || [ -h "$root$each" ]; then
         rm -r "$root$each"
         say "removed $root$each"
     fi

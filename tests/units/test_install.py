@@ -99,11 +99,15 @@ def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part
     record = tmp_path / "var/lib/dauam/flights/one.mcap"
     record.parent.mkdir(parents=True)
     record.write_bytes(b"flown")
+    command = tmp_path / "usr/local/bin/companion"
+    command.parent.mkdir(parents=True)
+    command.symlink_to("/opt/dauam/bin/companion")
     out = said(UNINSTALL, "--root", tmp_path)
     left = {"var/lib/dauam/flights/one.mcap"}
     left |= {name for name in VEHICLE if name.endswith((".conf", ".toml")) and "sysusers" not in name}
     assert set(files(tmp_path)) <= left
     assert record.exists()
+    assert not command.is_symlink()
     assert not (tmp_path / "opt/dauam").exists()
     assert f"left {tmp_path}/var/lib/dauam: yours" in out
     if part == "vehicle":
