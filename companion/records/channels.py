@@ -12,7 +12,7 @@ from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import Log, LogLevel, Timestamp
 
 from companion.records.json_rows import JsonRows, Shapes, schema_of
-from companion.records.row import Row
+from companion.records.row import Layout, Row
 
 EVENT = "/event"
 META = "companion"
@@ -33,11 +33,16 @@ class Channels:
         self._json: dict[str, Channel] = {}
         self._shapes: dict[str, Shapes] = {}
         self._rows = JsonRows()
+        self._seen: set[Layout] = set()
+        """Their topics are there to be watched."""
         self._event = Channel(EVENT, schema=_EVENT_SCHEMA, context=context)
         self._log = LogChannel("/log", context=context)
 
-    def row(self, row: Row, time_ns: int) -> None:
-        """All topics of a row."""
+    def row(self, row: Row, time_ns: int, recorded: bool) -> None:
+        """All topics of a row; in vain where it is neither recorded nor watched, and then not done."""
+        if not recorded and row.layout in self._seen and not any(one.has_sinks() for one in self._json.values()):
+            return
+        self._seen.add(row.layout)
         for message in self._rows.messages(row):
             shapes = self._shapes.get(message.topic)
             if shapes is not message.shapes and (shapes is None or not message.shapes.items() <= shapes.items()):

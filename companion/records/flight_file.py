@@ -78,8 +78,9 @@ class FlightFiles:
         row = self._decoder.row(message)
         time_s = float(row.block[TIME])
         time_ns = round(1e9 * (time_s + self._offset_s))
-        self._channels.row(row, time_ns)
-        self._scene.draw(row, time_ns)
+        recorded = self._file is not None
+        self._channels.row(row, time_ns, recorded)
+        self._scene.draw(row, time_ns, recorded)
         self._announce(row, time_ns)
         if self._file is not None:
             self._keep(self._file, row, time_s)

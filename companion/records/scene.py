@@ -53,8 +53,10 @@ class Scene:
         self._reference: deque[Point3] = deque(maxlen=_PATH_POINTS)
         self._flown: deque[Point3] = deque(maxlen=_PATH_POINTS)
 
-    def draw(self, row: Row, time_ns: int) -> None:
-        """One instant."""
+    def draw(self, row: Row, time_ns: int, recorded: bool) -> None:
+        """One instant, where it is recorded or watched."""
+        if not (recorded or self._scene.has_sinks() or self._frames.has_sinks()):
+            return
         if abs(time_ns - self._drawn_ns) < _PERIOD_NS or "position_w_m" not in row:
             return
         self._drawn_ns = time_ns

@@ -1,6 +1,7 @@
 """The writer's process: what is killed leaves a record, and nothing that happens to it disturbs the flight."""
 
 import errno
+import itertools
 import json
 import os
 import resource
@@ -162,7 +163,8 @@ def test_whoever_watches_live_gets_all_topics(tmp_path: Path) -> None:
             subscription = {"id": 1, "channelId": topics["/estimate"]}
             watcher.send(json.dumps({"op": "subscribe", "subscriptions": [subscription]}))
             time.sleep(0.2)
-            feed(sink, start_s=300.0)
+            for standby in itertools.islice(flight(start_s=300.0), 10):
+                sink(standby)
             message = watcher.recv(timeout=20.0)
             assert isinstance(message, bytes)
             assert json.loads(message[13:])["position_w_m"][2] == pytest.approx(1.0, abs=0.01)
