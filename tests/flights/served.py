@@ -1,0 +1,264 @@
+"""The service, the mocks and operators as processes of their own, as they stand in three terminals."""
+
+import asyncio
+import os
+import signal
+import sys
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from companion.bus.telemetry import Happened, State
+from companion.cli.mock_process import MockPorts, free_ports, mock_process
+from companion.config_operator import OperatorConfig
+from companion.console.client import Link, open_console
+from tests.flights.command import PATIENCE_S, ROOT, Ran, Running, run, start
+from tests.mosquitto import free_port
+
+T = TypeVar("T")
+BRISK = """
+climb_speed_mps = 1.0
+descent_speed_mps = 0.6
+spool_up_s = 0.5
+settle_s = 0.2
+"""
+PATIENT = """
+# A machine that is shared keeps frames, messages and servos waiting now and then; that is not what is tried here.
+[safety]
+coast_s = 0.2
+degraded_s = 0.3
+silent_s = 0.5
+delayed_s = 0.3
+slow_hz = 5.0
+autopilot_silent_s = 2.0
+"""
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where everything is: a folder, ports, the service's configuration, and how operators reach it."""
+
+    folder: Path
+    ports: MockPorts
+    place: OperatorConfig
+    """As an operator gives it."""
+    served: OperatorConfig
+    """As the service has it."""
+
+    @classmethod
+    def embedded(cls, folder: Path) -> "Site":
+        """With the service's own broker."""
+        port = free_port()
+        return cls(folder, free_ports(), OperatorConfig(port=port), OperatorConfig(port=port, embedded=True))
+
+    @property
+    def records(self) -> Path:
+        """The folder of the flights' records."""
+        return self.folder / "flights"
+
+    def config(self, arms: bool = True) -> Path:
+        """The demo's file on these ports, brisk, and patient with a busy machine."""
+        text = (ROOT / "config" / "demo.toml").read_text(encoding="utf-8")
+        said, armless = text.split("[arms]")
+        for old, new in (
+            ("127.0.0.1:14540", f"127.0.0.1:{self.ports.client}"),
+            ("port = 22223", f"port = {self.ports.qualisys}"),
+            ("[flight]\n", f"[flight]{BRISK}"),
+            ("mocap_hz = 50.0", "mocap_hz = 20.0"),
+        ):
+            assert old in said, f"config/demo.toml has no {old!r} any more"
+            said = said.replace(old, new)
+        assert "silent_s = 0.5" in armless, "config/demo.toml's arms are silent after something else now"
+        if arms:
+            said += f'[arms]\nport = "{self.ports.servo_link}"\nsilent_s = 2.0\n'
+        said += f'{PATIENT}\n[records]\nfolder = "{self.records}"\nlive_port = 0\n\n[operator]\n'
+        for name, value in self.served.model_dump(exclude_none=True).items():
+            said += f"{name} = {str(value).lower() if isinstance(value, bool | int) else repr(value)}\n"
+        path = self.folder / "companion.toml"
+        path.write_text(said, encoding="utf-8")
+        return path
+
+    def options(self) -> list[str]:
+        """For an operator's command."""
+        there = self.place
+        user = f"{there.user}@" if there.user else ""
+        said = ["--broker", f"mqtt{'s' if there.tls else ''}://{user}{there.host}:{there.port}"]
+        for option, value in (
+            ("--vehicle", f"{there.prefix}/{there.vehicle}"),
+            ("--password-file", there.password_file),
+            ("--ca-file", there.ca_file),
+        ):
+            said += [option, value] if value else []
+        return said
+
+    async def command(self, *words: str) -> Ran:
+        """`companion WORDS`, to its end."""
+        return await run(*words, *self.options())
+
+    async def begin(self, *words: str) -> "Underway":
+        """The same, and it is not waited for."""
+        return Underway(await start(*words, *self.options()))
+
+
+class Underway:
+    """An operator's command that has not ended."""
+
+    def __init__(self, running: Running) -> None:
+        self._running = running
+        self._ending = asyncio.create_task(running.ended(), name="a command")
+
+    async def meanwhile(self, what: Coroutine[Any, Any, T]) -> T:
+        """Await this; fails when the command ends before."""
+        doing = asyncio.create_task(what, name="meanwhile")
+        await asyncio.wait({doing, self._ending}, return_when=asyncio.FIRST_COMPLETED)
+        if not doing.done():
+            doing.cancel()
+            await asyncio.wait({doing})
+            raise AssertionError(f"it ended too soon: {self._ending.result().said}")
+        return doing.result()
+
+    def kill(self) -> None:
+        """As `kill -9`."""
+        self._running.send(signal.SIGKILL)
+
+    async def ended(self) -> Ran:
+        """Wait for its end."""
+        return await self._ending
+
+
+class Served:
+    """`companion serve` in a process of its own."""
+
+    def __init__(self, process: asyncio.subprocess.Process, log: Path) -> None:
+        self.process, self._log = process, log
+
+    @property
+    def log(self) -> str:
+        """What it has said so far."""
+        return self._log.read_text(encoding="utf-8")
+
+    async def says(self, wanted: str) -> None:
+        """Wait until its log has this."""
+        await self.until(lambda: wanted in self.log)
+
+    async def until(self, true: Callable[[], bool], story: Callable[[], str] = lambda: "") -> None:
+        """Wait for something that has to come while it runs."""
+        try:
+            async with asyncio.timeout(PATIENCE_S):
+                while not true():
+                    assert self.process.returncode is None, (
+                        f"it ended ({self.process.returncode}):\n{self.log}\n{story()}"
+                    )
+                    await asyncio.sleep(0.02)
+        except TimeoutError:
+            raise AssertionError(f"it did not come; so far:\n{self.log}\n{story()}") from None
+
+    async def ended(self) -> int:
+        """Its exit code."""
+        async with asyncio.timeout(PATIENCE_S):
+            return await self.process.wait()
+
+    def broker(self) -> int:
+        """The process of its embedded broker."""
+        children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
+        told = {int(one): Path(f"/proc/{one}/cmdline").read_bytes() for one in children}
+        (found,) = [one for one, line in told.items() if b"companion.adapters.broker" in line]
+        return found
+
+
+@asynccontextmanager
+async def serving(config: Path, log: Path, **environment: str) -> AsyncIterator[Served]:
+    """`companion serve`, from its beginning; killed at the end if it still runs."""
+    with log.open("wb") as journal:
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            *("-m", "companion.cli.main", "serve", "--config", str(config)),
+            cwd=ROOT,
+            env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
+            stdin=asyncio.subprocess.DEVNULL,
+            stdout=journal,
+            stderr=journal,
+        )
+    try:
+        yield Served(process, log)
+    finally:
+        if process.returncode is None:
+            process.kill()
+        await process.wait()
+
+
+@asynccontextmanager
+async def mocks(site: Site, arms: bool = True) -> AsyncIterator[None]:
+    """Autopilot, motion capture and arms of the demo."""
+    text = (ROOT / "config" / "mock.toml").read_text(encoding="utf-8")
+    assert "enabled = true" in text
+    path = site.folder / "mock.toml"
+    path.write_text(text if arms else text.replace("enabled = true", "enabled = false"), encoding="utf-8")
+    async with mock_process(path, 1, site.ports):
+        yield
+
+
+@dataclass
+class Seen:
+    """What somebody who looks on has seen; the newest state is the last."""
+
+    served: Served
+    states: list[State] = field(default_factory=list)
+    events: list[Happened] = field(default_factory=list)
+    links: list[bool] = field(default_factory=list)
+
+    @property
+    def state(self) -> State:
+        """The newest."""
+        return self.states[-1]
+
+    async def phase(self, *wanted: str) -> State:
+        """Wait until the newest state has one of these."""
+        await self.served.until(lambda: bool(self.states) and self.state.phase in wanted, self.story)
+        return self.state
+
+    async def does(self, verb: str) -> State:
+        """Wait until this command is being carried out."""
+        await self.served.until(lambda: self.state.doing is not None and self.state.doing.verb == verb, self.story)
+        return self.state
+
+    async def newer(self) -> State:
+        """Wait for a state that is said from now on."""
+        before = len(self.states)
+        await self.served.until(lambda: len(self.states) > before, self.story)
+        return self.state
+
+    def story(self) -> str:
+        """For a test that fails."""
+        return f"{self.states[-1:]}\n" + "\n".join(one.text for one in self.events)
+
+
+@asynccontextmanager
+async def looking_on(place: OperatorConfig, served: Served) -> AsyncIterator[Seen]:
+    """An operator's client that only looks, connected again whenever that breaks."""
+    seen = Seen(served)
+    async with open_console(place) as console:
+
+        async def look() -> None:
+            while True:
+                said = await console.next(1.0)
+                if isinstance(said, State):
+                    seen.states.append(said)
+                elif isinstance(said, Happened):
+                    seen.events.append(said)
+                elif isinstance(said, Link):
+                    seen.links.append(said.there)
+
+        looking = asyncio.create_task(look(), name="looks on")
+        try:
+            yield seen
+        finally:
+            looking.cancel()
+            await asyncio.wait([looking])
+
+
+def kill(process: int) -> None:
+    """As `kill -9`."""
+    os.kill(process, signal.SIGKILL)
