@@ -14,6 +14,7 @@ from companion.cli.operate_options import Asked
 from companion.cli.operate_voice import JsonVoice, PlainVoice, Show, Voice
 from companion.console.client import Console, open_console
 from companion.console.draft import Draft
+from companion.console.ending import end
 from companion.console.errand import Errand, Sent
 from companion.console.place import place_of
 from companion.console.trouble import LostError, NobodyThereError
@@ -23,7 +24,6 @@ BAD_INPUT, NOBODY, LOST = 2, 3, 4
 _CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
 _SAFE_S = 15.0
 """A hold takes a few seconds to stand still."""
-_AGAIN_S = 0.1
 T = TypeVar("T")
 
 _HOLD, _ABORT = ({"verb": "hold"},), ({"verb": "abort"},)
@@ -127,10 +127,8 @@ class _Run:
                 return doing.result()
             raise _PressedError
         finally:
-            pressed.cancel()
-            while not doing.done():  # Python 3.11's wait_for loses a cancellation that comes with its result
-                doing.cancel()
-                await asyncio.wait({doing}, timeout=_AGAIN_S)
+            await end(doing)
+            await end(pressed)
 
 
 _GOOD = frozenset({Answer.DONE, Answer.ACCEPTED})

@@ -17,6 +17,7 @@ from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_
 from companion.bus.telemetry import Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
 from companion.console.draft import Draft
+from companion.console.ending import end
 from companion.console.line import ForbiddenError, Line, NotSentError, is_forbidden
 from companion.console.place import url_of
 from companion.console.trouble import NobodyThereError
@@ -57,8 +58,7 @@ async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
         await console.connected()
         yield console
     finally:
-        keeping.cancel()
-        await asyncio.wait([keeping])
+        await end(keeping)
 
 
 class Console:

@@ -12,6 +12,7 @@ from companion.bus.commands import Command
 from companion.bus.intake import Intake, Refusal
 from companion.bus.telemetry import Answer, Doing, Happened, Kind, Presence, Reply, State
 from companion.bus.topics import Topics
+from companion.console.ending import end
 
 SESSION = "0123456789abcdef"
 _PERIOD_S = 0.05
@@ -40,6 +41,7 @@ class ScriptedService:
         self._port, self._script = port, script
         self._clock_s = 3600.0
         self._client: aiomqtt.Client | None = None
+        self.there = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
 
     def now_s(self) -> float:
@@ -58,7 +60,7 @@ class ScriptedService:
         """Connected, and again when that breaks."""
         while True:
             with suppress(aiomqtt.MqttError, ExceptionGroup):
-                async with aiomqtt.Client("127.0.0.1", self._port, timeout=2.0) as client:
+                async with aiomqtt.Client("127.0.0.1", self._port, timeout=1.0) as client:
                     await self._serve(client)
             await asyncio.sleep(0.1)
 
@@ -66,6 +68,7 @@ class ScriptedService:
         await client.subscribe(self.topics.command, qos=1)
         self._client = client
         await self.present(online=True)
+        self.there.set()
         async with asyncio.TaskGroup() as group:
             group.create_task(self._show(client))
             intake = Intake(self.session)
@@ -114,8 +117,8 @@ async def scripted(port: int, vehicle: str, script: Script = done) -> AsyncItera
     service = ScriptedService(port, vehicle, script)
     task = asyncio.create_task(service.keep())
     try:
+        await service.there.wait()  # amqtt 0.12 loses a client that connects while another subscribes
         yield service
     finally:
         for one in [task, *service._tasks]:
-            one.cancel()
-        await asyncio.wait([task, *service._tasks])
+            await end(one)
