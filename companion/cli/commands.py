@@ -45,6 +45,7 @@ PANELS = {
     "After a flight": {
         "records": "companion.cli.records:records",
         "replay": "companion.cli.replay:replay_command",
+        "report": "companion.cli.report:report",
     },
     "Without a vehicle": {
         "demo": "companion.cli.demo:demo",

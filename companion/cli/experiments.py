@@ -23,10 +23,10 @@ from companion.config_controller import controller_path
 from companion.config_files import project_root
 from companion.experiments import campaign_table as words
 from companion.experiments.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
-from companion.experiments.campaign_table import BAD, FAINT, GOOD, Grid
 from companion.experiments.scene import experiment_names
 from companion.experiments.workers import in_parallel
 from companion.ports import ConfigError
+from companion.reports.tables import BAD, FAINT, GOOD, Grid
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.experiments.campaign import label_of, tracking
 from companion.experiments.campaign_detail import Detail, Proof, learnt
-from companion.experiments.campaign_table import Cell, Grid
+from companion.reports.tables import Cell, Grid
 from companion.types import Array
 
 _NETWORK_NOTE = (

@@ -1,7 +1,6 @@
 """A campaign's numbers as grids of words, for a terminal and for a page alike; and as JSON."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,37 +8,8 @@ import numpy as np
 from companion.experiments.ablations import Ablation
 from companion.experiments.campaign import BASELINE, Flown, label_of, numbers_of
 from companion.experiments.paper_table import PAPER, PID_WITHIN, PaperExperiment, beside_paper, reduced_percent
+from companion.reports.tables import BAD, FAINT, GOOD, PLAIN, WORDS, Cell, Grid
 from companion.types import Array
-
-GOOD, BAD, PLAIN, FAINT = "good", "bad", "plain", "faint"
-WORDS = "words"
-"""A sentence: a page has room for it, a terminal has not."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A few words and how they are meant."""
-
-    text: str
-    tone: str = PLAIN
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table: names in the first column, numbers in the others, and perhaps a sentence in the last."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Cell, ...], ...]
-    note: str = ""
-
-    @property
-    def narrow(self) -> "Grid":
-        """Without the sentences."""
-        kept = [index for index, cell in enumerate(self.rows[0]) if cell.tone != WORDS]
-        rows = tuple(tuple(row[index] for index in kept) for row in self.rows)
-        return replace(self, columns=tuple(self.columns[index] for index in kept), rows=rows)
-
 
 _READABLE_M = 1000.0
 """Beyond that an error of a lost vehicle says nothing more, and may be infinite."""

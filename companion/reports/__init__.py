@@ -1,0 +1,1 @@
+"""Out of records: numbers, figures and pages of flights, and what a hover flight says about the vehicle."""

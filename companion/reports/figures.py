@@ -1,0 +1,81 @@
+"""Which figures a flight has."""
+
+from collections.abc import Callable
+from functools import partial
+
+from matplotlib.figure import Figure
+
+from companion.reports import inside, motion
+from companion.reports.charts import Chart
+from companion.reports.flown import Flown
+from companion.reports.story import Story
+from companion.reports.timeline import height_in, timeline
+
+Draw = Callable[[Figure, Flown], None]
+
+
+def charts_of(flown: Flown, story: Story) -> list[Chart]:
+    """All that it has something to show for; only the time line when nothing flew."""
+
+    def chart(
+        name: str, caption: str, draw: Draw, height: float, wide: bool = True, paper: float | None = None
+    ) -> Chart:
+        return Chart(name, caption, partial(_draw, draw, flown), height, wide, paper)
+
+    line_in = height_in(story)
+    charts = [
+        Chart("timeline", _TIMELINE, lambda figure: timeline(figure, flown, story), line_in, True, line_in),
+    ]
+    if flown.airborne.any() and flown.has("position_w_m"):
+        charts += [
+            chart("above", "The path from above.", motion.above, 3.9, False, 3.2),
+            chart("space", "The path in space.", motion.space, 3.9, False, 3.0),
+            chart("position", "Position and reference.", motion.position, 4.4, True, 3.6),
+            chart("errors", "Position less reference per axis, and its size.", motion.errors, 3.6, True, 3.0),
+        ]
+        charts += _of_the_law(flown, chart)
+    if flown.has("setpoint_thrust"):
+        charts.append(chart("thrust", _THRUST, motion.thrust, 3.0, True, 2.4))
+    if flown.has("joint_position_rad") and flown.has("joint_goal_rad"):
+        charts.append(chart("arms", "The arms' joints, and their goals dashed.", motion.arms, 3.8, True, 3.2))
+    if found := flown.latencies_s():
+        height = 0.5 + 1.05 * len(found)
+        charts.append(
+            chart("latencies", "How long it took, in every cycle in the air.", inside.latencies, height, False)
+        )
+    return charts
+
+
+def _of_the_law(flown: Flown, chart: Callable[..., Chart]) -> list[Chart]:
+    charts = []
+    if flown.has("accel_w_mps2"):
+        charts.append(chart("command", _COMMAND, motion.command, 4.4, True, 3.4))
+    if flown.event[flown.airborne].sum() > 1:
+        charts.append(
+            chart("events", "Trigger instants, as high as the time since the one before.", inside.events, 2.2)
+        )
+        charts.append(chart("gaps", _GAPS, inside.gaps, 2.9, False, 2.2))
+    if flown.has("law_f_hat"):
+        charts.append(chart("friction", _FRICTION, inside.friction, 4.4, True, 3.6))
+    if flown.has("law_v0") or flown.has("law_v1"):
+        charts.append(chart("weights", "The network's weights; black: the size of each layer.", inside.weights, 3.4))
+    if found := inside.signals_of(flown):
+        charts.append(
+            chart("signals", _SIGNALS, inside.signals, 0.8 + 1.05 * len(found), True, 0.7 + 0.95 * len(found))
+        )
+    return charts
+
+
+def _draw(draw: Draw, flown: Flown, figure: Figure) -> None:
+    draw(figure, flown)
+
+
+_TIMELINE = (
+    "What happened when. Below the curves: phases, each fault from its begin to its end with the reaction that the "
+    "table gives it, what was done (red), commands and replies."
+)
+_COMMAND = "Command u, held between the law's triggers."
+_GAPS = "Times between triggers, of the trajectory where one was flown."
+_FRICTION = "What the network says of the friction, as an acceleration, and what the observer sees of pushes."
+_SIGNALS = "Tracking errors y, filtered command χ and compensation ι of the law. Blue x, red y, green z."
+_THRUST = "Normalised thrust that was asked for, and the battery's voltage."

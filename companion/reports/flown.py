@@ -1,0 +1,161 @@
+"""A record made ready for numbers and pictures: times since lift-off, errors, stretches. Pure."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.experiments.summary import tracking_error_w_m
+from companion.records.read import FlightRecord
+from companion.supervisor.flight import Phase
+from companion.types import Array
+
+Mask = NDArray[np.bool_]
+FRAME_TO_SETPOINT = "frame to setpoint"
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A phase or a law, from its first cycle to the next one's."""
+
+    name: str
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Flown:
+    """One flight; every column is NaN, or absent, where there was nothing."""
+
+    record: FlightRecord
+
+    @property
+    def name(self) -> str:
+        """The file's, without its ending."""
+        return self.record.path.stem
+
+    def column(self, name: str, width: int = 0) -> Array:
+        """A column as floats, (n,) or (n, width); NaN where the record has none."""
+        found = self.record.columns.get(name)
+        if found is not None:
+            return np.asarray(found, dtype=np.float64)
+        count = len(self.record.columns["time_s"])
+        return np.full((count, width) if width else count, np.nan)
+
+    def words(self, name: str) -> NDArray[np.str_]:
+        """A column of words; empty ones where the record has none."""
+        found = self.record.columns.get(name)
+        return np.full(len(self.record.columns["time_s"]), "") if found is None else found.astype(str)
+
+    def has(self, name: str) -> bool:
+        """Whether the column has a number anywhere."""
+        return name in self.record.columns and bool(np.isfinite(self.column(name)).any())
+
+    @cached_property
+    def zero_s(self) -> float:
+        """The service's time at lift-off, or at the record's begin when there was none."""
+        return float(self.column("time_s")[np.argmax(self.airborne)])
+
+    @cached_property
+    def time_s(self) -> Array:
+        """Since lift-off, (n,)."""
+        return self.column("time_s") - self.zero_s
+
+    @cached_property
+    def airborne(self) -> Mask:
+        """Cycles that the law flew, (n,)."""
+        return self.column("airborne") > 0.0
+
+    @cached_property
+    def free(self) -> Mask:
+        """Cycles in the air whose reference is there, too: not below the floor, as at the end of a landing, (n,)."""
+        return np.asarray(self.airborne & ~(self.column("reference_position_w_m", 3)[:, 2] < 0.0))
+
+    @cached_property
+    def tracked(self) -> Mask:
+        """Cycles that flew the trajectory, (n,)."""
+        return np.asarray(self.airborne & (self.words("phase") == str(Phase.TRACK)))
+
+    @cached_property
+    def error_w_m(self) -> Array:
+        """Position at the instant of the cycle less the reference, (n, 3) in W; NaN without one of them.
+
+        Also where the reference is below the floor, at the end of a landing.
+        """
+        columns: dict[str, NDArray[np.generic]] = {
+            name: self.column(name, width)
+            for name, width in (
+                ("age_s", 0),
+                ("velocity_w_mps", 3),
+                ("position_w_m", 3),
+                ("reference_position_w_m", 3),
+            )
+        }
+        below_floor = self.column("reference_position_w_m", 3)[:, 2:] < 0.0
+        return np.where(below_floor, np.nan, tracking_error_w_m(columns))
+
+    @cached_property
+    def distance_m(self) -> Array:
+        """Size of the error, (n,)."""
+        return np.asarray(np.sqrt((self.error_w_m**2).sum(axis=1)))
+
+    @cached_property
+    def sent(self) -> Mask:
+        """Cycles that sent a setpoint, (n,)."""
+        return np.isfinite(self.column("sent_s"))
+
+    @cached_property
+    def event(self) -> Mask:
+        """Cycles in which the law's trigger fired, (n,)."""
+        return self.column("event") > 0.0
+
+    def latencies_s(self) -> dict[str, Array]:
+        """Seconds of each cycle in the air, by what took them; only the cycles that know."""
+        time_s, sent_s, came_s = (self.column(name) for name in ("time_s", "sent_s", "frame_received_s"))
+        found = {
+            "age of the pose used": self.column("age_s"),
+            "cycle late": self.column("late_s"),
+            FRAME_TO_SETPOINT: sent_s - came_s,
+            "capture to setpoint": sent_s - time_s + self.column("age_s"),
+        }
+        return {name: known for name, all_s in found.items() if len(known := _finite(all_s[self.airborne]))}
+
+    def gaps_s(self, among: Mask) -> tuple[Array, Array]:
+        """Instants of the triggers among these cycles but the first, and the time since the one before."""
+        at_s = self.time_s[among & self.event]
+        return at_s[1:], np.diff(at_s)
+
+    @cached_property
+    def phases(self) -> tuple[Stretch, ...]:
+        """In order."""
+        return self._stretches(self.words("phase"))
+
+    @cached_property
+    def laws(self) -> tuple[Stretch, ...]:
+        """That flew, in order."""
+        names = np.where(self.airborne, self.words("law_name"), "")
+        if not (names != "").any():
+            return ()
+        return tuple(stretch for stretch in self._stretches(names) if stretch.name)
+
+    def _stretches(self, words: NDArray[np.str_]) -> tuple[Stretch, ...]:
+        edges = [0, *(np.flatnonzero(words[1:] != words[:-1]) + 1).tolist(), len(words) - 1]
+        return tuple(
+            Stretch(str(words[begin]), float(self.time_s[begin]), float(self.time_s[end]))
+            for begin, end in pairwise(edges)
+            if end > begin
+        )
+
+    @property
+    def law_names(self) -> tuple[str, ...]:
+        """That flew, each once; the configured one in a record that names none."""
+        names = tuple(dict.fromkeys(stretch.name for stretch in self.laws))
+        told: Any = (self.record.metadata.get("controller") or {}).get("name", "")
+        return names or ((str(told),) if told else ())
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]

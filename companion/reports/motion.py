@@ -1,0 +1,127 @@
+"""Figures of the flight itself: where it was, how far off, what was commanded; arms, battery."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
+from companion.reports.charts import (
+    AXES,
+    COLOURS,
+    at_least_wide,
+    free_only,
+    legend_above,
+    rows_over_time,
+    thinned,
+    xyz,
+)
+from companion.reports.flown import Flown
+from companion.types import Array
+
+_REFERENCE: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.9}
+
+
+def above(figure: Figure, flown: Flown) -> None:
+    """The path in the x-y plane."""
+    axes = figure.subplots()
+    flying, tracking = flown.airborne, flown.tracked
+    where, wanted = flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
+    if tracking.any():
+        axes.plot(where[flying, 0], where[flying, 1], color="0.78", lw=0.9, label="way there and back")
+        axes.plot(where[tracking, 0], where[tracking, 1], color=COLOURS[0], label="flown")
+        axes.plot(wanted[tracking, 0], wanted[tracking, 1], label="reference", **_REFERENCE)
+    else:
+        axes.plot(where[flying, 0], where[flying, 1], color=COLOURS[0], label="flown")
+        axes.plot(wanted[flying, 0], wanted[flying, 1], label="reference", **_REFERENCE)
+    axes.set(xlim=_limits(where[flying, 0]), ylim=_limits(where[flying, 1]))
+    axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", adjustable="box")
+    legend_above(figure, axes)
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Of an axis; a hover shall look like one."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    room = max(0.05 * (high - low), 0.25 - 0.5 * (high - low))
+    return low - room, high + room
+
+
+def space(figure: Figure, flown: Flown) -> None:
+    """The path in three dimensions."""
+    axes = figure.add_subplot(projection="3d")
+    shown = flown.tracked if flown.tracked.any() else flown.airborne
+    where, wanted = flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
+    if flown.tracked.any():
+        axes.plot(*where[flown.airborne].T, color="0.78", lw=0.8)
+    axes.plot(*where[shown].T, color=COLOURS[0])
+    axes.plot(*wanted[shown].T, **_REFERENCE)
+    axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
+    spans = np.ptp(where[flown.airborne], axis=0)
+    axes.set_box_aspect(np.maximum(spans, 0.35 * max(spans.max(), 1e-3)).tolist(), zoom=0.86)
+    axes.locator_params(nbins=4)
+    axes.view_init(elev=28.0, azim=-60.0)
+
+
+def position(figure: Figure, flown: Flown) -> None:
+    """Each axis with its reference."""
+    rows = rows_over_time(figure, [f"{axis} (m)" for axis in AXES], flown)
+    time, where, wanted = thinned(
+        flown.time_s, flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
+    )
+    for axis, axes in enumerate(rows):
+        axes.plot(time, where[:, axis], color=COLOURS[axis], label="flown" if axis == 0 else None)
+        axes.plot(time, wanted[:, axis], label="reference" if axis == 0 else None, **_REFERENCE)
+        at_least_wide(axes, 0.1)
+    legend_above(figure, rows[0])
+
+
+def errors(figure: Figure, flown: Flown) -> None:
+    """Per axis, and their size."""
+    top, below = rows_over_time(figure, ["error (m)", "norm (m)"], flown)
+    time, error, size = thinned(flown.time_s, free_only(flown, flown.error_w_m), free_only(flown, flown.distance_m))
+    xyz(top, time, error, labels=True)
+    top.axhline(0.0, color="k", lw=0.5)
+    below.plot(time, size, color="0.25")
+    below.set_ylim(0.0, None)
+    legend_above(figure, top)
+
+
+def command(figure: Figure, flown: Flown) -> None:
+    """What the law wanted and, held between events, what the vehicle was given."""
+    rows = rows_over_time(figure, [f"$u_{axis}$ (m/s²)" for axis in AXES], flown)
+    flying = flown.free
+    time, wanted = flown.time_s[flying], flown.column("accel_w_mps2", 3)[flying]
+    held = np.where(flown.event[flying, None], wanted, np.nan)
+    for axis, axes in enumerate(rows):
+        known = np.isfinite(held[:, axis])
+        axes.step(time[known], held[known, axis], where="post", color=COLOURS[axis], lw=0.8)
+        at_least_wide(axes, 0.5)
+
+
+def thrust(figure: Figure, flown: Flown) -> None:
+    """Of the setpoints in the air, and the battery that gave it."""
+    labels = ["thrust", *(["battery (V)"] if flown.has("battery_v") else [])]
+    rows = rows_over_time(figure, labels, flown)
+    time, value = thinned(flown.time_s, flown.column("setpoint_thrust"))
+    rows[0].plot(time, value, color=COLOURS[0], lw=0.8)
+    if np.isfinite(flown.column("setpoint_thrust")[flown.free]).any():
+        in_air = flown.column("setpoint_thrust")[flown.free]
+        rows[0].set_ylim(float(np.nanmin(in_air)) - 0.03, float(np.nanmax(in_air)) + 0.03)
+    if len(rows) > 1:
+        time, volts = thinned(flown.time_s, flown.column("battery_v"))
+        rows[1].plot(time, volts, color=COLOURS[1])
+        at_least_wide(rows[1], 0.2)
+
+
+def arms(figure: Figure, flown: Flown) -> None:
+    """Joints where they were and where they were asked to be; a row an arm."""
+    rows = rows_over_time(figure, ["right arm (°)", "left arm (°)"], flown)
+    time, where, goal = thinned(
+        flown.time_s, np.degrees(flown.column("joint_position_rad", 8)), np.degrees(flown.column("joint_goal_rad", 8))
+    )
+    for axes, first in zip(rows, (0, JOINTS_PER_ARM), strict=True):
+        for joint in range(CHAIN):
+            axes.plot(time, where[:, first + joint], color=COLOURS[joint], label=KINDS[joint].replace("_", " "))
+            axes.plot(time, goal[:, first + joint], **_REFERENCE, label="goal" if joint == CHAIN - 1 else None)
+        at_least_wide(axes, 10.0)
+    legend_above(figure, rows[0], 4)

@@ -1,0 +1,128 @@
+"""The numbers of a flight: errors, triggers, latencies. Pure."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from companion.reports.flown import Flown, Mask
+from companion.reports.story import Story, story_of
+from companion.types import Array
+
+AXES = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Over some cycles, in m and W: of the absolute error per axis, and of its size."""
+
+    cycles: int
+    mean_m: tuple[float, ...]
+    rms_m: tuple[float, ...]
+    max_m: tuple[float, ...]
+    """x, y, z and the norm."""
+
+
+@dataclass(frozen=True)
+class Triggers:
+    """Over some cycles: how often something was sent, and how long the law was silent in between, s."""
+
+    cycles: int
+    event_share: float
+    sent_share: float
+    events: int
+    gap_median_s: float
+    gap_max_s: float
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Of a latency, s."""
+
+    count: int
+    median_s: float
+    p95_s: float
+    max_s: float
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """All of them; what a flight did not have is None or not there."""
+
+    flight: str
+    started_unix_s: float | None
+    vehicle: str
+    laws: tuple[str, ...]
+    versions: dict[str, str]
+    ended: str
+    truncated: bool
+    dropped: int
+    duration_s: float
+    """In the air."""
+    tracked: Errors | None
+    whole: Errors | None
+    triggers_tracked: Triggers | None
+    triggers_whole: Triggers | None
+    latencies: dict[str, Spread]
+    story: Story
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON; no number in it is NaN or infinite."""
+        plain: dict[str, Any] = _plain(asdict(self))
+        return plain
+
+
+def numbers_of(flown: Flown) -> Numbers:
+    """Worked out of the record."""
+    record, story = flown.record, story_of(flown)
+    unix_s = record.unix_offset_s + float(flown.column("time_s")[0]) if record.unix_offset_s else None
+    flying = flown.time_s[flown.airborne]
+    return Numbers(
+        flown.name,
+        unix_s,
+        str(record.metadata.get("vehicle", "")),
+        flown.law_names,
+        {str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
+        story.ended,
+        record.truncated,
+        record.dropped,
+        float(flying[-1] - flying[0]) if flying.size else 0.0,
+        _errors(flown, flown.tracked),
+        _errors(flown, flown.airborne),
+        _triggers(flown, flown.tracked),
+        _triggers(flown, flown.airborne),
+        {name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
+        story,
+    )
+
+
+def _errors(flown: Flown, among: Mask) -> Errors | None:
+    known = among & np.isfinite(flown.distance_m)
+    if not known.any():
+        return None
+    errors = np.abs(np.column_stack((flown.error_w_m[known], flown.distance_m[known])))
+    mean, most = errors.mean(axis=0), errors.max(axis=0)
+    rms = np.sqrt((errors**2).mean(axis=0))
+    return Errors(int(known.sum()), *(tuple(values.tolist()) for values in (mean, rms, most)))
+
+
+def _triggers(flown: Flown, among: Mask) -> Triggers | None:
+    if not among.any() or not flown.has("event"):
+        return None
+    _, gaps_s = flown.gaps_s(among)
+    median_s, max_s = (float(np.median(gaps_s)), float(gaps_s.max())) if gaps_s.size else (np.nan, np.nan)
+    event, sent = flown.event[among], flown.sent[among]
+    return Triggers(int(among.sum()), float(event.mean()), float(sent.mean()), int(event.sum()), median_s, max_s)
+
+
+def _spread(seconds: Array) -> Spread:
+    median_s, p95_s = np.percentile(seconds, [50.0, 95.0]).tolist()
+    return Spread(len(seconds), median_s, p95_s, float(seconds.max()))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value

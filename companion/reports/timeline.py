@@ -1,0 +1,141 @@
+"""One time line: height and error above, below them phases, faults, reactions and what was commanded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from companion.reports.charts import COLOURS, GREY, PHASE_SHADES, free_only, rows_over_time, thinned
+from companion.reports.flown import Flown
+from companion.reports.story import FaultSeen, Story
+
+_LANE_IN = 0.2
+_CURVES_IN = 2.5
+_MOST_FAULTS = 24
+_SAME_S = 0.05
+"""Faults that come and go within so little are drawn at least so wide, share of the axis aside."""
+_TELLING = frozenset({"command", "reply"})
+
+
+@dataclass(frozen=True)
+class _Lane:
+    """All times a fault was there."""
+
+    name: str
+    times: list[FaultSeen]
+
+
+def height_in(story: Story) -> float:
+    """What `timeline` needs."""
+    lanes = 1 + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_told(story))
+    return _CURVES_IN + 0.55 + _LANE_IN * lanes
+
+
+def timeline(figure: Figure, flown: Flown, story: Story) -> None:
+    """Draw it."""
+    lanes = _lanes(story)
+    told = _told(story)
+    below = 1 + len(lanes) + bool(story.reactions) + 3 * bool(told)
+    height, error, line = rows_over_time(figure, ["height (m)", "error (m)", ""], flown)
+    height.set_xlim(min([height.get_xlim()[0], *(at_s - 0.5 for at_s, _ in told)]), None)
+    grid = height.get_gridspec()
+    assert grid is not None
+    grid.set_height_ratios([_CURVES_IN / 2, _CURVES_IN / 2, _LANE_IN * below])
+    _curves(height, error, flown)
+    line.grid(visible=False)
+    line.set(ylim=(below, 0), yticks=[])
+    _phases(line, flown)
+    at = 1
+    for lane in lanes:
+        _fault(line, lane, at + 0.5, flown)
+        at += 1
+    if story.reactions:
+        _reactions((height, error, line), story, at + 0.5)
+        at += 1
+    if told:
+        _commands(line, told, at)
+
+
+def _lanes(story: Story) -> list[_Lane]:
+    lanes: dict[str, _Lane] = {}
+    for seen in story.faults:
+        lanes.setdefault(seen.fault, _Lane(seen.fault, [])).times.append(seen)
+    return list(lanes.values())[:_MOST_FAULTS]
+
+
+def _told(story: Story) -> list[tuple[float, str]]:
+    return [(said.at_s, said.text) for said in story.said if said.kind in _TELLING]
+
+
+def _curves(height: Axes, error: Axes, flown: Flown) -> None:
+    time, where, wanted = thinned(
+        flown.time_s, flown.column("position_w_m", 3)[:, 2], flown.column("reference_position_w_m", 3)[:, 2]
+    )
+    height.plot(time, wanted, "k--", lw=0.9)
+    height.plot(time, where, color=COLOURS[2])
+    time, size = thinned(flown.time_s, free_only(flown, flown.distance_m))
+    error.plot(time, size, color="0.25")
+    error.set_ylim(0.0, None)
+
+
+def _inside(axes: Axes, at_s: float) -> float:
+    low, high = axes.get_xlim()
+    return min(max(at_s, low), high)
+
+
+def _phases(axes: Axes, flown: Flown) -> None:
+    low, high = axes.get_xlim()
+    for stretch in flown.phases:
+        begin, end = _inside(axes, stretch.begin_s), _inside(axes, stretch.end_s)
+        if stretch.name in PHASE_SHADES and end - begin > 0.045 * (high - low):
+            axes.text(0.5 * (begin + end), 0.5, stretch.name, ha="center", va="center", color="0.3")
+
+
+def _fault(axes: Axes, lane: _Lane, at: float, flown: Flown) -> None:
+    low, high = axes.get_xlim()
+    least = max(0.003 * (high - low), _SAME_S)
+    last_s = float(flown.time_s[-1])
+    bars = [
+        (seen.begin_s, max((last_s if seen.end_s is None else seen.end_s) - seen.begin_s, least)) for seen in lane.times
+    ]
+    axes.broken_barh(bars, (at - 0.3, 0.6), color=COLOURS[1], lw=0)
+    reactions = ", ".join(dict.fromkeys(seen.reaction for seen in lane.times))
+    text = f"{lane.name} → {reactions}"
+    begin, end = _inside(axes, bars[0][0]), _inside(axes, bars[-1][0] + bars[-1][1])
+    room = 0.008 * (high - low)
+    if high - end > 0.0095 * (high - low) * len(text):
+        axes.text(end + room, at, text, ha="left", va="center", clip_on=True)
+    else:
+        axes.text(begin - room, at, text, ha="right", va="center", clip_on=True)
+
+
+def _reactions(rows: Sequence[Axes], story: Story, at: float) -> None:
+    line = rows[-1]
+    low, high = line.get_xlim()
+    for reacted in story.reactions:
+        at_s = _inside(line, reacted.at_s)
+        for axes in rows:
+            axes.axvline(at_s, color="#b3261e", lw=0.9, ls=":")
+        left = at_s > low + 0.6 * (high - low)
+        line.text(
+            at_s + (-0.006 if left else 0.006) * (high - low), at, reacted.reaction, ha="right" if left else "left",
+            va="center", color="#b3261e", fontweight="bold",
+        )  # fmt: skip
+
+
+def _commands(axes: Axes, told: Sequence[tuple[float, str]], at: int) -> None:
+    """In three rows, so that neighbours do not cover each other."""
+    low, high = axes.get_xlim()
+    free = [low - 1e9] * 3
+    for at_s, text in told:
+        x = _inside(axes, at_s)
+        row = next((number for number in range(3) if free[number] <= x), None)
+        axes.plot([x], [at + 0.12], marker="v", color=GREY, ms=3.5, clip_on=False)
+        if row is None:
+            continue
+        short = text if len(text) <= 40 else text[:39] + "…"
+        room = 0.0095 * (high - low) * max(len(short), 4)
+        left = x + room > high
+        axes.text(x, at + 0.5 + row, short, ha="right" if left else "left", va="center", color="0.25", fontsize="small")
+        free[row] = x + (0.02 * (high - low) if left else room)
