@@ -1,0 +1,71 @@
+"""Mock QTM, bridge, broker and source in one process, over real sockets, with time in the tests' hands."""
+
+import asyncio
+import itertools
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+from unittest.mock import patch
+
+from companion.adapters.clock import MonotonicClock
+from companion.adapters.mqtt import MqttMocap, mocap_out, open_mqtt_mocap
+from companion.config_mocap import MocapBrokerConfig, MocapConfig
+from companion.mocap_bridge import Bridge
+from companion.ports import MocapSource
+from mock_autopilot.qualisys import QualisysServer
+from tests.adapters.qualisys_rig import ManualClock, QualisysRig, capturing, serving, settings_for
+
+_VEHICLES = itertools.count()
+
+
+def on_broker(port: int) -> MocapBrokerConfig:
+    """A vehicle that nobody else has on this broker."""
+    return MocapBrokerConfig(port=port, vehicle=f"v{next(_VEHICLES)}")
+
+
+@asynccontextmanager
+async def bridging(config: MocapConfig, broker: MocapBrokerConfig) -> AsyncIterator[Bridge]:
+    """The bridge at work; it does not listen for long whether it is alone."""
+    bridge = Bridge(config, broker, MonotonicClock())
+    with patch.object(mocap_out, "_LISTEN_S", 0.02):
+        running = asyncio.create_task(bridge.run(), name="bridge")
+        try:
+            yield bridge
+        finally:
+            running.cancel()
+            with suppress(asyncio.CancelledError):
+                await running
+
+
+class MqttMocapRig(QualisysRig):
+    """`mocap_contract.Rig`: what the mock QTM captures comes by way of bridge and broker."""
+
+    source: MqttMocap  # type: ignore[assignment]
+
+    def __init__(
+        self, server: QualisysServer, source: MqttMocap, clock: ManualClock, frames: int, broker: MocapBrokerConfig
+    ) -> None:
+        super().__init__(server, source, clock, frames)  # type: ignore[arg-type]
+        self.broker = broker
+
+
+@asynccontextmanager
+async def mqtt_mocap_rig(port: int) -> AsyncIterator[MqttMocapRig]:
+    """All frames of the start have been taken in."""
+    clock, broker = ManualClock(), on_broker(port)
+    async with serving(extra_bodies=("leader",)) as server:
+        config = settings_for(server, source="mqtt", transport="udp")
+        async with bridging(config, broker):
+            async with capturing(server) as newest:
+                opening = open_mqtt_mocap(config, broker, clock)
+                source = await opening.__aenter__()
+            try:
+                await drained(source)
+                yield MqttMocapRig(server, source, clock, newest[0], broker)
+            finally:
+                await opening.__aexit__(None, None, None)
+
+
+async def drained(source: MocapSource) -> None:
+    """Until no frame is on its way."""
+    while await source.wait_frame(0.05):
+        pass

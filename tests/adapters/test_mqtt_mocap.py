@@ -1,0 +1,221 @@
+"""The contract of every source by way of bridge and broker, and what only MQTT can do."""
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator, Iterator
+
+import aiomqtt
+import pytest
+import pytest_asyncio
+import uvloop
+
+from companion.adapters.mqtt import mocap_out, open_mqtt_mocap
+from companion.bus.mocap import BridgePresence, MocapPose
+from companion.config_mocap import MocapBrokerConfig, MocapConfig
+from companion.mocap_bridge import Bridge
+from companion.ports import MocapError
+from tests.adapters.mocap_contract import ARRIVES_S, NOTHING_COMES_S, MocapContract
+from tests.adapters.mosquitto import mosquitto, needs_mosquitto
+from tests.adapters.mqtt_mocap_rig import MqttMocapRig, bridging, mqtt_mocap_rig, on_broker
+from tests.adapters.mqtt_rig import CLOCK, until
+from tests.adapters.qualisys_rig import capturing, serving, settings_for
+from tests.broker import BrokerProcess, broker
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A mosquitto's port."""
+    with mosquitto(tmp_path_factory.mktemp("mosquitto"), "allow_anonymous true") as port:
+        yield port
+
+
+@pytest.fixture(scope="module")
+def small() -> Iterator[BrokerProcess]:
+    """An amqtt."""
+    with broker() as process:
+        yield process
+
+
+@needs_mosquitto
+class TestMqttMocap(MocapContract):
+    """By the broker of a lab."""
+
+    @pytest_asyncio.fixture
+    async def rig(self, lab: int) -> AsyncIterator[MqttMocapRig]:
+        async with mqtt_mocap_rig(lab) as rig:
+            yield rig
+
+    async def test_qtm_that_goes_away_and_comes_back_is_found_again(self, rig: MqttMocapRig) -> None:
+        await rig.end()
+        before = rig.source.latest()
+        assert not await rig.source.wait_frame(NOTHING_COMES_S)
+        assert rig.source.latest() is before
+        async with serving(port=rig.port) as server, capturing(server):
+            assert await rig.source.wait_frame(ARRIVES_S)
+
+    async def test_every_skipped_frame_is_counted(self, rig: MqttMocapRig) -> None:
+        before = rig.source.counts
+        for _ in range(20):
+            rig.capture()
+        while await rig.source.wait_frame(NOTHING_COMES_S):
+            pass
+        now = rig.source.counts
+        assert now.received - before.received + now.lost - before.lost == 20
+        assert (now.late, now.malformed) == (0, 0)
+
+    async def test_other_readers_have_the_velocity(self, rig: MqttMocapRig, lab: int) -> None:
+        async with aiomqtt.Client("127.0.0.1", lab, protocol=aiomqtt.ProtocolVersion.V5) as reader:
+            await reader.subscribe(rig.broker.topics.mocap)
+            for step in range(8):
+                rig.capture(position_w_m=(0.01 * step, 0.0, 1.0))
+                assert await rig.source.wait_frame(ARRIVES_S)
+            poses = [
+                MocapPose.model_validate_json(str((await anext(reader.messages)).payload, "utf-8")) for _ in range(8)
+            ]
+        velocity = poses[-1].velocity_w_mps
+        assert velocity is not None
+        assert velocity[0] == pytest.approx(1.0, abs=0.3)
+
+    async def test_a_frame_sent_again_or_retained_changes_nothing(self, rig: MqttMocapRig, lab: int) -> None:
+        stamp_s = rig.capture()
+        assert await rig.source.wait_frame(ARRIVES_S)
+        frame, before = rig.source.latest(), rig.source.counts
+        assert frame is not None
+        again = pose(frame.frame, stamp_s)
+        async with aiomqtt.Client("127.0.0.1", lab, protocol=aiomqtt.ProtocolVersion.V5) as other:
+            await other.publish(rig.broker.topics.mocap, again, qos=1)
+            await other.publish(rig.broker.topics.mocap, pose(frame.frame - 1, stamp_s - 0.01), qos=1)
+        await until(lambda: rig.source.counts.late == before.late + 2)
+        assert not await rig.source.wait_frame(NOTHING_COMES_S)
+        rig.capture()
+        assert await rig.source.wait_frame(ARRIVES_S)
+        newest = rig.source.latest()
+        assert newest is not None
+        assert newest.late == frame.late + 2
+
+    async def test_what_nobody_can_read_is_dropped_and_told_once(
+        self, rig: MqttMocapRig, lab: int, caplog: pytest.LogCaptureFixture
+    ) -> None:
+        async with aiomqtt.Client("127.0.0.1", lab, protocol=aiomqtt.ProtocolVersion.V5) as other:
+            for bad in (b"", b"{", b"\xff" * 400, b"[1]", pose(1, 1.0)[:-1], b" " * 60_000):
+                await other.publish(rig.broker.topics.mocap, bad, qos=1)
+        await until(lambda: rig.source.counts.malformed == 6)
+        told = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
+        assert len(told) == 1
+        assert "sent what is no pose (: Invalid JSON" in told[0]
+
+
+def pose(number: int, stamp_s: float) -> bytes:
+    here = MocapPose(
+        frame=number,
+        stamp_s=stamp_s,
+        position_w_m=(0.0, 0.0, 1.0),
+        rotation_w_b=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        velocity_w_mps=None,
+        residual_m=None,
+    )
+    return here.model_dump_json().encode()
+
+
+@needs_mosquitto
+def test_it_flies_on_uvloop_too(lab: int) -> None:
+    async def converse() -> bool:
+        async with mqtt_mocap_rig(lab) as rig:
+            rig.capture()
+            return await rig.source.wait_frame(ARRIVES_S)
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        assert runner.run(converse())
+
+
+async def test_over_amqtt_and_a_broker_that_hangs_or_begins_anew(small: BrokerProcess) -> None:
+    """Silence, and then frames again, from either end without a word."""
+    async with mqtt_mocap_rig(small.port) as rig, capturing(rig.server):
+        assert await rig.source.wait_frame(ARRIVES_S)
+        small.hang()
+        try:
+            await silent(rig)
+        finally:
+            small.go_on()
+        assert await rig.source.wait_frame(ARRIVES_S)
+        small.stop()
+        await silent(rig)
+        small.start()
+        assert await rig.source.wait_frame(3 * ARRIVES_S)
+
+
+async def silent(rig: MqttMocapRig) -> None:
+    async with asyncio.timeout(ARRIVES_S):
+        while await rig.source.wait_frame(2 * NOTHING_COMES_S):
+            pass
+
+
+async def refused(config: MocapBrokerConfig) -> str:
+    """The sentence for no first frame."""
+    with pytest.raises(MocapError) as error:
+        async with open_mqtt_mocap(MocapConfig(source="mqtt", first_frame_timeout_s=0.3), config, CLOCK):
+            pass
+    return str(error.value)
+
+
+async def test_without_a_broker_is_a_sentence() -> None:
+    said = await refused(MocapBrokerConfig(port=1))
+    assert said.startswith("no broker for motion capture at 127.0.0.1:1 (")
+    assert "Connection refused" in said
+    assert said.endswith("start it, or correct host and port in [mocap.broker]")
+
+
+@needs_mosquitto
+async def test_without_a_bridge_each_reason_is_a_sentence(lab: int) -> None:
+    config = on_broker(lab)
+    assert "no mocap bridge was ever there: start `companion mocap-bridge`" in await refused(config)
+    async with aiomqtt.Client("127.0.0.1", lab) as other:
+        for presence, sentence in (
+            (BridgePresence(online=False, host="ws"), "the mocap bridge on 'ws' has ended"),
+            (
+                BridgePresence(online=True, host="ws", trouble="no QTM"),
+                "the mocap bridge on 'ws' has no frames: no QTM",
+            ),
+            (BridgePresence(online=True, host="ws"), "the mocap bridge on 'ws' is there but sends no frames on topic"),
+        ):
+            await other.publish(config.topics.mocap_bridge, presence.model_dump_json(), qos=1, retain=True)
+            assert sentence in await refused(config)
+        await other.publish(config.topics.mocap_bridge, b"", qos=1, retain=True)
+
+
+@needs_mosquitto
+@pytest.mark.parametrize("listens_s", [0.0, ARRIVES_S], ids=["begun at once", "as it is"])
+async def test_a_second_bridge_of_one_vehicle_is_refused_and_the_first_goes_on(
+    lab: int, listens_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with mqtt_mocap_rig(lab) as rig, capturing(rig.server):
+        monkeypatch.setattr(mocap_out, "_LISTEN_S", listens_s)
+        second = Bridge(settings_for(rig.server, source="mqtt"), rig.broker, CLOCK)
+        with pytest.raises(MocapError, match="forwards this vehicle already"):
+            async with asyncio.timeout(ARRIVES_S):
+                await second.run()
+        assert await rig.source.wait_frame(ARRIVES_S)
+
+
+@needs_mosquitto
+async def test_the_bridge_tells_of_itself_and_of_its_end(lab: int) -> None:
+    config, heard = on_broker(lab), list[BridgePresence]()
+
+    async def listen() -> None:
+        async with aiomqtt.Client("127.0.0.1", lab) as reader:
+            await reader.subscribe(config.topics.mocap_bridge, qos=1)
+            async for message in reader.messages:
+                heard.append(BridgePresence(**json.loads(str(message.payload, "utf-8"))))
+
+    listening = asyncio.create_task(listen())
+    try:
+        async with bridging(MocapConfig(source="mqtt", port=1), config) as bridge:
+            await until(lambda: heard and heard[-1].online and heard[-1].trouble.startswith("no QTM at 127.0.0.1:1"))
+            assert bridge.glance().trouble == heard[-1].trouble
+        await until(lambda: not heard[-1].online)
+    finally:
+        listening.cancel()
+        await asyncio.wait([listening])
