@@ -36,7 +36,7 @@ class Flight:
     """A service that carries slow verbs out until something ends them."""
 
     def __init__(self) -> None:
-        self.begun, self.over = asyncio.Event(), asyncio.Event()
+        self.over = asyncio.Event()
         self.grounded = False
 
     async def __call__(self, service: ScriptedService, command: Command) -> Answers:
@@ -51,7 +51,6 @@ class Flight:
             yield Answer.ACCEPTED, f"{command.verb} begins"
             if command.verb in _SLOW:
                 service.doing = Doing(id=command.id, verb=command.verb)
-                self.begun.set()
                 await self.over.wait()
             else:
                 self.over.set()
@@ -152,7 +151,7 @@ async def test_ctrl_c_makes_it_safe_and_says_how(
     async with serving(there) as (service, flight, where):
         flight.grounded = words == ("takeoff",)
         running = await start(*words, *where)
-        await flight.begun.wait()
+        await running.until_line("begins")
         running.interrupt()
         ran = await running.ended()
     assert (ran.code, [one.verb for one in service.taken]) == (130, sent)
@@ -180,7 +179,7 @@ async def test_a_second_ctrl_c_leaves_without_waiting(there: BrokerProcess) -> N
 async def test_a_client_that_is_killed_harms_nothing_and_the_next_one_goes_on(there: BrokerProcess) -> None:
     async with serving(there) as (service, flight, where):
         running = await start("takeoff", *where)
-        await flight.begun.wait()
+        await running.until_line("begins")
         running.send(signal.SIGKILL)
         assert (await running.ended()).code == -signal.SIGKILL
         assert not flight.over.is_set()
