@@ -15,6 +15,7 @@ from companion.bus.telemetry import Answer, Doing, Reply
 from companion.config import CompanionConfig
 from companion.control.reference import Hold
 from companion.desk_plans import Laws, Planned, params_of, planned_arms, planned_track, yaw_here_rad
+from companion.desk_words import first
 from companion.orders import wanted_by
 from companion.ports import CompanionError, FlightError
 from companion.service_ends import disarmed, killed, resumed, stand_still, switched
@@ -174,6 +175,12 @@ def _lane(command: Command) -> str | None:
     return None if isinstance(command, asked.Params) else "flight"
 
 
+def _does_not_fit(what: str, refused: str, wanted: Request, service: Service) -> FlightError:
+    """With what to say first, where the phase alone is in the way."""
+    todo = first(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
+    return FlightError(f"cannot {what}: {refused}{todo and f': {todo}'}")
+
+
 class _AtOnce:
     """A verb of AT_ONCE: the request goes to the flight loop now, its end is awaited."""
 
@@ -192,7 +199,7 @@ class _AtOnce:
         if refused and down and isinstance(command, asked.Land | asked.Abort):
             return self._on_ground()
         if refused or not service.loop.ask(wanted):
-            raise FlightError(f"cannot {command.verb}: {refused}")
+            raise _does_not_fit(command.verb, refused, wanted, service)
         self._job.accept()
         return self._end(command)
 
@@ -249,7 +256,7 @@ class _Verbs:
     def _fits(self, wanted: Request, what: str) -> None:
         refused = self._service.loop.refusal(wanted)
         if refused:
-            raise FlightError(f"cannot {what}: {refused}")
+            raise _does_not_fit(what, refused, wanted, self._service)
 
     async def _preflight(self, _: asked.Preflight) -> _Said:
         self._job.accept("looking at motion capture, autopilot and arms")

@@ -115,11 +115,11 @@ async def test_acceptance_and_completion_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("verb", "arguments", "why"),
     [
-        ("takeoff", {}, "does not fit phase standby"),
-        ("goto", {"x_m": 0.0, "y_m": 0.0, "z_m": 1.0}, "does not fit phase standby"),
+        ("takeoff", {}, "cannot take off: it does not fit phase standby: say arm first$"),
+        ("goto", {"x_m": 0.0, "y_m": 0.0, "z_m": 1.0}, "does not fit phase standby: say arm, then takeoff first$"),
         ("track", {"curve": "ellipse"}, "does not fit phase standby"),
-        ("hold", {}, "does not fit phase standby"),
-        ("resume", {}, "stands|on the ground|does not fit"),
+        ("hold", {}, "does not fit phase standby: it stands$"),
+        ("resume", {}, "says that the vehicle is on the ground$"),
         ("controller", {"name": "nobody"}, "unknown controller 'nobody'"),
         ("arms", {"do": "stow"}, "no arms"),
     ],
