@@ -31,6 +31,7 @@ async def killed(service: Service, timeout_s: float) -> None:
 
 async def disarmed(service: Service, timeout_s: float) -> None:
     """Stop the motors of a vehicle that stands, whoever armed it; FlightError when the autopilot refuses."""
+    service.loop.arming.call_off("the operator disarmed")
     if service.phase in {Phase.PREFLIGHT, Phase.ARMED}:
         service.loop.ask(Land("the operator disarmed"))
     elif service.status.armed and service.phase is not Phase.LAND:

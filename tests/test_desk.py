@@ -4,7 +4,7 @@ import asyncio
 import itertools
 import json
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +15,9 @@ import pytest
 from companion.bus.commands import COMMAND
 from companion.bus.telemetry import ENDS, Answer, Reply
 from companion.config import CompanionConfig, FlightConfig
+from companion.control.reference import Trajectory
 from companion.desk import Desk
+from companion.preflight.check import Check
 from companion.supervisor.flight import Phase
 from tests.flights.simulated import Room
 from tests.flights.test_simulated_arms import ARMS, mock_arms
@@ -190,6 +192,24 @@ async def test_disarm_is_for_the_ground() -> None:
         reply = await op.do("disarm")
         assert reply.answer is Answer.REFUSED
         assert "in the air" in reply.text
+
+
+@pytest.mark.parametrize("verb", ["disarm", "abort", "land"])
+async def test_what_ends_an_arming_ends_the_checks_before_it(verb: str) -> None:
+    checking = asyncio.Event()
+
+    async def check(_: Trajectory | None) -> Sequence[Check]:
+        checking.set()
+        await asyncio.sleep(0.1)
+        return ()
+
+    async with operated() as op:
+        op.one.service.checks = check
+        arming = op.say("arm")
+        await checking.wait()
+        assert (await op.do(verb)).answer is Answer.DONE
+        assert (await arming.end()).answer is Answer.FAILED
+        assert op.one.phase() is Phase.STANDBY
 
 
 async def test_another_law_takes_over_in_the_air_and_is_named() -> None:
