@@ -32,7 +32,7 @@ class MocapPose(BaseModel):
 
 
 class BridgePresence(BaseModel):
-    """The mocap bridge: retained, said twice a second, and its last will."""
+    """The mocap bridge: retained, said again and again, and its last will."""
 
     model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
 

@@ -10,7 +10,7 @@ import pytest
 import pytest_asyncio
 import uvloop
 
-from companion.adapters.mqtt import mocap_out, open_mqtt_mocap
+from companion.adapters.mqtt import mocap_out, open_mocap_out, open_mqtt_mocap
 from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_mocap import MocapBrokerConfig, MocapConfig
 from companion.mocap_bridge import Bridge
@@ -30,6 +30,11 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """A mosquitto's port."""
     with mosquitto(tmp_path_factory.mktemp("mosquitto"), "allow_anonymous true") as port:
         yield port
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mocap_out, "_LISTEN_S", 0.02)
 
 
 @pytest.fixture(scope="module")
@@ -219,3 +224,28 @@ async def test_the_bridge_tells_of_itself_and_of_its_end(lab: int) -> None:
     finally:
         listening.cancel()
         await asyncio.wait([listening])
+
+
+async def test_a_slow_broker_gets_the_newest_frame_and_no_queue(small: BrokerProcess) -> None:
+    config, heard = on_broker(small.port), list[int]()
+    async with aiomqtt.Client("127.0.0.1", small.port) as reader, open_mocap_out(config) as out:
+        await reader.subscribe(config.topics.mocap)
+        await until(lambda: out.why == "")
+
+        async def listen() -> None:
+            async for message in reader.messages:
+                heard.append(json.loads(str(message.payload, "utf-8"))["frame"])
+
+        listening = asyncio.create_task(listen())
+        small.hang()
+        try:
+            for number in range(160):
+                out.show(MocapPose.model_validate_json(pose(number, 0.005 * number)))
+                await asyncio.sleep(0.005)
+        finally:
+            small.go_on()
+        await until(lambda: heard and heard[-1] == 159)
+        listening.cancel()
+        await asyncio.wait([listening])
+    assert len(heard) == out.sent == 160 - out.passed_over
+    assert len(heard) < 110, "a beat and the patience with it are 0.3 s of these 0.8 s"

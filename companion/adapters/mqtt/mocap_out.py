@@ -1,4 +1,4 @@
-"""The bridge's end: every pose to the broker at once, and of those that it does not take in time only the newest."""
+"""The bridge's end: every pose to the broker at once, and of those that it does not take only the newest."""
 
 import asyncio
 import secrets
@@ -18,9 +18,13 @@ from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_operator import OperatorConfig
 from companion.ports import MocapError
 
-_BEAT_S = 0.5
+_BEAT_S = 0.2
+_PATIENCE_S = 0.1
+"""A beat that is not answered for so long shows a slow broker, to whom no more is sent until it answers: what it has
+taken and not read would arrive all the same, and later and later.
+"""
 _LISTEN_S = 1.2
-"""Another bridge is heard twice within this."""
+"""Another bridge is heard more than once within this."""
 
 
 @asynccontextmanager
@@ -48,7 +52,7 @@ class MocapOut:
         self._again = Again(f"the broker {self._where}")
         self._alone = False
         self._newest: MocapPose | None = None
-        self._shown = asyncio.Event()
+        self._shown, self._answers = asyncio.Event(), asyncio.Event()
         self.sent = 0
         """Poses that the broker's connection has taken."""
         self.passed_over = 0
@@ -83,6 +87,7 @@ class MocapOut:
             feed.keep_little()
             await feed.follow(self._topics.mocap_bridge)
             self._again.heard()
+            self._answers.clear()
             if not self._alone:  # once in a run: later the vehicle may fly by our frames
                 await feed.lost_within(_LISTEN_S)
                 self._alone = True
@@ -94,13 +99,19 @@ class MocapOut:
         """Say that we are here, and have the broker prove that it is."""
         while True:
             online = self._presence.model_dump_json().encode()
-            await feed.publish(self._topics.mocap_bridge, online, qos=1, retain=True)
+            slow = asyncio.get_running_loop().call_later(_PATIENCE_S, self._answers.clear)
+            try:
+                await feed.publish(self._topics.mocap_bridge, online, qos=1, retain=True)
+            finally:
+                slow.cancel()
+            self._answers.set()
             self._again.heard()
             await feed.lost_within(_BEAT_S)
 
     async def _say_newest(self, feed: Feed) -> None:
         while True:
             await self._shown.wait()
+            await self._answers.wait()
             self._shown.clear()
             pose, self._newest = self._newest, None
             if pose is not None:
