@@ -11,7 +11,6 @@ from rich.console import Console
 from companion.bus.telemetry import Reply
 from companion.cli.operate_options import Asked, commanding
 from companion.cli.operate_run import operate
-from companion.config_files import read_toml
 from companion.console.client import open_console
 from companion.console.place import Given, place_of
 from companion.console.trouble import NobodyThereError
@@ -61,8 +60,6 @@ def _service_runs(given: Given) -> bool:
     if given.of_a_broker:
         return True
     try:
-        if given.config is not None and "operator" not in read_toml(given.config):
-            return False
         return asyncio.run(_is_there(given))
     except ConfigError:
         return False  # whoever reads the whole file says better what is wrong with it
