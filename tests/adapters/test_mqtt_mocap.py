@@ -1,9 +1,11 @@
 """The contract of every source by way of bridge and broker, and what only MQTT can do."""
 
 import asyncio
+import getpass
 import json
 import logging
 from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
 
 import aiomqtt
 import pytest
@@ -84,15 +86,15 @@ class TestMqttMocap(MocapContract):
         assert velocity is not None
         assert velocity[0] == pytest.approx(1.0, abs=0.3)
 
-    async def test_a_frame_sent_again_or_retained_changes_nothing(self, rig: MqttMocapRig, lab: int) -> None:
-        stamp_s = rig.capture()
+    async def test_a_frame_sent_again_or_overtaken_is_counted_late(self, rig: MqttMocapRig, lab: int) -> None:
+        rig.capture()
         assert await rig.source.wait_frame(ARRIVES_S)
         frame, before = rig.source.latest(), rig.source.counts
         assert frame is not None
-        again = pose(frame.frame, stamp_s)
+        again = pose(frame.frame, frame.stamp_s)
         async with aiomqtt.Client("127.0.0.1", lab, protocol=aiomqtt.ProtocolVersion.V5) as other:
             await other.publish(rig.broker.topics.mocap, again, qos=1)
-            await other.publish(rig.broker.topics.mocap, pose(frame.frame - 1, stamp_s - 0.01), qos=1)
+            await other.publish(rig.broker.topics.mocap, pose(frame.frame - 1, frame.stamp_s - 0.01), qos=1)
         await until(lambda: rig.source.counts.late == before.late + 2)
         assert not await rig.source.wait_frame(NOTHING_COMES_S)
         rig.capture()
@@ -249,3 +251,18 @@ async def test_a_slow_broker_gets_the_newest_frame_and_no_queue(small: BrokerPro
         await asyncio.wait([listening])
     assert len(heard) == out.sent == 160 - out.passed_over
     assert len(heard) < 110, "a beat and the patience with it are 0.3 s of these 0.8 s"
+
+
+@needs_mosquitto
+async def test_a_bridge_that_may_not_say_that_it_is_there_forwards_and_warns(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(mocap_out, "_BEAT_S", 0.01)
+    acl = tmp_path / "acl"
+    acl.write_text("topic readwrite dauam/v1/+/mocap\n")
+    acl.chmod(0o700)
+    with mosquitto(tmp_path, "allow_anonymous true", f"acl_file {acl}", f"user {getpass.getuser()}") as port:
+        async with mqtt_mocap_rig(port) as rig:
+            await until(lambda: "a second bridge would not be noticed" in caplog.text)
+            rig.capture()
+            assert await rig.source.wait_frame(ARRIVES_S)

@@ -18,8 +18,6 @@ only, and few enough to be through in 2 ms.
 """
 _SEND_BUFFER_BYTES = 4096
 """The kernel keeps some twice as much: a few poses. Its own choice is megabytes, which is minutes of them."""
-_QUICK_ACK = getattr(socket, "TCP_QUICKACK", None)
-"""Linux alone has it."""
 
 
 class Feed(Connection):
@@ -74,10 +72,6 @@ class Feed(Connection):
                 self._client.loop_read()
                 if self._read == before and not self._pending():
                     break
-            wire = self._client.socket()
-            if _QUICK_ACK is not None and isinstance(wire, socket.socket):
-                # or a broker with Nagle's algorithm (mosquitto's usual setting) holds a pose back for up to 40 ms
-                wire.setsockopt(socket.IPPROTO_TCP, _QUICK_ACK, 1)
         except Exception as error:
             if not self._disconnected.done():
                 self._disconnected.set_exception(error)

@@ -1,6 +1,8 @@
 """The bridge's end: every pose to the broker at once, and of those that it does not take only the newest."""
 
 import asyncio
+import itertools
+import logging
 import secrets
 import socket
 import time
@@ -18,11 +20,15 @@ from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_operator import OperatorConfig
 from companion.ports import MocapError
 
+LOG = logging.getLogger(__name__)
+
 _BEAT_S = 0.2
 _PATIENCE_S = 0.1
 """A beat that is not answered for so long shows a slow broker, to whom no more is sent until it answers: what it has
 taken and not read would arrive all the same, and later and later.
 """
+_ECHO_BEATS = 10
+"""Within so many the first comes back to us, too, if the broker lets us read and write there."""
 _LISTEN_S = 1.2
 """Another bridge is heard more than once within this."""
 
@@ -50,7 +56,7 @@ class MocapOut:
         gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
         self._reached = reached(broker, aiomqtt.Will(self._topics.mocap_bridge, gone, qos=1, retain=True))
         self._again = Again(f"the broker {self._where}")
-        self._alone = False
+        self._alone = self._echoed = False
         self._newest: MocapPose | None = None
         self._shown, self._answers = asyncio.Event(), asyncio.Event()
         self.sent = 0
@@ -97,7 +103,13 @@ class MocapOut:
 
     async def _beat(self, feed: Feed) -> None:
         """Say that we are here, and have the broker prove that it is."""
-        while True:
+        for beat in itertools.count():
+            if beat == _ECHO_BEATS and not self._echoed:
+                LOG.warning(
+                    "the broker %s does not let us read and write %s: a second bridge would not be noticed",
+                    self._where,
+                    self._topics.mocap_bridge,
+                )
             online = self._presence.model_dump_json().encode()
             slow = asyncio.get_running_loop().call_later(_PATIENCE_S, self._answers.clear)
             try:
@@ -127,6 +139,8 @@ class MocapOut:
         except ValidationError:
             return
         ours = self._presence
+        if other.session == ours.session:
+            self._echoed = True
         if not other.online or other.session == ours.session or self.refused.done():
             return
         if not self._alone or (other.since_s, other.session) < (ours.since_s, ours.session):
