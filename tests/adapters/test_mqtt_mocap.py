@@ -12,17 +12,19 @@ import pytest
 import pytest_asyncio
 import uvloop
 
-from companion.adapters.mqtt import mocap_out, open_mocap_out, open_mqtt_mocap
+from companion.adapters.mqtt import MqttMocap, mocap_out, open_mocap_out, open_mqtt_mocap
 from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_mocap import MocapBrokerConfig, MocapConfig
 from companion.mocap_bridge import Bridge
 from companion.ports import MocapError
 from tests.adapters.mocap_contract import ARRIVES_S, NOTHING_COMES_S, MocapContract
-from tests.adapters.mosquitto import mosquitto, needs_mosquitto
 from tests.adapters.mqtt_mocap_rig import MqttMocapRig, bridging, mqtt_mocap_rig, on_broker
 from tests.adapters.mqtt_rig import CLOCK, until
 from tests.adapters.qualisys_rig import capturing, serving, settings_for
 from tests.broker import BrokerProcess, broker
+from tests.bus.test_lab_broker import speaking
+from tests.mosquitto import lab as lab_of_the_examples
+from tests.mosquitto import mosquitto, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
 
@@ -266,3 +268,29 @@ async def test_a_bridge_that_may_not_say_that_it_is_there_forwards_and_warns(
             await until(lambda: "a second bridge would not be noticed" in caplog.text)
             rig.capture()
             assert await rig.source.wait_frame(ARRIVES_S)
+
+
+@needs_mosquitto
+async def test_a_labs_broker_with_tls_and_passwords_lets_poses_of_the_bridge_alone_through(tmp_path: Path) -> None:
+    """The example files of config/mosquitto/; a burst by TLS is read to its end, though the socket shows nothing."""
+    with lab_of_the_examples(tmp_path) as room:
+        bridge, vehicle = (MocapBrokerConfig(**room.place(user).model_dump()) for user in ("mocap-bridge", "dauam-1"))
+        async with serving() as qtm, capturing(qtm), bridging(settings_for(qtm, source="mqtt"), bridge):
+            config = MocapConfig(source="mqtt", first_frame_timeout_s=ARRIVES_S)
+            async with open_mqtt_mocap(config, vehicle, CLOCK) as source:
+                assert await source.wait_frame(ARRIVES_S)
+        source = MqttMocap(vehicle, CLOCK)
+        listening = asyncio.create_task(source.keep())
+        try:
+            await until(lambda: source.listens)
+            for stranger in ("screen", "anna", "dauam-1", "dauam-2"):
+                async with speaking(room, stranger) as client:
+                    await client.publish(vehicle.topics.mocap, b"elsewhere", qos=1)
+            async with speaking(room, "mocap-bridge") as client:
+                for number in range(100):
+                    await client.publish(vehicle.topics.mocap, pose(number, 0.01 * number))
+                await until(lambda: (newest := source.latest()) is not None and newest.frame == 99)
+        finally:
+            listening.cancel()
+            await asyncio.wait([listening])
+    assert (source.counts.received, source.counts.late, source.counts.malformed) == (100, 0, 0)

@@ -10,7 +10,6 @@ import pytest
 from companion.cli.mock_process import free_ports, mock_process
 from companion.config import load_config
 from companion.supervisor.faults import Fault
-from tests.adapters.mosquitto import mosquitto, needs_mosquitto
 from tests.broker import BrokerProcess, broker
 from tests.flights.command import ROOT, Running, read_json, run, start
 from tests.flights.faults.judge import judged
@@ -18,6 +17,7 @@ from tests.flights.faults.real import Scene, _hover, _to_the_end, mock
 from tests.flights.faults.rows import BRISK, REAL_S, RULES, End, Row, within
 from tests.flights.faults.watch import Told
 from tests.mavlink_relay import Relay
+from tests.mosquitto import mosquitto, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
 

@@ -63,6 +63,11 @@ class MqttMocap(NewestFrame):
         self._again = Again(f"motion capture's broker {broker.host}:{broker.port}")
         self._bridge: BridgePresence | None = None
 
+    @property
+    def listens(self) -> bool:
+        """Whether the broker would hand on to us what the bridge says now."""
+        return self._again.there
+
     async def keep(self) -> None:
         """Listen, again and again, until cancelled."""
         await self._again.keep(self._connected)
@@ -127,7 +132,7 @@ class MqttMocap(NewestFrame):
     def why_silent(self) -> str:
         """The sentence for no first frame: what is known of the way it should have come."""
         b, bridge = self._broker, self._bridge
-        if not self._again.there:
+        if not self.listens:
             why = self._again.why or "it does not answer"
             correct = f"start it, or correct host and port in [{b.table}]"
             return f"no broker for motion capture at {b.host}:{b.port} ({why}): {correct}"
