@@ -46,6 +46,7 @@ PANELS = {
         "records": "companion.cli.records:records",
         "replay": "companion.cli.replay:replay_command",
         "report": "companion.cli.report:report",
+        "calibrate": "companion.cli.calibrate:calibrate_command",
     },
     "Without a vehicle": {
         "demo": "companion.cli.demo:demo",
