@@ -75,7 +75,7 @@ class Bridge:
             self._dropped + (_dropped_by(self._source) if self._source is not None else 0),
             out.passed_over if out is not None else 0,
             frame is not None and frame.tracked,
-            self._trouble or (out.why if out is not None else ""),
+            "; ".join(filter(None, (self._trouble, out.why if out is not None else ""))),
         )
 
     async def _read(self, out: MocapOut) -> None:

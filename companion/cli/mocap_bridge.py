@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import math
+import shutil
 import signal
 import sys
 from collections.abc import Callable
@@ -101,7 +102,7 @@ class _Writer:
 
     def __call__(self, line: str, trouble: str) -> None:
         if sys.stdout.isatty():
-            sys.stdout.write(_CLEAR + line)
+            sys.stdout.write(_CLEAR + line[: shutil.get_terminal_size().columns - 1])
             sys.stdout.flush()
             return
         self._since += 1

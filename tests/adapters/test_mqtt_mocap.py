@@ -223,7 +223,7 @@ async def test_the_bridge_tells_of_itself_and_of_its_end(lab: int) -> None:
     try:
         async with bridging(MocapConfig(source="mqtt", port=1), config) as bridge:
             await until(lambda: heard and heard[-1].online and heard[-1].trouble.startswith("no QTM at 127.0.0.1:1"))
-            assert bridge.glance().trouble == heard[-1].trouble
+            assert bridge.glance().trouble.startswith(heard[-1].trouble)
         await until(lambda: not heard[-1].online)
     finally:
         listening.cancel()
