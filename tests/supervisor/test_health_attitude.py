@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.control.frames import quat_from_yaw, up_axis
+from companion.control.frames import quat_from_yaw, quat_multiply, up_axis
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health_attitude import Answer, AttitudeHealth, look_at_attitude
 from companion.supervisor.observed import Observed
@@ -54,6 +54,22 @@ def apart(cycle: int, q: Array) -> Observed:
 def test_attitudes_may_differ_by_so_much(q: Array, fault: Fault | None, what: str) -> None:
     text = f"motion capture and autopilot disagree on the {what}"
     assert watched([apart(0, q)], AT_ONCE) == [() if fault is None else (Event(fault, text),)]
+
+
+@pytest.mark.parametrize("lean", [tilted(0.5, 0.0), tilted(0.0, 0.5), tilted(0.4, 0.4), tilted(-0.4, 0.4)])
+@pytest.mark.parametrize("turn_rad", [0.37, 0.38, -0.38])
+def test_a_heading_is_a_turn_about_the_vertical_however_the_vehicle_leans(lean: Array, turn_rad: float) -> None:
+    now = with_vehicle(apart(0, quat_multiply(quat_from_yaw(turn_rad), lean)), q_w_flu_wxyz=lean)
+    found = watched([now], replace(AT_ONCE, tilt_apart_rad=1.0))[0]
+    assert (Fault.HEADING_DISAGREES in faults(found)) == (abs(turn_rad) > 0.375)
+
+
+def test_who_follows_is_judged_by_motion_capture_while_the_autopilots_horizon_is_not_known_to_be_wrong() -> None:
+    """Level is asked for and level it is, though the autopilot believes otherwise: headings apart, nobody can tell."""
+    flight = [with_status(healthy(k), q_w_flu_wxyz=tilted(0.8, 0.0, 1.0)) for k in range(60)]
+    events = watched(flight)[-1]
+    assert Fault.SETPOINT_NOT_FOLLOWED not in faults(events)
+    assert Fault.HEADING_DISAGREES in faults(events)
 
 
 def test_tilt_is_compared_in_the_world() -> None:
