@@ -1,7 +1,6 @@
 """A connection for a stream of which only the newest counts: messages are handed on as they are read."""
 
 import asyncio
-import socket
 from collections.abc import Callable
 
 import aiomqtt
@@ -14,14 +13,12 @@ OnMessage = Callable[[paho.MQTTMessage], None]
 
 _AT_ONCE = 32
 """Messages that are read before anybody else has a turn: all that piled up, so that the flight loop sees the last one
-only, and few enough to be through in 2 ms.
+only, and few enough that a flood does not stop it.
 """
-_SEND_BUFFER_BYTES = 4096
-"""The kernel keeps some twice as much: a few poses. Its own choice is megabytes, which is minutes of them."""
 
 
 class Feed(Connection):
-    """A `Connection` without a queue; aiomqtt's takes 80 us for a message, this a fifth of that."""
+    """A `Connection` without aiomqtt's queue, which makes a task for every message."""
 
     def __init__(self, reached: Reached, version: aiomqtt.ProtocolVersion, on_message: OnMessage) -> None:
         """`on_message` must not wait; what it raises ends the connection."""
@@ -44,12 +41,6 @@ class Feed(Connection):
         if self._disconnected.done():
             self._disconnected.result()
             raise aiomqtt.MqttError("the broker closed the connection")
-
-    def keep_little(self) -> None:
-        """Have the kernel queue next to nothing of what we publish."""
-        wire = self._client.socket()
-        if isinstance(wire, socket.socket):
-            wire.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
 
     def _on_message(self, client: paho.Client, userdata: object, message: paho.MQTTMessage) -> None:  # noqa: ARG002
         self._read += 1

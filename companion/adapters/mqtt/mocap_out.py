@@ -90,7 +90,6 @@ class MocapOut:
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         async with Feed(self._reached, version, self._on_message) as feed:
-            feed.keep_little()
             await feed.follow(self._topics.mocap_bridge)
             self._again.heard()
             self._answers.clear()
