@@ -55,6 +55,8 @@ class Numbers:
     laws: tuple[str, ...]
     versions: dict[str, str]
     ended: str
+    over: bool
+    """The flight ended within the record."""
     truncated: bool
     dropped: int
     duration_s: float
@@ -84,6 +86,7 @@ def numbers_of(flown: Flown) -> Numbers:
         flown.law_names,
         {str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
         story.ended,
+        story.over,
         record.truncated,
         record.dropped,
         float(flying[-1] - flying[0]) if flying.size else 0.0,

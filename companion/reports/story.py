@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.reports.flown import Flown, Stretch
 from companion.supervisor.faults import Reaction
-from companion.supervisor.flight import Phase
+from companion.supervisor.flight import IN_THE_AIR, Phase
 
 _SAID = ("command", "reply", "log")
 """Kinds of events that the columns do not have; phases and faults they have themselves."""
@@ -56,13 +56,15 @@ class Story:
     said: tuple[Said, ...]
     ended: str
     """In a sentence."""
+    over: bool
+    """It ended within the record."""
 
 
 def story_of(flown: Flown) -> Story:
     """Out of columns and events."""
     reactions = _reactions(flown)
     faults = _faults(flown, reactions)
-    return Story(flown.phases, flown.laws, faults, reactions, _said(flown), _ended(flown))
+    return Story(flown.phases, flown.laws, faults, reactions, _said(flown), _ended(flown), _is_over(flown))
 
 
 def _faults(flown: Flown, reactions: tuple[Reacted, ...]) -> tuple[FaultSeen, ...]:
@@ -106,6 +108,10 @@ def _said(flown: Flown) -> tuple[Said, ...]:
         for event in sorted(flown.record.events, key=lambda one: one.time_s)
         if event.kind in _SAID
     )
+
+
+def _is_over(flown: Flown) -> bool:
+    return flown.words("phase")[-1] not in {*IN_THE_AIR, Phase.ARMED} and not flown.column("armed")[-1] > 0.0
 
 
 def _ended(flown: Flown) -> str:

@@ -42,9 +42,9 @@ def _state(numbers: Numbers) -> str:
     """Whether all of the flight is there, in one line."""
     says = []
     if numbers.truncated:
-        says.append(
-            "cut off: the service was killed, or the disk was full; the flight went on after the last cycle here"
-        )
+        says.append("cut off: the file ends in the middle; what came after its last cycle is not known")
+    elif not numbers.over:
+        says.append("breaks off in flight: the service was killed, or the disk was full; what came after is not known")
     if numbers.dropped:
         says.append(f"{numbers.dropped} cycles are missing")
     return "; ".join(says) or "complete"

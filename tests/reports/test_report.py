@@ -164,6 +164,15 @@ def test_a_record_that_was_cut_off_is_reported_and_said_to_be(frozen: Recorded, 
     assert numbers.whole is not None
 
 
+def test_a_whole_file_of_half_a_flight_is_said_to_break_off(frozen: Recorded) -> None:
+    """The service was killed, and its writer closed the file."""
+    flying = frozen.flown.time_s < 5.0
+    columns = {name: column[flying] for name, column in frozen.flown.record.columns.items()}
+    numbers = numbers_of(Flown(replace(frozen.flown.record, columns=columns)))
+    assert dict(head(numbers))["record"].startswith("breaks off in flight")
+    assert dict(head(numbers_of(frozen.flown)))["record"] == "complete"
+
+
 def test_missing_cycles_are_counted(frozen: Recorded, tmp_path: Path) -> None:
     columns = {name: np.delete(column, slice(700, 720), axis=0) for name, column in frozen.flown.record.columns.items()}
     numbers = numbers_of(Flown(replace(frozen.flown.record, columns=columns)))
