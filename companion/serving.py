@@ -61,7 +61,7 @@ async def serve(what: Serving) -> None:
     """Until SIGTERM or Ctrl-C, which land first. Raises ConfigError for a broker that cannot be."""
     sys.setswitchinterval(_SWITCH_S)
     stop = asyncio.Event()
-    _end_on_signals(stop)
+    _end_on_signals(stop, what.notifier)
     session, desk = secrets.token_hex(8), Desk(what.config, what.controller.name)
     desk.note_law = what.note_law
     async with AsyncExitStack() as devices:
@@ -75,14 +75,17 @@ async def serve(what: Serving) -> None:
             what.notifier.ready("looking for the vehicle")
             await _serve_vehicles(what, link, desk, telemetry, stop)
         finally:
-            what.notifier.stopping("ends")
+            if not stop.is_set():
+                what.notifier.stopping("ends")
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
 
 
-def _end_on_signals(stop: asyncio.Event) -> None:
+def _end_on_signals(stop: asyncio.Event, notifier: Notifier) -> None:
     def end() -> None:
         LOG.warning("told to end%s", "" if not stop.is_set() else ": it is doing so")
+        if not stop.is_set():
+            notifier.stopping("told to end")
         stop.set()
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

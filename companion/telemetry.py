@@ -22,7 +22,7 @@ class Telemetry:
 
     def __init__(self, session: str, tell: Tell) -> None:
         self._session, self._tell = session, tell
-        self.waiting = ""
+        self.waiting = "the service begins"
         """Why there is no vehicle; then a state says so."""
         self._tick: Tick | None = None
         self._events: tuple[Event, ...] = ()

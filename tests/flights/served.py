@@ -14,10 +14,13 @@ from companion.bus.telemetry import Happened, State
 from companion.cli.mock_process import MockPorts, free_ports, mock_process
 from companion.config_operator import OperatorConfig
 from companion.console.client import Link, open_console
-from tests.flights.command import PATIENCE_S, ROOT, Ran, Running, run, start
+from tests.flights.command import ROOT, Ran, Running, mock_config, run, start
 from tests.mosquitto import free_port
 
 T = TypeVar("T")
+NO_ARMS = ("enabled = true", "enabled = false")
+PATIENCE_S = 60.0
+"""Far beyond what a step here takes."""
 BRISK = """
 climb_speed_mps = 1.0
 descent_speed_mps = 0.6
@@ -48,22 +51,23 @@ class Site:
     """As the service has it."""
 
     @classmethod
-    def embedded(cls, folder: Path) -> "Site":
+    def embedded(cls, folder: Path, ports: MockPorts | None = None) -> "Site":
         """With the service's own broker."""
         port = free_port()
-        return cls(folder, free_ports(), OperatorConfig(port=port), OperatorConfig(port=port, embedded=True))
+        operators, served = (OperatorConfig(port=port, embedded=embedded) for embedded in (False, True))
+        return cls(folder, ports or free_ports(), operators, served)
 
     @property
     def records(self) -> Path:
         """The folder of the flights' records."""
         return self.folder / "flights"
 
-    def config(self, arms: bool = True) -> Path:
-        """The demo's file on these ports, brisk, and patient with a busy machine."""
+    def config(self, arms: bool = True, url: str | None = None) -> Path:
+        """The demo's file on these ports, brisk, and patient with a busy machine; `url` is the autopilot's."""
         text = (ROOT / "config" / "demo.toml").read_text(encoding="utf-8")
         said, armless = text.split("[arms]")
         for old, new in (
-            ("127.0.0.1:14540", f"127.0.0.1:{self.ports.client}"),
+            ("udpin://127.0.0.1:14540", url or f"udpin://127.0.0.1:{self.ports.client}"),
             ("port = 22223", f"port = {self.ports.qualisys}"),
             ("[flight]\n", f"[flight]{BRISK}"),
             ("mocap_hz = 50.0", "mocap_hz = 20.0"),
@@ -180,6 +184,8 @@ async def serving(config: Path, log: Path, **environment: str) -> AsyncIterator[
             stdin=asyncio.subprocess.DEVNULL,
             stdout=journal,
             stderr=journal,
+            # As in a terminal of its own: Linux shares a busy computer among sessions, and commands that begin are busy.
+            start_new_session=True,
         )
     try:
         yield Served(process, log)
@@ -190,13 +196,9 @@ async def serving(config: Path, log: Path, **environment: str) -> AsyncIterator[
 
 
 @asynccontextmanager
-async def mocks(site: Site, arms: bool = True) -> AsyncIterator[None]:
-    """Autopilot, motion capture and arms of the demo."""
-    text = (ROOT / "config" / "mock.toml").read_text(encoding="utf-8")
-    assert "enabled = true" in text
-    path = site.folder / "mock.toml"
-    path.write_text(text if arms else text.replace("enabled = true", "enabled = false"), encoding="utf-8")
-    async with mock_process(path, 1, site.ports):
+async def mocks(site: Site, *changes: tuple[str, str]) -> AsyncIterator[None]:
+    """Autopilot, motion capture and arms of the demo, with pieces of config/mock.toml replaced."""
+    async with mock_process(mock_config(site.folder, *changes), 1, site.ports):
         yield
 
 
@@ -222,6 +224,16 @@ class Seen:
     async def does(self, verb: str) -> State:
         """Wait until this command is being carried out."""
         await self.served.until(lambda: self.state.doing is not None and self.state.doing.verb == verb, self.story)
+        return self.state
+
+    async def lost(self) -> State:
+        """Wait until there is no vehicle, or something is wrong with it."""
+        await self.served.until(lambda: self.state.phase == "waiting" or bool(self.state.faults), self.story)
+        return self.state
+
+    async def well(self) -> State:
+        """Wait until the vehicle stands and nothing is wrong."""
+        await self.served.until(lambda: self.state.phase == "standby" and not self.state.faults, self.story)
         return self.state
 
     async def newer(self) -> State:
