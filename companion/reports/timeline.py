@@ -137,5 +137,13 @@ def _commands(axes: Axes, told: Sequence[tuple[float, str]], at: int) -> None:
         short = text if len(text) <= 40 else text[:39] + "…"
         room = 0.0095 * (high - low) * max(len(short), 4)
         left = x + room > high
-        axes.text(x, at + 0.5 + row, short, ha="right" if left else "left", va="center", color="0.25", fontsize="small")
+        axes.text(
+            x + (-0.006 if left else 0.006) * (high - low),
+            at + 0.5 + row,
+            short,
+            ha="right" if left else "left",
+            va="center",
+            color="0.25",
+            fontsize="small",
+        )
         free[row] = x + (0.02 * (high - low) if left else room)
