@@ -28,15 +28,23 @@ class _Lane:
 
 def height_in(story: Story) -> float:
     """What `timeline` needs."""
-    lanes = 1 + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_told(story))
-    return _CURVES_IN + 0.55 + _LANE_IN * lanes
+    return _CURVES_IN + 0.55 + _LANE_IN * _rows(story)
+
+
+def _rows(story: Story) -> int:
+    """Of the lowest part: phases, laws where one followed another, faults, reactions, and what was said."""
+    return 1 + _switched(story) + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_told(story))
+
+
+def _switched(story: Story) -> bool:
+    return len(story.laws) > 1
 
 
 def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     """Draw it."""
     lanes = _lanes(story)
     told = _told(story)
-    below = 1 + len(lanes) + bool(story.reactions) + 3 * bool(told)
+    below = _rows(story)
     height, error, line = rows_over_time(figure, ["height (m)", "error (m)", ""], flown)
     height.set_xlim(min([height.get_xlim()[0], *(at_s - 0.5 for at_s, _ in told)]), None)
     grid = height.get_gridspec()
@@ -47,6 +55,9 @@ def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     line.set(ylim=(below, 0), yticks=[])
     _phases(line, flown)
     at = 1
+    if _switched(story):
+        _laws(line, story, at + 0.5)
+        at += 1
     for lane in lanes:
         _fault(line, lane, at + 0.5, flown)
         at += 1
@@ -90,6 +101,16 @@ def _phases(axes: Axes, flown: Flown) -> None:
         begin, end = _inside(axes, stretch.begin_s), _inside(axes, stretch.end_s)
         if stretch.name in PHASE_SHADES and end - begin > 0.045 * (high - low):
             axes.text(0.5 * (begin + end), 0.5, stretch.name, ha="center", va="center", color="0.3")
+
+
+def _laws(axes: Axes, story: Story, at: float) -> None:
+    low, high = axes.get_xlim()
+    for number, law in enumerate(story.laws):
+        axes.plot(
+            [law.begin_s, law.end_s], [at, at], color=COLOURS[number % 2], lw=5.0, alpha=0.25, solid_capstyle="butt"
+        )
+        if law.end_s - law.begin_s > 0.012 * (high - low) * len(law.name):
+            axes.text(0.5 * (law.begin_s + law.end_s), at, law.name, ha="center", va="center", color="0.2")
 
 
 def _fault(axes: Axes, lane: _Lane, at: float, flown: Flown) -> None:

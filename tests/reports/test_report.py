@@ -173,6 +173,18 @@ def test_a_whole_file_of_half_a_flight_is_said_to_break_off(frozen: Recorded) ->
     assert dict(head(numbers_of(frozen.flown)))["record"] == "complete"
 
 
+def test_laws_that_followed_each_other_are_told_in_order(frozen: Recorded) -> None:
+    flown, names = frozen.flown, frozen.flown.record.columns["law_name"].copy()
+    names[flown.time_s > 6.0] = "pid"
+    both = Flown(replace(flown.record, columns=flown.record.columns | {"law_name": names}))
+    numbers = numbers_of(both)
+    assert numbers.laws == ("etnn", "pid")
+    assert dict(head(numbers))["law"] == "etnn from 0.0 s, then pid from 6.0 s"
+    (line,) = (chart for chart in charts_of(both, numbers.story) if chart.name == "timeline")
+    written = {text.get_text() for axes in line.figure(Medium.PAGE).axes for text in axes.texts}
+    assert {"etnn", "pid", "track", "PX4 lands", "mocap frozen → PX4 lands", "takeoff <1.2 m>"} <= written
+
+
 def test_missing_cycles_are_counted(frozen: Recorded, tmp_path: Path) -> None:
     columns = {name: np.delete(column, slice(700, 720), axis=0) for name, column in frozen.flown.record.columns.items()}
     numbers = numbers_of(Flown(replace(frozen.flown.record, columns=columns)))
