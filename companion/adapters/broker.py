@@ -18,7 +18,9 @@ from companion.ports import ConfigError
 LOG = logging.getLogger(__name__)
 
 _START_S = 20.0
-_AGAIN_S = 1.0
+_AGAIN_S, _LONGEST_S = 1.0, 10.0
+"""Pause before it is begun again, and at most, when it does not begin."""
+_READY = b"ready\n"
 _STOP_S = 3.0
 
 
@@ -67,27 +69,43 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
         if isinstance(error, TimeoutError):
             raise ConfigError(f"the embedded broker was not ready within {_START_S:g} s") from error
         raise
-    if not line:
-        raise ConfigError("the embedded broker ended without a word: is amqtt installed?")
+    if line != _READY:
+        await _end(process)
+        why = line.decode(errors="replace").strip() or "it ended without a word: is amqtt installed?"
+        raise ConfigError(f"the embedded broker on port {config.port} does not begin: {why}")
     return process
 
 
 async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> None:
+    """Whatever ends it: a defect of its own, the system, or somebody who took its port meanwhile."""
     try:
         while True:
             code = await process.wait()
             LOG.error("the embedded broker has ended (%d) and is begun again", code)
-            await asyncio.sleep(_AGAIN_S)
-            try:
-                process = await _begin(config)
-            except ConfigError as error:
-                LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
+            process = await _begin_again(config)
+            LOG.info("the embedded broker is there again")
     finally:
         await _end(process)
 
 
+async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
+    """As often as it takes; each reason is told once."""
+    pause_s, told = _AGAIN_S, ""
+    while True:
+        await asyncio.sleep(pause_s)
+        pause_s = min(2.0 * pause_s, _LONGEST_S)
+        try:
+            return await _begin(config)
+        except (ConfigError, OSError) as error:
+            if str(error) != told:
+                told = str(error)
+                LOG.error("%s", told)  # noqa: TRY400 - the sentence is for the operator
+
+
 async def _end(process: asyncio.subprocess.Process) -> None:
     """It ends when its standard input does."""
+    if process.returncode is not None:
+        return
     assert process.stdin is not None
     process.stdin.close()
     try:
@@ -99,17 +117,22 @@ async def _end(process: asyncio.subprocess.Process) -> None:
 
 
 async def _serve(host: str, port: int) -> None:
-    """Until standard input ends."""
+    """Until standard input ends; says that it is ready, or why it is not."""
     from amqtt.broker import Broker  # type: ignore[import-untyped] # noqa: PLC0415 - only the child needs it
 
     anonymous = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
     listener = {"default": {"type": "tcp", "bind": f"{host}:{port}"}}
     broker = Broker({"listeners": listener, "plugins": anonymous})
-    await broker.start()
-    os.write(1, b"ready\n")
+    try:
+        await broker.start()
+    except Exception as error:
+        os.write(1, f"{error}\n".encode())
+        os._exit(1)
+    os.write(1, _READY)
     ended = asyncio.Event()
     asyncio.get_running_loop().add_reader(0, lambda: None if os.read(0, 64) else ended.set())
     await ended.wait()
+    os._exit(0)  # there is nothing to keep, and amqtt's tasks complain when they are cancelled
 
 
 if __name__ == "__main__":

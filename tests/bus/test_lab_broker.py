@@ -27,24 +27,24 @@ from tests.units.tools import said, tool
 pytestmark = needs_mosquitto
 
 TOPICS = {name: Topics("dauam", name) for name in ("dauam-1", "dauam-2")}
-PARTS = ("command", "state", "event", "status", "mocap", "reply/anna-1")
+PARTS = ("command", "state", "event", "status", "mocap", "mocap/bridge", "reply/anna-1")
 MAY_SAY = {
     "dauam-1": {f"dauam-1/{part}" for part in ("state", "event", "status", "reply/anna-1")},
     "dauam-2": {f"dauam-2/{part}" for part in ("state", "event", "status", "reply/anna-1")},
     "anna": {"dauam-1/command"},
     "ben": {"dauam-1/command", "dauam-2/command"},
     "screen": set(),
-    "mocap-bridge": {"dauam-1/mocap", "dauam-2/mocap"},
+    "mocap-bridge": {f"{name}/{part}" for name in TOPICS for part in ("mocap", "mocap/bridge")},
 }
 SAID = set().union(*MAY_SAY.values())
 """All topics: each is somebody's."""
 MAY_READ = {
-    "dauam-1": {"dauam-1/command", "dauam-1/mocap"},
-    "dauam-2": {"dauam-2/command", "dauam-2/mocap"},
+    "dauam-1": {"dauam-1/command", "dauam-1/mocap", "dauam-1/mocap/bridge"},
+    "dauam-2": {"dauam-2/command", "dauam-2/mocap", "dauam-2/mocap/bridge"},
     "anna": {topic for topic in SAID if topic.startswith("dauam-1/")},
     "ben": SAID,
     "screen": {topic for topic in SAID if topic.endswith(("/state", "/event", "/status"))},
-    "mocap-bridge": set(),
+    "mocap-bridge": {"dauam-1/mocap/bridge", "dauam-2/mocap/bridge"},
 }
 
 

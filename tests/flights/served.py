@@ -184,7 +184,7 @@ async def serving(config: Path, log: Path, **environment: str) -> AsyncIterator[
             stdin=asyncio.subprocess.DEVNULL,
             stdout=journal,
             stderr=journal,
-            # As in a terminal of its own: Linux shares a busy computer among sessions, and commands that begin are busy.
+            # As in a terminal of its own: Linux shares a busy computer among sessions, and what begins is busy.
             start_new_session=True,
         )
     try:
