@@ -11,8 +11,8 @@ import pytest
 from companion.adapters.mqtt import BusLink
 from companion.bus.commands import COMMAND
 from companion.bus.telemetry import Happened, Reply
-from tests.adapters.mosquitto import mosquitto, needs_mosquitto
 from tests.adapters.mqtt_rig import Vehicle, linked, state, until
+from tests.mosquitto import mosquitto, needs_mosquitto
 
 PAGE = (Path(__file__).parents[2] / "docs" / "bus.md").read_text(encoding="utf-8")
 

@@ -10,7 +10,6 @@ import pytest
 from companion.bus.telemetry import Answer, Happened, Kind, Reply
 from companion.ports import FlightError
 from companion.supervisor.safety import SafetyRules
-from tests.adapters.mosquitto import mosquitto, needs_mosquitto
 from tests.adapters.mqtt_rig import (
     SESSION,
     TOPICS,
@@ -28,6 +27,7 @@ from tests.adapters.mqtt_rig import (
 )
 from tests.adapters.qtm_scripts import Silent, listening
 from tests.broker import BrokerProcess, broker
+from tests.mosquitto import mosquitto, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
 

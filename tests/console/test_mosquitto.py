@@ -15,8 +15,8 @@ from companion.console.client import Link, open_console
 from companion.console.draft import Draft
 from companion.console.errand import Errand
 from companion.ports import ConfigError
-from tests.adapters.mosquitto import mosquitto, needs_mosquitto
 from tests.console.scripted import Answers, ScriptedService, scripted
+from tests.mosquitto import mosquitto, needs_mosquitto
 
 pytestmark = needs_mosquitto
 _FAR = "127.0.0.2"
