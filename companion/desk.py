@@ -2,8 +2,7 @@
 
 import asyncio
 import logging
-import time
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -11,59 +10,35 @@ import numpy as np
 
 from companion.bus import commands as asked
 from companion.bus.commands import AT_ONCE, Command
-from companion.bus.telemetry import Answer, Doing, Reply
+from companion.bus.telemetry import Answer, Doing
 from companion.config import CompanionConfig
 from companion.control.reference import Hold
+from companion.desk_job import LANES, Job, Say, lanes_of
 from companion.desk_plans import Laws, Planned, params_of, planned_arms, planned_track, yaw_here_rad
 from companion.desk_words import first
 from companion.orders import wanted_by
 from companion.ports import CompanionError, FlightError
-from companion.service_ends import disarmed, killed, resumed, stand_still, switched
+from companion.service_ends import disarmed, killed, nothing_follows, resumed, stand_still, switched
 from companion.service_space import check_climb
 from companion.service_verbs import Service
-from companion.supervisor.flight import IN_THE_AIR, Fly, Phase, Request, TakeOff
+from companion.supervisor.flight import IN_THE_AIR, STREAMING, Brake, Fly, Phase, Request, TakeOff
 
 LOG = logging.getLogger(__name__)
 
 _FLY = Fly(Hold(np.zeros(3)), 0.0)
 """Any: whether one fits depends on the phase alone."""
-Say = Callable[[Reply], None]
-"""Where the answers to one command go; must neither wait nor raise."""
 
 
 def _nobody(_: str) -> None:
     """Nobody wants to know."""
 
 
-class Job:
-    """One command that is being carried out, and whoever waits for it."""
-
-    def __init__(self, command: Command, say: Say) -> None:
-        self.command, self._say = command, say
-        self.accepted = False
-        self.text = ""
-
-    def accept(self, text: str = "") -> None:
-        """It fits: from here on it can fail, but is not refused any more."""
-        if not self.accepted:
-            self.accepted = True
-            self.answer(Answer.ACCEPTED, text)
-
-    def progress(self, text: str) -> None:
-        """Tell where it is."""
-        self.text = text
-        self.answer(Answer.PROGRESS, text)
-
-    def answer(self, answer: Answer, text: str = "", data: dict[str, Any] | None = None) -> None:
-        """Say it to whoever asked."""
-        self._say(Reply(id=self.command.id, answer=answer, time_s=time.time(), text=text, data=data or {}))
-
-
 class Desk:
     """Takes commands that count (bus.intake) and answers each: refused; or accepted, and later done or failed.
 
     Verbs of AT_ONCE are handed to the flight loop in the same turn, whatever else is under way: what they end is
-    answered as failed. Of the others one for the flight and one for the arms run at a time.
+    answered as failed, and so is what is still prepared: nothing asked for before them begins after them. Of the others
+    one for the flight and one for the arms run at a time.
     """
 
     def __init__(self, config: CompanionConfig, law: str) -> None:
@@ -71,22 +46,22 @@ class Desk:
         self._service: Service | None = None
         self._jobs: dict[str, Job] = {}
         """By lane: flight, arms."""
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: dict[asyncio.Task[None], Job] = {}
         self.waiting = "the service begins"
         """Why nothing can be carried out now."""
         self.note_law: Callable[[str], None] = _nobody
         """Told the name of a law before it takes over."""
 
     def open(self, service: Service) -> None:
-        """From now on commands are carried out."""
+        """From now on commands are carried out; the law that flies is the one the service was begun with."""
         self._service = service
         service.loop.law_name = self._laws.name
 
     async def close(self) -> None:
         """Nothing is carried out any more; what was, is answered as failed."""
         self._service, self.waiting = None, "it was lost, or the service ends"
-        for task in list(self._tasks):
-            task.cancel()
+        for job in self._tasks.values():
+            job.call_off(self.waiting)
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     @property
@@ -104,8 +79,8 @@ class Desk:
             self._refuse(job, str(error))
             return
         task = asyncio.get_running_loop().create_task(self._carry_out(job, work), name=f"companion.{command.verb}")
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._tasks[task] = job
+        task.add_done_callback(self._tasks.pop)
 
     def _refuse(self, job: Job, reason: str) -> None:
         LOG.warning("%s (%s) is refused: %s", job.command.verb, job.command.id, reason)
@@ -117,26 +92,44 @@ class Desk:
         if service is None:
             raise FlightError(f"there is no vehicle yet: {self.waiting}")
         if command.verb in AT_ONCE:
-            return _AtOnce(service, job, self._config.px4.answer_timeout_s).begin()
-        lane = _lane(command)
-        if lane is not None:
+            work = _AtOnce(service, job, self._config.px4.answer_timeout_s).begin()
+            if not isinstance(command, asked.Resume):
+                self._call_off(LANES, f"{command.verb} was ordered")
+            return work
+        lanes = lanes_of(command)
+        for lane in lanes:
             running = self._jobs.get(lane)
             if running is not None:
                 raise FlightError(
                     f"{running.command.verb} ({running.command.id}) is still under way: wait, or say hold"
                 )
-            self._jobs[lane] = job
+        self._jobs |= dict.fromkeys(lanes, job)
+        if isinstance(command, asked.Arms) and command.do == "hold":
+            self._call_off(("arms",), "the arms were to hold still")
         return _Verbs(service, self._config, self._laws, job, self.note_law).run()
 
-    async def _carry_out(self, job: Job, work: "Awaitable[str | _Said]") -> None:
+    def _call_off(self, lanes: Iterable[str], why: str) -> None:
+        """What is still prepared; what has begun is ended by the flight, or by the arms."""
+        for lane in lanes:
+            job = self._jobs.get(lane)
+            if job is not None and job.preparing:
+                job.call_off(why)
+
+    async def _carry_out(self, job: Job, work: "Coroutine[Any, Any, str | _Said]") -> None:
+        job.begin()
         try:
+            if job.called_off:
+                work.close()
+                self._end_badly(job, job.called_off)
+                return
             said = await work
             text, data = said if isinstance(said, tuple) else (said, {})
             job.accept()
             job.answer(Answer.DONE, text, data)
         except asyncio.CancelledError:
-            job.answer(Answer.FAILED, "the service ends")
-            raise
+            self._end_badly(job, job.called_off or "the service ends")
+            if not job.called_off:
+                raise
         except _NotGoodError as error:
             job.answer(Answer.FAILED, str(error), error.data)
         except CompanionError as error:
@@ -168,13 +161,6 @@ class _NotGoodError(CompanionError):
         self.data = data
 
 
-def _lane(command: Command) -> str | None:
-    """Commands of one lane exclude each other."""
-    if isinstance(command, asked.Arms):
-        return None if command.do == "hold" else "arms"
-    return None if isinstance(command, asked.Params) else "flight"
-
-
 def _does_not_fit(what: str, refused: str, wanted: Request, service: Service) -> FlightError:
     """With what to say first, where the phase alone is in the way."""
     todo = first(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
@@ -201,6 +187,8 @@ class _AtOnce:
         if refused or not service.loop.ask(wanted):
             raise _does_not_fit(command.verb, refused, wanted, service)
         self._job.accept()
+        if not isinstance(command, asked.Hold | asked.Resume):
+            nothing_follows(service, f"{command.verb} was ordered")
         return self._end(command)
 
     async def _end(self, command: Command) -> str:
@@ -217,17 +205,33 @@ class _AtOnce:
         await service.land()
         return f"down and disarmed{f': {service.trouble}' if service.trouble else ''}"
 
-    async def _on_ground(self) -> str:
+    def _on_ground(self) -> Coroutine[Any, Any, str]:
+        service, verb = self._service, self._job.command.verb
+        if service.status.armed or service.status.in_air:
+            raise FlightError(
+                f"cannot {verb}: this service does not fly the vehicle, and the autopilot says that it is "
+                f"{'in the air' if service.status.in_air else 'armed'}: take the remote control, or say kill"
+            )
         self._job.accept()
-        return "it stands, nothing is under way"
+        nothing_follows(service, f"{verb} was ordered")
+        return _said("it stands, nothing is under way")
 
-    async def _disarm(self) -> str:
-        service = self._service
-        if service.phase in IN_THE_AIR and not service.loop.flight.touched_down:
+    def _disarm(self) -> Coroutine[Any, Any, str]:
+        service, phase = self._service, self._service.phase
+        flying = phase in IN_THE_AIR and not service.loop.flight.touched_down
+        if flying or (phase not in STREAMING and service.status.in_air):
             raise FlightError("cannot disarm: the vehicle is in the air; say land, or kill")
         self._job.accept()
-        await disarmed(service, self._answer_s)
+        return self._disarmed()
+
+    async def _disarmed(self) -> str:
+        await disarmed(self._service, self._answer_s)
         return "the motors are off"
+
+
+async def _said(text: str) -> str:
+    """What needs no waiting for."""
+    return text
 
 
 class _Verbs:
@@ -253,12 +257,18 @@ class _Verbs:
         }
         return how[type(self._job.command)](self._job.command)
 
+    def _begun(self, text: str = "") -> None:
+        """From here on the flight, or the arms, end it; what is said first is that it fits."""
+        self._job.preparing = False
+        self._job.accept(text)
+
     def _fits(self, wanted: Request, what: str) -> None:
         refused = self._service.loop.refusal(wanted)
         if refused:
             raise _does_not_fit(what, refused, wanted, self._service)
 
     async def _preflight(self, _: asked.Preflight) -> _Said:
+        self._job.preparing = False
         self._job.accept("looking at motion capture, autopilot and arms")
         checks = await self._service.checks(None)
         data = {"checks": [asdict(check) for check in checks]}
@@ -276,6 +286,7 @@ class _Verbs:
             self._job.progress("torque on, arms fold")
             await service.arms.prepare()
         self._job.progress("preflight checks, offboard mode, then arming")
+        self._job.preparing = False
         await service.arm()
         return "armed, the motors idle"
 
@@ -284,7 +295,7 @@ class _Verbs:
         self._fits(TakeOff(height_m), "take off")
         vehicle = self._service.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
-        self._job.accept(f"climbing to {height_m:g} m")
+        self._begun(f"climbing to {height_m:g} m")
         await self._service.take_off(height_m)
         return f"it hovers {height_m:g} m above where it stood"
 
@@ -292,22 +303,29 @@ class _Verbs:
         service, place_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
         self._fits(_FLY, "go there")
         yaw_rad = yaw_here_rad(service) if command.yaw_rad is None else command.yaw_rad
-        await service.go_to(place_w_m, yaw_rad, self._job.accept)
+        await service.go_to(place_w_m, yaw_rad, self._begun)
         return f"it hovers at {command.x_m:g} {command.y_m:g} {command.z_m:g} m"
 
     async def _track(self, command: asked.Track) -> str:
         service = self._service
         self._fits(_FLY, "fly a trajectory")  # before anything is worked out
         plan: Planned = await planned_track(command, service, self._config)
-        await service.fly(plan.trajectory, lambda: self._begin_track(plan))
-        if plan.arms is not None:
-            service.arms.still("the trajectory is over")
+        try:
+            await service.fly(plan.trajectory, lambda: self._begin_track(plan))
+        finally:
+            if plan.arms is not None:
+                service.arms.end(plan.arms, "the trajectory is over")
         return f"{plan.name} is flown, it hovers at its end"
 
     def _begin_track(self, plan: Planned) -> None:
-        self._job.accept(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
-        if plan.arms is not None:
+        self._begun(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
+        if plan.arms is None:
+            return
+        try:
             self._service.arms.begin(plan.arms)
+        except CompanionError:
+            self._service.loop.ask(Brake())
+            raise
 
     async def _arms(self, command: asked.Arms) -> str:
         arms = self._service.arms
@@ -317,19 +335,20 @@ class _Verbs:
         if command.do == "play":
             motion = await planned_arms(command.motion or "", self._service, self._config)
             await arms.move(motion)
-            self._job.accept(f"{command.motion} takes {motion.duration_s:.0f} s")
+            self._begun(f"{command.motion} takes {motion.duration_s:.0f} s")
             await arms.at_rest(motion.duration_s)
             return f"{command.motion} is played"
         if command.do == "stow":
-            await arms.fold(self._job.accept)
+            await arms.fold(self._begun)
             return "the arms are folded"
         if command.do == "clear":
-            self._job.accept()
+            self._begun()
             await arms.clear_faults()
             return "forgotten; say ready before they move again"
         await self._service.require_ground()
         self._job.accept()
         if command.do == "limp":
+            self._job.preparing = False
             await arms.limp()
             return "the arms are limp"
         await arms.prepare()
@@ -339,14 +358,13 @@ class _Verbs:
         before = self._service.loop.law_name
         law = await self._laws.load(command.name)
         self._note_law(command.name)
-        self._job.accept(f"{before} hands over to {command.name}")
+        self._begun(f"{before} hands over to {command.name}")
         self._service.loop.switch(law, command.name)
-        self._laws.name = command.name
         await switched(self._service)
-        return f"{command.name} flies"
+        return f"{command.name} {'flies' if self._service.loop.flight.airborne else 'is to fly'}"
 
     async def _params(self, _: asked.Params) -> _Said:
         self._job.accept()
         return "configuration, gains and the autopilot's parameters", await params_of(
-            self._service, self._config, self._laws.name
+            self._service, self._config, self._service.loop.law_name
         )

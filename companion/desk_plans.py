@@ -44,7 +44,7 @@ class Laws:
     def __init__(self, config: CompanionConfig, name: str) -> None:
         self._config = config
         self.name = name
-        """Of the law that flies."""
+        """Of the law that a vehicle begins with."""
 
     async def load(self, name: str) -> Controller:
         """A law that has run once; ConfigError for a name that is none, or a law that must not fly."""

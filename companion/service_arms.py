@@ -77,6 +77,12 @@ class ArmVerbs:
         arms, _ = self._fitted()
         arms.stop(reason)
 
+    def end(self, motion: JointTrajectory, reason: str) -> None:
+        """Bring this motion to rest on its way; nothing where it is not run any more."""
+        arms, _ = self._fitted()
+        if arms.state.motion is motion:
+            arms.stop(reason)
+
     async def at_rest(self, within_s: float) -> None:
         """Wait until a motion of so many seconds is over; FlightError when it was ended otherwise."""
         arms, _ = self._fitted()

@@ -13,8 +13,16 @@ _STOP_S = 10.0
 async def stand_still(service: Service) -> None:
     """After hold: until the reference stands."""
     loop = service.loop
-    await service.until(lambda: loop.flight.phase is not Phase.HOLD or len(loop.flight.legs) == 1, _STOP_S)
+    end = loop.flight.legs[-1]
+
+    def over() -> bool:
+        flight = loop.flight
+        return flight.phase is not Phase.HOLD or len(flight.legs) == 1 or flight.legs[-1] is not end
+
+    still = await service.until(over, _STOP_S)
     _expect_hold(service)
+    if not still or loop.flight.legs[-1] is not end:
+        raise FlightError("something else is flown since" if still else f"it still brakes after {_STOP_S:.0f} s")
 
 
 async def resumed(service: Service, timeout_s: float) -> None:
@@ -29,9 +37,16 @@ async def killed(service: Service, timeout_s: float) -> None:
         raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
 
 
+def nothing_follows(service: Service, why: str) -> None:
+    """What no phase of the flight ends: checks before arming, and, on the ground, a motion of the arms."""
+    service.loop.arming.call_off(why)
+    if service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} and service.loop.arms is not None:
+        service.loop.arms.stop(why)
+
+
 async def disarmed(service: Service, timeout_s: float) -> None:
     """Stop the motors of a vehicle that stands, whoever armed it; FlightError when the autopilot refuses."""
-    service.loop.arming.call_off("the operator disarmed")
+    nothing_follows(service, "the operator disarmed")
     if service.phase in {Phase.PREFLIGHT, Phase.ARMED}:
         service.loop.ask(Land("the operator disarmed"))
     elif service.status.armed and service.phase is not Phase.LAND:

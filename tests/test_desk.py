@@ -246,7 +246,8 @@ async def test_a_desk_that_closes_answers_what_is_under_way() -> None:
     async with operated() as op:
         await flying(op)
         going = op.say("goto", x_m=0.4, y_m=0.0, z_m=0.8)
-        await asyncio.sleep(0)
+        while not going.replies:  # noqa: ASYNC110
+            await asyncio.sleep(0)
         await op.desk.close()
         assert (await going.end()).answer is Answer.FAILED
         late = op.say("takeoff")
