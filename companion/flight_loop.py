@@ -162,6 +162,7 @@ class FlightLoop:
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
         self._look(now_s, late_s)
+        stage = self._flight.stage
         self._enter(phases.advance(self._flight, self._facts(now_s), self._rules))
         asked, gated = self._law.control(self._flight, self._estimate, now_s)
         sent_s = self._stream.send(gated.setpoint) if gated is not None else math.nan
@@ -187,6 +188,7 @@ class FlightLoop:
                 self._frame if math.isfinite(frame_received_s) else None,
                 self._estimate,
                 self.law_name,
+                stage,
             )
         )
 

@@ -14,10 +14,11 @@ from pathlib import Path
 from companion.adapters.broker import open_broker
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dead_man import KernelDeadMan
-from companion.adapters.mqtt import BusLink, open_bus
+from companion.adapters.mqtt import Answering, BusLink, OnCommand, open_bus
 from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier
-from companion.bus.telemetry import Happened
+from companion.bus.commands import Command
+from companion.bus.telemetry import Happened, Reply
 from companion.config import CompanionConfig
 from companion.config_controller import LoadedController
 from companion.config_operator import OperatorConfig
@@ -67,7 +68,8 @@ async def serve(what: Serving) -> None:
     async with AsyncExitStack() as devices:
         if what.operator.embedded:
             await devices.enter_async_context(open_broker(what.operator))
-        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, desk.take))
+        take = desk.take if what.recorder is None else _recorded(desk, what.recorder)
+        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, take))
         told = _Told(link, what.recorder)
         telemetry = Telemetry(session, told)
         showing = asyncio.create_task(_show(link, telemetry, desk, what), name="companion.state")
@@ -160,6 +162,25 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
         return
 
 
+def _recorded(desk: Desk, recorder: RecordSink) -> OnCommand:
+    """The desk; what it is told and says goes into the record."""
+
+    def take(command: Command, say: Answering) -> None:
+        def said(reply: Reply) -> None:
+            text = f"{command.verb} {reply.answer}{f': {reply.text}' if reply.text else ''}"
+            recorder.tell("reply", text, time.monotonic())
+            say(reply)
+
+        asked = command.model_dump(
+            exclude={"id", "session", "sent_s", "reply_to", "verb", "waypoints"}, exclude_none=True
+        )
+        words = " ".join(f"{name}={value}" for name, value in asked.items())
+        recorder.tell("command", f"{command.verb} {words}".strip(), time.monotonic())
+        desk.take(command, said)
+
+    return take
+
+
 class _Told:
     """Events go to the operators and into the record."""
 
@@ -169,7 +190,7 @@ class _Told:
     def __call__(self, happened: Happened) -> None:
         self._link.tell(happened)
         if self._recorder is not None:
-            self._recorder.tell(str(happened.kind), happened.text, happened.time_s)
+            self._recorder.tell(str(happened.kind), happened.text, time.monotonic())
 
 
 class _Fan:

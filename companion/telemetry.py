@@ -48,8 +48,8 @@ class Telemetry:
         self._events = tick.events
         for fault, event in now.items():
             if fault not in before:
-                reaction = reaction_to(fault, tick.flight.stage)
-                self._fault(Kind.FAULT, fault, event.text, str(reaction.name).lower().replace("_", " "))
+                reaction = reaction_to(fault, tick.stage)
+                self._fault(Kind.FAULT, fault, event.text, reaction.words)
         for fault, event in before.items():
             if fault not in now:
                 self._fault(Kind.FAULT_ENDS, fault, event.text, "")

@@ -7,7 +7,7 @@ from companion.arm_stage import ArmTick
 from companion.control.limits import Gated
 from companion.control_stage import Asked
 from companion.estimation.state import EstimatorState
-from companion.supervisor.faults import Event
+from companion.supervisor.faults import Event, Stage
 from companion.supervisor.flight import Flight
 from companion.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
 
@@ -41,6 +41,8 @@ class Tick:
     """All that the estimator knows after it."""
     law: str = ""
     """Name of the control law."""
+    stage: Stage = Stage.GROUND
+    """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
 
 
 class TickSink(Protocol):

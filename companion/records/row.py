@@ -117,7 +117,7 @@ class RowEncoder:
             arms.reason if arms is not None else None,
             tick.events,
             arms.status.faults if arms is not None else (),
-            flight.stage if tick.events else None,
+            tick.stage if tick.events else None,
         )
         if words == self._words:
             return b""
@@ -143,7 +143,7 @@ def _joined(arrays: list[Array]) -> bytes:
 
 
 def _event(event: Event, tick: Tick) -> dict[str, str]:
-    reaction = reaction_to(event.fault, tick.flight.stage)
+    reaction = reaction_to(event.fault, tick.stage)
     return {"fault": event.fault, "text": event.text, "reaction": reaction.words}
 
 
