@@ -1,4 +1,4 @@
-"""The [operator] table: the MQTT broker over which commands come. Without the table there is no such link."""
+"""The [operator] table: the MQTT broker over which commands come. Without the table the service has its own."""
 
 import ipaddress
 import stat

@@ -83,7 +83,9 @@ def _glance(name: str) -> TyperCommand:
     assert found.origin is not None
     source = ast.parse(Path(found.origin).read_text(encoding="utf-8"))
     functions = [node for node in source.body if isinstance(node, ast.FunctionDef)]
-    says = [ast.get_docstring(one) for one in functions if one.name == attribute or _is_callback(one, attribute)]
+    says = [
+        ast.get_docstring(one) for one in functions if one.name.lstrip("_") == attribute or _is_callback(one, attribute)
+    ]
     return TyperCommand(name, help=(says[0] or "") if says else "", rich_help_panel=panel)
 
 

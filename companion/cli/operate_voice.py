@@ -139,9 +139,10 @@ class PlainVoice:
 def words_of(happened: Happened) -> str:
     """An event for people, without its time."""
     if happened.kind is Kind.FAULT:
-        return f"fault: {happened.text}" + (f" -> {happened.reaction}" if happened.reaction else "")
+        led = f" -> {happened.reaction}" if happened.reaction else ""
+        return f"fault: {happened.name}{': ' if happened.name else ''}{happened.text}{led}"
     if happened.kind is Kind.FAULT_ENDS:
-        return f"over: {happened.text}"
+        return f"over: {happened.name or happened.text}"
     if happened.kind in {Kind.COMMAND, Kind.REPLY} and happened.name:
         return f"{happened.name}: {happened.text}" if happened.text else happened.name
     return happened.text

@@ -78,6 +78,11 @@ def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
     says = seen.fault or ("all joints answer" if there else f"not read for {seen.unread_s:.1f} s")
     stowed = not seen.off_stow
     return (
-        Check("arms present", there, says, "see `companion arms ping`; `companion arms clear` forgets faults"),
+        Check(
+            "arms present",
+            there,
+            says,
+            "mend it, then `companion arms live clear` (`companion arms clear` where no service runs)",
+        ),
         Check("arms stowed", stowed, seen.off_stow or "stowed", "fold them: `companion arms stow`"),
     )

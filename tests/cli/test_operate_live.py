@@ -68,8 +68,10 @@ async def test_events_are_shown_as_they_happen() -> None:
     with broker() as own:
         async with scripted(own.port, "vehicle") as service, Terminal(own.port, "watch") as terminal:
             await terminal.sees("the service runs")
-            await service.tell(Kind.FAULT, "the pose is old")
-            await terminal.sees("fault: the pose is old")
+            await service.tell(Kind.FAULT, "the pose is old", "mocap late")
+            await terminal.sees("fault: mocap late: the pose is old")
+            await service.tell(Kind.FAULT_ENDS, "the pose is old", "mocap late")
+            await terminal.sees("over: mocap late")
 
 
 @pytest.mark.parametrize(("word", "code"), [("no\n", 2), ("", 130)])

@@ -106,8 +106,8 @@ class ScriptedService:
         said = Presence(online=online, session=self.session, vehicle=self.topics.vehicle, since_s=self.now_s())
         await self.publish(self.topics.status, said.model_dump_json(), retain=True)
 
-    async def tell(self, kind: Kind, text: str) -> None:
-        said = Happened(time_s=self.now_s(), kind=kind, text=text)
+    async def tell(self, kind: Kind, text: str, name: str = "") -> None:
+        said = Happened(time_s=self.now_s(), kind=kind, text=text, name=name)
         await self.publish(self.topics.event, said.model_dump_json())
 
 

@@ -9,7 +9,7 @@ from aiomqtt.exceptions import MqttConnectError
 
 from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
 
-LOG = logging.getLogger(__name__)
+LOG = logging.getLogger(__package__)
 
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 2.0
