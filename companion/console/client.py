@@ -178,7 +178,7 @@ class Console:
                 async for message in line.messages:
                     self._read(message)
             except asyncio.CancelledError:
-                await line.farewell()
+                line.farewell()
                 raise
 
     def _broken(self, error: Exception) -> None:

@@ -1,6 +1,5 @@
 """One connection of an operator's client to the broker."""
 
-import asyncio
 import contextlib
 import ssl
 
@@ -77,7 +76,7 @@ class Line(Connection):
         if said and said[0].is_failure:
             raise ForbiddenError(f"does not let us command: {said[0].getName().lower()}")
 
-    async def farewell(self) -> None:
+    def farewell(self) -> None:
         """End the session as well: the broker keeps nothing for us."""
         with contextlib.suppress(Exception):
             if self.version is V5:
@@ -86,7 +85,7 @@ class Line(Connection):
                 self._client.disconnect(properties=ends)
             else:
                 self._client.disconnect()
-            await asyncio.sleep(0)
+            self._client.loop_write()  # now: the socket is closed before the loop comes to it
 
 
 class NotSentError(aiomqtt.MqttError):
