@@ -14,7 +14,7 @@ from tests.mosquitto import Lab, lab, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
 
-LAP = ("--laps", "1", "--period", "7", "--size", "0.5")
+LAP = ("--laps", "1", "--period", "6", "--size", "0.5")
 REFUSED = 2
 
 
@@ -25,7 +25,7 @@ async def session(site: Site, restart: Callable[[Served, Seen], Awaitable[None]]
         await served.says("the vehicle is there")
         async with looking_on(site.place, served) as seen:
             await seen.phase("standby")
-            for words in (("preflight",), ("arm",), ("takeoff", "--height", "0.8")):
+            for words in (("preflight",), ("arm",), ("takeoff", "--height", "0.6")):
                 await succeeds(site, *words)
             await the_broker_comes_back_while_it_tracks(site, served, seen, restart)
             await succeeds(site, "controller", "pid")
