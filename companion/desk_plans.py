@@ -81,7 +81,9 @@ def _waypoints(rows: tuple[asked.Waypoint, ...]) -> Trajectory:
     if times_s[0] != 0.0 or (np.diff(times_s) <= 0.0).any():
         raise ConfigError("the waypoints' t_s must begin at 0 and rise")
     positions = np.array([(row.x_m, row.y_m, row.z_m) for row in rows])
-    return Waypoints(times_s, positions, np.array([row.yaw_rad for row in rows]))
+    path = Waypoints(times_s, positions, np.array([row.yaw_rad for row in rows]))
+    path.at(0.0)  # solved here and not in the control loop's thread
+    return path
 
 
 def _height_m(service: Service) -> float:

@@ -15,8 +15,8 @@ from companion.trajectory_check import check_trajectory, instants_s
 from companion.types import Array
 
 _NAME = "the trajectory"
-_PIECE = 50
-"""Instants of a trajectory that are looked at in one go: a millisecond, in which no control cycle can begin."""
+_PIECE = 15
+"""Instants of a trajectory that are looked at in one go: half a millisecond, in which no control cycle can begin."""
 
 
 def check_climb(height_m: float, position_w_m: Array | None, config: CompanionConfig) -> None:

@@ -8,7 +8,10 @@ import pytest
 
 from companion.arm_stage import ArmStage
 from companion.arms.machine import ArmPhase
+from companion.bus.commands import Track, Waypoint
 from companion.bus.telemetry import Answer
+from companion.config import CompanionConfig
+from companion.desk_plans import planned_track
 from companion.ports import ArmError
 from companion.supervisor.flight import Phase
 from tests.test_desk import Operated, flying, operated
@@ -189,3 +192,11 @@ async def test_what_somebody_else_flies_is_not_said_to_stand(verb: str) -> None:
             refused = await other.do(verb)
             assert refused.answer is Answer.REFUSED
             assert "in the air" in refused.text
+
+
+async def test_a_path_is_solved_before_the_control_loop_looks_at_it() -> None:
+    async with operated() as op:
+        rows = tuple(Waypoint(t_s=float(t), x_m=0.01 * t, y_m=0.0, z_m=1.0) for t in range(400))
+        asked = Track(verb="track", id="t", session="0" * 16, sent_s=1.0, waypoints=rows)
+        plan = await planned_track(asked, op.one.service, CompanionConfig())
+        assert "_coefficients" in vars(plan.trajectory)

@@ -30,42 +30,62 @@ class Waypoints:
         t = min(max(time_s, 0.0), self.duration_s)
         segment = int(np.clip(np.searchsorted(self.times_s, t, side="right") - 1, 0, len(self.times_s) - 2))
         x = t - self.times_s[segment]
-        position, velocity, acceleration = (_powers(x, order) @ self._coefficients[segment] for order in range(3))
+        position, velocity, acceleration = _powers(x) @ self._coefficients[segment]
         return Reference(position[:3], velocity[:3], acceleration[:3], float(position[3]))
 
     @cached_property
     def _coefficients(self) -> Array:
-        """(segments, 6, 4): solved once from the interpolation, continuity and end conditions."""
+        """(segments, 6, 4): each a quintic between positions, velocities and accelerations at its ends."""
         values = np.concatenate((self.positions_w_m, np.unwrap(self.yaws_rad)[:, None]), axis=1)
         spans = np.diff(self.times_s)
-        count = len(spans)
-        rows: list[Array] = []
-        right: list[Array] = []
-
-        def require(parts: dict[int, Array], value: Array) -> None:
-            row = np.zeros(6 * count)
-            for segment, weights in parts.items():
-                row[6 * segment : 6 * segment + 6] = weights
-            rows.append(row)
-            right.append(value)
-
-        still = np.zeros(4)
-        for s in range(count):
-            require({s: _powers(0.0, 0)}, values[s])
-            require({s: _powers(spans[s], 0)}, values[s + 1])
-        for s in range(count - 1):
-            for order in range(1, 5):
-                require({s: _powers(spans[s], order), s + 1: -_powers(0.0, order)}, still)
-        for order in (1, 2):
-            require({0: _powers(0.0, order)}, still)
-            require({count - 1: _powers(spans[-1], order)}, still)
-        return np.linalg.solve(np.array(rows), np.array(right)).reshape(count, 6, 4)
+        steps = np.diff(values, axis=0)
+        motion = _motion_at_knots(spans, steps)
+        v, a = motion[:, 0], motion[:, 1]
+        h = spans[:, None]
+        v0, v1, a0, a1 = v[:-1] * h, v[1:] * h, a[:-1] * h**2, a[1:] * h**2
+        c3 = (20.0 * steps - 8.0 * v1 - 12.0 * v0 - 3.0 * a0 + a1) / (2.0 * h**3)
+        c4 = (-30.0 * steps + 14.0 * v1 + 16.0 * v0 + 3.0 * a0 - 2.0 * a1) / (2.0 * h**4)
+        c5 = (12.0 * steps - 6.0 * (v1 + v0) - a0 + a1) / (2.0 * h**5)
+        return np.stack((values[:-1], v[:-1], 0.5 * a[:-1], c3, c4, c5), axis=1)
 
 
-def _powers(x: float, order: int) -> Array:
-    """The `order`-th derivative of (1, x, ..., x^5)."""
-    weights = np.zeros(6)
-    for n in range(order, 6):
-        factor = float(np.prod(np.arange(n - order + 1, n + 1)))
-        weights[n] = factor * x ** (n - order)
-    return weights
+def _motion_at_knots(spans: Array, steps: Array) -> Array:
+    """Velocity and acceleration (n, 2, 4) at every waypoint that make jerk and snap continuous; at rest at both ends.
+
+    A block-tridiagonal system, solved from one end to the other: the time is linear in the waypoints, as somebody may
+    fly meanwhile.
+    """
+    count = len(spans)
+    motion = np.zeros((count + 1, 2, 4))
+    gains, rests = np.zeros((count, 2, 2)), np.zeros((count, 2, 4))  # motion[k] = rests[k] - gains[k] @ motion[k + 1]
+    for k in range(1, count):
+        h, g = float(spans[k - 1]), float(spans[k])
+        below = np.array([[-24.0 / h**2, -3.0 / h], [-168.0 / h**3, -24.0 / h**2]])
+        here = np.array(
+            [
+                [36.0 / g**2 - 36.0 / h**2, 9.0 / h + 9.0 / g],
+                [-192.0 / h**3 - 192.0 / g**3, 36.0 / h**2 - 36.0 / g**2],
+            ]
+        )
+        above = np.array([[24.0 / g**2, -3.0 / g], [-168.0 / g**3, 24.0 / g**2]])
+        wanted = np.array(
+            [
+                60.0 * steps[k] / g**3 - 60.0 * steps[k - 1] / h**3,
+                -360.0 * steps[k] / g**4 - 360.0 * steps[k - 1] / h**4,
+            ]
+        )
+        left = here - below @ gains[k - 1]
+        gains[k], rests[k] = np.linalg.solve(left, above), np.linalg.solve(left, wanted - below @ rests[k - 1])
+    for k in range(count - 1, 0, -1):
+        motion[k] = rests[k] - gains[k] @ motion[k + 1]
+    return motion
+
+
+_ORDERS = np.arange(6.0)
+_FACTORS = np.array([np.ones(6), _ORDERS, _ORDERS * (_ORDERS - 1.0)])
+_EXPONENTS = np.maximum(_ORDERS - np.arange(3.0)[:, None], 0.0)
+
+
+def _powers(x: float) -> Array:
+    """(1, x, ..., x^5) and its first two derivatives, (3, 6)."""
+    return _FACTORS * x**_EXPONENTS

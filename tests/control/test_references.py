@@ -1,6 +1,7 @@
 """Reference trajectories: their derivatives are those of their positions, and nothing jumps."""
 
 import math
+import tracemalloc
 from itertools import pairwise
 
 import numpy as np
@@ -188,3 +189,28 @@ def test_holding_is_standing_still() -> None:
     np.testing.assert_array_equal(at.position_w_m, CENTRE)
     np.testing.assert_array_equal(at.velocity_w_mps, np.zeros(3))
     assert at.yaw_rad == 0.4
+
+
+def test_a_path_of_many_waypoints_takes_room_by_their_number_and_not_by_its_square() -> None:
+    many = np.arange(400.0)
+    path = Waypoints(many, np.column_stack((np.cos(many / 20.0), np.sin(many / 20.0), many / 400.0)), np.zeros(400))
+    tracemalloc.start()
+    path.at(0.0)
+    _, most_bytes = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most_bytes < 1_000_000, "solved while a vehicle flies: the dense system took 46 MB and seconds"
+
+
+def test_jerk_and_snap_go_on_through_a_waypoint() -> None:
+    path = Waypoints(
+        np.array([0.0, 1.5, 2.0, 4.0]),
+        np.array([[0.0, 0.0, 1.0], [1.0, 0.5, 1.2], [0.5, 1.0, 1.0], [0.0, 0.0, 1.5]]),
+        np.array([0.0, 0.3, -0.2, 0.0]),
+    )
+    h = 1e-3
+    for at_s in (1.5, 2.0):
+        before, after = ([path.at(at_s + side * n * h).acceleration_w_mps2 for n in range(3)] for side in (-1, 1))
+        jerks = [(one[0] - one[1]) / h * side for one, side in ((before, 1.0), (after, -1.0))]
+        snaps = [(one[0] - 2.0 * one[1] + one[2]) / h**2 for one in (before, after)]
+        np.testing.assert_allclose(jerks[0], jerks[1], rtol=0.01, atol=0.5)
+        np.testing.assert_allclose(snaps[0], snaps[1], rtol=0.05, atol=2.0)
