@@ -22,10 +22,10 @@ class Constant:
     def __init__(self, accel_w_mps2: tuple[float, float, float]) -> None:
         self.accel_w_mps2 = np.array(accel_w_mps2)
 
-    def initial(self, first: ControlInput) -> Any:
+    def initial(self, first: ControlInput) -> Any:  # noqa: ARG002
         return 0
 
-    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:  # noqa: ARG002
         return memory + 1, ControlOutput(self.accel_w_mps2, np.array([float(memory == 0)]), {})
 
 
