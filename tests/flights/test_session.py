@@ -14,7 +14,8 @@ from tests.mosquitto import Lab, lab, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
 
-LAP = ("--laps", "1", "--period", "6", "--size", "0.5")
+LAP = ("--laps", "1", "--period", "8", "--size", "0.5")
+"""Long enough for a broker to come back and for a second operator to begin a command, on a busy computer, too."""
 REFUSED = 2
 
 
