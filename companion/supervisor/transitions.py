@@ -35,7 +35,7 @@ def enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Flig
 
 def over(flight: Flight, facts: Facts) -> Flight:
     """The flight is over."""
-    return enter(flight, Phase.DISARMED, facts, airborne=False)
+    return enter(flight, Phase.DISARMED, facts, airborne=False, landing_due_s=math.inf)
 
 
 def lift_off(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

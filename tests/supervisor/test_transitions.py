@@ -222,6 +222,9 @@ def test_a_landing_says_when_it_should_be_over() -> None:
     assert request(below, Land(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 0.8 / 0.25)
     unknown = replace(STATES["hovering"][0], ground_w_m=None)
     assert request(unknown, Land(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 1.3 / 0.25)
+    down, down_s = STATES["touched down"]
+    over = advance(down, facts(down_s + DT_S, armed=False), RULES)
+    assert (over.phase, over.landing_due_s) == (Phase.DISARMED, float("inf"))  # it is not overdue for ever after
 
 
 @pytest.mark.parametrize("ask", [True, False], ids=["asked", "fault"])
