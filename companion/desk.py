@@ -65,6 +65,11 @@ class Desk:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     @property
+    def ticking(self) -> bool:
+        """There is a flight loop, and its cycles come by themselves."""
+        return self._service is not None and self._service.loop.ticking
+
+    @property
     def doing(self) -> Doing | None:
         """The flight's command, or else the arms'."""
         job = self._jobs.get("flight") or self._jobs.get("arms")

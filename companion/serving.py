@@ -148,10 +148,18 @@ async def _show(link: BusLink, telemetry: Telemetry, desk: Desk, what: Serving) 
         state = telemetry.state(desk.doing, rate_hz)
         link.show(state)
         tick = telemetry.tick
-        if tick is None or time.monotonic() - tick.time_s < _TICKING_S:
+        if tick is None or lives(tick.time_s, desk.ticking, time.monotonic()):
             what.notifier.alive()
         what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
         await asyncio.sleep(_STATE_S)
+
+
+def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:
+    """Whether systemd is to let the process go on: the control loop has ticked lately, or does not tick.
+
+    One that has failed still shows the autopilot, which lands, where it is; ended by systemd, it would land blind.
+    """
+    return not ticking or now_s - ticked_s < _TICKING_S
 
 
 async def _sleep(stop: asyncio.Event, for_s: float) -> None:

@@ -13,6 +13,7 @@ from companion.bus.telemetry import Answer
 from companion.config import CompanionConfig
 from companion.desk_plans import planned_track
 from companion.ports import ArmError
+from companion.serving import lives
 from companion.supervisor.flight import Phase
 from tests.test_desk import Operated, flying, operated
 
@@ -200,3 +201,13 @@ async def test_a_path_is_solved_before_the_control_loop_looks_at_it() -> None:
         asked = Track(verb="track", id="t", session="0" * 16, sent_s=1.0, waypoints=rows)
         plan = await planned_track(asked, op.one.service, CompanionConfig())
         assert "_coefficients" in vars(plan.trajectory)
+
+
+async def test_systemd_lets_a_loop_that_failed_see_the_landing_through() -> None:
+    async with operated() as op:
+        await flying(op)
+        assert op.desk.ticking
+        assert lives(10.0, op.desk.ticking, 10.4)
+        assert not lives(10.0, op.desk.ticking, 10.6), "it hangs"
+        op.one.service.loop.ticking = False  # it has failed, and gives up
+        assert lives(10.0, op.desk.ticking, 30.0)
