@@ -20,7 +20,7 @@ EVERY_S = SWITCH_S + 2.0
 MOST_MPS2 = 0.7
 """From cycle to cycle; ETNN alone, which goes by events, makes 0.64 in this wind."""
 MOST_M = 0.4
-"""Each law begins with nothing learnt and has to learn the wind anew; a flight is landed at 0.5 m (safety.tracking_m)."""
+"""Each law has to learn the wind anew; a flight is landed at 0.5 m (safety.tracking_m)."""
 
 
 def blow(flight: Flight) -> bool:
