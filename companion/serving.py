@@ -6,7 +6,7 @@ import secrets
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,9 +25,10 @@ from companion.config_operator import OperatorConfig
 from companion.desk import Desk
 from companion.ports import CompanionError
 from companion.service import Service, open_service
+from companion.sinks import Beat, Fan
 from companion.supervisor.flight import STREAMING, Phase
 from companion.telemetry import Telemetry
-from companion.tick import Tick, TickSink
+from companion.tick import TickSink
 
 LOG = logging.getLogger(__name__)
 
@@ -71,11 +72,12 @@ async def serve(what: Serving) -> None:
         take = desk.take if what.recorder is None else _recorded(desk, what.recorder)
         link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, take))
         told = _Told(link, what.recorder)
-        telemetry = Telemetry(session, told)
-        showing = asyncio.create_task(_show(link, telemetry, desk, what), name="companion.state")
+        telemetry, beat = Telemetry(session, told), Beat()
+        showing = asyncio.create_task(_show(link, telemetry, beat, desk, what), name="companion.state")
         try:
             what.notifier.ready("looking for the vehicle")
-            await _serve_vehicles(what, link, desk, telemetry, stop)
+            sinks: list[TickSink] = [beat, telemetry, *([what.recorder] if what.recorder else [])]
+            await _serve_vehicles(what, Fan(sinks), link, desk, telemetry, stop)
         finally:
             if not stop.is_set():
                 what.notifier.stopping("ends")
@@ -94,14 +96,14 @@ def _end_on_signals(stop: asyncio.Event, notifier: Notifier) -> None:
         asyncio.get_running_loop().add_signal_handler(number, end)
 
 
-async def _serve_vehicles(what: Serving, link: BusLink, desk: Desk, telemetry: Telemetry, stop: asyncio.Event) -> None:
+async def _serve_vehicles(
+    what: Serving, sink: TickSink, link: BusLink, desk: Desk, telemetry: Telemetry, stop: asyncio.Event
+) -> None:
     """One vehicle, and again whenever its devices are lost and come back: on the ground, or with somebody else."""
     dead_man, said = KernelDeadMan(what.config.safety.dead_man_s), ""
-    sinks: list[TickSink] = [telemetry, *([what.recorder] if what.recorder else [])]
     while not stop.is_set():
         try:
-            fan = _Fan(sinks)
-            async with open_service(what.config, what.controller.law, fan, dead_man, what.records, link) as service:
+            async with open_service(what.config, what.controller.law, sink, dead_man, what.records, link) as service:
                 said = ""
                 await _with_vehicle(service, desk, stop)
         except CompanionError as error:
@@ -141,16 +143,18 @@ async def _land(service: Service) -> None:
         LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
 
 
-async def _show(link: BusLink, telemetry: Telemetry, desk: Desk, what: Serving) -> None:
+async def _show(link: BusLink, telemetry: Telemetry, beat: Beat, desk: Desk, what: Serving) -> None:
     """The state, ten times a second; and a sign of life to systemd while the control loop ticks, or waits for one."""
     rate_hz = what.config.control.rate_hz
     while True:
-        state = telemetry.state(desk.doing, rate_hz)
-        link.show(state)
-        tick = telemetry.tick
-        if tick is None or lives(tick.time_s, desk.ticking, time.monotonic()):
+        if lives(beat.ticked_s, desk.ticking, time.monotonic()):
             what.notifier.alive()
-        what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
+        try:
+            state = telemetry.state(desk.doing, rate_hz)
+            link.show(state)
+            what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
+        except Exception:
+            LOG.exception("the state cannot be told")
         await asyncio.sleep(_STATE_S)
 
 
@@ -199,19 +203,3 @@ class _Told:
         self._link.tell(happened)
         if self._recorder is not None:
             self._recorder.tell(str(happened.kind), happened.text, time.monotonic())
-
-
-class _Fan:
-    """Every tick to each of several; one that fails is not told any more, and the others are."""
-
-    def __init__(self, sinks: Sequence[TickSink]) -> None:
-        self._sinks = list(sinks)
-
-    def __call__(self, tick: Tick) -> None:
-        """Take one tick."""
-        for sink in list(self._sinks):
-            try:
-                sink(tick)
-            except Exception:
-                LOG.exception("%s failed and is dropped", type(sink).__name__)
-                self._sinks.remove(sink)
