@@ -55,8 +55,10 @@ def summary_of(found: Calibrated) -> dict[str, object]:
 
 def _show(found: Calibrated, console: Console) -> None:
     table = Table(box=None, pad_edge=False)
-    for title in ("", "found", "±", "configured", ""):
-        table.add_column(title, justify="right" if title else "left", overflow="fold")
+    table.add_column(no_wrap=True)
+    for title in ("found", "±", "configured"):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column(overflow="fold")
     for one in found.findings:
         digits = one.digits
         value, sd = f"{one.value:.{digits}f}", f"{one.sd:.{digits}f}"

@@ -72,7 +72,7 @@ def _draw(draw: Draw, flown: Flown, figure: Figure) -> None:
 
 _TIMELINE = (
     "What happened when. Below the curves: phases, laws where one followed another, each fault from its begin to its "
-    "end with the reaction that the table gives it, what was done (red), commands and replies."
+    "end with the reaction that the table gives it, what was done (red), and commands."
 )
 _COMMAND = "Command u, held between the law's triggers."
 _GAPS = "Times between triggers, of the trajectory where one was flown."

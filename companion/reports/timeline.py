@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -15,7 +16,7 @@ _CURVES_IN = 2.5
 _MOST_FAULTS = 24
 _SAME_S = 0.05
 """Faults that come and go within so little are drawn at least so wide, share of the axis aside."""
-_TELLING = frozenset({"command", "reply"})
+_NOT_DONE = (" refused", " failed")
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,9 @@ def _lanes(story: Story) -> list[_Lane]:
 
 
 def _told(story: Story) -> list[tuple[float, str]]:
-    return [(said.at_s, said.text) for said in story.said if said.kind in _TELLING]
+    """Commands, and answers to those that were not carried out: the table has the others."""
+    bad = [said for said in story.said if said.kind == "reply" and said.text.partition(":")[0].endswith(_NOT_DONE)]
+    return sorted((said.at_s, said.text) for said in [*(s for s in story.said if s.kind == "command"), *bad])
 
 
 def _curves(height: Axes, error: Axes, flown: Flown) -> None:
@@ -88,6 +91,13 @@ def _curves(height: Axes, error: Axes, flown: Flown) -> None:
     time, size = thinned(flown.time_s, free_only(flown, flown.distance_m))
     error.plot(time, size, color="0.25")
     error.set_ylim(0.0, None)
+
+
+def _letter_s(axes: Axes) -> float:
+    """How much of the time axis a letter takes: more of a paper's column than of a page."""
+    low, high = axes.get_xlim()
+    wide_in = axes.get_window_extent().width / axes.figure.dpi
+    return 0.65 * (high - low) * float(rcParams["font.size"]) / (72.0 * float(wide_in))
 
 
 def _inside(axes: Axes, at_s: float) -> float:
@@ -125,7 +135,7 @@ def _fault(axes: Axes, lane: _Lane, at: float, flown: Flown) -> None:
     text = f"{lane.name} → {reactions}"
     begin, end = _inside(axes, bars[0][0]), _inside(axes, bars[-1][0] + bars[-1][1])
     room = 0.008 * (high - low)
-    if high - end > 0.0095 * (high - low) * len(text):
+    if high - end > room + _letter_s(axes) * len(text):
         axes.text(end + room, at, text, ha="left", va="center", clip_on=True)
     else:
         axes.text(begin - room, at, text, ha="right", va="center", clip_on=True)
@@ -146,25 +156,21 @@ def _reactions(rows: Sequence[Axes], story: Story, at: float) -> None:
 
 
 def _commands(axes: Axes, told: Sequence[tuple[float, str]], at: int) -> None:
-    """In three rows, so that neighbours do not cover each other."""
+    """In three rows, so that neighbours do not cover each other; where there is no room, the verb or a mark alone."""
     low, high = axes.get_xlim()
-    free = [low - 1e9] * 3
+    gap = 0.006 * (high - low)
+    free = [low] * 3
     for at_s, text in told:
         x = _inside(axes, at_s)
-        row = next((number for number in range(3) if free[number] <= x), None)
         axes.plot([x], [at + 0.12], marker="v", color=GREY, ms=3.5, clip_on=False)
-        if row is None:
-            continue
-        short = text if len(text) <= 40 else text[:39] + "…"
-        room = 0.0095 * (high - low) * max(len(short), 4)
-        left = x + room > high
-        axes.text(
-            x + (-0.006 if left else 0.006) * (high - low),
-            at + 0.5 + row,
-            short,
-            ha="right" if left else "left",
-            va="center",
-            color="0.25",
-            fontsize="small",
-        )
-        free[row] = x + (0.02 * (high - low) if left else room)
+        for short in (text if len(text) <= 40 else text[:39] + "…", text.split()[0]):
+            length = _letter_s(axes) * len(short) + gap
+            left = x + length > high
+            begin = x - length if left else x
+            row = next((number for number in range(3) if free[number] <= begin), None)
+            if row is None:
+                continue
+            place, side = (x - gap, "right") if left else (x + gap, "left")
+            axes.text(place, at + 0.5 + row, short, ha=side, va="center", color="0.25", fontsize="small")
+            free[row] = begin + length
+            break

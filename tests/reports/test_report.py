@@ -5,6 +5,8 @@ import json
 import re
 from dataclasses import dataclass, replace
 from html.parser import HTMLParser
+from io import BytesIO
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +21,7 @@ from companion.reports.compare import overlaid
 from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
 from companion.reports.numbers import numbers_of
-from companion.reports.story import story_of
+from companion.reports.story import Said, story_of
 from companion.reports.words import comparison, error_table, head
 from companion.supervisor.flight import Fly, Phase
 from tests.flights.simulated import Flight, fly
@@ -183,6 +185,25 @@ def test_laws_that_followed_each_other_are_told_in_order(frozen: Recorded) -> No
     (line,) = (chart for chart in charts_of(both, numbers.story) if chart.name == "timeline")
     written = {text.get_text() for axes in line.figure(Medium.PAGE).axes for text in axes.texts}
     assert {"etnn", "pid", "track", "PX4 lands", "mocap frozen → PX4 lands", "takeoff <1.2 m>"} <= written
+
+
+@pytest.mark.parametrize("medium", Medium)
+def test_words_on_the_time_line_neither_cover_each_other_nor_leave_it(frozen: Recorded, medium: Medium) -> None:
+    end_s = float(frozen.flown.time_s[-1])
+    verbs = ("arm", "takeoff height_m=1.0", "track curve=ellipse laps=1 period_s=15.0", "controller name=pid", "land")
+    said = tuple(
+        Said(float(at_s), "command", verb) for at_s, verb in zip(np.linspace(-2.0, end_s, 15), verbs * 3, strict=True)
+    )
+    story = replace(story_of(frozen.flown), said=said)
+    (line,) = (chart for chart in charts_of(frozen.flown, story) if chart.name == "timeline")
+    figure = line.figure(medium)
+    figure.savefig(BytesIO())
+    axes = figure.axes[-1]
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text().split()[0] in "arm takeoff track land"]
+    assert len(boxes) >= 5
+    assert not [1 for one, other in combinations(boxes, 2) if one.overlaps(other)]
+    faults = [text.get_window_extent() for text in axes.texts if "→" in text.get_text()]
+    assert all(axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 for box in boxes + faults)
 
 
 def test_missing_cycles_are_counted(frozen: Recorded, tmp_path: Path) -> None:
