@@ -14,11 +14,11 @@ from pathlib import Path
 from companion.adapters.broker import open_broker
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dead_man import KernelDeadMan
-from companion.adapters.mqtt import Answering, BusLink, OnCommand, open_bus
+from companion.adapters.mqtt import Answering, BusLink, open_bus
 from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier
 from companion.bus.commands import Command
-from companion.bus.telemetry import Happened, Reply
+from companion.bus.telemetry import Answer, Happened, Kind, Reply
 from companion.config import CompanionConfig
 from companion.config_controller import LoadedController
 from companion.config_operator import OperatorConfig
@@ -39,6 +39,7 @@ _TICKING_S = 0.5
 """A tick so lately, and the control loop lives."""
 _SWITCH_S = 0.0005
 """A thread that computes (a plan, a list of parameters) gives way to the control loop after this, not after 5 ms."""
+_NOT_TOLD = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
 @dataclass(frozen=True)
@@ -69,9 +70,9 @@ async def serve(what: Serving) -> None:
     async with AsyncExitStack() as devices:
         if what.operator.embedded:
             await devices.enter_async_context(open_broker(what.operator))
-        take = desk.take if what.recorder is None else _recorded(desk, what.recorder)
-        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, take))
-        told = _Told(link, what.recorder)
+        heard = _Heard(desk)
+        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, heard))
+        heard.tell = told = _Told(link, what.recorder)
         telemetry, beat = Telemetry(session, told), Beat()
         showing = asyncio.create_task(_show(link, telemetry, beat, desk, what), name="companion.state")
         try:
@@ -174,23 +175,30 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
         return
 
 
-def _recorded(desk: Desk, recorder: RecordSink) -> OnCommand:
-    """The desk; what it is told and says goes into the record."""
+class _Heard:
+    """The desk; what it is told and says, everyone who watches hears, and it goes into the record."""
 
-    def take(command: Command, say: Answering) -> None:
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self.tell: Callable[[Happened], None] | None = None
+        """Where it is told; None as long as nobody can hear it."""
+
+    def __call__(self, command: Command, say: Answering) -> None:
+        """Take one command."""
+
         def said(reply: Reply) -> None:
-            text = f"{command.verb} {reply.answer}{f': {reply.text}' if reply.text else ''}"
-            recorder.tell("reply", text, time.monotonic())
+            if reply.answer is not Answer.PROGRESS:
+                self._tell(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}", command.id)
             say(reply)
 
-        asked = command.model_dump(
-            exclude={"id", "session", "sent_s", "reply_to", "verb", "waypoints"}, exclude_none=True
-        )
+        asked = command.model_dump(exclude=_NOT_TOLD, exclude_none=True)
         words = " ".join(f"{name}={value}" for name, value in asked.items())
-        recorder.tell("command", f"{command.verb} {words}".strip(), time.monotonic())
-        desk.take(command, said)
+        self._tell(Kind.COMMAND, words, command.verb, command.id)
+        self._desk.take(command, said)
 
-    return take
+    def _tell(self, kind: Kind, text: str, name: str, id_: str) -> None:
+        if self.tell is not None:
+            self.tell(Happened(time_s=time.time(), kind=kind, text=text, name=name, id=id_))
 
 
 class _Told:
@@ -202,4 +210,9 @@ class _Told:
     def __call__(self, happened: Happened) -> None:
         self._link.tell(happened)
         if self._recorder is not None:
-            self._recorder.tell(str(happened.kind), happened.text, time.monotonic())
+            text = happened.text
+            if happened.kind is Kind.REPLY:
+                text = f"{happened.name}: {text}" if text else happened.name
+            elif happened.kind is Kind.COMMAND:
+                text = f"{happened.name} {text}".rstrip()
+            self._recorder.tell(str(happened.kind), text, time.monotonic())

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable
 
-from companion.bus.telemetry import Doing, Happened, Kind, State, Vector
+from companion.bus.telemetry import WAITING, Doing, Happened, Kind, State, Vector
 from companion.control.frames import up_axis, yaw_of
 from companion.supervisor.faults import Event, Fault, reaction_to
 from companion.tick import Tick
@@ -12,8 +12,6 @@ from companion.types import Array
 
 Tell = Callable[[Happened], None]
 """Where events go; must neither wait nor raise."""
-WAITING = "waiting"
-"""A state's phase while there is no vehicle."""
 _SHARE_S = 1.0
 
 

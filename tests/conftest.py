@@ -17,13 +17,6 @@ hypothesis.settings.register_profile("patient", deadline=None)
 hypothesis.settings.load_profile("patient")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What runs against the wall clock runs one after the other, in one process; all else beside it in another."""
-    for item in items:
-        if item.get_closest_marker("realtime"):
-            item.add_marker(pytest.mark.xdist_group("realtime"))
-
-
 @pytest_asyncio.fixture(autouse=True)
 async def no_task_outlives_its_test() -> AsyncIterator[None]:
     """Fail a test that leaves a task running on its event loop."""

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from companion.bus.telemetry import Doing, Happened, Kind, State
+from companion.bus.telemetry import WAITING, Doing, Happened, Kind, State
 from companion.supervisor.flight import Phase
-from companion.telemetry import WAITING, Telemetry
+from companion.telemetry import Telemetry
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import UP, until, wait
 from tests.flights.test_simulated_safety import inject

@@ -86,6 +86,10 @@ class Doing(_Said):
     text: str = ""
 
 
+WAITING = "waiting"
+"""A state's phase while the service has no vehicle."""
+
+
 class State(_Said):
     """Ten times a second."""
 

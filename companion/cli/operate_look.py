@@ -13,7 +13,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from companion.bus.telemetry import Happened, Kind, Presence, State
+from companion.bus.telemetry import WAITING, Happened, Kind, Presence, State
 from companion.cli.asked import INTERRUPTED
 from companion.cli.operate_options import Asked, looking
 from companion.cli.operate_run import code_of
@@ -141,7 +141,8 @@ def _table(state: State, style: str) -> Table:
     armed = "armed" if state.armed else "disarmed"
     flies = {True: ", in the air", False: ", on the ground", None: ""}[state.in_air]
     rows = [("phase", f"{state.phase}{f': {state.reason}' if state.reason else ''}")]
-    rows.append(("vehicle", f"{armed}{flies}{f', {state.mode}' if state.mode else ''}"))
+    if state.phase != WAITING:
+        rows.append(("vehicle", f"{armed}{flies}{f', {state.mode}' if state.mode else ''}"))
     if state.doing is not None:
         rows.append(("doing", f"{state.doing.verb}{f': {state.doing.text}' if state.doing.text else ''}"))
     rows += _motion(state)

@@ -86,7 +86,14 @@ def _show(done: Replayed, dropped: int, controller: str | None, console: Console
     for one in done.apart.values():
         if one.differ or controller is not None:
             first = "" if one.first_s is None else f"{one.first_s:.2f} s"
-            table.add_row(one.name, str(one.compared), str(one.differ), f"{one.most:.3g}", f"{one.rms:.3g}", first)
+            table.add_row(
+                "command (m/s²)" if one.name == "command" else one.name,
+                str(one.compared),
+                str(one.differ),
+                f"{one.most:.3g}",
+                f"{one.rms:.3g}",
+                first,
+            )
     console.print(table)
     was, now = (100.0 * count / done.flown for count in done.events)
     what = "the record's law" if controller is None else controller

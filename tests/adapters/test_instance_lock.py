@@ -11,7 +11,7 @@ import pytest
 from companion.adapters.instance_lock import instance_lock
 from companion.ports import AutopilotError
 
-pytestmark = pytest.mark.xdist_group("realtime")  # a lock is the whole machine's: not in two processes at once
+pytestmark = pytest.mark.realtime  # a lock is the whole machine's: not beside the flights
 URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"
 HOLD = """
 import sys

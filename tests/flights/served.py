@@ -74,7 +74,7 @@ class Site:
         ):
             assert old in said, f"config/demo.toml has no {old!r} any more"
             said = said.replace(old, new)
-        assert "silent_s = 0.5" in armless, "config/demo.toml's arms are silent after something else now"
+        assert "silent_s = 1.0" in armless, "config/demo.toml's arms are silent after something else now"
         if arms:
             said += f'[arms]\nport = "{self.ports.servo_link}"\nsilent_s = 2.0\n'
         said += f'{PATIENT}\n[records]\nfolder = "{self.records}"\nlive_port = 0\n\n[operator]\n'

@@ -7,8 +7,6 @@ import pytest
 from tests.mock_autopilot.conformance import DOCUMENT, FACTS, SECTIONS, document
 from tests.mock_autopilot.fact import Fact, Value
 
-pytestmark = pytest.mark.xdist_group("conformance")  # facts share flights: in one process, in the order of the page
-
 
 @cache
 def _measured(fact: Fact) -> Value:
