@@ -1,7 +1,7 @@
 """All tests: `python -m tests [ARGUMENTS OF PYTEST]`, in two processes side by side.
 
-One has what runs against the wall clock, one test after the other; the other has all else and only gets the time that the
-first leaves, so that on two cores no vehicle falls because another one is being simulated.
+One has what runs against the wall clock, one test after the other; the other has all else and only gets the time that
+the first leaves, so that on two cores no vehicle falls because another one is being simulated.
 """
 
 import subprocess
