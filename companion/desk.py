@@ -187,8 +187,13 @@ class _AtOnce:
         assert wanted is not None
         refused = service.loop.refusal(wanted)
         down = service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
-        if refused and down and isinstance(command, asked.Land | asked.Abort):
-            return self._on_ground()
+        if down and isinstance(command, asked.Land | asked.Abort):
+            if refused:
+                return self._on_ground()
+            self._job.accept()
+            service.loop.ask(wanted)
+            nothing_follows(service, f"{command.verb} was ordered")
+            return _said("it stands, and what was being prepared has ended")
         if refused or not service.loop.ask(wanted):
             raise _does_not_fit(command.verb, refused, wanted, service)
         self._job.accept()

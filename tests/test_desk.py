@@ -212,6 +212,26 @@ async def test_what_ends_an_arming_ends_the_checks_before_it(verb: str) -> None:
         assert op.one.phase() is Phase.STANDBY
 
 
+async def test_who_ends_the_next_arming_is_not_told_of_the_last_flight() -> None:
+    checking = asyncio.Event()
+
+    async def check(_: Trajectory | None) -> Sequence[Check]:
+        checking.set()
+        await asyncio.sleep(0.1)
+        return ()
+
+    async with operated() as op:
+        await flying(op)
+        assert "aborted" in (await op.do("abort")).text
+        op.one.service.checks = check
+        arming = op.say("arm")
+        await checking.wait()
+        reply = await op.do("land")
+        assert reply.answer is Answer.DONE
+        assert "aborted" not in reply.text
+        assert (await arming.end()).answer is Answer.FAILED
+
+
 async def test_another_law_takes_over_in_the_air_and_is_named() -> None:
     async with operated() as op:
         await flying(op)
