@@ -82,6 +82,21 @@ async def operated(arms: bool = False) -> AsyncIterator[Operated]:
             await desk.close()
 
 
+async def arming_that_checks(op: Operated) -> Asked:
+    """An arming whose checks have begun and take a while."""
+    checking = asyncio.Event()
+
+    async def check(_: Trajectory | None) -> Sequence[Check]:
+        checking.set()
+        await asyncio.sleep(0.1)
+        return ()
+
+    op.one.service.checks = check
+    arming = op.say("arm")
+    await checking.wait()
+    return arming
+
+
 async def flying(op: Operated) -> None:
     assert (await op.do("arm")).answer is Answer.DONE
     assert (await op.do("takeoff", height_m=0.8)).answer is Answer.DONE
@@ -196,36 +211,18 @@ async def test_disarm_is_for_the_ground() -> None:
 
 @pytest.mark.parametrize("verb", ["disarm", "abort", "land"])
 async def test_what_ends_an_arming_ends_the_checks_before_it(verb: str) -> None:
-    checking = asyncio.Event()
-
-    async def check(_: Trajectory | None) -> Sequence[Check]:
-        checking.set()
-        await asyncio.sleep(0.1)
-        return ()
-
     async with operated() as op:
-        op.one.service.checks = check
-        arming = op.say("arm")
-        await checking.wait()
+        arming = await arming_that_checks(op)
         assert (await op.do(verb)).answer is Answer.DONE
         assert (await arming.end()).answer is Answer.FAILED
         assert op.one.phase() is Phase.STANDBY
 
 
 async def test_who_ends_the_next_arming_is_not_told_of_the_last_flight() -> None:
-    checking = asyncio.Event()
-
-    async def check(_: Trajectory | None) -> Sequence[Check]:
-        checking.set()
-        await asyncio.sleep(0.1)
-        return ()
-
     async with operated() as op:
         await flying(op)
         assert "aborted" in (await op.do("abort")).text
-        op.one.service.checks = check
-        arming = op.say("arm")
-        await checking.wait()
+        arming = await arming_that_checks(op)
         reply = await op.do("land")
         assert reply.answer is Answer.DONE
         assert "aborted" not in reply.text
