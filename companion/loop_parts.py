@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.guard import Guard
 from companion.control_stage import ControlStage
 from companion.health_stage import HealthStage, Sides
 from companion.law_stage import LawStage
@@ -47,8 +46,7 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
     period_s = 1.0 / config.control.rate_hz
     rules, safety = config.flight_rules(), config.safety.rules()
     model, limits, fence = config.vehicle.thrust_model(), config.limits.limits(), config.fence.fence()
-    guard = Guard(limits, model, fence, safety.coast_s, safety.degraded_s)
-    control = ControlStage(controller, model, limits, guard=guard)
+    control = ControlStage(controller, model, limits, guard=config.guard())
     arms = None
     if devices.arms is not None and config.arms is not None:
         arms = ArmStage(devices.arms, config.arms, config.vehicle_model(), config.airframe(), period_s)

@@ -11,6 +11,7 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
+from companion import child_process
 from companion.adapters.realtime import beside_the_loop
 from companion.config_operator import OperatorConfig
 from companion.ports import ConfigError
@@ -65,12 +66,12 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
         async with asyncio.timeout(_START_S):
             line = await process.stdout.readline()
     except BaseException as error:
-        await _end(process)
+        await child_process.end(process, _STOP_S)
         if isinstance(error, TimeoutError):
             raise ConfigError(f"the embedded broker was not ready within {_START_S:g} s") from error
         raise
     if line != _READY:
-        await _end(process)
+        await child_process.end(process, _STOP_S)
         why = line.decode(errors="replace").strip() or "it ended without a word: is amqtt installed?"
         raise ConfigError(f"the embedded broker on port {config.port} does not begin: {why}")
     return process
@@ -85,7 +86,7 @@ async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> 
             process = await _begin_again(config)
             LOG.info("the embedded broker is there again")
     finally:
-        await _end(process)
+        await child_process.end(process, _STOP_S)
 
 
 async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
@@ -100,20 +101,6 @@ async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
             if str(error) != told:
                 told = str(error)
                 LOG.error("%s", told)  # noqa: TRY400 - the sentence is for the operator
-
-
-async def _end(process: asyncio.subprocess.Process) -> None:
-    """It ends when its standard input does."""
-    if process.returncode is not None:
-        return
-    assert process.stdin is not None
-    process.stdin.close()
-    try:
-        async with asyncio.timeout(_STOP_S):
-            await process.wait()
-    except TimeoutError:
-        process.kill()
-        await process.wait()
 
 
 async def _serve(host: str, port: int) -> None:

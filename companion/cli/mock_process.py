@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from companion import child_process
 from companion.ports import CompanionError
 
 _START_S = 20.0
@@ -114,7 +115,7 @@ async def mock_process(
         ]
         yield process
     finally:
-        await _stop(process)
+        await child_process.end(process, _STOP_S)
         await asyncio.gather(*listening)
 
 
@@ -137,14 +138,3 @@ async def _ready(process: asyncio.subprocess.Process) -> None:
     if not line:
         said = (await process.stderr.read()).decode(errors="replace").strip()
         raise MockError(said.removeprefix("mock autopilot: ") or "the mocks ended without a word")
-
-
-async def _stop(process: asyncio.subprocess.Process) -> None:
-    assert process.stdin is not None
-    process.stdin.close()
-    try:
-        async with asyncio.timeout(_STOP_S):
-            await process.wait()
-    except TimeoutError:
-        process.kill()
-        await process.wait()
