@@ -113,7 +113,8 @@ def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, A
     square = dot(vector, vector)
     angle = maths(square).sqrt(square)
     cut = angle > max_turn_rad
-    shorter = vector * column(max_turn_rad / at_least(angle, 1e-12))
+    # the smaller of the two: without a time limit the allowed turn is infinite, and 0 times infinity is no number
+    shorter = vector * column(at_most(angle, max_turn_rad) / at_least(angle, 1e-12))
     return chosen(column(cut), quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut
 
 

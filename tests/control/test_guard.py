@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel
@@ -507,6 +507,16 @@ VECTORS = st.one_of(st.lists(st.floats(-6.0, 6.0), min_size=3, max_size=3), st.l
     age_s=st.one_of(st.floats(0.0, 0.12), NUMBERS),
     dt_s=st.one_of(st.just(DT_S), NUMBERS),
     leaning=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0), st.floats(-4.0, 4.0)),
+)
+@example(  # half a turn about one axis, judged without a time limit: was 0 times infinity
+    q=np.array((0.0, 1.0, 0.0, 0.0)),
+    thrust=0.5,
+    place=[0.0, 0.0, 1.0],
+    velocity=[0.0, 0.0, 0.0],
+    attitude=LEVEL,
+    age_s=math.nan,
+    dt_s=math.inf,
+    leaning=(0.0, 0.0, 0.0),
 )
 def test_whatever_comes_in_what_goes_out_is_inside_the_limits(
     q: Array,
