@@ -4,21 +4,28 @@ PART ?= vehicle
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+UV := $(BIN)/uv --quiet pip --python $(BIN)/python
 
-.PHONY: help venv install uninstall demo test faults lint coverage mutation bench conformance lock clean
+.PHONY: help venv install uninstall demo check quick test faults fuzz lint coverage mutation bench conformance lock clean
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
 	@echo "sudo make install [PART=vehicle|room|broker]   the service, for this computer; sudo make uninstall: docs/install.md"
-	@echo "make test | faults | lint | coverage | mutation | bench | conformance | lock | clean"
+	@echo "make test     all tests;   make check     the quick ones and lint, for the daily loop"
+	@echo "make fuzz [ARGS='--minutes 30']   property tests on new random examples"
+	@echo "make faults | lint | coverage | mutation | bench | conformance | lock | clean"
 
-# The stamp depends on the lock files: a changed lock is a new installation.
-$(VENV)/.installed: requirements.lock requirements-dev.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; '$(PYTHON)' is older. Say: make PYTHON=python3.12"; exit 1; }
-	@echo "Installing into $(VENV) (once, about a minute) ..."
-	@$(PYTHON) -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+# The stamp depends on the lock files: a changed lock is a new installation. uv takes seconds; where it cannot be had, or
+# cannot reach the package index that pip is set up for, pip does the same from the same lock.
+$(VENV)/.installed: requirements-dev.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed; '$(PYTHON)' is older or missing. Say: make PYTHON=python3.12"; exit 1; }
+	@echo "Installing into $(VENV) (once; some seconds, without uv a minute) ..."
+	@$(PYTHON) -m venv --clear $(VENV) || { echo "'$(PYTHON) -m venv' failed; on Debian and Ubuntu it comes with: sudo apt-get install python3-venv"; exit 1; }
+	@awk '/^[^ #]/ { take = /^uv==/ } take' requirements-dev.lock > $(VENV)/uv.lock
+	@{ $(PIP) install --require-hashes -r $(VENV)/uv.lock && $(UV) install --require-hashes -r requirements-dev.lock && $(UV) install --no-deps --no-build-isolation -e .; } > $(VENV)/uv.log 2>&1 \
+	  || { echo "uv did not do it ($(VENV)/uv.log says why); now with pip"; $(PIP) install --require-hashes -r requirements-dev.lock && $(PIP) install --no-deps --no-build-isolation -e .; }
+	@$(BIN)/python -m compileall -q companion mock_autopilot tests
 	@touch $@
 
 venv: $(VENV)/.installed
@@ -36,6 +43,16 @@ demo: venv
 # Two processes: one for all that runs against the wall clock, the other, in what time that leaves, for the rest.
 test: venv
 	@$(BIN)/python -m tests $(ARGS)
+
+# What the daily loop needs, in under 90 seconds: lint, types, and the tests that neither wait nor fly for long.
+check: venv
+	@$(MAKE) --no-print-directory -j2 --output-sync=target lint quick
+
+quick: venv
+	@$(BIN)/python -m pytest -q -m "not realtime and not slow" $(ARGS)
+
+fuzz: venv
+	@$(BIN)/python -m tests.fuzz $(ARGS)
 
 faults: venv
 	@$(BIN)/python -m tests.flights.faults $(ARGS)
@@ -64,7 +81,6 @@ conformance: venv
 	@$(BIN)/python -m tests.mock_autopilot.conformance
 
 lock: venv
-	@$(BIN)/python -m pip install --quiet uv
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" pyproject.toml -o requirements.lock
 	@$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --extra dev pyproject.toml -o requirements-dev.lock
 

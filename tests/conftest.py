@@ -1,6 +1,7 @@
 """Shared fixtures: no task may outlive its test."""
 
 import asyncio
+import os
 import signal
 from collections.abc import AsyncIterator
 
@@ -8,13 +9,28 @@ import hypothesis
 import pytest
 import pytest_asyncio
 
+from tests import packages
+
 # A run begun in the background is deaf to Ctrl-C, and so would be every command that a test starts and interrupts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Examples are timed by the wall clock, and these machines are shared: a slow moment is no defect.
-hypothesis.settings.register_profile("patient", deadline=None)
-hypothesis.settings.load_profile("patient")
+# Examples have no deadline: machines are shared, and a slow moment is no defect.
+# `fixed` draws the same examples on every run, so that a change is judged by what it changed; `make fuzz` draws others.
+hypothesis.settings.register_profile("fixed", deadline=None, derandomize=True, database=None)
+hypothesis.settings.register_profile("fuzz", deadline=None, print_blob=True, max_examples=1000)
+hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip a test whose programs are not installed; in CI, where they must be, fail it."""
+    programs = tuple(name for mark in item.iter_markers("needs") for name in mark.args)
+    missing = packages.missing_packages(programs)
+    if missing:
+        reason = packages.SKIPPED + " ".join(missing)
+        if os.environ.get("CI") and not os.environ.get(packages.HIDE):
+            pytest.fail(reason, pytrace=False)
+        pytest.skip(reason)
 
 
 @pytest_asyncio.fixture(autouse=True)

@@ -1,7 +1,6 @@
 """The real mosquitto on a port of this machine: with a test's own settings, or as a lab runs it (config/mosquitto/)."""
 
 import getpass
-import os
 import shutil
 import socket
 import subprocess
@@ -11,9 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytest
-
 from companion.config_operator import OperatorConfig
+from tests.packages import find_program, needs
 
 EXAMPLES = Path(__file__).parents[1] / "config" / "mosquitto"
 FAR = "127.0.0.2"
@@ -21,10 +19,7 @@ FAR = "127.0.0.2"
 USERS = ("dauam-1", "dauam-2", "anna", "ben", "screen", "mocap-bridge")
 """Of config/mosquitto/dauam.acl, and the vehicles that it is for."""
 _PATIENCE_S = 15.0
-_PROGRAM = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
-needs_mosquitto = pytest.mark.skipif(
-    _PROGRAM is None and not os.environ.get("CI"), reason="mosquitto is not installed: run .ci/packages as root"
-)
+needs_mosquitto = needs("mosquitto")
 
 
 class Mosquitto:
@@ -36,8 +31,9 @@ class Mosquitto:
 
     def start(self) -> None:
         """Returns once it accepts connections."""
-        assert _PROGRAM is not None, "mosquitto is not installed: run .ci/packages as root"
-        self._process = subprocess.Popen([_PROGRAM, "-c", str(self._config)], stderr=subprocess.DEVNULL)
+        program = find_program("mosquitto")
+        assert program is not None, "a test that starts mosquitto is marked with needs_mosquitto"
+        self._process = subprocess.Popen([program, "-c", str(self._config)], stderr=subprocess.DEVNULL)
         end_s = time.monotonic() + _PATIENCE_S
         while True:
             try:
@@ -109,7 +105,7 @@ def lab(folder: Path) -> Iterator[Lab]:
     """config/mosquitto/ as it stands; only paths and the port are the test's."""
     make_certificates(folder / "certs", FAR)
     (folder / "dauam.passwd").touch(0o600)
-    program = shutil.which("mosquitto_passwd")
+    program = find_program("mosquitto_passwd")
     assert program is not None, "mosquitto_passwd comes with mosquitto"
     for user in USERS:
         (folder / f"password-{user}").touch(0o600)

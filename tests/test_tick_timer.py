@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.tick_timer import TickTimer
@@ -49,7 +49,6 @@ def test_slow_frames_make_no_late_cycles(period_s: float) -> None:
         frames = [at_s for at_s in frames if at_s > now_s]
 
 
-@settings(deadline=None)
 @given(offset_s=st.floats(-0.0049, 0.0039), drift=st.floats(-2e-4, 2e-4))
 def test_the_due_time_is_drawn_to_the_frames_and_follows_their_drift(offset_s: float, drift: float) -> None:
     timer = TickTimer(PERIOD_S, 1.0)

@@ -86,7 +86,7 @@ async def outlived(bad: Sequence[bytes], as_well: bool) -> None:
         await recovers(bus)
 
 
-@settings(max_examples=5, derandomize=True)
+@settings(max_examples=5)
 @given(st.lists(bad_stream(PACKETS), min_size=1, max_size=6), st.booleans())
 async def test_bad_answers_are_outlived(bad: list[bytes], as_well: bool) -> None:
     await outlived(bad, as_well)
@@ -105,7 +105,7 @@ async def refused_or_used(bad: Sequence[bytes], as_well: bool) -> None:
         assert "unexpectedly" not in said
 
 
-@settings(max_examples=1, derandomize=True)
+@settings(max_examples=1)
 @given(st.lists(bad_stream(PACKETS), min_size=1, max_size=6), st.booleans())
 async def test_bad_answers_while_connecting_are_a_sentence(bad: list[bytes], as_well: bool) -> None:
     await refused_or_used(bad, as_well)

@@ -163,14 +163,14 @@ def sayings(packets: tuple[bytes, ...], connack: bytes, suback: bytes) -> st.Sea
     return st.lists(st.tuples(begun, bad_stream(packets)).map(b"".join), min_size=1, max_size=3)
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=15)
 @given(sayings(PACKETS, CONNACK, SUBACK))
 @example([NO_MQTT_5, CONNACK + SUBACK + SUBACK + 10 * CONNACK])  # what is written at once is watched no longer
 async def test_a_broker_that_talks_nonsense_is_outlived(said: list[bytes]) -> None:
     await outlived([NO_MQTT_5, *said], 4)
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=15)
 @given(sayings(PACKETS_5, CONNACK_5, SUBACK_5))
 @example([CONNACK_5 + SUBACK_5 + SUBACK_5 + 10 * CONNACK_5])
 async def test_a_broker_that_talks_nonsense_of_mqtt_5_is_outlived(said: list[bytes]) -> None:

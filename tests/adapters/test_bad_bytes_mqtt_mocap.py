@@ -67,7 +67,7 @@ GOOD_END = tuple(
 )
 
 
-@settings(max_examples=1500, derandomize=True)
+@settings(max_examples=1500)
 @given(one_bad(GOOD) | st.binary(max_size=300))
 def test_bad_bytes_are_outlived(bad: bytes) -> None:
     source, state = source_of(), EstimatorState()
@@ -83,7 +83,7 @@ def test_bad_bytes_are_outlived(bad: bytes) -> None:
     estimator.step(state, newest, EstimatorParams())
 
 
-@settings(max_examples=300, derandomize=True)
+@settings(max_examples=300)
 @given(
     st.sampled_from(sorted(fields())),
     st.recursive(
@@ -140,7 +140,7 @@ def test_other_topics_and_retained_poses_are_not_heard() -> None:
 _NUMBER = st.floats(-1e6, 1e6)
 
 
-@settings(max_examples=300, derandomize=True)
+@settings(max_examples=300)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(-(2**62), 2**62),

@@ -188,19 +188,19 @@ BAD = bad_stream(PACKETS)
 CONVERSATION = st.fixed_dictionaries({word: st.just(said) | BAD for word, said in ANSWERS.items()})
 
 
-@settings(max_examples=25, derandomize=True)
+@settings(max_examples=25)
 @given(BAD)
 async def test_a_stream_of_nonsense_ends_with_a_sentence_or_is_outlived(bad: bytes) -> None:
     await outlived_tcp(bad)
 
 
-@settings(max_examples=25, derandomize=True)
+@settings(max_examples=25)
 @given(st.lists(one_bad(PACKETS), min_size=1, max_size=8))
 async def test_datagrams_of_nonsense_are_outlived(bad: list[bytes]) -> None:
     await outlived_udp(bad)
 
 
-@settings(max_examples=15, derandomize=True)
+@settings(max_examples=15)
 @given(CONVERSATION, st.just(WELCOME) | BAD)
 async def test_a_server_that_answers_nonsense_is_refused_soon_or_used(
     answers: dict[str, bytes], welcome: bytes

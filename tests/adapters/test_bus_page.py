@@ -2,7 +2,6 @@
 
 import asyncio
 import re
-import shutil
 import time
 from pathlib import Path
 
@@ -12,7 +11,8 @@ from companion.adapters.mqtt import BusLink
 from companion.bus.commands import COMMAND
 from companion.bus.telemetry import Happened, Reply
 from tests.adapters.mqtt_rig import Vehicle, linked, state, until
-from tests.mosquitto import mosquitto, needs_mosquitto
+from tests.mosquitto import mosquitto
+from tests.packages import needs
 
 PAGE = (Path(__file__).parents[2] / "docs" / "bus.md").read_text(encoding="utf-8")
 
@@ -36,8 +36,7 @@ async def tell(link: BusLink) -> None:
 
 
 @pytest.mark.realtime
-@needs_mosquitto
-@pytest.mark.skipif(not (shutil.which("mosquitto_rr") and shutil.which("jq")), reason="no mosquitto-clients, or no jq")
+@needs("mosquitto", "mosquitto_rr", "jq")
 async def test_its_shell_lines_command_a_hold(tmp_path: Path) -> None:
     vehicle = Vehicle()
     [script] = blocks("sh")

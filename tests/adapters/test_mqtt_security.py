@@ -169,7 +169,7 @@ async def test_what_was_recorded_is_refused_whenever_it_is_sent_again(lab: Lab) 
 def test_malformed_payloads_over_the_broker_are_refused_each_with_a_reason(lab: Lab) -> None:
     payloads: list[list[bytes]] = []
 
-    @settings(max_examples=OVER_THE_BROKER, derandomize=True, phases=[Phase.generate], database=None)
+    @settings(max_examples=OVER_THE_BROKER, phases=[Phase.generate])
     @given(bad_payloads())
     def collect(drawn: list[bytes]) -> None:
         payloads.append(drawn)

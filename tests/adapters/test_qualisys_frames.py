@@ -163,7 +163,7 @@ def garbled(stream: bytes) -> st.SearchStrategy[bytes]:
     return st.binary(max_size=200) | st.builds(change, positions, st.integers(0, len(stream)))
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(data=garbled(frame(7, 70_000, [LEVEL_BODY, LEFT_BODY])))
 def test_a_garbled_datagram_is_a_frame_or_is_counted(data: bytes) -> None:
     source = source_of(1)
@@ -202,14 +202,14 @@ def fed_link(pieces: list[bytes]) -> tuple[Link, FakeTransport, list[str]]:
 CONVERSATION = WELCOME + GOOD["version"] + GOOD["getparameters"] + frame(7, 70_000, [LEVEL_BODY, LEFT_BODY])
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(data=garbled(CONVERSATION), cut=st.integers(0, len(CONVERSATION)))
 async def test_a_garbled_stream_never_raises_and_ends_with_a_reason(data: bytes, cut: int) -> None:
     _, transport, failures = fed_link([data[:cut], data[cut:]])
     assert transport.aborted == bool(failures)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(cuts=st.lists(st.integers(0, len(CONVERSATION)), max_size=8))
 async def test_a_stream_may_come_in_any_pieces(cuts: list[int]) -> None:
     edges = [0, *sorted(cuts), len(CONVERSATION)]
@@ -219,7 +219,7 @@ async def test_a_stream_may_come_in_any_pieces(cuts: list[int]) -> None:
     assert link.on_packet.__self__.counts == MocapCounts(received=1)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(values=st.lists(st.floats(width=32), min_size=13, max_size=13))
 def test_any_numbers_make_a_frame_that_says_whether_it_is_tracked(values: list[float]) -> None:
     source = source_of()

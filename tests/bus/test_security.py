@@ -18,7 +18,7 @@ def test_ten_thousand_malformed_payloads_are_refused_with_a_reason() -> None:
     """What is taken nevertheless is a whole command, field by field: broken bytes may be good ones by chance."""
     counts = Counter[str]()
 
-    @settings(max_examples=MOST, derandomize=True, database=None)
+    @settings(max_examples=MOST)
     @given(bad_payloads())
     def none_counts(payloads: list[bytes]) -> None:
         for said in payloads:

@@ -98,7 +98,7 @@ def random_input(rng: np.random.Generator, age_s: float) -> ControlInput:
     return ControlInput(p, v, q, rate, age_s, NOWHERE, sent, PERIOD_S)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     seed=SEED,
     lead=st.floats(0.0, 0.2),

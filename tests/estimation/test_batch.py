@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -155,7 +155,6 @@ def rows(estimate: BatchEstimate) -> Array:
     return np.concatenate((*vectors, time_s[..., None]), axis=-1).reshape(-1, 14)
 
 
-@settings(deadline=None)
 @given(masks=st.lists(st.lists(st.booleans(), min_size=VEHICLES, max_size=VEHICLES), min_size=1, max_size=6))
 def test_what_is_not_fresh_stays_and_the_rest_does_not_notice(masks: list[list[bool]]) -> None:
     estimate = batch.begin(*seen_at(0), 0.0, PARAMS)

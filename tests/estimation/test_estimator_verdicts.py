@@ -243,7 +243,7 @@ TRUE_FRAMES = st.builds(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.lists(FRAMES | TRUE_FRAMES, max_size=30))
 def test_nothing_makes_it_fail_or_lose_count(frames: list[MocapFrame]) -> None:
     state = EstimatorState()

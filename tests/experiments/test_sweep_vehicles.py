@@ -30,7 +30,7 @@ def _longest_run(lost: NDArray[np.bool_]) -> int:
 
 
 @given(SEEDS)
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_everything_is_in_its_range(scene: Scene, seed: int) -> None:
     drawn = draw(seed, range(20))
     true = vehicles(scene, drawn, CYCLES)
@@ -54,7 +54,7 @@ def test_everything_is_in_its_range(scene: Scene, seed: int) -> None:
 
 
 @given(SEEDS)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_motion_capture_is_lost_for_a_tenth_of_a_second_at_most(seed: int) -> None:
     drawn = draw(seed, range(10))
     lost = unseen(drawn, CYCLES, PERIOD_S)
@@ -76,7 +76,7 @@ def test_drop_outs_at_their_longest_and_latest_do_not_join() -> None:
 
 
 @given(SEEDS, st.integers(0, 5000), st.integers(1, 5))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_vehicle_is_the_same_in_any_company(seed: int, index: int, others: int) -> None:
     alone, among = (
         draw(seed, [index]),

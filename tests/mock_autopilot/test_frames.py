@@ -51,7 +51,7 @@ def test_no_datagram_breaks_the_link(payload: bytes) -> None:
 NUMBERS = st.one_of(st.floats(width=32), st.sampled_from([0.0, 1.0, 176.0, 512.0, -1.0]))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.sampled_from([20, 21, 22, 176, 185, 246, 400, 510, 511, 512, 519, 520]), st.tuples(*[NUMBERS] * 7))
 def test_no_command_breaks_the_vehicle(command: int, params: tuple[float, ...]) -> None:
     bench = _bench()
@@ -59,7 +59,7 @@ def test_no_command_breaks_the_vehicle(command: int, params: tuple[float, ...]) 
     bench.run(0.02)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.tuples(*[st.floats(width=32)] * 8), st.integers(0, 255))
 def test_no_setpoint_breaks_the_vehicle(values: tuple[float, ...], mask: int) -> None:
     bench = _bench()
@@ -70,7 +70,7 @@ def test_no_setpoint_breaks_the_vehicle(values: tuple[float, ...], mask: int) ->
     assert all(abs(part) <= 1.0 + 1e-9 for part in bench.world.truth.q_ned_frd_wxyz)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.tuples(*[st.floats(width=32)] * 6))
 def test_no_vision_breaks_the_vehicle(values: tuple[float, ...]) -> None:
     bench = Bench({"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_MAG_TYPE": 5})

@@ -129,7 +129,7 @@ def flight_of(seed: int) -> Iterator[Observed]:
         )
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32 - 1))
 def test_a_good_day_has_no_events(seed: int) -> None:
     memory = Health()
@@ -187,7 +187,7 @@ GARBAGE = st.builds(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(GARBAGE, min_size=1, max_size=3))
 def test_nothing_that_can_be_observed_raises(flight: list[Observed]) -> None:
     for events in watched(flight, SafetyRules()):

@@ -110,7 +110,7 @@ def check(before: Flight, after: Flight, wanted: Request | None, seen: Facts) ->
     assert 0.0 <= ground_thrust(after, seen.time_s, RULES) <= RULES.hover_thrust * RULES.ramp_overshoot
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(state=st.sampled_from(sorted(STATES)), steps=steps)
 def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[Facts, Request | None]]) -> None:
     flight, time_s = STATES[state]
@@ -124,7 +124,7 @@ def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[Facts
             check(before, flight, wanted, now)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(state=st.sampled_from(sorted(STATES)), steps=st.lists(some_facts(), max_size=10))
 def test_who_lost_the_vehicle_does_not_get_it_back_by_itself(state: str, steps: list[Facts]) -> None:
     """Everything but Resume and Prepare, against a vehicle that shows OFFBOARD again and again."""

@@ -104,7 +104,7 @@ def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     assert 0.9 * RULES.climb_accel_mps2 < max(pushes) <= RULES.climb_accel_mps2
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(late_s=st.floats(0.0, 60.0))
 def test_a_late_tick_does_not_shift_the_reference(late_s: float) -> None:
     """Legs begin when the last one ended, not when somebody looked."""

@@ -10,7 +10,8 @@ import pytest
 
 from companion.config import load_config
 from companion.config_controller import controller_path
-from tests.units.tools import ROOT, SYSTEMD, said, tool
+from tests.packages import needs
+from tests.units.tools import ROOT, SYSTEMD, said
 
 INSTALL, UNINSTALL = SYSTEMD / "install.sh", SYSTEMD / "uninstall.sh"
 VEHICLE = {
@@ -20,12 +21,12 @@ VEHICLE = {
     "etc/sysusers.d/dauam.conf",
     "etc/udev/rules.d/99-dauam-u2d2.rules",
 }
+needs_sysusers = needs("systemd-sysusers")
 USERS = {"etc/passwd", "etc/group", "etc/shadow", "etc/gshadow", "etc/.pwd.lock", "etc/passwd-", "etc/group-"}
 
 
 def install(root: Path, *words: str) -> str:
     """Without the Python packages, which take a minute."""
-    tool("systemd-sysusers")
     return said(INSTALL, *words, "--root", root, "--no-venv")
 
 
@@ -39,6 +40,7 @@ def files(root: Path) -> dict[str, tuple[int, bytes]]:
     return found
 
 
+@needs_sysusers
 def test_the_onboard_computer_gets_service_rule_user_and_configuration(tmp_path: Path) -> None:
     out = install(tmp_path)
     found = files(tmp_path)
@@ -51,6 +53,7 @@ def test_the_onboard_computer_gets_service_rule_user_and_configuration(tmp_path:
     assert any(line.startswith("dialout:") and line.endswith(":dauam") for line in groups)
 
 
+@needs_sysusers
 def test_again_changes_nothing_and_keeps_what_is_the_users(tmp_path: Path) -> None:
     install(tmp_path)
     configuration = tmp_path / "etc/dauam/companion.toml"
@@ -71,6 +74,7 @@ def test_again_changes_nothing_and_keeps_what_is_the_users(tmp_path: Path) -> No
     assert files(tmp_path) == first
 
 
+@needs_sysusers
 def test_the_first_configuration_is_one_the_service_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     install(tmp_path)
     config = load_config(tmp_path / "etc/dauam/companion.toml")
@@ -82,6 +86,7 @@ def test_the_first_configuration_is_one_the_service_takes(tmp_path: Path, monkey
     assert controller_path(config.control.controller).is_relative_to(tmp_path)
 
 
+@needs_sysusers
 def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
     install(tmp_path / "room", "room")
     install(tmp_path / "broker", "broker")
@@ -93,6 +98,7 @@ def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
     assert set(files(tmp_path / "broker")) == {"etc/systemd/system/mosquitto.service.d/dauam.conf"}
 
 
+@needs_sysusers
 @pytest.mark.parametrize("part", ["vehicle", "room", "broker"])
 def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part: str) -> None:
     install(tmp_path, part)
@@ -116,11 +122,12 @@ def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part
     said(UNINSTALL, "--root", tmp_path)
 
 
+@needs("setpriv")
 @pytest.mark.parametrize("script", [INSTALL, UNINSTALL])
 def test_without_root_nothing_is_touched(script: Path, tmp_path: Path) -> None:
     nobody: list[str | Path] = []
     if os.geteuid() == 0:
-        nobody = [tool("setpriv"), "--reuid=65534", "--regid=65534", "--clear-groups"]
+        nobody = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
         shutil.copytree(SYSTEMD, tmp_path / "systemd")
         for folder in (tmp_path, *tmp_path.parents[:-2]):
             if folder.stat().st_uid == os.geteuid():
@@ -142,17 +149,18 @@ def test_a_wrong_word_is_answered_with_the_right_ones(words: list[str], says: st
     assert says in said(INSTALL, *words, code=2)
 
 
+@needs_sysusers
 def test_a_python_that_the_service_cannot_run_is_refused(tmp_path: Path) -> None:
     old = tmp_path / "old-python"
     old.write_text("#!/bin/sh\nexit 1\n")
     old.chmod(0o755)
-    tool("systemd-sysusers")
     command = [str(INSTALL), "--root", str(tmp_path / "root")]
     done = subprocess.run(command, env={**os.environ, "PYTHON": str(old)}, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert f"'{old}' is older than Python 3.11" in done.stderr
 
 
+@needs("shellcheck")
 def test_the_scripts_are_sound() -> None:
-    scripts = [INSTALL, UNINSTALL, SYSTEMD / "try.sh", ROOT / ".ci/run", ROOT / ".ci/packages"]
-    said(tool("shellcheck"), *scripts)
+    scripts = [INSTALL, UNINSTALL, SYSTEMD / "try.sh", ROOT / ".ci/run", ROOT / ".ci/fresh-machine"]
+    said("shellcheck", *scripts)

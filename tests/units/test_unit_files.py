@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.units.tools import SYSTEMD, said, tool
+from tests.packages import needs
+from tests.units.tools import SYSTEMD, said
 
 UNITS = {
     # Exposure by `systemd-analyze security`, 0 to 10; docs/install.md gives the scores and what makes them up.
     "dauam-companion.service": 2.2,
     "dauam-mocap-bridge.service": 1.3,
 }
+needs_analyze = needs("systemd-analyze")
 OURS = sorted(path.name for path in SYSTEMD.glob("*.service"))
 
 
@@ -45,30 +47,33 @@ def settings(unit: str) -> configparser.RawConfigParser:
     return parser
 
 
+@needs_analyze
 @pytest.mark.parametrize("unit", OURS)
 def test_systemd_finds_no_fault(unit: str, root: Path) -> None:
-    out = said(tool("systemd-analyze"), "verify", f"--root={root}", "--recursive-errors=no", unit)
+    out = said("systemd-analyze", "verify", f"--root={root}", "--recursive-errors=no", unit)
     assert out == ""
 
 
+@needs_analyze
 def test_systemd_would_find_a_fault(root: Path) -> None:
     unit = root / "etc/systemd/system/dauam-companion.service"
     unit.write_text(unit.read_text().replace("WatchdogSec=5", "WatchdogSecs=5"))
-    assert "WatchdogSecs" in said(tool("systemd-analyze"), "verify", f"--root={root}", unit.name)
+    assert "WatchdogSecs" in said("systemd-analyze", "verify", f"--root={root}", unit.name)
 
 
+@needs_analyze
 @pytest.mark.parametrize(("unit", "limit"), UNITS.items())
 def test_no_more_rights_than_were_agreed(unit: str, limit: float, root: Path) -> None:
-    analyze = tool("systemd-analyze")
     threshold = f"--threshold={round(10 * limit)}"
-    out = said(analyze, "security", "--offline=true", f"--root={root}", "--no-pager", threshold, unit)
+    out = said("systemd-analyze", "security", "--offline=true", f"--root={root}", "--no-pager", threshold, unit)
     assert "Overall exposure level" in out
 
 
+@needs_analyze
 def test_the_brokers_drop_in_takes_rights_away(root: Path) -> None:
     debian = root / "etc/systemd/system/mosquitto.service"
     debian.write_text("[Service]\nType=notify\nExecStart=/usr/sbin/mosquitto -c /etc/mosquitto/mosquitto.conf\n")
-    command = [tool("systemd-analyze"), "security", "--offline=true", f"--root={root}", "--no-pager", "--threshold=18"]
+    command = ["systemd-analyze", "security", "--offline=true", f"--root={root}", "--no-pager", "--threshold=18"]
     said(*command, "mosquitto.service")
     assert said(command[0], "verify", f"--root={root}", "--recursive-errors=no", "mosquitto.service") == ""
     shutil.rmtree(debian.with_name("mosquitto.service.d"))
@@ -116,8 +121,8 @@ def test_the_rule_makes_the_u2d2_quick_and_gives_it_a_name() -> None:
     assert ("SYMLINK", "+=", "dauam-arms") in rule
 
 
+@needs("udevadm")
 def test_udev_takes_the_rule() -> None:
-    udevadm = tool("udevadm")
-    if int(said(udevadm, "--version").split()[0]) < 254:
+    if int(said("udevadm", "--version").split()[0]) < 254:
         pytest.skip("this udevadm cannot verify rules; from systemd 254 on it can")
-    said(udevadm, "verify", SYSTEMD / "99-dauam-u2d2.rules")
+    said("udevadm", "verify", SYSTEMD / "99-dauam-u2d2.rules")
