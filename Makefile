@@ -4,8 +4,8 @@ PART ?= vehicle
 VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
-PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
-UV := $(BIN)/uv --quiet pip --python $(BIN)/python
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+UV := $(BIN)/uv pip install --quiet --python $(BIN)/python
 
 .PHONY: help venv install uninstall demo check quick test faults fuzz lint coverage mutation bench conformance lock clean
 
@@ -23,8 +23,8 @@ $(VENV)/.installed: requirements-dev.lock pyproject.toml
 	@echo "Installing into $(VENV) (once; some seconds, without uv a minute) ..."
 	@$(PYTHON) -m venv --clear $(VENV) || { echo "'$(PYTHON) -m venv' failed; on Debian and Ubuntu it comes with: sudo apt-get install python3-venv"; exit 1; }
 	@awk '/^[^ #]/ { take = /^uv==/ } take' requirements-dev.lock > $(VENV)/uv.lock
-	@{ $(PIP) install --require-hashes -r $(VENV)/uv.lock && $(UV) install --require-hashes -r requirements-dev.lock && $(UV) install --no-deps --no-build-isolation -e .; } > $(VENV)/uv.log 2>&1 \
-	  || { echo "uv did not do it ($(VENV)/uv.log says why); now with pip"; $(PIP) install --require-hashes -r requirements-dev.lock && $(PIP) install --no-deps --no-build-isolation -e .; }
+	@{ $(PIP) --require-hashes -r $(VENV)/uv.lock && $(UV) --require-hashes -r requirements-dev.lock && $(UV) --no-deps --no-build-isolation -e .; } > $(VENV)/uv.log 2>&1 \
+	  || { echo "uv did not do it ($(VENV)/uv.log says why); now with pip"; $(PIP) --require-hashes -r requirements-dev.lock && $(PIP) --no-deps --no-build-isolation -e .; }
 	@$(BIN)/python -m compileall -q companion mock_autopilot tests
 	@touch $@
 
