@@ -6,10 +6,11 @@ the host has set on the terminal; a servo with another one does not understand i
 
 import asyncio
 import errno
+import fcntl
 import hashlib
 import os
 import socket
-import termios
+import struct
 import tty
 from collections.abc import Callable
 from pathlib import Path
@@ -26,14 +27,10 @@ PLUG_EVERY_S = 0.02
 LONGEST_GAP_S = 0.1
 """A packet that stops for longer in the middle is forgotten."""
 MANY_BYTES = 4096
-SLOWEST_BAUD = 9_600
 
-SPEEDS = {
-    getattr(termios, name): int(name[1:])
-    for name in dir(termios)
-    if name.startswith("B") and name[1:].isdigit() and name != "B0"
-}
-"""Bits/s of the terminal's speed codes."""
+_TCGETS2 = 0x802C542A
+_TERMIOS2 = struct.Struct("@4I20B2I")
+"""struct termios2 of Linux; its last two fields are the speeds in bits/s, also those without a code, as 4 500 000."""
 
 
 class BusStartError(OSError):
@@ -138,9 +135,9 @@ class ServoBus:
             self._parser.reset()
         self._heard_s = now_s
         baud = self._port.baud()
-        byte_s = BITS_PER_BYTE / (baud or SLOWEST_BAUD) if self.config.wire_timing else 0.0
+        byte_s = BITS_PER_BYTE / max(baud, 1) if self.config.wire_timing else 0.0
         for packet in self._parser.feed(data):
-            answers = self.servos.answer(packet, (baud or 0) if self.config.check_baud else None)
+            answers = self.servos.answer(packet, baud if self.config.check_baud else None)
             self._send(answers, max(now_s, self._wire_free_s) + packet.wire_bytes * byte_s, byte_s)
 
     def _send(self, answers: list[Answer], heard_s: float, byte_s: float) -> None:
@@ -188,9 +185,10 @@ class _Port:
         except BlockingIOError:
             return  # nobody reads, and the terminal is full: on a wire the bytes would be lost as well
 
-    def baud(self) -> int | None:
-        """Bits/s that the host has set; None when it is a speed without a code."""
-        return SPEEDS.get(termios.tcgetattr(self.master)[5])
+    def baud(self) -> int:
+        """Return the bits/s that the host has set."""
+        state = fcntl.ioctl(self.master, _TCGETS2, bytes(_TERMIOS2.size))
+        return int(_TERMIOS2.unpack(state)[-1])
 
     def close(self) -> None:
         os.close(self._slave)

@@ -30,6 +30,8 @@ class FaultKind(StrEnum):
     """It is warmer than its limit allows."""
     REBOOT = "reboot"
     """It restarts, once: torque off, RAM as after power-on, silent for half a second."""
+    TWIN = "twin"
+    """Another servo of its model and ID stands elsewhere and answers at the same moment: their bytes collide."""
     SILENT_BUS = "silent_bus"
     """Nothing on the bus answers: the cable between adapter and servos is out; servos keep their torque."""
     PORT_GONE = "port_gone"
@@ -70,6 +72,10 @@ class ServoConfig(_Strict):
     return_delay_us: int = Field(0, ge=0, le=508, description="Its Return Delay Time; new servos have 500.")
     operating_mode: int = Field(3, ge=0, le=16, description="Its Operating Mode (XM); 3 is position control.")
 
+    registers: dict[str, int] = Field(
+        {}, description="Other registers as somebody left them, by name, such as homing_offset; RAM until a restart."
+    )
+
     @property
     def kind(self) -> Model:
         """Its model."""
@@ -86,6 +92,9 @@ class ServoConfig(_Strict):
     @model_validator(mode="after")
     def _fits(self) -> Self:
         self.kind.baud_code(self.baud)
+        unknown = sorted(set(self.registers) - set(self.kind.by_name))
+        if unknown:
+            raise ValueError(f"{self.model} has no register {unknown[0]}; it has {', '.join(self.kind.by_name)}")
         start = self.start_position_rad
         full = 2 * self.kind.centre_rad
         if start is not None and not 0.0 <= start <= full:

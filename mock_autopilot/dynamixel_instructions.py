@@ -28,15 +28,23 @@ def find(servos: Sequence[Servo], servo_id: int) -> Servo | None:
     return next((servo for servo in servos if servo.id == servo_id), None)
 
 
+def write_to(servos: Sequence[Servo], servo_id: int, address: int, data: bytes) -> None:
+    """Write to the servo with that ID and to all whose Secondary ID it is; these keep what is in their EEPROM.
+
+    https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#secondaryshadow-id
+    """
+    for servo in servos:
+        if servo.id == servo_id or (servo.secondary_id == servo_id and servo.table.is_ram(address)):
+            servo.write(address, data)
+
+
 def sync_write(params: bytes, width: int, servos: Sequence[Servo]) -> None:
     """Write to each servo named; `width` is the bytes of address and of size. Nobody answers."""
     if len(params) < 2 * width:
         return
     address, size = (int.from_bytes(params[i : i + width], "little") for i in (0, width))
     for at in range(2 * width, len(params) - size, size + 1):
-        servo = find(servos, params[at])
-        if servo is not None:
-            servo.write(address, params[at + 1 : at + 1 + size])
+        write_to(servos, params[at], address, params[at + 1 : at + 1 + size])
 
 
 def act(servo: Servo) -> Refusal | None:

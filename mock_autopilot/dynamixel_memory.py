@@ -40,6 +40,11 @@ class ControlTable:
         mask = (1 << 8 * register.size) - 1
         self.bytes[register.address : register.end] = (value & mask).to_bytes(register.size, "little")
 
+    def is_ram(self, address: int) -> bool:
+        """Return whether the register that begins there is outside the EEPROM."""
+        register = self._at.get(address)
+        return register is not None and not register.eeprom
+
     def forget_ram(self) -> None:
         """What a restart does: everything outside the EEPROM is as after power-on."""
         for register in self.model.registers:

@@ -7,7 +7,7 @@ instruction error: nobody resets a vehicle's servos over the bus.
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mock_autopilot.dynamixel_instructions import QUIET, READS_ONLY, Answer, act, find, sync_write
+from mock_autopilot.dynamixel_instructions import QUIET, READS_ONLY, Answer, act, find, sync_write, write_to
 from mock_autopilot.dynamixel_memory import Refusal
 from mock_autopilot.dynamixel_packets import BROADCAST_ID, Block, Error2, Instruction, Packet, fast_status, status2
 from mock_autopilot.servo import Servo
@@ -55,6 +55,8 @@ def answers2(packet: Packet, servos: Sequence[Servo], time_s: float) -> list[Ans
             done = _do(packet, servo, time_s)
             if done is not None and (packet.id != BROADCAST_ID or packet.code == Instruction.PING):
                 answers.append(_status(servo, *done))
+        elif packet.id == servo.secondary_id and packet.code == Instruction.WRITE and packet.intact:
+            write_to([servo], packet.id, _word(packet.params, 0), packet.params[2:])
     return answers
 
 
@@ -126,9 +128,7 @@ def _bulk_write(params: bytes, servos: Sequence[Servo]) -> None:
     at = 0
     while at + 5 <= len(params):
         size = _word(params, at + 3)
-        servo = find(servos, params[at])
-        if servo is not None:
-            servo.write(_word(params, at + 1), params[at + 5 : at + 5 + size])
+        write_to(servos, params[at], _word(params, at + 1), params[at + 5 : at + 5 + size])
         at += 5 + size
 
 

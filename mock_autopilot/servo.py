@@ -40,6 +40,7 @@ class Servo:
         self._strain_s = 0.0
         self._set_up()
         self._forget()
+        self._set(eeprom=False)
 
     def _set_up(self) -> None:
         table = self.table
@@ -47,11 +48,28 @@ class Servo:
         table.put("firmware_version", self.config.firmware)
         table.put("baud_rate", self.model.baud_code(self.config.baud))
         table.put("return_delay_time", self.config.return_delay_us // self.model.return_delay_unit_us)
+        self._set(eeprom=True)
+
+    def _set(self, eeprom: bool) -> None:
+        """Set the configured registers that outlast a restart, or those that do not."""
+        for name, value in self.config.registers.items():
+            if self.model.by_name[name].eeprom is eeprom:
+                self.table.put(name, value)
 
     @property
     def baud(self) -> int | None:
         """Bits/s it listens at."""
         return self.model.baud_of(self.table.get("baud_rate"))
+
+    @property
+    def protocol(self) -> int:
+        """Protocol version that it understands."""
+        return self.model.protocol
+
+    @property
+    def secondary_id(self) -> int | None:
+        """Another ID at which it obeys without an answer; None while it has none."""
+        return None
 
     @property
     def return_delay_s(self) -> float:

@@ -19,6 +19,9 @@ from mock_autopilot.servo_xm import XmServo
 TEND_EVERY_S = 0.01
 """Temperatures and protection are worked out so often; motion at every step."""
 
+_TWIN_AT_RAD = 0.7
+"""From its centre, that is not where its twin stands."""
+
 Floats = tuple[float, ...]
 
 
@@ -90,11 +93,29 @@ class ServoRack:
         """Let the servos act on a packet that came at `baud` (None: whatever theirs is); what they put on the wire."""
         if self.holding(FaultKind.SILENT_BUS):
             return []
-        hearing = [s for s in self.servos if s.model.protocol == packet.protocol and self._hears(s, baud)]
+        hearing = [s for s in self.servos if s.protocol == packet.protocol and self._hears(s, baud)]
         for servo in hearing:
             servo.heard_s = self.time_s
-        said = answers1(packet, hearing) if packet.protocol == 1 else answers2(packet, hearing, self.time_s)
+        said = self._said(packet, hearing)
+        twins = {servo.id: self._twin(servo) for servo in hearing if self._fault(FaultKind.TWIN, servo.id) is not None}
+        if twins:
+            also = self._said(packet, [twins.get(servo.id, servo) for servo in hearing])
+            said = [_collided(one, other) for one, other in zip(said, also, strict=True)]
         return [self._spoilt(one) for one in said]
+
+    def _said(self, packet: Packet, hearing: Sequence[Servo]) -> list[Answer]:
+        return answers1(packet, hearing) if packet.protocol == 1 else answers2(packet, hearing, self.time_s)
+
+    def _twin(self, servo: Servo) -> Servo:
+        """Return another servo with the same settings, which stands elsewhere."""
+        start_rad = servo.model.centre_rad + _TWIN_AT_RAD
+        twin = _servo(
+            servo.config.model_copy(update={"start_position_rad": start_rad}), servo.voltage_v, self.config.ambient_c
+        )
+        for register in servo.model.registers:
+            if register.writable:
+                twin.table.put(register.name, servo.table.get(register.name))
+        return twin
 
     def _hears(self, servo: Servo, baud: int | None) -> bool:
         return (
@@ -156,6 +177,13 @@ class ServoRack:
             servo.protect(now_s)
         edges = (edge for fault in self._faults for edge in (fault.at_s, fault.at_s + fault.for_s))
         self._next_fault_s = min((edge for edge in edges if edge > now_s), default=math.inf)
+
+
+def _collided(one: Answer, other: Answer) -> Answer:
+    """Return what is read when two pull one wire at the same moment: a bit is 1 only if it is 1 in both."""
+    shared = min(len(one.data), len(other.data))
+    both = bytes(a & b for a, b in zip(one.data, other.data, strict=False))
+    return replace(one, data=both + (one.data[shared:] or other.data[shared:]))
 
 
 def _flip(data: bytes, count: int) -> bytes:

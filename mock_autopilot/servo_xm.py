@@ -23,6 +23,11 @@ CURRENT_UNIT_A = 2.69e-3
 PROFILE_ACCEL_UNIT_RADPS2 = 214.577 * 2.0 * math.pi / 3600.0
 WATCHDOG_UNIT_S = 0.02
 WATCHDOG_BIT = -1
+MOST_HOMING_OFFSET = 1024
+"""Of position control; others are ignored there, e-manual, "Homing Offset(20)"."""
+STARTUP_TORQUE_ON = 0x01
+"""Of Startup Configuration."""
+_LAST_ID = 252
 
 _LIVE_AT = 120
 _LIVE = struct.Struct("<HBBhhiiiiHB")
@@ -51,6 +56,24 @@ class XmServo(Servo):
         self.latched = self._hardware_error = 0
         super()._forget()
         self._adjust()
+        if self.table.get("startup_configuration") & STARTUP_TORQUE_ON:
+            self.write(self.table.model.by_name["torque_enable"].address, b"\x01")
+
+    @property
+    def protocol(self) -> int:
+        """Its Protocol Type."""
+        return self.table.get("protocol_type")
+
+    @property
+    def secondary_id(self) -> int | None:
+        """Its Secondary ID; None from 253 on, which switch it off."""
+        value = self.table.get("secondary_id")
+        return value if value <= _LAST_ID and value != self.id else None
+
+    @property
+    def _homing_offset(self) -> int:
+        offset = self.table.get("homing_offset")
+        return 0 if self._mode == 3 and abs(offset) > MOST_HOMING_OFFSET else offset
 
     @property
     def error(self) -> int:
@@ -63,7 +86,7 @@ class XmServo(Servo):
 
     def raw_position(self) -> int:
         """Present angle in pulses, homing offset included."""
-        return super().raw_position() + self.table.get("homing_offset")
+        return super().raw_position() + self._homing_offset
 
     def read(self, address: int, size: int) -> bytes | Refusal:
         """Bytes from its table; indirect data come from where their addresses point."""
@@ -124,7 +147,7 @@ class XmServo(Servo):
         """Adjust the motor, then let it go where it is to go."""
         self._adjust()
         if "goal_position" in written or "torque_enable" in written:
-            goal = self.table.get("goal_position") - self.table.get("homing_offset")
+            goal = self.table.get("goal_position") - self._homing_offset
             self.motor.go_to(goal * self.model.position_unit_rad)
         if "torque_enable" in written:
             self.motor.power(on=self.torque_on and self._mode in _POSITION_MODES)
@@ -168,7 +191,7 @@ class XmServo(Servo):
         table, motor, model = self.table, self.motor, self.model
         table.put("registered_instruction", int(self.registered is not None))
         table.put("hardware_error_status", self._hardware_error)
-        offset = table.get("homing_offset")
+        offset = self._homing_offset
         place, speed = motor.profile
         rate = round(motor.rate_radps / model.velocity_unit_radps)
         _LIVE.pack_into(

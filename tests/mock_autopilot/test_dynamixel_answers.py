@@ -233,6 +233,61 @@ def test_status_return_level_says_what_is_answered(level: int, answered: str) ->
     assert [servos.servo(i).table.get("led") for i in (1, 2)] == [1, 1]
 
 
+def test_two_servos_with_one_id_answer_in_collided_bytes_where_they_differ() -> None:
+    servos = rack(xm(1, 166), ax(2))
+    ping, where = pack2(1, Instruction.PING), pack2(1, Instruction.READ, bytes([132, 0, 4, 0]))
+    alone = [ask(servos, ping), ask(servos, where)]
+    servos.inject(Fault(kind=FaultKind.TWIN, id=1))
+    assert ask(servos, ping) == alone[0], "the same model and firmware: the same bytes at the same time"
+    [collided] = ask(servos, where)
+    assert collided != alone[1][0]
+    assert not Parser().feed(collided) or not Parser().feed(collided)[0].intact
+    servos.clear()
+    assert ask(servos, where) == alone[1]
+
+
+def test_registers_are_as_somebody_left_them_and_ram_is_forgotten_by_a_restart() -> None:
+    left = xm(1, 166).model_copy(update={"registers": {"homing_offset": 100, "status_return_level": 1}})
+    servos = rack(left)
+    assert [servos.servo(1).table.get(name) for name in left.registers] == [100, 1]
+    ask(servos, pack2(1, Instruction.REBOOT))
+    assert [servos.servo(1).table.get(name) for name in left.registers] == [100, 2]
+
+
+def test_a_secondary_id_is_obeyed_in_ram_and_never_answered() -> None:
+    servos = rack(xm(1), xm(2))
+    servos.servo(2).table.put("secondary_id", 1)
+    assert len(ask(servos, pack2(1, Instruction.WRITE, bytes([65, 0, 1])))) == 1
+    assert [servos.servo(i).table.get("led") for i in (1, 2)] == [1, 1]
+    assert len(ask(servos, pack2(1, Instruction.WRITE, bytes([11, 0, 4])))) == 1
+    assert [servos.servo(i).table.get("operating_mode") for i in (1, 2)] == [4, 3]
+    ask(servos, pack2(0xFE, Instruction.SYNC_WRITE, bytes([116, 0, 4, 0, 1, 0xE8, 3, 0, 0])))
+    assert [servos.servo(i).table.get("goal_position") for i in (1, 2)] == [1000, 1000]
+
+
+def test_an_xm_may_be_set_to_protocol_1() -> None:
+    servos = rack(xm(1, 166))
+    servos.servo(1).table.put("protocol_type", 1)
+    assert ask(servos, pack2(1, Instruction.PING)) == []
+    assert ask1(servos, 1, Instruction.READ, 132, 4) == (0, bytes([166, 0, 0, 0]))
+
+
+@pytest.mark.parametrize(("offset", "reads"), [(1000, 1166), (-1024, -858), (1025, 166)])
+def test_a_homing_offset_beyond_a_quarter_turn_is_ignored_in_position_control(offset: int, reads: int) -> None:
+    servos = rack(xm(1, 166))
+    servos.servo(1).table.put("homing_offset", offset)
+    _, data = ask2(servos, 1, Instruction.READ, 132, 0, 4, 0)
+    assert int.from_bytes(data, "little", signed=True) == reads
+
+
+def test_startup_configuration_switches_torque_on_after_a_restart_where_the_servo_is() -> None:
+    servos = rack(xm(1, 166))
+    servos.servo(1).table.put("startup_configuration", 1)
+    assert ask2(servos, 1, Instruction.REBOOT) == (0, b"")
+    assert servos.servo(1).torque_on
+    assert servos.servo(1).table.get("goal_position") == 166
+
+
 def test_indirect_data_read_and_write_what_their_addresses_point_to() -> None:
     servos = rack(xm(1, 166))
     targets = [64, *range(116, 120), *range(132, 136), 146]

@@ -28,6 +28,7 @@ def test_faults_are_read_with_their_times() -> None:
         ({"servos": [{"id": 1}, {"id": 1}]}, "two servos have ID 1"),
         ({"servos": [{"id": 1, "model": "MX-28"}]}, "must be one of XM430-W350, XM430-W210, AX-12A"),
         ({"servos": [{"id": 1, "baud": 12345}]}, "XM430-W350 cannot talk at 12345 baud; it knows 9600, 57600"),
+        ({"servos": [{"id": 1, "registers": {"homing": 1}}]}, "XM430-W350 has no register homing; it has model_number"),
         ({"servos": [{"id": 7, "start_position_rad": 7.0}]}, "start_position_rad of servo 7 is 7.0; XM430-W350 has 0"),
         ({"faults": [{"kind": "hot", "id": 9}]}, r"fault hot cannot have id 9: there are \[1, 2"),
         ({"faults": [{"kind": "port_gone", "id": 1}]}, "fault port_gone cannot have id 1: concerns the whole bus"),
