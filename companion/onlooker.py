@@ -12,7 +12,7 @@ from typing import TypeVar
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.disk import DiskWatch
-from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
 from companion.adapters.instance_lock import instance_lock
 from companion.adapters.px4 import open_px4
 from companion.arm_stage import ArmStage
@@ -123,7 +123,7 @@ async def open_onlooker(
         opening = _Opening(devices)
         mocap = await opening.device("motion capture", open_mocap(config, clock))
         autopilot = await opening.device("autopilot", open_px4(config.px4, clock))
-        bus: ArmBus | None = None
+        bus: DynamixelBus | None = None
         if config.arms is not None:
             bus = await opening.device("arms", open_dynamixel(config.arms, clock, strict=False))
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
@@ -133,7 +133,15 @@ async def open_onlooker(
         cycle_s = 1.0 / config.control.rate_hz
         vision = VisionStage(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
         onlooker = Onlooker(mocap, clock, config, arms, vision)
-        running = Running(mocap, autopilot, clock, lambda: onlooker.estimate, arms, disk.free_mb)
+        running = Running(
+            mocap,
+            autopilot,
+            clock,
+            lambda: onlooker.estimate,
+            arms,
+            disk.free_mb,
+            arms_remarks=bus.warnings if bus is not None else (),
+        )
         async with _kept_going(onlooker):
             yield running, onlooker
 

@@ -65,9 +65,12 @@ async def open_service(
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
             operator_age_s = operator.age_s if operator is not None else None
-            running = Running(mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb, operator_age_s)
+            remarks = arms.warnings if arms is not None else ()
+            running = Running(
+                mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb, operator_age_s, remarks
+            )
             service = Service(loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params)
-            service.warnings = (*autopilot.warnings, *(arms.warnings if arms is not None else ()))
+            service.warnings = (*autopilot.warnings, *remarks)
             yield service
         finally:
             await loop.close()

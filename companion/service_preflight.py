@@ -71,6 +71,8 @@ class Running:
     """None: nothing is recorded to disk."""
     operator_age_s: Callable[[], float] | None = None
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
+    arms_remarks: tuple[str, ...] = ()
+    """What connecting found odd about the servos, or their port."""
 
 
 async def preflight(
@@ -203,17 +205,18 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         watched.apart,
         VisionSeen(_fused(running), watched.vision_apart_m),
         parameters,
-        _arms_of(running.arms, now_s),
+        _arms_of(running, now_s),
         machine_of(running),
         read_kept(wanted),
         _operator_age_s(running),
     )
 
 
-def _arms_of(arms: ArmStage | None, now_s: float) -> ArmsSeen | None:
+def _arms_of(running: Running, now_s: float) -> ArmsSeen | None:
+    arms = running.arms
     if arms is None:
         return None
-    return ArmsSeen(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow)
+    return ArmsSeen(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow, running.arms_remarks)
 
 
 def machine_of(running: Running) -> MachineSeen:

@@ -26,7 +26,9 @@ async def ping_servos(bench: Bench, console: Console) -> None:
         console.print(found_table(bench.arms, bus.inspected.found, bus.status()))
         for warning in bus.warnings:
             console.print(Text(warning, style="yellow"), soft_wrap=True)
-    typer.echo(f"all 8 servos on {bench.arms.port} answer and are set as they must be")
+    warned = len(bus.warnings)
+    set_up = f"with {warned} warning{'s' if warned > 1 else ''}, see above" if warned else "set as they must be"
+    typer.echo(f"all 8 servos on {bench.arms.port} answer and can be used, {set_up}")
 
 
 async def read_servos(bench: Bench, console: Console, once: bool, as_json: bool) -> int:

@@ -21,6 +21,8 @@ class ArmsSeen:
     """What is wrong, naming the joint; empty when nothing is."""
     off_stow: str
     """The joint farthest from its stowed angle, in words; empty when the arms are stowed."""
+    remarks: tuple[str, ...] = ()
+    """Settings of servos and port with which they work, each a sentence with what to do."""
 
 
 def check_link(status: AutopilotStatus, now_s: float, most_s: float) -> Check:
@@ -85,4 +87,11 @@ def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
             "mend it, then `companion arms live clear` (`companion arms clear` where no service runs)",
         ),
         Check("arms stowed", stowed, seen.off_stow or "stowed", "fold them: `companion arms stow`"),
+        *(Check("arms set up", False, *_halves(remark), must=False) for remark in seen.remarks),
     )
+
+
+def _halves(remark: str) -> tuple[str, str]:
+    """Return what is odd, and what to do, which a servo's remark has behind its last colon."""
+    says, _, todo = remark.rpartition(": ")
+    return says, todo

@@ -26,6 +26,15 @@ async def test_ping_lists_every_servo_and_changes_nothing(tmp_path: Path) -> Non
     assert rows[1][9:] == ["+130.1"]
     assert rows[7][1:5] == ["8", "AX-12A", "24", "1.0"]
     assert "all 8 servos" in ran.out
+    assert ran.out.endswith("answer and can be used, set as they must be\n")
+
+
+async def test_ping_warns_of_a_setting_that_somebody_left_in_a_servo(tmp_path: Path) -> None:
+    async with arms_rig(tmp_path, id1={"registers": {"homing_offset": 100}}) as rig:
+        ran = await rig.run("ping")
+    assert ran.code == 0, ran.said
+    assert "right.shoulder_pitch (ID 1) has Homing Offset 100 (+0.15 rad)" in ran.out
+    assert ran.out.endswith("answer and can be used, with 1 warning, see above\n")
 
 
 async def test_a_motion_is_refused_with_all_that_is_missing_or_wrong(tmp_path: Path) -> None:

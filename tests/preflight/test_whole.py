@@ -98,6 +98,13 @@ def test_a_missing_body_fails_all_that_depends_on_it_without_an_exception() -> N
     assert {one.name for one in RECOMMENDED} <= names, "an autopilot that tells none of its parameters"
 
 
+def test_a_setting_left_in_a_servo_is_a_warning_with_what_to_do() -> None:
+    remark = "right.shoulder_pitch (ID 1) has Homing Offset 100, which is lost: set it to 0"
+    [check] = failed(replace(ready(), arms=replace(ARMS, remarks=(remark,))))
+    assert (check.name, check.must) == ("arms set up", False)
+    assert (check.says, check.todo) == tuple(remark.split(": "))
+
+
 def test_warnings_do_not_refuse() -> None:
     facts = replace(ready(), machine=replace(MACHINE, clock_synchronised=False, realtime_priority=0))
     relaxed = PreflightConfig(realtime=False, by_hand_within_h=0.0)

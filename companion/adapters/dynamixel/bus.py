@@ -44,7 +44,7 @@ class DynamixelBus:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences about what works but should be better: the adapter's latency timer."""
+        """Sentences about what works but should be better: the adapter's latency timer and name, servos' settings."""
         return self._worker.warnings
 
     @property

@@ -1,19 +1,11 @@
 """Whether a servo that answered is the right one, set as it must be: one line for everything that is not. Pure."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from companion.adapters.dynamixel.faults import described
+from companion.adapters.dynamixel.found import NO_ID, Found
 from companion.adapters.dynamixel.joint import Joint
-from companion.adapters.dynamixel.registers import (
-    MODELS,
-    OPERATING_MODES,
-    POSITION_MODE,
-    XM_BAUDS,
-    Ax,
-    Xm,
-    ax_baud,
-)
+from companion.adapters.dynamixel.registers import MODELS, OPERATING_MODES, OTHER_MODELS, POSITION_MODE
 from companion.config_arms import ArmsConfig
 
 RESTS_WITHIN_RAD = 0.05
@@ -23,69 +15,16 @@ _BAUD_TOLERANCE = 0.03
 _WIZARD = "with DYNAMIXEL Wizard 2.0"
 
 
-@dataclass(frozen=True)
-class Found:
-    """What one servo's registers say at connect."""
-
-    model_number: int
-    firmware: int
-    baud: float
-    return_delay_us: float
-    status_return_level: int
-    voltage_v: float
-    temperature_c: float
-    errors: int
-    counts: int
-    lowest: int
-    highest: int
-    """Positions that it accepts as goals."""
-    operating_mode: int = POSITION_MODE
-    """XM only, as is the next."""
-    drive_mode: int = 0
-
-
-def found_xm(identity: bytes, limits: bytes, health: bytes, state: bytes) -> Found:
-    """From the four blocks of an XM."""
-    code = Xm.BAUD_CODE.raw(identity, 0)
-    return Found(
-        model_number=Xm.MODEL_NUMBER.raw(identity, 0),
-        firmware=Xm.FIRMWARE.raw(identity, 0),
-        baud=XM_BAUDS[code] if code < len(XM_BAUDS) else 0.0,
-        return_delay_us=1e6 * Xm.RETURN_DELAY.value(identity, 0),
-        status_return_level=Xm.STATUS_RETURN_LEVEL.raw(health, Xm.HEALTH.start),
-        voltage_v=Xm.PRESENT_VOLTAGE.value(state, Xm.STATE.start),
-        temperature_c=Xm.PRESENT_TEMPERATURE.value(state, Xm.STATE.start),
-        errors=Xm.HARDWARE_ERROR.raw(health, Xm.HEALTH.start),
-        counts=Xm.PRESENT_POSITION.raw(state, Xm.STATE.start),
-        lowest=Xm.MIN_POSITION.raw(limits, Xm.LIMITS.start),
-        highest=Xm.MAX_POSITION.raw(limits, Xm.LIMITS.start),
-        operating_mode=Xm.OPERATING_MODE.raw(identity, 0),
-        drive_mode=Xm.DRIVE_MODE.raw(identity, 0),
-    )
-
-
-def found_ax(identity: bytes, state: bytes, errors: int) -> Found:
-    """From the two blocks of an AX, and the errors that came with them."""
-    return Found(
-        model_number=Ax.MODEL_NUMBER.raw(identity, 0),
-        firmware=Ax.FIRMWARE.raw(identity, 0),
-        baud=ax_baud(Ax.BAUD_CODE.raw(identity, 0)),
-        return_delay_us=1e6 * Ax.RETURN_DELAY.value(identity, 0),
-        status_return_level=Ax.STATUS_RETURN_LEVEL.raw(identity, 0),
-        voltage_v=Ax.PRESENT_VOLTAGE.value(state, Ax.STATE.start),
-        temperature_c=Ax.PRESENT_TEMPERATURE.value(state, Ax.STATE.start),
-        errors=errors,
-        counts=Ax.PRESENT_POSITION.raw(state, Ax.STATE.start),
-        lowest=Ax.MIN_POSITION.raw(identity, 0),
-        highest=Ax.MAX_POSITION.raw(identity, 0),
-    )
-
-
 def complaints(joint: Joint, found: Found, config: ArmsConfig) -> list[str]:
     """Everything that is wrong with one servo, each with what would be right; empty when all is well."""
     if found.model_number != joint.scale.model.number:
         return [f"{joint.label} {_wrong_model(joint, found.model_number)}"]
-    lines = (*_settings(joint, found, config), *_condition(found, config, joint.protocol), *_range(joint, found))
+    lines = (
+        *_ids(joint, found, config),
+        *_settings(joint, found, config),
+        *_condition(found, config, joint.protocol),
+        *_range(joint, found),
+    )
     return [f"{joint.label} {line}" for line in lines]
 
 
@@ -98,7 +37,17 @@ def _wrong_model(joint: Joint, number: int) -> str:
 
 def model_name(number: int) -> str:
     """Of a model number, as far as we know it."""
-    return next((model.name for model in MODELS.values() if model.number == number), f"an unknown model {number}")
+    known = {model.number: model.name for model in MODELS.values()} | OTHER_MODELS
+    return known.get(number, f"an unknown model {number}")
+
+
+def _ids(joint: Joint, found: Found, config: ArmsConfig) -> Iterator[str]:
+    if found.answers > 1:
+        yield f"is there {found.answers} times: give all but one another ID than {joint.servo_id} {_WIZARD}"
+    if found.secondary_id < NO_ID:
+        for name, servo in config.servos.items():
+            if servo.id == found.secondary_id and name != joint.name:
+                yield f"has {name}'s ID {servo.id} as its Secondary ID and moves with it: set that to 255 {_WIZARD}"
 
 
 def _settings(joint: Joint, found: Found, config: ArmsConfig) -> Iterator[str]:
@@ -113,7 +62,10 @@ def _settings(joint: Joint, found: Found, config: ArmsConfig) -> Iterator[str]:
             f"set its Return Delay Time {_WIZARD}, or correct arms.return_delay_us"
         )
     if found.status_return_level != 2:
-        yield f"has Status Return Level {found.status_return_level}, and should have 2 (answer everything)"
+        level = found.status_return_level
+        yield f"has Status Return Level {level}, and should have 2 (answer everything): {answer_all(joint)}"
+    if found.bus_watchdog < 0:
+        yield "takes no goals (its Bus Watchdog has struck) after another program: restart its power"
     if found.operating_mode != POSITION_MODE:
         mode = OPERATING_MODES.get(found.operating_mode, "an unknown mode")
         yield (
@@ -151,9 +103,21 @@ def _range(joint: Joint, found: Found) -> Iterator[str]:
             f"{joint.limit.min_rad:g} to {joint.limit.max_rad:g}: widen its position limits {_WIZARD}, narrow "
             "arms.limits, or correct zero_rad"
         )
-    at_rad = joint.scale.joint_rad(found.counts)
-    if not joint.limit.min_rad - RESTS_WITHIN_RAD <= at_rad <= joint.limit.max_rad + RESTS_WITHIN_RAD:
-        yield (
-            f"stands at {at_rad:.2f} rad, and should be within {joint.limit.min_rad:g} to {joint.limit.max_rad:g}: "
-            "move it there by hand, or correct zero_rad and direction"
-        )
+    place = misplaced(joint, joint.scale.joint_rad(found.counts))
+    if place:
+        yield place
+
+
+def misplaced(joint: Joint, at_rad: float) -> str | None:
+    """Return the sentence on a joint that stands outside its limits, and None for one inside."""
+    if joint.limit.min_rad - RESTS_WITHIN_RAD <= at_rad <= joint.limit.max_rad + RESTS_WITHIN_RAD:
+        return None
+    return (
+        f"stands at {at_rad:.2f} rad, and should be within {joint.limit.min_rad:g} to {joint.limit.max_rad:g}: "
+        "move it there by hand, or correct zero_rad and direction"
+    )
+
+
+def answer_all(joint: Joint) -> str:
+    """Return how a servo is made to answer everything: an XM forgets its Status Return Level, an AX keeps it."""
+    return "restart its power" if joint.protocol == 2 else f"set it {_WIZARD}"

@@ -6,6 +6,7 @@ loop; measures time-outs by the wall clock, which can be set; and lets two progr
 
 import errno
 import os
+import re
 import select
 import termios
 import time
@@ -16,6 +17,8 @@ import serial
 
 from companion.ports import ArmError
 
+_NUMBERED = re.compile(r".*/tty(USB|ACM)\d+")
+_BY_ID = "; the number changes when an adapter is plugged in again, /dev/serial/by-id/... does not"
 SYSFS = Path("/sys/bus/usb-serial/devices")
 _AT_ONCE = 4096
 """More than any answer, and all answers to one question; what a tty holds."""
@@ -74,6 +77,11 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         except (OSError, termios.error) as error:
             raise PortGoneError(str(error)) from error
 
+    @property
+    def heard(self) -> int:
+        """Bytes that came since the last instruction."""
+        return self._taken + len(self._unread)
+
     def readPort(self, length: int) -> bytes:  # noqa: N802
         """Up to `length` bytes; sleeps until some are there or the packet's time is over.
 
@@ -125,7 +133,10 @@ def _cannot_open(path: str, baud: int, error: BaseException) -> str:
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
         there = ", ".join(_ports()) or "none"
-        return f"no serial port {path} (arms.port): plug in the arms' USB adapter; there are: {there}"
+        return (
+            f"no serial port {path} (arms.port): plug in the arms' USB adapter; there are: {there}"
+            f"{_BY_ID if there != 'none' and _NUMBERED.fullmatch(path) else ''}"
+        )
     if number in {errno.EACCES, errno.EPERM}:
         return (
             f"no permission to open {path} (arms.port): add yourself to its group, "
@@ -140,6 +151,17 @@ def _ports() -> list[str]:
     return sorted(
         str(path) for pattern in ("serial/by-id/*", "ttyUSB*", "ttyACM*") for path in Path("/dev").glob(pattern)
     )
+
+
+def name_warning(path: str, dev: Path = Path("/dev")) -> str | None:
+    """Return a sentence when the port has a name that changes when it is plugged in again; None for one that stays."""
+    stays = next(
+        (link for link in sorted(dev.glob("serial/by-id/*")) if link.resolve() == Path(path).resolve()),
+        None,
+    )
+    if stays is None or not _NUMBERED.fullmatch(path):
+        return None
+    return f"{path} (arms.port) may be called otherwise once it is plugged in again: give {stays}, which stays"
 
 
 def latency_warning(path: str, sysfs: Path = SYSFS) -> str | None:

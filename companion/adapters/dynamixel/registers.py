@@ -66,11 +66,26 @@ class Xm:
     RETURN_DELAY = Register(9, 1, 2e-6)
     DRIVE_MODE = Register(10, 1)
     OPERATING_MODE = Register(11, 1)
+    SECONDARY_ID = Register(12, 1)
+    PROTOCOL_TYPE = Register(13, 1)
+    HOMING_OFFSET = Register(20, 4, 2.0 * math.pi / 4096.0, signed=True)
+    TEMPERATURE_LIMIT = Register(31, 1)
+    PWM_LIMIT = Register(36, 2, 1.0 / 885.0)
+    VELOCITY_LIMIT = Register(44, 4, 0.229 * _RPM)
     MAX_POSITION = Register(48, 4)
     MIN_POSITION = Register(52, 4)
+    STARTUP_CONFIGURATION = Register(60, 1)
+    SHUTDOWN = Register(63, 1)
     TORQUE_ENABLE = Register(64, 1)
     STATUS_RETURN_LEVEL = Register(68, 1)
     HARDWARE_ERROR = Register(70, 1)
+    POSITION_D_GAIN = Register(80, 2)
+    POSITION_I_GAIN = Register(82, 2)
+    POSITION_P_GAIN = Register(84, 2)
+    FEEDFORWARD_2ND_GAIN = Register(88, 2)
+    FEEDFORWARD_1ST_GAIN = Register(90, 2)
+    BUS_WATCHDOG = Register(98, 1, signed=True)
+    GOAL_PWM = Register(100, 2, 1.0 / 885.0, signed=True)
     PROFILE_ACCELERATION = Register(108, 4, 214.577 * _RPM / 60.0)
     """rad/s^2; the manual's 214.577 rev/min^2."""
     PROFILE_VELOCITY = Register(112, 4, 0.229 * _RPM)
@@ -81,8 +96,10 @@ class Xm:
     PRESENT_VOLTAGE = Register(144, 2, 0.1)
     PRESENT_TEMPERATURE = Register(146, 1)
 
-    IDENTITY = Block(0, 14)
-    LIMITS = Block(48, 56)
+    IDENTITY = Block(0, 64)
+    """The whole EEPROM; between its registers a servo answers zeros."""
+    TUNING = Block(80, 102)
+    """Gains, Bus Watchdog and Goal PWM, which last until the servo restarts."""
     HEALTH = Block(64, 71)
     """Torque Enable to Hardware Error Status."""
     STATE = Block(126, 147)
@@ -101,8 +118,10 @@ class Ax:
     MIN_POSITION = Register(6, 2)
     """CW Angle Limit; zero in both limits is wheel mode."""
     MAX_POSITION = Register(8, 2)
+    TEMPERATURE_LIMIT = Register(11, 1)
     MAX_TORQUE = Register(14, 2)
     STATUS_RETURN_LEVEL = Register(16, 1)
+    SHUTDOWN = Register(18, 1)
     TORQUE_ENABLE = Register(24, 1)
     GOAL_POSITION = Register(30, 2, math.radians(300.0 / 1023.0))
     MOVING_SPEED = Register(32, 2, 0.111 * _RPM)
@@ -143,6 +162,13 @@ MODELS = {
     "XM430-W210": Model("XM430-W210", 1030, *_XM),
 }
 
+OTHER_MODELS = {
+    18: "AX-18A", 29: "MX-28", 30: "MX-28", 300: "AX-12W", 310: "MX-64", 311: "MX-64", 320: "MX-106", 321: "MX-106",
+    350: "XL-320", 1000: "XH430-W350", 1010: "XH430-W210", 1040: "XH430-V350", 1050: "XH430-V210", 1060: "XL430-W250",
+    1070: "XC430-W150", 1080: "XC430-W240", 1120: "XM540-W270", 1130: "XM540-W150",
+}  # fmt: skip
+"""Model Number (0) of servos that this driver does not know, so that the wrong one is named."""
+
 POSITION_MODE = 3
 OPERATING_MODES = {
     0: "current control",
@@ -156,23 +182,26 @@ OPERATING_MODES = {
 
 XM_BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
 """XM, Baud Rate (8): the code is the place in this list."""
-FACTORY_BAUDS = (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000, 9_600)
-"""Where to look for a servo that is not found, likely ones first: 57 600 is an XM's from the factory."""
+LIKELY_BAUDS = {
+    1: (1_000_000, 57_600, 115_200, 500_000, 400_000, 250_000, 200_000, 19_200, 9_600),
+    2: (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 9_600),
+}
+"""By protocol: all rates of an AX and of an XM, from the factory's own on, to look for a servo that is not found."""
 
 XM_RATED_CURRENT_A = 2.3
 """Stall current at 12 V, "Specifications"; the whole of what `effort` is a share of."""
 
-OVERLOAD = 0x20
-"""The same bit in the XM's Hardware Error Status (70) and in the AX's error byte."""
+OVERHEATING, OVERLOAD = 0x04, 0x20
+"""The same bits in the XM's Hardware Error Status (70) and Shutdown (63), in the AX's error byte and Shutdown (18)."""
 XM_HARDWARE_ERRORS = {
     0x01: "input voltage out of range",
-    0x04: "overheating",
+    OVERHEATING: "overheating",
     0x08: "motor encoder broken",
     0x10: "electrical shock, or too little power",
     OVERLOAD: "overload",
 }
 """XM, "Shutdown (63)"."""
-AX_ALARMS = {0x01: "input voltage out of range", 0x04: "overheating", OVERLOAD: "overload"}
+AX_ALARMS = {0x01: "input voltage out of range", OVERHEATING: "overheating", OVERLOAD: "overload"}
 """AX, "Alarm LED / Shutdown"; the other bits of the error byte speak of the instruction, not of the servo."""
 ALERT = 0x80
 """Protocol 2.0, error field: look at the Hardware Error Status."""

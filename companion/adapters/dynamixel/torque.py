@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator
 
 from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
+from companion.adapters.dynamixel.checks import misplaced
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
@@ -79,6 +80,10 @@ def _switch_on(chain: Chain, joint: Joint) -> str | None:
         return _SILENT
     if joint.faults:
         return "has a fault: clear it first"
+    assert joint.reading is not None
+    place = misplaced(joint, joint.reading.position_rad)
+    if place:
+        return place
     counts = _first_goal(chain, joint)
     goal = joint.scale.model.goal.encoded(counts)
     problem = next(filter(None, (_write(chain, joint, *order) for order in _switching_on(joint, goal))), None)

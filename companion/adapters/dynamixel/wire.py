@@ -14,6 +14,11 @@ from companion.adapters.dynamixel.port import BusPort
 from companion.adapters.dynamixel.registers import MODEL_NUMBER, Block, Register
 
 BROADCAST_ID = 0xFE
+_PING = 1
+_PING_ANSWER = 14
+"""Bytes of the longer one, of Protocol 2.0."""
+_SECOND_MS = 2.0
+"""More than Return Delay Times differ by, 0.5 ms, and an adapter needs."""
 _ERROR_AND_ID = 2
 _CRC = 2
 _ID_AND_ERROR = 2
@@ -49,6 +54,27 @@ class Wire:
             return None
         answer = self.read(protocol, servo_id, MODEL_NUMBER) if result == COMM_SUCCESS else None
         return int.from_bytes(answer.data, "little") if answer else None
+
+    def ping_answers(self, protocol: int, servo_id: int) -> int:
+        """Return how many status packets come from that ID after a bare ping, which every servo answers.
+
+        After the first it waits on for as long as a second servo with another Return Delay Time may take.
+        """
+        instruction = [0, 0, servo_id, 2, _PING, 0] if protocol == 1 else [0, 0, 0, 0, servo_id, 3, 0, _PING, 0, 0]
+        if self._handlers[protocol].txPacket(self.port, instruction) != COMM_SUCCESS:
+            return 0
+        self.port.setPacketTimeout(_PING_ANSWER)
+        count = 0
+        while (packet := self._packet(protocol)) is not None:
+            if packet[0] == servo_id:
+                count += 1
+                self.port.setPacketTimeoutMillis(_SECOND_MS + _PING_ANSWER * self.port.tx_time_per_byte)
+        return count
+
+    @property
+    def garbled(self) -> bool:
+        """Whether bytes came after the last instruction; that with no packet in them means that they collided."""
+        return self.port.heard > 0
 
     def broadcast_ping(self) -> dict[int, int]:
         """Model number by ID of all that speak Protocol 2.0; takes about a second."""
@@ -116,6 +142,13 @@ class Wire:
         return {}
 
     def _received(self, protocol: int) -> bytes | None:
+        """Return the next status packet, see `_packet`; a missing one counts as bad."""
+        cut = self._packet(protocol)
+        if cut is None:
+            self.bad_packets += 1
+        return cut
+
+    def _packet(self, protocol: int) -> bytes | None:
         """ID, error field and data of the next status packet; None when time is up or it is broken."""
         if protocol == 1:
             packet, result = self._handlers[1].rxPacket(self.port)
@@ -125,8 +158,6 @@ class Wire:
             # its length counts from behind itself; what stands behind its end is left from the stuffing
             end = _LENGTH_END + packet[5] + 256 * packet[6] - _CRC if result == COMM_SUCCESS else 0
             cut = [packet[4], *packet[_FIRST:end]] if result == COMM_SUCCESS else None
-        if cut is None:
-            self.bad_packets += 1
         return bytes(cut) if cut is not None else None
 
 

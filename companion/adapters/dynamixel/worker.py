@@ -13,7 +13,7 @@ from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.orders import Commands, Goals, deliver
-from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning
+from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning, name_warning
 from companion.adapters.dynamixel.torque import Steps, clear_faults, torque_off, torque_on
 from companion.adapters.dynamixel.wire import Wire
 from companion.config_arms import ArmsConfig
@@ -74,9 +74,9 @@ class Worker:
         try:
             self._port.open()
             self._port.patience_ms = CONNECT_PATIENCE_MS
-            warning = latency_warning(self._config.port)
-            self.warnings = () if warning is None else (warning,)
             self.inspected = inspect(self._chain, self._config, self._stop.is_set, self._strict)
+            of_the_port = (latency_warning(self._config.port), name_warning(self._config.port))
+            self.warnings = (*filter(None, of_the_port), *self.inspected.remarks)
             self.status = self._status()
         except ArmError as error:
             deliver(self._loop, self.connected, error)

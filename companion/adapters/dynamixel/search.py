@@ -1,0 +1,118 @@
+"""Looking for a servo that does not answer where it should: why, or where it answers instead."""
+
+from collections.abc import Callable
+
+from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.checks import answer_all, model_name
+from companion.adapters.dynamixel.joint import Joint
+from companion.adapters.dynamixel.port import PortGoneError
+from companion.adapters.dynamixel.registers import LIKELY_BAUDS
+from companion.config_arms import ArmsConfig
+
+ATTEMPTS = 3
+_PATIENCE_MS = 5.0
+"""Where a missing servo may be is only a hint: eight of them at seven other baud rates must not take long."""
+_LOW_IDS = range(1, 21)
+"""Where to look for a stranger of Protocol 1.0, which cannot be asked for all at once; 1 is the factory's."""
+_WIZARD = "with DYNAMIXEL Wizard 2.0"
+
+
+def partly_heard(chain: Chain, joint: Joint) -> str | None:
+    """Return why a servo cannot be read though bytes come from it; None when it is silent."""
+    if any(chain.wire.ping_answers(joint.protocol, joint.servo_id) for _ in range(2)):
+        chain.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
+        if not chain.wire.garbled:
+            return f"answers pings but no reads: Status Return Level 0, and should be 2: {answer_all(joint)}"
+    elif not chain.wire.garbled:
+        return None
+    return (
+        f"answers in broken packets: two servos have ID {joint.servo_id}, so take all others off the bus and give one "
+        f"of them another {_WIZARD}; or its cable is bad"
+    )
+
+
+def absent(chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
+    """Return a line for each servo that is silent, with where it was found instead, then lines on strangers."""
+    if not missing:
+        return []
+    strangers = _strangers(chain)
+    chain.wire.port.patience_ms = _PATIENCE_MS
+    if any(joint.protocol == 1 for joint in missing):
+        strangers += _strangers_of_protocol_1(chain)
+    hints = {joint.place: _other_protocol(chain, joint) for joint in missing}
+    hints |= _other_bauds(chain, [joint for joint in missing if not hints[joint.place]], config, stopped)
+    lines = [
+        f"{joint.label} does not answer at {config.baud} bits/s: "
+        f"{hints[joint.place] or 'look at its cable, its supply and its ID'}"
+        for joint in missing
+    ]
+    return lines + strangers
+
+
+def ping(chain: Chain, joint: Joint, protocol: int) -> int | None:
+    """Return its model number, if it answers within some attempts."""
+    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
+    return next((number for number in answers if number is not None), None)
+
+
+def _strangers(chain: Chain) -> list[str]:
+    """Servos of Protocol 2.0 with an ID that nobody has asked for: one of the missing, perhaps."""
+    known = {joint.servo_id for joint in chain.joints}
+    return [
+        f"ID {servo_id} answers, {model_name(number)}, but no joint has that ID: correct arms.servos or the servo's ID"
+        for servo_id, number in sorted(chain.wire.broadcast_ping().items())
+        if servo_id not in known
+    ]
+
+
+def _strangers_of_protocol_1(chain: Chain) -> list[str]:
+    known = {joint.servo_id for joint in chain.joints if joint.protocol == 1}
+    found = {servo_id: chain.wire.ping(1, servo_id) for servo_id in _LOW_IDS if servo_id not in known}
+    return [
+        f"ID {servo_id} answers by Protocol 1.0, {model_name(number)}, but no joint of that protocol has that ID: "
+        "correct arms.servos or the servo's ID"
+        for servo_id, number in found.items()
+        if number is not None
+    ]
+
+
+def _other_protocol(chain: Chain, joint: Joint) -> str | None:
+    other, model = 3 - joint.protocol, joint.scale.model
+    number = ping(chain, joint, other)
+    if number is None:
+        return None
+    if number == model.number:
+        return f"it speaks Protocol {other}.0, so set its Protocol Type to {joint.protocol} {_WIZARD}"
+    return (
+        f"{model_name(number)} answers there by Protocol {other}.0, and it should be {model.name} by "
+        f"Protocol {joint.protocol}.0: exchange it, or correct its protocol or arms.servos.{joint.name}.model"
+    )
+
+
+def _other_bauds(
+    chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]
+) -> dict[int, str | None]:
+    hints: dict[int, str | None] = {joint.place: None for joint in missing}
+    likely = dict.fromkeys(baud for joint in missing for baud in LIKELY_BAUDS[joint.protocol] if baud != config.baud)
+    try:
+        for baud in likely:
+            lost = [j for j in missing if hints[j.place] is None and baud in LIKELY_BAUDS[j.protocol]]
+            if stopped():
+                break
+            if not lost or not _tuned(chain, baud):
+                continue
+            for joint in lost:
+                if chain.wire.ping_answers(joint.protocol, joint.servo_id):
+                    hints[joint.place] = f"it answers at {baud}, so set its Baud Rate {_WIZARD}"
+    finally:
+        chain.wire.port.change_baud(config.baud)
+    return hints
+
+
+def _tuned(chain: Chain, baud: int) -> bool:
+    """Change the port's baud rate for the search; return False where the adapter does not have that one."""
+    try:
+        chain.wire.port.change_baud(baud)
+    except PortGoneError:
+        return False
+    return True
