@@ -2,20 +2,24 @@
 
 import json
 import math
-from dataclasses import asdict
+import shutil
+import sys
+import textwrap
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from companion.config_records import RecordsConfig
+from companion.cli.working import Counted, working
 from companion.ports import ConfigError
-from companion.records.export import export_csv
-from companion.records.glance import Glance, glance
-from companion.records.read import RecordError, read_flight
+
+if TYPE_CHECKING:
+    from companion.records.glance import Glance
+
+_ANY = 100_000
+"""Columns of a file or a pipe."""
+_NARROWEST = 16
+"""Columns in which a reason can be read; with fewer it goes on at the line's begin, as the terminal has it."""
 
 
 def records(
@@ -25,52 +29,79 @@ def records(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List flights, newest last; or write one as CSV. Exit code 2 for what is no record."""
+    """List flights, newest last; or write one as CSV. Exit code 2 for what is no record.
+
+    Files that are no records are listed as unreadable; the reasons follow the list.
+    """
+    from companion.config_records import RecordsConfig  # noqa: PLC0415 - nothing that --help would wait for
+
     where = where or Path(RecordsConfig().folder)
-    console = Console()
     if csv is not None:
-        if not where.is_file():
-            raise ConfigError(f"{where}: --csv needs one record, as `companion records FLIGHT.mcap --csv {csv}`")
-        for path in export_csv(read_flight(where), csv):
-            console.print(str(path), markup=False, highlight=False, soft_wrap=True)
+        _write_csv(where, csv)
         return
-    found, bad = _glances(where)
+    found = _glances(where)
     if as_json:
         typer.echo(json.dumps([_as_dict(one) for one in found], indent=2))
-    elif found:
-        console.print(_table(found))
     else:
-        console.print(f"no records in {where}", markup=False, highlight=False, soft_wrap=True)
-    for sentence in bad:
-        typer.echo(f"companion: {sentence}", err=True)
-
-
-def _glances(where: Path) -> tuple[list[Glance], list[str]]:
-    """All records, oldest first by name; and sentences about files that are none."""
-    if where.is_file():
-        return [glance(where)], []
-    if not where.is_dir():
-        raise ConfigError(f"{where}: there is no such folder")
-    found, bad = [], []
-    for path in sorted([*where.glob("*.mcap"), *where.glob("*.npz")]):
-        try:
-            found.append(glance(path))
-        except RecordError as error:
-            bad.append(str(error))
-    return found, bad
-
-
-def _as_dict(one: Glance) -> dict[str, object]:
-    begin_s = None if math.isnan(one.begin_s) else one.begin_s
-    return asdict(one) | {"path": str(one.path), "begin_s": begin_s}
-
-
-def _table(found: list[Glance]) -> Table:
-    table = Table(box=None, expand=True)
-    for head in ("record", "length", "size", "law"):
-        table.add_column(head, justify="right" if head in {"length", "size"} else "left", no_wrap=True)
-    table.add_column("ended", no_wrap=True, ratio=1)
+        _show(found, where)
     for one in found:
-        ended = " ".join(f"breaks off in {one.ended}".split() if one.truncated else one.ended.split())
-        table.add_row(*map(Text, (one.path.name, f"{one.length_s:.0f} s", f"{one.size_mb:.1f} MB", one.law, ended)))
-    return table
+        if one.unreadable:
+            typer.echo(f"companion: {one.unreadable}", err=True)
+
+
+def _write_csv(where: Path, folder: Path) -> None:
+    from companion.records.export import export_csv  # noqa: PLC0415
+    from companion.records.read import read_flight  # noqa: PLC0415
+
+    if where.is_dir():
+        raise ConfigError(f"{where}: --csv needs one record, as `companion records FLIGHT.mcap --csv {folder}`")
+    with working(f"reading {where.name}"):
+        record = read_flight(where)
+    with working(f"writing {len(record.columns['time_s'])} ticks to {folder}"):
+        paths = export_csv(record, folder)
+    for path in paths:
+        typer.echo(path)
+
+
+def _glances(where: Path) -> list["Glance"]:
+    """All records, newest last."""
+    from companion.records.glance import glance  # noqa: PLC0415
+    from companion.records.index import glances  # noqa: PLC0415
+
+    if where.is_dir():
+        with Counted("records looked into") as progress:
+            return glances(where, progress)
+    if not where.exists():
+        raise ConfigError(f"{where}: there is no such folder, and no such record")
+    return [glance(where)]
+
+
+def _as_dict(one: "Glance") -> dict[str, object]:
+    values = {name: getattr(one, name) for name in one.__dataclass_fields__}
+    plain = {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in values.items()}
+    return plain | {"path": str(one.path)}
+
+
+def _show(found: list["Glance"], where: Path) -> None:
+    if not found:
+        typer.echo(f"no records in {where}")
+        return
+    rows = [("record", "length", "size", "law", "ended"), *map(_row, found)]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    room = shutil.get_terminal_size((80, 24)).columns - sum(widths) - 2 * len(widths)
+    lines = [_line(row, widths, room if sys.stdout.isatty() else _ANY) for row in rows]
+    typer.echo("\n".join(lines))
+
+
+def _row(one: "Glance") -> tuple[str, ...]:
+    length = "" if math.isnan(one.length_s) else f"{one.length_s:.0f} s"
+    ended = "unreadable" if one.unreadable else f"breaks off in {one.ended}" if one.truncated else one.ended
+    return one.path.name, length, f"{one.size_mb:.1f} MB", one.law, " ".join(ended.split())
+
+
+def _line(row: tuple[str, ...], widths: list[int], room: int) -> str:
+    """Return a row of the list; a reason that does not fit beside the rest goes on below."""
+    name, length, size, law = widths
+    head = f"{row[0]:<{name}}  {row[1]:>{length}}  {row[2]:>{size}}  {row[3]:<{law}}  "
+    parts = textwrap.wrap(row[4], room) if room >= _NARROWEST else [row[4]]
+    return ("\n" + " " * len(head)).join([head + parts[0] if parts else head.rstrip(), *parts[1:]])

@@ -2,21 +2,20 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from companion.cli.asked import FAILED
 from companion.cli.options import AllowUnstable
-from companion.cli.output import kept
-from companion.config_controller import load_controller
-from companion.records.read import read_flight
-from companion.replay.laws import config_of, laws_of
-from companion.replay.rerun import Replayed, replay
+from companion.cli.output import check_file, kept
+from companion.cli.working import working
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from companion.records.read import FlightRecord
+    from companion.replay.rerun import Replayed
 
 
 def replay_command(
@@ -35,24 +34,40 @@ def replay_command(
     the vehicle did. Exit code 0 if all is identical (or another law was asked for), 1 if something differs, 2 for a
     file that is no record.
     """
-    record = read_flight(flight)
-    config = config_of(record)
-    laws, other = laws_of(record, config), None
-    if controller is not None:
-        period_s = 1.0 / config.control.rate_hz
-        other = load_controller(controller, config.vehicle_model(), period_s, allow_unstable).law
-    done = replay(record, config, laws, other)
+    from rich.console import Console  # noqa: PLC0415 - nothing that --help would wait for
+
+    from companion.records.read import read_flight  # noqa: PLC0415
+
+    if plot is not None:
+        check_file(plot, "plot")
+    with working(f"reading {flight.name}"):
+        record = read_flight(flight)
+    with working(f"replaying {len(record.columns['time_s'])} cycles"):
+        done = _replayed(record, controller, allow_unstable)
     console = Console(stderr=as_json)
     if as_json:
         typer.echo(json.dumps(summary_of(done, record.dropped)))
     else:
         _show(done, record.dropped, controller, console)
     if plot is not None:
-        _draw(done, controller, plot, console)
-    raise typer.Exit(0 if other is not None or (done.identical and done.flown) else FAILED)
+        _draw(done, ", ".join(record.laws), controller, plot, console)
+    raise typer.Exit(0 if controller is not None or done.identical else FAILED)
 
 
-def summary_of(done: Replayed, dropped: int) -> dict[str, object]:
+def _replayed(record: "FlightRecord", controller: str | None, allow_unstable: bool) -> "Replayed":
+    from companion.config_controller import load_controller  # noqa: PLC0415
+    from companion.replay.laws import config_of, laws_of  # noqa: PLC0415
+    from companion.replay.rerun import replay  # noqa: PLC0415
+
+    config = config_of(record)
+    laws, other = laws_of(record, config), None
+    if controller is not None:
+        period_s = 1.0 / config.control.rate_hz
+        other = load_controller(controller, config.vehicle_model(), period_s, allow_unstable).law
+    return replay(record, config, laws, other)
+
+
+def summary_of(done: "Replayed", dropped: int) -> dict[str, object]:
     """The numbers, for a file or a script."""
     return {
         "ticks": done.ticks,
@@ -68,10 +83,10 @@ def summary_of(done: Replayed, dropped: int) -> dict[str, object]:
     }
 
 
-def _show(done: Replayed, dropped: int, controller: str | None, console: Console) -> None:
-    if not done.flown:
-        console.print("the law never flew in this record: there is nothing to replay")
-        return
+def _show(done: "Replayed", dropped: int, controller: str | None, console: "Console") -> None:
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
     if controller is None and done.identical:
         names = len(done.apart)
         console.print(
@@ -102,19 +117,23 @@ def _show(done: Replayed, dropped: int, controller: str | None, console: Console
         console.print(f"{dropped} ticks are missing in the record: what the law remembered of them is not known")
 
 
-def _draw(done: Replayed, controller: str | None, path: Path, console: Console) -> None:
+def _draw(done: "Replayed", flown: str, controller: str | None, path: Path, console: "Console") -> None:
+    import numpy as np  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415 - takes a second to import
+
+    from companion.reports.charts import AXES, COLOURS  # noqa: PLC0415
 
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     recorded, again = np.array(done.recorded_accel_w_mps2), np.array(done.accel_w_mps2)
-    for place, axis in enumerate("xyz"):
-        axes[place].plot(done.time_s, recorded[:, place], label="recorded")
-        axes[place].plot(done.time_s, again[:, place], "--", label=controller or "again")
-        axes[place].set_ylabel(f"{axis} (m/s²)")
+    again_name = f"{controller}, given the same" if controller else f"{flown}, again"
+    for place, axis in enumerate(AXES):
+        axes[place].plot(done.time_s, recorded[:, place], color=COLOURS[0], label=f"{flown}, recorded")
+        axes[place].plot(done.time_s, again[:, place], "--", color=COLOURS[1], lw=0.9, label=again_name)
+        axes[place].set_ylabel(f"$u_{axis}$ (m/s²)")
         axes[place].grid(alpha=0.3)
-    axes[0].set_title("command u in W")
-    axes[0].legend()
+    figure.align_ylabels(axes)
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)
     axes[-1].set_xlabel("time in the record (s)")
     lost = kept(path, lambda to: figure.savefig(to, dpi=150))
     console.print(lost or f"plot {path}", markup=False, highlight=False, soft_wrap=True)

@@ -33,6 +33,8 @@ class FlightFiles:
         self._file: Mcap | None = None
         self._begin: dict[str, Any] = {}
         self._offset_s = 0.0
+        self._laws: dict[str, None] = {}
+        """That were in charge of this flight, in their order."""
         self._over_s: float | None = None
         self._flushed_s = self._looked_s = 0.0
         self._said = ("", "")
@@ -56,7 +58,7 @@ class FlightFiles:
         if self._file is not None and said["phase"] != _ANEW:
             return
         self.close()
-        self._over_s = None
+        self._over_s, self._laws = None, {}
         if not self._shelf.has_room():
             self._warn(f"less than {self._shelf.config.min_free_mb:g} MB free for records: this flight is not recorded")
             return
@@ -95,6 +97,7 @@ class FlightFiles:
         file, self._file = self._file, None
         if file is None:
             return
+        file.metadata("end", json.dumps({"laws": [*self._laws]}))
         file.close()
         if file.file.broken:
             return
@@ -102,6 +105,8 @@ class FlightFiles:
 
     def _keep(self, file: Mcap, row: Row, time_s: float) -> None:
         """Flush, look for space, and close when the flight is over."""
+        if row.cell("airborne") > 0.0:
+            self._laws.setdefault(str(row.words["law_name"]))
         if not 0.0 <= time_s - self._flushed_s < _FLUSH_S:
             self._flushed_s = time_s
             file.flush()

@@ -11,16 +11,24 @@ import numpy as np
 
 from companion.control.controller import ControlInput
 from companion.estimation.state import EstimatorState
-from companion.ports import CompanionError
+from companion.records.errors import RecordError
 from companion.records.exact import of_json
 from companion.records.table import HealthEvent, RecordedEvent
 from companion.types import Array, AttitudeThrust, MocapFrame, Reference
 
 _OURS = frozenset({"law_name"})
-
-
-class RecordError(CompanionError):
-    """A file is no record, or has not what is asked of it."""
+_FOR_REPLAY = (
+    "tick", "law_name", "sent_s", "frame_number", "frame_stamp_s", "frame_received_s", "frame_position_w_m",
+    "frame_rotation_w_b", "frame_residual_m", "frame_late",
+)  # fmt: skip
+"""Columns that every record of the service has, once motion capture gave a frame."""
+_OF_A_LAW = (
+    "event", "begun", "accel_w_mps2", "given_position_w_m", "given_velocity_w_mps", "given_q_w_flu_wxyz",
+    "given_rate_flu_radps", "given_age_s", "given_reference_position_w_m", "given_reference_velocity_w_mps",
+    "given_reference_acceleration_w_mps2", "given_reference_yaw_rad", "given_sent_accel_w_mps2", "given_dt_s",
+    "given_known_accel_w_mps2",
+)  # fmt: skip
+"""Columns besides, once a law was in charge."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +72,8 @@ class FlightRecord:
     """`time_s`, `number` and `estimate` (JSON) of the first tick."""
     truncated: bool = False
     """The file ends in the middle: service and writer were killed."""
+    damage: str = ""
+    """In words, the first part that could not be read; empty where the file is whole, or only cut off."""
 
     @property
     def unix_offset_s(self) -> float:
@@ -80,7 +90,25 @@ class FlightRecord:
     def first_estimate(self) -> EstimatorState | None:
         """What the estimator knew after the first tick's frame; a replay begins with it."""
         known = self.start.get("estimate")
-        return of_json(EstimatorState, json.dumps(known)) if known else None
+        try:
+            return of_json(EstimatorState, json.dumps(known)) if known else None
+        except (KeyError, TypeError, ValueError) as error:
+            raise RecordError(f"{self.path}: the estimate at its begin is another version's or damaged") from error
+
+    @cached_property
+    def laws(self) -> tuple[str, ...]:
+        """Names of the laws that were in charge, in their order."""
+        if "law_name" not in self.columns or "airborne" not in self.columns:
+            return ()
+        return tuple(
+            dict.fromkeys(str(name) for name in self.columns["law_name"][self.columns["airborne"] > 0] if name)
+        )
+
+    @property
+    def law_flew(self) -> bool:
+        """A law was in charge in at least one cycle."""
+        given = self.columns.get("given_dt_s")
+        return given is not None and bool(np.isfinite(given).any())
 
     @property
     def signal_names(self) -> tuple[str, ...]:
@@ -90,8 +118,9 @@ class FlightRecord:
         )
 
     def ticks(self) -> Iterator[RecordedTick]:
-        """Every recorded cycle; RecordError when the record is an old one, which has not all that is needed."""
-        missing = [name for name in ("tick", "frame_number", "frame_rotation_w_b") if name not in self.columns]
+        """Return every recorded cycle; RecordError when the record does not have all that a replay needs."""
+        needed = _FOR_REPLAY + (_OF_A_LAW if self.law_flew else ())
+        missing = [name for name in needed if name not in self.columns]
         if missing:
             raise RecordError(f"{self.path}: no column {missing[0]}: too old or too short a record for a replay")
         names = self.signal_names
@@ -111,7 +140,7 @@ class FlightRecord:
             self._given(row) if flown else None,
             bool(flown and c["begun"][row]),
             c["accel_w_mps2"][row] if flown else None,
-            bool(c["event"][row]),
+            bool(flown and c["event"][row]),
             {name: c[f"law_{name}"][row] for name in names if not np.isnan(c[f"law_{name}"][row]).all()},
             AttitudeThrust(c["setpoint_q_w_flu_wxyz"][row], np.asarray(c["setpoint_thrust"][row])) if sent else None,
             float(c["sent_s"][row]),

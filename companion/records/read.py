@@ -1,80 +1,162 @@
 """A flight's record back into columns, events and what a replay needs."""
 
 import json
-import struct
+import math
+import tokenize
 import zipfile
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.records import Channel, Message, Metadata
-from mcap.stream_reader import StreamReader
-from zstandard import ZstdError
+from mcap.records import Channel, Header, McapRecord, Message, Metadata
 
-from companion.records.flight_record import FlightRecord, RecordedTick, RecordError
+from companion.records.errors import RecordError
+from companion.records.flight_record import FlightRecord, RecordedTick
+from companion.records.mcap_file import BROKEN, MAGIC, McapFile, cannot_read, check_readable
 from companion.records.table import HealthEvent, RecordedEvent, Table
 
 __all__ = ["FlightRecord", "HealthEvent", "RecordError", "RecordedEvent", "RecordedTick", "read_flight"]
 
-MAGIC = b"\x89MCAP0\r\n"
 META = "companion"
 """Name of the metadata record: `begin` and `start`, both JSON."""
-_BROKEN = (McapError, EOFError, struct.error, ZstdError, ValueError, KeyError, IndexError, TypeError, RuntimeError)
-"""What reading a file that was cut off, or is none, may raise."""
+FLIGHT = "/flight"
+"""The topic that every record of ours has."""
+_LARGEST_NPZ = 4_000_000_000
+"""Bytes of all arrays, unpacked."""
+_KINDS: dict[str, type | tuple[type, ...]] = {
+    "unix_offset_s": (int, float), "vehicle": str, "config": dict, "controller": dict, "laws": dict, "versions": dict,
+}  # fmt: skip
+"""Of what the service tells; what is of another kind was damaged."""
 
 
 def read_flight(path: Path) -> FlightRecord:
-    """The record of a flight, an MCAP file or an NPZ file of before; RecordError with one sentence where it is none."""
+    """Read the record of a flight, an MCAP file of the service or the demo, or an NPZ file of a simulation.
+
+    Raises RecordError with one sentence where there is not a single tick of a flight in it. What is damaged or cut off
+    is left out, see `FlightRecord.damage` and `truncated`.
+    """
+    check_readable(path)
     try:
         with path.open("rb") as file:
             magic = file.read(len(MAGIC))
+        if magic == MAGIC:
+            return _read_mcap(path)
+        if magic[:2] == b"PK":
+            return _read_npz(path)
     except OSError as error:
-        raise RecordError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if magic == MAGIC:
-        return _read_mcap(path)
-    if magic[:2] == b"PK":
-        return _read_npz(path)
-    raise RecordError(f"{path}: no record of a flight: neither an MCAP file nor an NPZ file of `companion demo`")
+        raise cannot_read(path, error) from error
+    if not magic:
+        raise RecordError(f"{path}: an empty file: no record of a flight was written to it")
+    raise RecordError(
+        f"{path}: no record of a flight: neither an MCAP file, as serve and demo write it, nor an NPZ file "
+        "of simulate or dry-run"
+    )
 
 
 def _read_npz(path: Path) -> FlightRecord:
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            size = sum(info.file_size for info in arrays.zip.infolist())
+            if size > _LARGEST_NPZ:
+                raise RecordError(f"{path}: an NPZ file that unpacks to {size / 1e9:.0f} GB: no record of a flight")
             columns = {name: arrays[name] for name in arrays.files}
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, KeyError) as error:
+    except (*BROKEN, zipfile.BadZipFile, zlib.error, tokenize.TokenError) as error:
         raise RecordError(f"{path}: a damaged NPZ file: {error}") from error
     if "time_s" not in columns or "phase" not in columns:
         raise RecordError(f"{path}: an NPZ file, but no record of a flight: it has no columns time_s and phase")
-    return FlightRecord(path, columns)
+    return FlightRecord(path, _checked(path, columns))
 
 
 def _read_mcap(path: Path) -> FlightRecord:
-    table, metadata, truncated = Table(), _Metadata(), False
+    table, metadata = Table(), _Metadata()
     with path.open("rb") as file:
-        try:
-            for record in StreamReader(file, record_size_limit=None).records:
-                if isinstance(record, Channel):
-                    table.topics[record.id] = record.topic
-                elif isinstance(record, Message):
-                    table.take(record)
-                elif isinstance(record, Metadata) and record.name == META:
-                    metadata.take(record)
-        except _BROKEN:
-            truncated = True
+        source = McapFile(file)
+        for record in source:
+            try:
+                _take(record, table, metadata)
+            except BROKEN as error:
+                source.note(source.tell(), f"a message that is none of ours ({type(error).__name__})")
     if not table.ticks:
-        raise RecordError(f"{path}: an MCAP file without a single tick of a flight")
+        raise _without_a_tick(path, source, table, metadata)
+    try:
+        columns = table.columns()
+    except BROKEN as error:
+        raise RecordError(f"{path}: its messages are not those of a record: {error}") from error
     return FlightRecord(
-        path, table.columns(), tuple(table.events), tuple(table.health), metadata.begin, metadata.start, truncated
+        path,
+        _checked(path, columns),
+        tuple(table.events),
+        tuple(table.health),
+        metadata.begin,
+        metadata.start,
+        source.truncated,
+        _damage(source),
     )
+
+
+def _take(record: McapRecord, table: Table, metadata: "_Metadata") -> None:
+    if isinstance(record, Channel):
+        table.topics[record.id] = record.topic
+    elif isinstance(record, Message):
+        table.take(record)
+    elif isinstance(record, Metadata) and record.name == META:
+        metadata.take(record)
+    elif isinstance(record, Header):
+        metadata.library = record.library
+
+
+def _without_a_tick(path: Path, source: McapFile, table: Table, metadata: "_Metadata") -> RecordError:
+    topics = sorted(set(table.topics.values()))
+    if source.damage:
+        return RecordError(
+            f"{path}: a damaged MCAP file without a single readable tick: {_damage(source)}; look with `mcap recover` "
+            "(https://mcap.dev/guides/cli) for what is left in it"
+        )
+    if topics and FLIGHT not in topics:
+        by = f" of another program, {metadata.library!r}" if metadata.library else ""
+        return RecordError(
+            f"{path}: an MCAP file{by}, without a single tick of a flight: its topics are {', '.join(topics[:4])}"
+        )
+    why = ": it was cut off before the first one" if source.truncated else ""
+    return RecordError(f"{path}: an MCAP file without a single tick of a flight{why}")
+
+
+def _damage(source: McapFile) -> str:
+    more = len(source.damage) - 1
+    return source.damage[0] + (f", and {more} more" if more > 0 else "") if source.damage else ""
+
+
+def _checked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the columns without rows that have no time; RecordError where they are no table, or an empty one."""
+    time_s = columns.get("time_s")
+    if time_s is None or time_s.ndim != 1 or time_s.dtype.kind != "f" or "phase" not in columns:
+        raise RecordError(f"{path}: no record of a flight: it has no columns time_s and phase of one row a tick")
+    odd = [name for name, column in columns.items() if column.ndim == 0 or len(column) != len(time_s)]
+    if odd:
+        raise RecordError(f"{path}: no record of a flight: column {odd[0]} has not one row a tick")
+    known = np.isfinite(time_s)
+    if not known.any():
+        raise RecordError(f"{path}: no record of a flight: it has not a single tick with a time")
+    return columns if known.all() else {name: column[known] for name, column in columns.items()}
 
 
 @dataclass
 class _Metadata:
     begin: dict[str, Any] = field(default_factory=dict)
     start: dict[str, Any] = field(default_factory=dict)
+    library: str = ""
+    """The program that wrote the file."""
 
     def take(self, record: Metadata) -> None:
-        self.begin = self.begin | json.loads(record.metadata.get("begin", "{}"))
-        self.start = self.start or json.loads(record.metadata.get("start", "{}"))
+        begin = json.loads(record.metadata.get("begin", "{}"))
+        self.begin = self.begin | {name: value for name, value in begin.items() if _is_told(name, value)}
+        start = json.loads(record.metadata.get("start", "{}"))
+        self.start = self.start or (start if isinstance(start, dict) else {})
+
+
+def _is_told(name: str, value: object) -> bool:
+    if not isinstance(value, _KINDS.get(name, object)):
+        return False
+    return name != "unix_offset_s" or math.isfinite(float(value))  # type: ignore[arg-type]

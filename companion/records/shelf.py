@@ -1,12 +1,13 @@
 """The folder of records: names, what must go, and whether there is room."""
 
+import contextlib
 import errno
 import io
 import logging
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,8 +18,16 @@ LOG = logging.getLogger(__name__)
 
 NAME = re.compile(r"^\d{8}-\d{6}-[A-Za-z0-9_-]+\.mcap$")
 """Only files that are named so are ours to delete."""
+ORDER = ".records-order"
+"""In the folder: names of its records in the order in which they were begun, whatever the clock said."""
+KEPT = 10
+"""The newest records, that no age deletes."""
 _WRITTEN_S = 60.0
 """What was written to so lately may be another vehicle's flight."""
+_CLOCK_SET_S = datetime(2025, 1, 1, tzinfo=UTC).timestamp()
+"""This software is younger: a clock that said less had not been set."""
+_PAUSE_S = 180 * 86400.0
+"""A pause between two flights that is believed, however soon records are to go."""
 
 
 @dataclass(frozen=True)
@@ -59,24 +68,86 @@ class Shelf:
         return self.free_mb() >= self.config.min_free_mb
 
     def rotate(self, writing: Path | None = None, now_s: float | None = None) -> list[Path]:
-        """Delete the oldest flights until size and age are kept, never the one being written; what went."""
+        """Delete the oldest flights until size and age are kept, never the one being written; return what went.
+
+        Which are the oldest is told by the order in which they were begun, see `begun_order`: a clock may be wrong.
+        """
         now_s = time.time() if now_s is None else now_s
-        found = []
+        records = self._records(writing)
+        total = sum(record.size for record in records) + _size(writing)
+        too_old = _too_old(records, now_s, 86400.0 * self.config.keep_days)
+        gone = []
+        for number, record in enumerate(records):
+            too_much = total > 1e6 * self.config.keep_mb and number < len(records) - 1
+            if not (record in too_old or too_much) or abs(now_s - record.written_s) < _WRITTEN_S:
+                continue
+            try:
+                record.path.unlink(missing_ok=True)
+            except OSError as error:
+                LOG.warning("%s cannot be deleted: %s", record.path, error.strerror)
+                continue
+            total -= record.size
+            gone.append(record.path)
+        return gone
+
+    def _records(self, writing: Path | None) -> list["_Record"]:
+        """Return all records but the one being written, the one begun first at the beginning."""
+        found: dict[str, _Record] = {}
         for path in self.folder.glob("*.mcap"):
             if NAME.match(path.name) and path != writing:
-                there = path.stat()
-                found.append((there.st_mtime, there.st_size, path))
-        found.sort()
-        total = sum(size for _, size, _ in found) + (writing.stat().st_size if writing is not None else 0)
-        gone = []
-        for written_s, size, path in found:
-            too_old = now_s - written_s > 86400.0 * self.config.keep_days
-            if not (too_old or total > 1e6 * self.config.keep_mb) or now_s - written_s < _WRITTEN_S:
-                continue
-            path.unlink(missing_ok=True)
-            total -= size
-            gone.append(path)
-        return gone
+                with contextlib.suppress(FileNotFoundError):
+                    there = path.stat()
+                    found[path.name] = _Record(path, there.st_mtime, there.st_size)
+        by_clock = sorted(found, key=lambda name: (found[name].written_s, name))
+        names = begun_order(self.folder, [*by_clock, *([writing.name] if writing is not None else [])])
+        return [found[name] for name in names if name in found]
+
+
+@dataclass(frozen=True)
+class _Record:
+    path: Path
+    written_s: float
+    """Unix time, by whatever clock the computer had then."""
+    size: int
+
+
+def _too_old(records: Sequence[_Record], now_s: float, keep_s: float) -> set[_Record]:
+    """Return what was written longer ago than `keep_s`, as far as clocks can be believed.
+
+    Never one of the newest: the clock may be ahead. Going back from now, nothing behind a pause that is longer than
+    `keep_s`: it may have been no pause, but a clock that was set. Nothing that was written while the clock was not set.
+    """
+    later_s, too_old = now_s, set()
+    for number, record in enumerate(reversed(records)):
+        if not _CLOCK_SET_S <= record.written_s <= later_s:
+            continue
+        if later_s - record.written_s > max(keep_s, _PAUSE_S):
+            break
+        later_s = record.written_s
+        if number >= KEPT and now_s - record.written_s > keep_s:
+            too_old.add(record)
+    return too_old
+
+
+def begun_order(folder: Path, names: Sequence[str]) -> list[str]:
+    """Return the names in the order in which they were first seen here, new ones last; note it in the folder."""
+    noted = folder / ORDER
+    try:
+        known = dict.fromkeys(noted.read_text(encoding="utf-8", errors="replace").splitlines())
+    except OSError:
+        known = {}
+    there = set(names)
+    order = [*(name for name in known if name in there), *(name for name in names if name not in known)]
+    if order != list(known) and len(order) > 1:
+        with contextlib.suppress(OSError):  # then the clock's order has to do the next time
+            unfinished = noted.with_suffix(".new")
+            unfinished.write_text("".join(f"{name}\n" for name in order), encoding="utf-8")
+            unfinished.replace(noted)
+    return order
+
+
+def _size(writing: Path | None) -> int:
+    return writing.stat().st_size if writing is not None and writing.exists() else 0
 
 
 class Unbreakable(io.FileIO):

@@ -29,7 +29,13 @@ def _without_files(data: dict[str, object]) -> dict[str, object]:
 def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:
     """Every law that flew, by its name; ConfigError when one cannot be had any more."""
     columns = record.columns
+    if "law_name" not in columns:
+        raise RecordError(
+            f"{record.path}: does not say which law flew: too old a record, or one of `companion simulate`"
+        )
     names = sorted({str(name) for name in np.unique(columns["law_name"]) if name})
+    if not names and record.law_flew:
+        raise RecordError(f"{record.path}: does not say which law flew: too old a record for a replay")
     texts: dict[str, str] = record.metadata.get("laws", {})
     return {name: law_of(name, texts.get(name), config) for name in names}
 

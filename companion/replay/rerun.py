@@ -5,8 +5,10 @@ from its recorded input, so that one difference does not hide behind another. On
 nothing to compare but the estimate.
 """
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from companion.control.controller import Controller
 from companion.control_stage import ControlStage
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.records.errors import RecordError
 from companion.records.read import FlightRecord, RecordedTick
 from companion.types import Array, VehicleState
 
@@ -83,13 +86,15 @@ def replay(
 ) -> Replayed:
     """The whole record again, by the laws that flew it (by name) or by another one in their place.
 
-    RecordError for a record that is too old for it. Another law is given what the recorded one was given: it shows what
-    that law would have wanted there, not how the vehicle would have flown.
+    RecordError for a record that is too old for it, or in which no law was in charge. Another law is given what the
+    recorded one was given: it shows what that law would have wanted there, not how the vehicle would have flown.
     """
+    if not record.law_flew:
+        raise RecordError(f"{record.path}: the law was never in charge in this flight: nothing to compare")
     done = Replayed("" if other is None else "another")
     begin_s = float(record.columns["time_s"][0])
     estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
-    flying = _Flying(config, laws, other)
+    flying = _Flying(record.path, config, laws, other)
     for row, tick in enumerate(record.ticks()):
         done.ticks += 1
         if row > 0 and other is None:
@@ -124,7 +129,10 @@ class _Estimating:
 class _Flying:
     """What the law was given to what goes out."""
 
-    def __init__(self, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None) -> None:
+    def __init__(
+        self, path: Path, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None
+    ) -> None:
+        self._path = path
         self._laws, self._other = laws, other
         self._model = config.vehicle.thrust_model()
         first = other if other is not None else next(iter(laws.values()))
@@ -175,9 +183,10 @@ class _Flying:
         if self._other is not None:
             return
         for name in _both(tick.signals, signals):
-            done.compare(
-                f"law {name}", tick.signals[name], np.reshape(signals[name], np.shape(tick.signals[name])), at_s
-            )
+            shape, again = np.shape(tick.signals[name]), np.asarray(signals[name])
+            if again.size != math.prod(shape):
+                raise RecordError(f"{self._path}: the law's {name} has another shape now: it was another version's law")
+            done.compare(f"law {name}", tick.signals[name], again.reshape(shape), at_s)
 
 
 def _both(recorded: Mapping[str, Array], again: Mapping[str, Array]) -> Iterable[str]:

@@ -66,7 +66,7 @@ def test_service_and_writer_killed_leave_a_record_up_to_the_last_second(tmp_path
         os.kill(writer, signal.SIGKILL)
         for line in service.stdout:
             number = int(line)
-    (path,) = tmp_path.iterdir()
+    (path,) = tmp_path.glob("*.mcap")
     record = read_flight(path)
     assert record.truncated
     assert record.columns["tick"][-1] >= number - 100
@@ -84,7 +84,7 @@ def test_signals_do_not_end_the_writer_and_the_end_of_the_service_closes_the_fil
         sink.begin({"seed": 5})
         count = feed(sink, interrupt)
         sink.tell("command", "land", 100.5)
-    record = read_flight(next(tmp_path.iterdir()))
+    record = read_flight(next(tmp_path.glob("*.mcap")))
     assert not record.truncated
     assert len(record.columns["time_s"]) == count - 10  # all but standby
     assert record.metadata["seed"] == 5
@@ -111,7 +111,7 @@ def test_a_writer_that_dies_is_told_of_and_is_there_again_for_the_next_flight(
         assert sink.alive
         wait_until_it_reads(sink)
         feed(sink, start_s=1e9)
-    whole = [read_flight(path) for path in sorted(tmp_path.iterdir())]
+    whole = [read_flight(path) for path in sorted(tmp_path.glob("*.mcap"))]
     assert [record.truncated for record in whole][-1] is False
     assert whole[-1].dropped == 0
 
@@ -125,7 +125,7 @@ def test_a_full_disk_ends_the_writing_once_and_not_the_flight(tmp_path: Path) ->
         assert os.strerror(errno.EFBIG) in sink.trouble
         assert sink.alive
         assert sink.dropped == 0
-    record = read_flight(min(tmp_path.iterdir()))
+    record = read_flight(min(tmp_path.glob("*.mcap")))
     assert record.truncated
     assert len(record.columns["time_s"]) >= 50
 
@@ -138,7 +138,7 @@ def test_a_writer_that_is_kept_waiting_catches_up_without_a_gap(tmp_path: Path) 
     with recording(tmp_path) as sink:
         count = feed(sink, stop_and_go, track_s=6.5)
         assert sink.dropped == 0
-    record = read_flight(next(tmp_path.iterdir()))
+    record = read_flight(next(tmp_path.glob("*.mcap")))
     assert (record.dropped, len(record.columns["time_s"])) == (0, count - 10)
 
 
@@ -147,7 +147,7 @@ def test_too_little_space_is_told_and_nothing_is_written(tmp_path: Path) -> None
         feed(sink)
         until(lambda: bool(sink.trouble) or feed(sink) < 0)
         assert "this flight is not recorded" in sink.trouble
-    assert not list(tmp_path.iterdir())
+    assert not list(tmp_path.glob("*.mcap"))
 
 
 def test_whoever_watches_live_gets_all_topics(tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_a_port_that_is_taken_is_told_and_the_flight_recorded(tmp_path: Path, ca
         feed(sink)
         assert f"nothing to watch on 127.0.0.1:{port}" in caplog.text
         assert sink.file
-    assert list((tmp_path / "second").iterdir())
+    assert list((tmp_path / "second").glob("*.mcap"))
 
 
 def test_the_writer_does_not_outlive_a_service_that_is_gone(tmp_path: Path) -> None:

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from companion.cli.commands import app
 from companion.config import CompanionConfig
 from companion.config_controller import controller_path, load_controller
 from companion.control.reference import Ellipse, LapTiming
@@ -21,6 +23,7 @@ from companion.supervisor.flight import Fly, Phase
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
 from tests.flights.test_simulated_safety import do
+from tests.records.flown import flight as standing
 from tests.records.test_round_trip import written
 
 CONFIG = CompanionConfig()
@@ -108,6 +111,41 @@ def test_the_command_says_identical_and_ends_with_0(path: Path) -> None:
     assert told.returncode == 0
     numbers = json.loads(told.stdout)
     assert numbers["sent_again"] == numbers["flown"], "pid sends in every cycle"
+
+
+def test_a_flight_in_which_no_law_ran_has_nothing_to_compare(record: FlightRecord, tmp_path: Path) -> None:
+    """Arm, then disarm: written as such a flight is, without a law's column."""
+    ticks = [tick for tick in standing(start_s=50.0) if tick.asked is None]
+    begin = {"config": CONFIG.model_dump(mode="json"), "unix_offset_s": 0.0}
+    (path,) = written(tmp_path, ticks, begin)
+    assert "event" not in read_flight(path).columns
+    for command in ("replay", "calibrate"):
+        line = [sys.executable, "-m", "companion.cli.main", command, str(path)]
+        ran = subprocess.run(line, capture_output=True, text=True, check=False)
+        assert ran.returncode == {"replay": 2, "calibrate": 1}[command], ran.stderr
+        assert f"{path}: the law was never in charge in this flight: nothing to" in ran.stderr
+        assert "Traceback" not in ran.stderr
+    out = tmp_path / "page.html"
+    for arguments in (["report", str(path), "--out", str(out)], ["records", str(path), "--csv", str(tmp_path / "csv")]):
+        said = CliRunner().invoke(app, arguments)
+        assert said.exit_code == 0, said.output
+    assert "disarmed, it never left the ground" in out.read_text(encoding="utf-8")
+
+
+def test_a_record_of_another_version_is_refused_in_one_sentence(record: FlightRecord) -> None:
+    other = replace(record, metadata=record.metadata | {"config": {"vehicle": {"wings": 2}}})
+    with pytest.raises(CompanionError, match=r"wings"):
+        config_of(other)
+    config = config_of(record)
+    columns = record.columns | {"law_f_hat": np.zeros((len(record.columns["time_s"]), 7))}
+    with pytest.raises(CompanionError, match="another version's law"):
+        replay(replace(record, columns=columns), config, laws_of(record, config))
+    nameless = record.columns | {"law_name": np.full(len(record.columns["time_s"]), "")}
+    with pytest.raises(CompanionError, match="does not say which law flew"):
+        laws_of(replace(record, columns=nameless), config)
+    few = {name: column for name, column in record.columns.items() if name not in {"given_dt_s", "event"}}
+    with pytest.raises(CompanionError, match="the law was never in charge"):
+        replay(replace(record, columns=few), config, laws_of(record, config))
 
 
 def test_what_has_no_configuration_is_refused_in_one_sentence(record: FlightRecord) -> None:

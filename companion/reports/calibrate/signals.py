@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.control.frames import up_axis
-from companion.records.read import RecordError
+from companion.records.errors import RecordError, UnfitFlightError
 from companion.reports.flown import Flown, Mask
 from companion.types import Array
 
@@ -46,14 +46,19 @@ class Observed:
 
 
 def observed(flown: Flown) -> Observed:
-    """Out of the record; RecordError in one sentence when the flight is none to calibrate with."""
+    """Read what is needed out of the record.
+
+    Raises UnfitFlightError for a flight that is none to calibrate with, RecordError for a record without the columns.
+    """
     path = flown.record.path
+    if not flown.airborne.any():
+        raise UnfitFlightError(f"{path}: the law was never in charge in this flight: nothing to calibrate from")
     missing = [name for name in _NEEDED if not flown.has(name)]
     if missing:
         raise RecordError(f"{path}: no column {missing[0]}: a record of `companion serve` is needed")
     begin_s, end_s = _clear_of_ground(flown)
     if end_s - begin_s < _LEAST_S:
-        raise RecordError(
+        raise UnfitFlightError(
             f"{path}: only {max(end_s - begin_s, 0.0):.0f} s above {_CLEAR_M:g} m: hover for at least half a minute"
         )
     time_s = flown.column("time_s")
@@ -64,7 +69,7 @@ def observed(flown: Flown) -> Observed:
     heard_s, their_up_w = _autopilots(flown)
     quiet = _arms_at_rest(flown)[framed]
     if quiet.mean() * (end_s - begin_s) < _LEAST_S:
-        raise RecordError(f"{path}: the arms moved nearly all the time: hover with the arms stowed")
+        raise UnfitFlightError(f"{path}: the arms moved nearly all the time: hover with the arms stowed")
     return Observed(
         begin_s,
         end_s,

@@ -1,0 +1,11 @@
+"""What can be wrong with a record; imports nothing that takes time."""
+
+from companion.ports import CompanionError
+
+
+class RecordError(CompanionError):
+    """A file is no record, or does not have what is asked of it."""
+
+
+class UnfitFlightError(RecordError):
+    """A record that can be read, of a flight that does not show what is asked for."""
