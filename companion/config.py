@@ -105,6 +105,8 @@ class RoomConfig(Section):
     z_m: tuple[float, float] = Field((0.3, 3.0), description="least and largest height in W, m")
     max_speed_mps: float = Field(2.0, gt=0.0, le=10.0, description="of a reference, m/s")
     max_accel_mps2: float = Field(3.0, gt=0.0, le=10.0, description="of a reference, m/s^2")
+    max_yaw_rate_radps: float = Field(1.5, ge=0.1, le=3.0, description="turning of a reference's heading, rad/s")
+    max_yaw_accel_radps2: float = Field(3.0, ge=0.1, le=20.0, description="of a reference's heading, rad/s^2")
 
     @model_validator(mode="after")
     def _ordered(self) -> "RoomConfig":
@@ -154,6 +156,8 @@ class CompanionConfig(Section):
             climb_speed_mps=f.climb_speed_mps,
             spool_up_s=f.spool_up_s,
             descent_speed_mps=f.descent_speed_mps,
+            turn_radps=min(FlightRules.turn_radps, self.room.max_yaw_rate_radps),
+            turn_accel_radps2=min(FlightRules.turn_accel_radps2, self.room.max_yaw_accel_radps2),
             braking_mps2=self.fence.braking_mps2,
             stow_time_s=arms.stow_time_s,
             land_on_arm_fault=arms.land_on_fault,

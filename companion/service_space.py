@@ -1,10 +1,7 @@
 """Whether what an operator asks for stays in the room and inside the fence."""
 
 import asyncio
-import math
 from collections.abc import Callable
-
-import numpy as np
 
 from companion.config import LEAST_CLIMB_M, CompanionConfig
 from companion.control.reference import Trajectory
@@ -15,7 +12,7 @@ from companion.trajectory_check import check_trajectory, instants_s
 from companion.types import Array
 
 _NAME = "the trajectory"
-_PIECE = 15
+_PIECE = 12
 """Instants of a trajectory that are looked at in one go: half a millisecond, in which no control cycle can begin."""
 
 
@@ -44,10 +41,13 @@ async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) 
 
 
 async def _look_along(trajectory: Trajectory, look: Callable[[Array], None]) -> None:
-    """Hand its instants to `look` piece by piece, so that the control loop goes on meanwhile."""
+    """Hand its instants to `look` piece by piece, so that the control loop goes on meanwhile.
+
+    Pieces overlap by two instants, between which the heading's acceleration is seen.
+    """
     times_s = instants_s(trajectory)
-    for piece in np.array_split(times_s, math.ceil(len(times_s) / _PIECE)):
-        look(piece)
+    for first in range(0, len(times_s), _PIECE):
+        look(times_s[max(first - 2, 0) : first + _PIECE])
         await asyncio.sleep(0)
 
 

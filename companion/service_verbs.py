@@ -30,7 +30,8 @@ _STREAM_FIRST_S = 0.2
 _KNOWN_VELOCITY_MPS = 0.1
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
-_APPROACH_S = 60.0
+_APPROACH_MARGIN_S = 15.0
+"""Beyond what the way to a place takes."""
 _SAME_HEIGHT_M = 1e-6
 _HELD = "the flight was ended: a hold was ordered"
 
@@ -216,8 +217,10 @@ class Service:
         await check_room_and_fence(place, self._config)
         self._ask(Fly(place, 0.0), "go there")
         taken()
-        end = self.loop.flight.legs[-1]
-        await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), _APPROACH_S)
+        way, *_, end = self.loop.flight.legs
+        most_s = way.trajectory.duration_s + _APPROACH_MARGIN_S
+        if not await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), most_s):
+            raise FlightError(f"the place was not reached within {most_s:.0f} s")
         await asyncio.sleep(self._config.flight.settle_s)
         self._expect(Phase.HOLD, end)
 
@@ -231,8 +234,8 @@ class Service:
         settle_s = self._config.flight.settle_s
         self._ask(Fly(trajectory, settle_s), "fly a trajectory")
         taken()
-        end = self.loop.flight.legs[-1]
-        await self._reach(Phase.TRACK, settle_s + _APPROACH_S, Phase.HOLD, end)
+        way, *_, end = self.loop.flight.legs
+        await self._reach(Phase.TRACK, way.trajectory.duration_s + settle_s + _APPROACH_MARGIN_S, Phase.HOLD, end)
         await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S, end=end)
         await asyncio.sleep(settle_s)
         self._expect(Phase.HOLD, end)

@@ -1,24 +1,43 @@
-"""Whether a trajectory stays in the room and is one that a vehicle can follow: asked before takeoff."""
+"""Check, before takeoff, that a trajectory stays in the room and is one that a vehicle can follow."""
+
+from typing import NamedTuple
 
 import numpy as np
 
 from companion.config import RoomConfig
 from companion.control.reference import Trajectory
+from companion.control.waypoints import Waypoints
 from companion.ports import ConfigError
 from companion.types import Array
 
 _STEP_S = 0.01
+_LEAST_A_SEGMENT = 8
+"""Instants in each segment between two waypoints, however short it is."""
+
+
+class _Limit(NamedTuple):
+    what: str
+    most: float
+    unit: str
+    key: str
 
 
 def instants_s(trajectory: Trajectory) -> Array:
-    """The instants at which it is looked at, every 10 ms, (n,)."""
-    return np.arange(0.0, trajectory.duration_s + _STEP_S, _STEP_S)
+    """Return the instants at which it is looked at: every 10 ms, and eight between each two waypoints, (n,)."""
+    even = np.arange(0.0, trajectory.duration_s + _STEP_S, _STEP_S)
+    if not isinstance(trajectory, Waypoints):
+        return even
+    short = np.flatnonzero(np.diff(trajectory.times_s) < _LEAST_A_SEGMENT * _STEP_S)
+    shares = np.arange(_LEAST_A_SEGMENT + 1) / _LEAST_A_SEGMENT
+    within = trajectory.times_s[short, None] + np.diff(trajectory.times_s)[short, None] * shares
+    return np.unique(np.concatenate((even, within.ravel())).round(6))
 
 
 def check_trajectory(trajectory: Trajectory, room: RoomConfig, name: str, times_s: Array | None = None) -> None:
-    """Look at it; ConfigError with the first instant at which it leaves the room or goes too fast.
+    """Raise ConfigError with the instant at which it first leaves the room, or is fastest where that is too fast.
 
-    `times_s` (n,): only at these instants, for whoever has to look at it in pieces. What is no number is outside.
+    `times_s` (n,): only at these instants, for whoever has to look at it in pieces; the heading's motion is seen
+    between them, so that pieces should share two instants. What is no number is outside.
     """
     times_s = instants_s(trajectory) if times_s is None else times_s
     references = [trajectory.at(float(time_s)) for time_s in times_s]
@@ -31,14 +50,28 @@ def check_trajectory(trajectory: Trajectory, room: RoomConfig, name: str, times_
             raise ConfigError(
                 f"{name}: leads out of the room: {where}, allowed is {least:g} to {largest:g} m (room.{label}_m)"
             )
-    speeds = np.array([reference.velocity_w_mps for reference in references])
-    _within(speeds, room.max_speed_mps, times_s, f"{name}: too fast", "m/s (room.max_speed_mps)")
-    accels = np.array([reference.acceleration_w_mps2 for reference in references])
-    _within(accels, room.max_accel_mps2, times_s, f"{name}: too sharp", "m/s^2 (room.max_accel_mps2)")
+    speed = np.linalg.norm([reference.velocity_w_mps for reference in references], axis=1)
+    accel = np.linalg.norm([reference.acceleration_w_mps2 for reference in references], axis=1)
+    _require(speed, times_s, _Limit("too fast", room.max_speed_mps, "m/s", "room.max_speed_mps"), name)
+    _require(accel, times_s, _Limit("too sharp", room.max_accel_mps2, "m/s^2", "room.max_accel_mps2"), name)
+    _check_heading(np.array([reference.yaw_rad for reference in references]), times_s, room, name)
 
 
-def _within(vectors: Array, most: float, times_s: Array, what: str, unit: str) -> None:
-    size = np.linalg.norm(vectors, axis=1)
-    if not size.max() <= most:
+def _check_heading(yaw_rad: Array, times_s: Array, room: RoomConfig, name: str) -> None:
+    """As a reference does not tell how fast its heading turns: by differences between the instants."""
+    between_s = 0.5 * (times_s[1:] + times_s[:-1])
+    rate = np.diff(np.unwrap(yaw_rad)) / np.diff(times_s)
+    fast = _Limit("turns too fast", room.max_yaw_rate_radps, "rad/s", "room.max_yaw_rate_radps")
+    _require(np.abs(rate), between_s, fast, name)
+    accel = np.diff(rate) / np.diff(between_s)
+    sharp = _Limit("turns too sharply", room.max_yaw_accel_radps2, "rad/s^2", "room.max_yaw_accel_radps2")
+    _require(np.abs(accel), times_s[1:-1], sharp, name)
+
+
+def _require(size: Array, times_s: Array, limit: _Limit, name: str) -> None:
+    if size.size and not size.max() <= limit.most:
         row = int(np.argmax(size))
-        raise ConfigError(f"{what}: {size[row]:.2f} at {times_s[row]:.2f} s, allowed is {most:g} {unit}")
+        raise ConfigError(
+            f"{name}: {limit.what}: {size[row]:.2f} {limit.unit} at {times_s[row]:.2f} s, allowed is {limit.most:g} "
+            f"({limit.key})"
+        )

@@ -11,12 +11,11 @@ from companion.control.waypoints import Waypoints
 from companion.csv_rows import numbers_of
 from companion.ports import ConfigError
 from companion.types import Array
+from companion.waypoint_limits import MAX_WAYPOINTS, MAX_YAW_RAD, time_mistake
 
 NAMES = ("ellipse", "figure8")
 _COLUMNS = ["t_s", "x_m", "y_m", "z_m"]
 _YAW = "yaw_rad"
-MAX_WAYPOINTS = 400
-"""The spline is solved at once, in about a second for so many; a smooth path needs far fewer."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +67,22 @@ def read_waypoints(path: Path) -> Waypoints:
     column = {name: table[:, place] for place, name in enumerate(found)}
     _check_times(column["t_s"], path)
     positions = np.stack([column[name] for name in _COLUMNS[1:]], axis=-1)
-    return Waypoints(column["t_s"], positions, column.get(_YAW, np.zeros(len(table))))
+    yaws_rad = column.get(_YAW, np.zeros(len(table)))
+    _check_headings(yaws_rad, path)
+    return Waypoints(column["t_s"], positions, yaws_rad)
 
 
 def _check_times(times_s: Array, path: Path) -> None:
-    if times_s[0] != 0.0:
-        raise ConfigError(f"{path}: line 2: t_s must begin at 0, not {times_s[0]:g}")
-    falls = np.flatnonzero(np.diff(times_s) <= 0.0)
-    if falls.size:
-        line = int(falls[0]) + 3
+    wrong = time_mistake(times_s.tolist())
+    if wrong is not None:
+        raise ConfigError(f"{path}: line {wrong[0] + 2}: {wrong[1]}")
+
+
+def _check_headings(yaws_rad: Array, path: Path) -> None:
+    large = np.flatnonzero(np.abs(yaws_rad) > MAX_YAW_RAD)
+    if large.size:
+        row = int(large[0])
         raise ConfigError(
-            f"{path}: line {line}: t_s must rise, {times_s[line - 2]:g} does not follow {times_s[line - 3]:g}"
+            f"{path}: line {row + 2}: yaw_rad = {yaws_rad[row]:g} is more than a whole turn (6.28): is it in degrees? "
+            "Give radians from -3.1416 to 3.1416; the vehicle turns the short way from one waypoint to the next"
         )

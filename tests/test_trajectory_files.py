@@ -65,6 +65,12 @@ def test_a_heading_column_is_optional_and_so_is_the_order(tmp_path: Path) -> Non
         ("t_s,x_m,y_m,z_m\n0,0,0,inf\n2,1,0,1\n", "line 2: every value must be finite"),
         ("t_s,x_m,y_m,z_m\n1,0,0,1\n2,1,0,1\n", "line 2: t_s must begin at 0, not 1"),
         ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1,0,1\n2,1,1,1\n", "line 4: t_s must rise, 2 does not follow 2"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n0.001,1,0,1\n", "line 3: t_s must rise by at least 0.01 s, 0.001 follows 0"),
+        ("t_s,x_m,y_m,z_m\n0,0,0,1\n4000,1,0,1\n", "line 3: t_s must be at most 3600 s, not 4000"),
+        (
+            "t_s,x_m,y_m,z_m,yaw_rad\n0,0,0,1,0\n2,1,0,1,90\n",
+            "line 3: yaw_rad = 90 is more than a whole turn (6.28): is it in degrees? Give radians",
+        ),
         ("t_s,x_m,y_m,z_m,yaw_deg\n0,0,0,1,0\n2,1,0,1,0\n", "the first line must be t_s,x_m,y_m,z_m or"),
         ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,1,0,1,9\n", "line 3: 4 values are needed, there are 5"),
         ("t_s,x_m,y_m,z_m\n0,0,0,1\n", "at least two waypoints are needed, there are 1"),

@@ -85,7 +85,8 @@ class Waypoints:
 
     `stop` rests at each pose: minimum-jerk steps. Otherwise a pose is passed with the velocity and acceleration of the
     parabola through it and its neighbours, which follows densely sampled motions closely and swings out a little
-    beyond sharp corners; where a short step meets a long one both are bounded, or the long one would swing out far.
+    beyond sharp corners; where a short step meets a long one both are bounded, or the long one would swing out far. A
+    joint that has the same angle in two poses stands still between them.
     """
 
     times_s: Array
@@ -126,8 +127,9 @@ class Waypoints:
             most = 2.0 * (np.abs(steps[:-1]) + np.abs(steps[1:])) / longer
             weighted = (before * slope[1:] + after * slope[:-1]) / (before + after)
             bend = 2.0 * (slope[1:] - slope[:-1]) / (before + after)
-            velocity[1:-1] = np.clip(weighted, -most, most)
-            acceleration[1:-1] = np.clip(bend, -most / longer, most / longer)
+            moves = (steps[:-1] != 0.0) & (steps[1:] != 0.0)
+            velocity[1:-1] = moves * np.clip(weighted, -most, most)
+            acceleration[1:-1] = moves * np.clip(bend, -most / longer, most / longer)
         return JointMotion(poses, velocity, acceleration)
 
 

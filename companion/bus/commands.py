@@ -4,7 +4,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 
-from companion.trajectory_files import MAX_WAYPOINTS
+from companion.waypoint_limits import LONGEST_S, MAX_WAYPOINTS, MAX_YAW_RAD
 
 ID = r"^[A-Za-z0-9_.:-]{1,64}$"
 """What a command may be called."""
@@ -64,17 +64,21 @@ class GoTo(_Command):
     x_m: Metres = Field(description="in W")
     y_m: Metres = Field(description="in W")
     z_m: float = Field(gt=0.0, le=50.0, description="in W, above the floor")
-    yaw_rad: float | None = Field(None, ge=-6.3, le=6.3, description="heading there; as it is if null")
+    yaw_rad: float | None = Field(
+        None, ge=-MAX_YAW_RAD, le=MAX_YAW_RAD, description="heading there, rad; as it is if null"
+    )
 
 
 class Waypoint(_Message):
     """One row of a CSV file of waypoints."""
 
-    t_s: float = Field(ge=0.0, le=3600.0)
+    t_s: float = Field(ge=0.0, le=LONGEST_S)
     x_m: Metres
     y_m: Metres
     z_m: Metres
-    yaw_rad: float = Field(0.0, ge=-100.0, le=100.0)
+    yaw_rad: float = Field(
+        0.0, ge=-MAX_YAW_RAD, le=MAX_YAW_RAD, description="heading, rad; the next one is taken the short way round"
+    )
 
 
 class Track(_Command):

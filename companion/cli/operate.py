@@ -16,8 +16,8 @@ from companion.ports import ConfigError
 
 _CURVES = ("ellipse", "figure8")
 _SETTINGS = {"help_option_names": ["-h", "--help"]}
-_MM = 4
-"""Decimals of a metre: what 400 waypoints take must fit into one message."""
+_DECIMALS = 6
+"""Of m, rad and s: what 400 waypoints take must fit into one message."""
 
 Height = Annotated[float | None, typer.Option(help="Above where it stands, m; as configured if not given.")]
 
@@ -92,9 +92,9 @@ def _waypoints(name: str) -> list[dict[str, float]]:
     table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
     return [
         {
-            "t_s": float(t_s),
-            **{axis: round(float(value), _MM) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
-            "yaw_rad": round(float(yaw_rad), _MM),
+            "t_s": round(float(t_s), _DECIMALS),
+            **{axis: round(float(value), _DECIMALS) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
+            "yaw_rad": round(float(yaw_rad), _DECIMALS),
         }
         for t_s, place, yaw_rad in table
     ]

@@ -92,9 +92,12 @@ class MinimumJerk:
         return of_velocity, of_acceleration
 
 
-def minimum_jerk_duration_s(distance_m: float, speed_mps: float, accel_mps2: float, least_s: float = 1.0) -> float:
-    """Shortest duration of a minimum-jerk move within a speed and an acceleration (peaks 15/8 and 10/sqrt(3))."""
-    return max(least_s, 1.875 * distance_m / speed_mps, float(np.sqrt(5.7735 * distance_m / accel_mps2)))
+def minimum_jerk_duration_s(distance: float, speed: float, accel: float, least_s: float = 1.0) -> float:
+    """Return the shortest duration of a minimum-jerk move within a speed and an acceleration.
+
+    Of a way in m, m/s and m/s^2, or of a turn in rad, rad/s and rad/s^2; peaks are 15/8 and 10/sqrt(3).
+    """
+    return max(least_s, 1.875 * distance / speed, float(np.sqrt(5.7735 * distance / accel)))
 
 
 @dataclass(frozen=True)

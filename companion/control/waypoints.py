@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from companion.control.monotone import monotone_motion_at_knots
 from companion.types import Array, Reference
 
 
@@ -13,7 +14,9 @@ class Waypoints:
     """Times (n,) from 0 (s), positions (n, 3) in W (m), headings (n,) (rad).
 
     A quintic spline: one fifth-order polynomial a segment, continuous up to snap at the waypoints, at rest with no
-    acceleration at both ends.
+    acceleration at both ends. Between two waypoints at the same place it stands still: it comes to rest at the first
+    and starts from rest at the second. The heading takes the short way from one waypoint to the next, is smooth to
+    its second derivative, and never turns beyond either of the two.
     """
 
     times_s: Array
@@ -37,9 +40,10 @@ class Waypoints:
     def _coefficients(self) -> Array:
         """(segments, 6, 4): each a quintic between positions, velocities and accelerations at its ends."""
         values = np.concatenate((self.positions_w_m, np.unwrap(self.yaws_rad)[:, None]), axis=1)
-        spans = np.diff(self.times_s)
-        steps = np.diff(values, axis=0)
-        motion = _motion_at_knots(spans, steps)
+        spans, steps = np.diff(self.times_s), np.diff(values, axis=0)
+        moving = _motion_at_knots(spans, steps[:, :3])
+        turning = monotone_motion_at_knots(spans, steps[:, 3])
+        motion = np.concatenate((moving, turning[:, :, None]), axis=2)
         v, a = motion[:, 0], motion[:, 1]
         h = spans[:, None]
         v0, v1, a0, a1 = v[:-1] * h, v[1:] * h, a[:-1] * h**2, a[1:] * h**2
@@ -50,15 +54,18 @@ class Waypoints:
 
 
 def _motion_at_knots(spans: Array, steps: Array) -> Array:
-    """Velocity and acceleration (n, 2, 4) at every waypoint that make jerk and snap continuous; at rest at both ends.
+    """Velocity and acceleration (n, 2, 3) at every waypoint that make jerk and snap continuous.
 
-    A block-tridiagonal system, solved from one end to the other: the time is linear in the waypoints, as somebody may
-    fly meanwhile.
+    At rest at both ends, and where a step beside the waypoint is 0: a pause. A block-tridiagonal system, solved from
+    one end to the other: the time is linear in the waypoints, as somebody may fly meanwhile.
     """
     count = len(spans)
-    motion = np.zeros((count + 1, 2, 4))
-    gains, rests = np.zeros((count, 2, 2)), np.zeros((count, 2, 4))  # motion[k] = rests[k] - gains[k] @ motion[k + 1]
+    paused = (steps == 0.0).all(axis=1)
+    motion = np.zeros((count + 1, 2, 3))
+    gains, rests = np.zeros((count, 2, 2)), np.zeros((count, 2, 3))  # motion[k] = rests[k] - gains[k] @ motion[k + 1]
     for k in range(1, count):
+        if paused[k - 1] or paused[k]:
+            continue  # at rest, whatever comes next: both parts of the path are solved by themselves
         h, g = float(spans[k - 1]), float(spans[k])
         below = np.array([[-24.0 / h**2, -3.0 / h], [-168.0 / h**3, -24.0 / h**2]])
         here = np.array(

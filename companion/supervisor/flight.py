@@ -92,6 +92,8 @@ class FlightRules:
     """OFFBOARD must show within this after the operator asked for the vehicle."""
     turn_radps: float = 1.0
     """Peak rate at which the heading changes on the way to a trajectory's start."""
+    turn_accel_radps2: float = 1.0
+    """And the peak of its change."""
     stow_time_s: float = 6.0
     """Hover at most so long for the arms to be stowed, then land with them as they are."""
     land_on_arm_fault: bool = True

@@ -57,7 +57,7 @@ def approach(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> F
     distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
     stop_s = _LEAVING * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2
     turn_rad = abs((start.yaw_rad - now.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi)
-    least_s = max(1.0, stop_s, 1.875 * float(turn_rad) / rules.turn_radps)
+    least_s = minimum_jerk_duration_s(float(turn_rad), rules.turn_radps, rules.turn_accel_radps2, max(1.0, stop_s))
     way = MinimumJerk(
         now.position_w_m,
         start.position_w_m,

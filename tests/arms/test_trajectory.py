@@ -120,6 +120,17 @@ def test_passing_waypoints_move_as_the_parabola_through_the_neighbours() -> None
     np.testing.assert_allclose(inside.acceleration_radps2[:, 0], [1.0, -3.0], atol=1e-12)
 
 
+def test_passing_waypoints_stand_still_where_a_joint_has_one_angle_twice() -> None:
+    poses = np.zeros((5, 8))
+    poses[:, 0] = (0.0, 1.0, 1.0, 0.0, 0.5)
+    poses[:, 1] = (0.0, 1.0, 3.0, 3.5, 2.0)
+    course = Waypoints(np.array([0.0, 1.0, 2.0, 3.0, 4.0]), poses, stop=False)
+    paused = course.at(np.linspace(1.0, 2.0, 21))
+    np.testing.assert_array_equal(paused.position_rad[:, 0], 1.0)
+    np.testing.assert_array_equal(paused.velocity_radps[:, 0], 0.0)
+    assert (paused.velocity_radps[:, 1] > 0.1).all(), "the other joint passes smoothly"
+
+
 def test_passing_waypoints_follow_a_parabola_exactly_whatever_their_spacing() -> None:
     times = np.array([0.0, 0.7, 1.0, 1.9, 2.2, 3.0])
     course = Waypoints(times, A + B * times[:, None] ** 2, stop=False)

@@ -7,7 +7,7 @@ import pytest
 
 from companion.bus.commands import AT_ONCE, VERBS, Command
 from companion.bus.intake import MAX_BYTES, STALE_S, Intake, Refusal
-from companion.trajectory_files import MAX_WAYPOINTS
+from companion.waypoint_limits import MAX_WAYPOINTS
 from tests.bus.payloads import GOOD, NOW_S, SESSION, payload
 
 

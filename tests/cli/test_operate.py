@@ -17,7 +17,7 @@ import pytest
 from companion.bus.commands import Arms, Command, Track
 from companion.bus.telemetry import Answer, Doing
 from companion.cli.commands import COMMANDS
-from companion.trajectory_files import MAX_WAYPOINTS
+from companion.waypoint_limits import MAX_WAYPOINTS
 from tests.broker import BrokerProcess, broker
 from tests.cli.typed import typing
 from tests.console.scripted import Answers, ScriptedService, scripted

@@ -92,6 +92,16 @@ def test_a_turn_takes_its_time_the_short_way(from_rad: float, to_rad: float, way
     assert flown.legs[0].trajectory.duration_s == pytest.approx(max(1.0, 1.875 * way_rad / turn_radps))
 
 
+def test_a_small_turn_is_not_begun_with_a_jerk() -> None:
+    flight, time_s = STATES["hovering"]
+    here = reference_at(flight, time_s).position_w_m
+    flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, 0.0)),))
+    way = request(flight, Fly(Hold(here, 0.5, 5.0), 1.0), on_reference(flight, time_s), RULES).legs[0].trajectory
+    turned = np.array([way.at(0.01 * n).yaw_rad for n in range(300)])
+    accels = np.abs(np.diff(turned, n=2)) / 1e-4
+    assert accels.max() == pytest.approx(RULES.turn_accel_radps2, rel=0.01)
+
+
 def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     """Straight back from 0.5 m/s, to where it is now: within the acceleration of a climb."""
     flight, time_s = STATES["hovering"]

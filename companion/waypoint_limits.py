@@ -1,0 +1,26 @@
+"""Limits of a path through waypoints, be it in a CSV file or in a command; nothing heavy is imported here."""
+
+import math
+from itertools import pairwise
+
+MAX_WAYPOINTS = 400
+"""The spline is solved at once, in about a second for so many; a smooth path needs far fewer."""
+LEAST_GAP_S = 0.01
+"""Between two waypoints: a control cycle."""
+LONGEST_S = 3600.0
+MAX_YAW_RAD = 6.3
+"""A whole turn: what is larger is in degrees, or counts turns that a path by the short way does not make."""
+
+
+def time_mistake(times_s: list[float]) -> tuple[int, str] | None:
+    """Return the first waypoint whose time (s) cannot be flown, and why; None when all can."""
+    if not times_s or times_s[0] != 0.0:
+        return 0, f"t_s must begin at 0, not {times_s[0] if times_s else math.nan:g}"
+    for number, (before_s, after_s) in enumerate(pairwise(times_s), start=1):
+        if after_s <= before_s:
+            return number, f"t_s must rise, {after_s:g} does not follow {before_s:g}"
+        if after_s - before_s < LEAST_GAP_S - 1e-9:
+            return number, f"t_s must rise by at least {LEAST_GAP_S:g} s, {after_s:g} follows {before_s:g}"
+        if after_s > LONGEST_S:
+            return number, f"t_s must be at most {LONGEST_S:g} s, not {after_s:g}"
+    return None
