@@ -73,7 +73,13 @@ class LimitsConfig(Section):
 class Px4Config(Section):
     """The autopilot's link."""
 
-    url: str = Field("udpin://0.0.0.0:14540", description="MAVSDK connection URL")
+    url: str = Field("udpin://127.0.0.1:14540", description="MAVSDK connection URL")
+    system_id: int | None = Field(
+        None, ge=1, le=255, description="PX4's MAV_SYS_ID; none: the first autopilot heard, and no other may be there"
+    )
+    battery_id: int | None = Field(
+        None, ge=0, le=255, description="battery that carries the vehicle: 0 for PX4's BAT1; none: the lowest heard"
+    )
     connect_timeout_s: float = Field(10.0, gt=0.0, le=120.0, description="wait for the first HEARTBEAT, s")
     answer_timeout_s: float = Field(5.0, gt=0.0, le=60.0, description="wait until a command shows in its state, s")
     arm_timeout_s: float = Field(15.0, gt=0.0, le=120.0, description="go on asking to arm while it says no, s")

@@ -83,6 +83,17 @@ class FlightMode(StrEnum):
     OTHER = "other"
 
 
+@dataclass(frozen=True, kw_only=True)
+class BatteryReading:
+    """The newest BATTERY_STATUS of one battery; NaN where the autopilot does not know."""
+
+    id: int
+    """The battery's number in MAVLink: 0 for PX4's BAT1, 1 for BAT2; -1 before any was heard."""
+    fraction: float
+    """Remaining charge, 0..1."""
+    voltage_v: float
+
+
 @dataclass(frozen=True)
 class AutopilotStatus:
     """What the autopilot last said of itself; ages are for the caller to compute from the times of arrival."""
@@ -95,6 +106,7 @@ class AutopilotStatus:
     in_air: bool | None
     """What its land detector says; None before it has said anything, and while it does not know itself."""
     battery_fraction: float
+    """Of the battery that carries the vehicle, `battery_id`; NaN while it is not known."""
     battery_v: float
     q_w_flu_wxyz: Array
     """The autopilot's own attitude estimate, already in our frames."""
@@ -106,6 +118,19 @@ class AutopilotStatus:
     """Arrival of `q_w_flu_wxyz` on our monotonic clock; -inf before the first."""
     boot_s: float = math.nan
     """The autopilot's own time since its boot, as it last said; NaN before."""
+    battery_id: int = -1
+    """See BatteryReading."""
+    batteries: tuple[BatteryReading, ...] = ()
+    """All that were heard, by number."""
+    system_id: int = 0
+    """The autopilot's number in MAVLink (MAV_SYS_ID); 0 while it is not known."""
+    strangers: tuple[str, ...] = ()
+    """Other autopilots heard on this link, each in a few words."""
+
+    @property
+    def battery_name(self) -> str:
+        """Return `the battery`, or `battery 0` where there is more than one."""
+        return "the battery" if len(self.batteries) <= 1 else f"battery {self.battery_id}"
 
 
 @dataclass(frozen=True)

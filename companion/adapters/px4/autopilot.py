@@ -1,30 +1,26 @@
-"""PX4 through MAVSDK's native 4.x API: setpoints on the calling thread, commands by callback.
+"""PX4 over MAVSDK's native 4.x API: setpoints on the calling thread, commands as messages.
 
 NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
-- A mode command gets two COMMAND_ACKs and MAVSDK believes the first, which only means "well-formed". So a mode, and the
-  armed state, count as reached only when PX4's own messages show them (`direct`).
+- A mode command gets two COMMAND_ACKs, the first of which only means "well-formed". So a mode, and the armed state,
+  count as reached only when PX4's own messages show them (`direct`).
 - MAVSDK re-sends the last setpoint at 20 Hz by itself, for as long as the process lives and PX4 shows OFFBOARD.
 - `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
-  seconds, and MAVSDK crashes when it is destroyed under a blocking call. The synchronous setpoint takes 0.1 ms, and the
-  commands that take a callback block nobody.
+  seconds, and MAVSDK crashes when it is destroyed under a call that is not answered yet. The synchronous setpoint takes
+  0.1 ms, and commands are messages of our own (`commands`).
 """
 
 import asyncio
-import logging
+import contextlib
 import math
-from collections.abc import AsyncIterator, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Coroutine, Sequence
+from dataclasses import replace
 from typing import Any
 
-from mavsdk.component_type import ComponentType
-from mavsdk.connection_result import ConnectionResult
 from mavsdk.exceptions import MavsdkError
-from mavsdk.logging import LogLevel, log_subscribe
-from mavsdk.mavsdk import Configuration, Mavsdk
-from mavsdk.plugins.action import Action
 from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, VisionPositionEstimate
 from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 
+from companion.adapters.px4.commands import CommandSender, MavResult
 from companion.adapters.px4.direct import Px4Direct
 from companion.adapters.px4.heard import LocalEstimate, Px4Heard
 from companion.config import Px4Config
@@ -32,114 +28,88 @@ from companion.control.frames import euler_ned_frd_deg, flip_yz
 from companion.ports import AutopilotError, Clock
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
 
-LOG = logging.getLogger(__name__)
-_LOG_LEVELS = {LogLevel.DEBUG: logging.DEBUG, LogLevel.INFO: logging.DEBUG, LogLevel.WARN: logging.INFO}
-"""One step quieter than MAVSDK thinks: what matters to the operator comes as an exception."""
-
-_KEPT: list[Any] = []
-"""C callbacks that MAVSDK may still call although it has forgotten them; a few bytes a command."""
-
 _POLL_S = 0.02
 _RETRY_S = 0.5
 _WORDS_S = 0.5
 _KILL_AGAIN_S = 0.1
-_ADVICE = {
-    ConnectionResult.BIND_ERROR: "is another program using that port?",
-    ConnectionResult.CONNECTION_URL_INVALID: "not a MAVSDK URL such as udpin://0.0.0.0:14540 or serial:///dev/ttyUSB0:921600",
-}
-_ADVICE_ELSE = "is the device there, and may we use it?"
+_REPEAT_S = 0.1
 
-
-@asynccontextmanager
-async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator["Px4"]:
-    """Connect and yield the autopilot; AutopilotError when the port is taken or no PX4 is heard in time."""
-    log_subscribe(_to_our_log)
-    # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
-    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
-    mavsdk = Mavsdk(configuration)
-    try:
-        result = mavsdk.add_any_connection(config.url)
-        if result != ConnectionResult.SUCCESS:
-            raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
-        system = await _first_autopilot(mavsdk, config.connect_timeout_s)
-        if system is None:
-            raise AutopilotError(
-                f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
-                "running and sending MAVLink to this address?"
-            )
-        px4 = Px4(system, config, clock)
-        try:
-            await px4.see_modes_early()
-            yield px4
-        finally:
-            px4.keep_callbacks()
-    finally:
-        mavsdk.destroy()
-        configuration.destroy()
-
-
-async def _first_autopilot(mavsdk: Mavsdk, timeout_s: float) -> Any:
-    """The first autopilot heard, or None; nothing blocks, so that Ctrl-C need not wait for it."""
-    loop = asyncio.get_running_loop()
-    heard: asyncio.Future[Any] = loop.create_future()
-    waiting = mavsdk.first_autopilot_async(timeout_s, lambda system: _deliver(loop, heard, system))
-    try:
-        return await heard
-    finally:
-        mavsdk.cancel_first_autopilot(waiting)
-
-
-def _deliver(loop: asyncio.AbstractEventLoop, future: "asyncio.Future[Any]", value: Any) -> None:
-    """From MAVSDK's thread into the event loop, if anybody still waits there."""
-
-    def put() -> None:
-        if not future.done():
-            future.set_result(value)
-
-    if not loop.is_closed():
-        loop.call_soon_threadsafe(put)
-
-
-Command = Callable[[Callable[[Any, Any], None]], None]
-"""One of MAVSDK's `..._async` calls: takes a callback for its result."""
+_ARM_DISARM, _NAV_LAND, _DO_SET_MODE, _SET_MESSAGE_INTERVAL = 400, 21, 176, 511
+"""MAV_CMD."""
+_ARMED_BIT, _CUSTOM_MODE_BIT = 128, 1
+"""MAV_MODE_FLAG."""
+_OFFBOARD_MAIN_MODE = 6
+"""px4_custom_mode.h."""
+_CURRENT_MODE, _EXTENDED_SYS_STATE = 436, 245
+_MODE_RATE_HZ = 20.0
+_LANDED_RATE_HZ = 5.0
+"""What PX4's onboard links have by themselves; other kinds of link do not send it, or slower."""
 
 
 class Px4:
     """ports.Autopilot over MAVSDK."""
 
-    def __init__(self, system: Any, config: Px4Config, clock: Clock) -> None:
+    def __init__(self, system: Any, config: Px4Config, clock: Clock, own_ids: tuple[int, int]) -> None:
+        """`own_ids` are our system and component in MAVLink."""
         self._config, self._clock = config, clock
-        self._offboard, self._action = Offboard(system), Action(system)
-        self._mocap, self._direct = Mocap(system), Px4Direct(system)
-        self._heard = Px4Heard(system, self._direct, clock)
+        self._loop = asyncio.get_running_loop()
+        self._offboard, self._mocap, self._direct = Offboard(system), Mocap(system), Px4Direct(system)
+        self._commands = CommandSender(self._direct, own_ids)
+        self._heard = Px4Heard(system, self._direct, clock, config.battery_id, self._ask_again)
+        self._told: Attitude | None = None
+        """The setpoint that MAVSDK repeats; None while nothing leaves."""
+        self._asking: set[asyncio.Task[Any]] = set()
+        self.strangers: tuple[str, ...] = ()
+        """Other autopilots on the link, each in a few words."""
         self.warnings: tuple[str, ...] = ()
         """What the operator should know of this autopilot's link."""
 
-    def keep_callbacks(self) -> None:
-        """Call before MAVSDK is destroyed: it forgets the callbacks of unanswered commands, but calls them."""
-        for plugin in (self._offboard, self._action):
-            _KEPT.extend(plugin._callbacks)
-        _KEPT.extend(self._direct.kept_callbacks)
+    async def ask_for_messages(self) -> None:
+        """Ask for the message that shows a change of mode within 50 ms; a warning when PX4 does not grant it.
 
-    async def see_modes_early(self) -> None:
-        """Ask for the message that shows a change of mode within 50 ms; a warning when PX4 does not grant it."""
-        loop = asyncio.get_running_loop()
-        answered: asyncio.Future[Any] = loop.create_future()
-        self._direct.ask_for_current_mode(lambda granted: _deliver(loop, answered, granted))
-        try:
-            async with asyncio.timeout(self._config.answer_timeout_s):
-                granted = await answered
-        except TimeoutError:
-            granted = False
-        if not granted:
+        And for the land detector's, which comes late, or not at all, on links that are not set up as onboard.
+        """
+        if not await self._ask_for_both():
             self.warnings = (
                 "the autopilot does not send CURRENT_MODE faster (an older PX4?): a change of mode by the pilot or a "
                 "failsafe is seen up to a second late",
             )
 
+    async def close(self) -> None:
+        """Ask for nothing any more."""
+        for task in self._asking:
+            task.cancel()
+        await asyncio.gather(*self._asking, return_exceptions=True)
+
+    def _ask_again(self) -> None:
+        """After a reboot of the autopilot; called on MAVSDK's thread."""
+        self._loop.call_soon_threadsafe(lambda: self._begin(self._ask_for_both()))
+
+    async def _ask_for_both(self) -> bool:
+        """Ask for CURRENT_MODE, and then for the land detector's message; False when the first is not granted."""
+        granted = await self._ask_for(_CURRENT_MODE, _MODE_RATE_HZ)
+        self._begin(self._ask_for(_EXTENDED_SYS_STATE, _LANDED_RATE_HZ))
+        return granted
+
+    async def _ask_for(self, message: int, rate_hz: float) -> bool:
+        """Ask for a message at this rate; False when it is not granted."""
+        try:
+            answer = await self._commands.send(
+                _SET_MESSAGE_INTERVAL, message, 1e6 / rate_hz, timeout_s=self._config.answer_timeout_s
+            )
+        except (AutopilotError, TimeoutError):
+            return False
+        return answer is MavResult.ACCEPTED
+
+    def _begin(self, asking: Coroutine[Any, Any, Any]) -> None:
+        task = self._loop.create_task(asking, name="companion.px4.ask")
+        self._asking.add(task)
+        task.add_done_callback(self._asking.discard)
+
     def status(self) -> AutopilotStatus:
         """The last known state; never waits."""
-        return self._heard.status
+        status = self._heard.status
+        return replace(status, strangers=self.strangers) if self.strangers else status
 
     def local(self) -> LocalEstimate:
         """Where the autopilot itself believes to be; never waits."""
@@ -153,9 +123,10 @@ class Px4:
         """Send one attitude setpoint on the calling thread (0.1 ms)."""
         roll, pitch, yaw = euler_ned_frd_deg(setpoint.q_w_flu_wxyz)
         try:
-            self._offboard.set_attitude(Attitude(roll, pitch, yaw, float(setpoint.thrust)))
+            self._offboard.set_attitude(told := Attitude(roll, pitch, yaw, float(setpoint.thrust)))
         except MavsdkError as error:
             raise AutopilotError(f"setpoint not sent: {error}") from error
+        self._told = told
 
     def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
         """Forward one pose as VISION_POSITION_ESTIMATE, stamped by MAVSDK; its covariance is PX4's parameter."""
@@ -172,30 +143,44 @@ class Px4:
 
         MAVSDK repeats setpoints of one kind at a time: one of another kind, with nothing in it, replaces the attitude.
         """
+        self._told = None
         self._offboard.set_actuator_control(ActuatorControl([]))
 
     async def start_offboard(self) -> None:
         """Ask for OFFBOARD and wait until the autopilot shows it; a setpoint must have been sent before."""
         since_s = self._clock.now_s()
-        await self._call("start offboard mode", self._offboard.start_async, since_s)
-        await self._shown("OFFBOARD mode", since_s, lambda: self._heard.mode_since(since_s) is FlightMode.OFFBOARD)
+        repeating = self._loop.create_task(self._repeat_setpoint(), name="companion.px4.repeat")
+        try:
+            flags = _CUSTOM_MODE_BIT | (_ARMED_BIT if self._heard.status.armed else 0)
+            await self._call("start offboard mode", since_s, _DO_SET_MODE, flags, _OFFBOARD_MAIN_MODE)
+            await self._shown("OFFBOARD mode", since_s, lambda: self._heard.mode_since(since_s) is FlightMode.OFFBOARD)
+        finally:
+            repeating.cancel()
+
+    async def _repeat_setpoint(self) -> None:
+        """Keep MAVSDK at its repetition, which it gives up 3 s after its begin while the mode is not OFFBOARD yet."""
+        while True:
+            if self._told is not None:
+                with contextlib.suppress(MavsdkError):
+                    self._offboard.set_attitude(self._told)
+            await asyncio.sleep(_REPEAT_S)
 
     async def arm(self) -> None:
         """Arm and wait until the HEARTBEAT shows it; asks again while PX4 says no, as it does while it warms up."""
         since_s = self._clock.now_s()
-        await self._insist("arm", self._action.arm_async, since_s, self._config.arm_timeout_s)
+        await self._insist("arm", since_s, self._config.arm_timeout_s, _ARM_DISARM, 1.0)
         await self._shown("armed", since_s, lambda: self._heard.armed_since(since_s) is True)
 
     async def disarm(self) -> None:
         """Disarm and wait until shown; PX4 refuses in the air and for about a second after touchdown."""
         since_s = self._clock.now_s()
-        await self._insist("disarm", self._action.disarm_async, since_s, self._config.answer_timeout_s)
+        await self._insist("disarm", since_s, self._config.answer_timeout_s, _ARM_DISARM, 0.0)
         await self._shown("disarmed", since_s, lambda: self._heard.armed_since(since_s) is False)
 
     async def land(self) -> None:
         """Hand over to PX4's own landing and wait until OFFBOARD is left."""
         since_s = self._clock.now_s()
-        await self._call("land", self._action.land_async, since_s)
+        await self._call("land", since_s, _NAV_LAND, 0.0, 0.0, 0.0, None)  # yaw NaN: as it is
         still = {None, FlightMode.OFFBOARD}
         await self._shown("leaving OFFBOARD", since_s, lambda: self._heard.mode_since(since_s) not in still)
 
@@ -208,23 +193,19 @@ class Px4:
                 raise AutopilotError("the autopilot was told to stop the motors but does not show it: look at the link")
             await asyncio.sleep(_KILL_AGAIN_S)
 
-    async def _call(self, what: str, command: Command, since_s: float) -> None:
-        """Give a command and wait for its answer without blocking a thread: a link may be silent for ever."""
-        loop = asyncio.get_running_loop()
-        answered: asyncio.Future[Any] = loop.create_future()
-        command(lambda result, _: _deliver(loop, answered, result))
+    async def _call(self, what: str, since_s: float, command: int, *params: float | None) -> None:
+        """Give a command and wait until it is accepted."""
         try:
-            async with asyncio.timeout(self._config.answer_timeout_s):
-                result = await answered
+            answer = await self._commands.send(command, *params, timeout_s=self._config.answer_timeout_s)
         except TimeoutError as error:
             raise AutopilotError(f"the autopilot did not answer the command to {what}") from error
-        if result.name != "SUCCESS":
-            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(result.name, since_s)}")
+        if answer is not MavResult.ACCEPTED:
+            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(answer.words, since_s)}")
 
-    async def _insist(self, what: str, command: Command, since_s: float, timeout_s: float) -> None:
+    async def _insist(self, what: str, since_s: float, timeout_s: float, command: int, *params: float | None) -> None:
         while True:
             try:
-                await self._call(what, command, since_s)
+                await self._call(what, since_s, command, *params)
             except AutopilotError:
                 if self._clock.now_s() - since_s + _RETRY_S > timeout_s:
                     raise
@@ -241,16 +222,10 @@ class Px4:
             await asyncio.sleep(_POLL_S)
 
     async def _reason(self, result: str, since_s: float) -> str:
-        """The autopilot's own words, which may come a little after its refusal; MAVSDK's if it gives none."""
+        """The autopilot's own words, which may come a little after its refusal; `result` if it gives none."""
         for _ in range(round(_WORDS_S / _POLL_S)):
             if self._heard.texts_since(since_s):
                 break
             await asyncio.sleep(_POLL_S)
         words = list(dict.fromkeys(self._heard.texts_since(since_s)))
-        return "; ".join(words) or result.lower().replace("_", " ")
-
-
-def _to_our_log(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
-    """MAVSDK prints every message to standard output unless somebody takes it."""
-    LOG.log(_LOG_LEVELS.get(level, logging.INFO), "%s", message)
-    return True
+        return "; ".join(words) or result

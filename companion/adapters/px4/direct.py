@@ -5,25 +5,28 @@ soon as its mode changes, so a mode is known within 50 ms instead of a second (P
 """
 
 import asyncio
+import contextlib
 import json
+import logging
 import math
 import struct
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from mavsdk.exceptions import MavsdkError
-from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkDirectResult, MavlinkMessage
+from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
 from companion.ports import AutopilotError
 from companion.types import FlightMode
 
+LOG = logging.getLogger(__name__)
+
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1; PX4's own system number is whatever MAVSDK found."""
-_ARM_DISARM, _SET_INTERVAL = 400, 511
+_ARM_DISARM = 400
 _KILL_ANYWAY = 21196
 """Parameter 2 of ARM_DISARM: in the air, too."""
-_CURRENT_MODE = 436
-_MODE_RATE_HZ = 20.0
+_PARAMS = 7
 _ARMED_BIT = 128
 _PX4 = 12
 _INT32, _REAL32 = 6, 9
@@ -62,17 +65,17 @@ class Px4Direct:
         self._params: dict[str, float] = {}
         self.on("PARAM_VALUE", self._on_param)
 
-    @property
-    def kept_callbacks(self) -> list[Any]:
-        """What MAVSDK may still call after it was destroyed."""
-        return list(self._plugin._callbacks)
-
     def on(self, name: str, take: Callable[[dict[str, Any]], None]) -> None:
         """Have `take` called with the fields of every such message of the autopilot; floats that are NaN are None."""
 
         def heard(message: MavlinkMessage, _: Any) -> None:
-            if message.component_id == _AUTOPILOT:
+            if message.component_id != _AUTOPILOT:
+                return
+            try:
                 take(json.loads(message.fields_json))
+            except Exception:  # MAVSDK would print it to standard output
+                with contextlib.suppress(Exception):  # without memory, there is not even some for a log line
+                    LOG.exception("a %s of the autopilot cannot be used", name)
 
         self._plugin.subscribe_message(name, heard)
 
@@ -89,22 +92,15 @@ class Px4Direct:
         """Have `take` called with the mode PX4 is really in, also when a failsafe has replaced the chosen one."""
         self.on("CURRENT_MODE", lambda fields: take(flight_mode(fields["custom_mode"])))
 
-    def ask_for_current_mode(self, answered: Callable[[bool], None]) -> None:
-        """Ask for CURRENT_MODE at 20 Hz; `answered` is told, on MAVSDK's thread, whether PX4 grants it."""
-
-        def taken(result: MavlinkDirectResult, ack: MavlinkMessage, _: Any) -> None:
-            granted = result == MavlinkDirectResult.SUCCESS and json.loads(ack.fields_json)["result"] == 0
-            answered(granted)
-
-        interval_us = 1e6 / _MODE_RATE_HZ
-        self._plugin.send_command_async(self._command(_SET_INTERVAL, _CURRENT_MODE, interval_us), taken)
-
     def kill(self) -> None:
-        """Send "motors off, in the air, too" once and at once.
+        """Send "motors off, in the air, too" once and at once, beside an ARM or DISARM that is not answered yet."""
+        self.send_command(_ARM_DISARM, 0.0, _KILL_ANYWAY)
 
-        MAVSDK's own call would queue it behind an ARM or DISARM that was not answered yet.
-        """
-        self._send(self._command(_ARM_DISARM, 0.0, _KILL_ANYWAY))
+    def send_command(self, command: int, *params: float | None, confirmation: int = 0) -> None:
+        """Send one COMMAND_LONG, once; None is NaN, and parameters left out are 0. AutopilotError if it cannot be."""
+        values = (*params, *[0.0] * (_PARAMS - len(params)))
+        named = {f"param{number}": value for number, value in enumerate(values, 1)}
+        self._send(self._message("COMMAND_LONG", command=command, confirmation=confirmation, **named))
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
         """Values of PX4's parameters; those it does not know are absent (PX4 does not answer), after a second.
@@ -130,10 +126,6 @@ class Px4Direct:
             value = float(struct.unpack("<i", struct.pack("<f", value))[0])
         if kind in {_INT32, _REAL32}:
             self._params = {**self._params, fields["param_id"]: float(value)}
-
-    def _command(self, command: int, param1: float, param2: float) -> MavlinkMessage:
-        rest = {f"param{number}": 0 for number in range(3, 8)}
-        return self._message("COMMAND_LONG", command=command, confirmation=0, param1=param1, param2=param2, **rest)
 
     def _message(self, name: str, **fields: Any) -> MavlinkMessage:
         return MavlinkMessage(name, fields_json=json.dumps({**self._target, **fields}))

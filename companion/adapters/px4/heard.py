@@ -1,19 +1,23 @@
 """What PX4 says of itself, as it arrives: status, texts, and where its own estimator believes to be.
 
-Telemetry arrives on MAVSDK's one thread for callbacks, in order, and replaces frozen values that any thread may read.
+Messages arrive on MAVSDK's one thread for callbacks, in order, and replace frozen values that any thread may read. They
+are taken by message and not by MAVSDK's Telemetry: that takes the newest battery's state for the battery's, fails on a
+text that is no UTF-8 and prints its bytes, and asks for HOME_POSITION for ever.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from mavsdk.plugins.telemetry import LandedState, Telemetry
 
+from companion.adapters.px4.batteries import flight_battery, merged, reading
 from companion.adapters.px4.direct import Px4Direct
+from companion.adapters.px4.texts import TextPieces, printable
 from companion.control.frames import flip_quat, flip_yz
 from companion.ports import Clock
-from companion.types import Array, AutopilotStatus, FlightMode
+from companion.types import Array, AutopilotStatus, BatteryReading, FlightMode
 
 _TEXTS = 50
 """STATUSTEXTs that are kept."""
@@ -22,10 +26,14 @@ _FROM_VISION = 2 | 8 | 256
 
 A recorded PX4 v1.17 shows 229 without vision, 495 on the ground and 367 in the air with it.
 """
+_LANDED_UNKNOWN, _ON_GROUND = 0, 1
+"""MAV_LANDED_STATE; the others are in the air, taking off and landing."""
+_LAST_PIECE_S = 0.5
+"""The pieces of a long text come at once: later than this, the rest was lost."""
 
 
-def _in_air(state: LandedState) -> bool | None:
-    return None if state is LandedState.UNKNOWN else state is not LandedState.ON_GROUND
+def _in_air(state: int) -> bool | None:
+    return None if state == _LANDED_UNKNOWN else state != _ON_GROUND
 
 
 def _nowhere() -> Array:
@@ -56,14 +64,32 @@ class LocalEstimate:
 class Px4Heard:
     """The newest of everything."""
 
-    def __init__(self, system: Any, direct: Px4Direct, clock: Clock) -> None:
+    def __init__(
+        self, system: Any, direct: Px4Direct, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
+    ) -> None:
+        """`battery_id` is the battery that carries the vehicle, None: the lowest number heard.
+
+        `rebooted` is called on MAVSDK's thread when the autopilot has started anew and forgotten what it was asked for.
+        """
         self._system, self._direct, self._clock = system, direct, clock
-        self._telemetry = Telemetry(system)
+        self._battery_id, self._rebooted = battery_id, rebooted
         level = np.array([1.0, 0.0, 0.0, 0.0])
-        self.status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
+        self.status = AutopilotStatus(
+            True,
+            -math.inf,
+            False,
+            FlightMode.OTHER,
+            None,
+            math.nan,
+            math.nan,
+            level,
+            "",
+            system_id=system.get_system_id(),
+        )
         self.local = LocalEstimate()
         self._mode_s = -math.inf
         self._texts: list[tuple[float, str]] = []
+        self._pieces, self._pieces_s = TextPieces(), -math.inf
         self._subscribe()
 
     def mode_since(self, since_s: float) -> FlightMode | None:
@@ -79,18 +105,16 @@ class Px4Heard:
         return [text for at_s, text in self._texts if at_s >= time_s]
 
     def _subscribe(self) -> None:
-        t = self._telemetry
+        on = self._direct.on
         self._system.subscribe_is_connected(lambda up, _: self._update(connected=up))
         self._direct.on_heartbeat(self._on_heartbeat)
         self._direct.on_current_mode(self._on_current_mode)
-        self._direct.on("ESTIMATOR_STATUS", self._on_estimator)
-        t.subscribe_landed_state(lambda state, _: self._update(in_air=_in_air(state)))
-        t.subscribe_attitude_quaternion(lambda q, _: self._on_attitude(q))
-        t.subscribe_position_velocity_ned(lambda ned, _: self._on_local(ned.position, ned.velocity))
-        t.subscribe_battery(
-            lambda b, _: self._update(battery_fraction=b.remaining_percent / 100.0, battery_v=b.voltage_v)
-        )
-        t.subscribe_status_text(lambda text, _: self._on_text(text.text))
+        on("ESTIMATOR_STATUS", self._on_estimator)
+        on("EXTENDED_SYS_STATE", lambda fields: self._update(in_air=_in_air(fields["landed_state"])))
+        on("ATTITUDE_QUATERNION", self._on_attitude)
+        on("LOCAL_POSITION_NED", self._on_local)
+        on("BATTERY_STATUS", lambda fields: self._on_battery(reading(fields)))
+        on("STATUSTEXT", self._on_text)
 
     def _update(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)
@@ -99,32 +123,54 @@ class Px4Heard:
         now_s = self._clock.now_s()
         self._update(armed=armed, mode=mode, heartbeat_s=now_s, heard_s=now_s)
         self._mode_s = now_s
+        self._give_up_pieces()
 
     def _on_current_mode(self, mode: FlightMode) -> None:
         now_s = self._clock.now_s()
         self._update(mode=mode, heard_s=now_s)
         self._mode_s = now_s
 
-    def _on_attitude(self, q: Any) -> None:
+    def _on_attitude(self, fields: dict[str, Any]) -> None:
         """At 50 Hz, the most frequent message we take: it shows that the autopilot is there, and since when."""
-        boot_s = q.timestamp_us * 1e-6
-        if boot_s < self.status.boot_s:  # it has forgotten what we asked for
-            self._direct.ask_for_current_mode(lambda _granted: None)
-        attitude, now_s = flip_quat(np.array([q.w, q.x, q.y, q.z])), self._clock.now_s()
+        boot_s = fields["time_boot_ms"] * 1e-3
+        if boot_s < self.status.boot_s:
+            self._rebooted()
+        attitude, now_s = flip_quat(_floats(fields, "q1", "q2", "q3", "q4")), self._clock.now_s()
         self._update(q_w_flu_wxyz=attitude, attitude_s=now_s, heard_s=now_s, boot_s=boot_s)
 
-    def _on_local(self, position: Any, velocity: Any) -> None:
+    def _on_local(self, fields: dict[str, Any]) -> None:
         self.local = replace(
             self.local,
             time_s=self._clock.now_s(),
-            position_w_m=flip_yz(np.array([position.north_m, position.east_m, position.down_m])),
-            velocity_w_mps=flip_yz(np.array([velocity.north_m_s, velocity.east_m_s, velocity.down_m_s])),
+            position_w_m=flip_yz(_floats(fields, "x", "y", "z")),
+            velocity_w_mps=flip_yz(_floats(fields, "vx", "vy", "vz")),
         )
 
     def _on_estimator(self, fields: dict[str, Any]) -> None:
         self.local = replace(self.local, flags=fields["flags"], flags_s=self._clock.now_s())
 
-    def _on_text(self, text: str) -> None:
-        text = text.strip()
-        self._texts = [*self._texts[1 - _TEXTS :], (self._clock.now_s(), text)]
-        self._update(last_text=text)
+    def _on_battery(self, new: BatteryReading) -> None:
+        batteries = merged(self.status.batteries, new)
+        ours = flight_battery(batteries, self._battery_id)
+        self._update(batteries=batteries, battery_id=ours.id, battery_fraction=ours.fraction, battery_v=ours.voltage_v)
+
+    def _on_text(self, fields: dict[str, Any]) -> None:
+        self._pieces, whole = self._pieces.add(fields.get("id") or 0, fields["text"])
+        self._pieces_s = self._clock.now_s()
+        self._keep_texts(whole)
+
+    def _give_up_pieces(self) -> None:
+        """Take a long text as it is whose last piece was lost."""
+        if self._pieces.text and self._clock.now_s() - self._pieces_s > _LAST_PIECE_S:
+            pieces, self._pieces = self._pieces, TextPieces()
+            self._keep_texts((pieces.text,))
+
+    def _keep_texts(self, texts: tuple[str, ...]) -> None:
+        for text in filter(None, map(printable, texts)):
+            self._texts = [*self._texts[1 - _TEXTS :], (self._clock.now_s(), text)]
+            self._update(last_text=text)
+
+
+def _floats(fields: dict[str, Any], *names: str) -> Array:
+    """Return fields as an array; JSON has no NaN, so that it is null there."""
+    return np.array([math.nan if fields[name] is None else fields[name] for name in names])

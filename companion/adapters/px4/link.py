@@ -1,0 +1,118 @@
+"""The connection to PX4: opened, the right autopilot found on it, and closed without leaving anything to call back."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from mavsdk.autopilot import Autopilot
+from mavsdk.component_type import ComponentType
+from mavsdk.connection_result import ConnectionResult
+from mavsdk.mavsdk import Configuration, Mavsdk
+
+from companion.adapters.px4.autopilot import Px4
+from companion.adapters.px4.native_log import take_native_log
+from companion.config import Px4Config
+from companion.ports import AutopilotError, Clock
+
+_LOOK_S, _LOOK_AGAIN_S = 0.02, 1.0
+_ADVICE = {
+    ConnectionResult.BIND_ERROR: "is another program using that port?",
+    ConnectionResult.CONNECTION_URL_INVALID: (
+        "not a MAVSDK URL such as udpin://127.0.0.1:14540 or serial:///dev/ttyUSB0:921600"
+    ),
+}
+_ADVICE_ELSE = "is the device there, and may we use it?"
+_NAMES = {
+    Autopilot.PX4: "PX4",
+    Autopilot.ARDUPILOT: "ArduPilot",
+    Autopilot.GENERIC: "a generic autopilot",
+    Autopilot.UNKNOWN: "unknown",
+}
+
+
+@asynccontextmanager
+async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
+    """Connect and yield the autopilot.
+
+    AutopilotError when the port is taken, when no autopilot is heard in time, and when it is not PX4.
+    """
+    take_native_log()
+    # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
+    configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+    mavsdk = Mavsdk(configuration)
+    try:
+        result = mavsdk.add_any_connection(config.url)
+        if result != ConnectionResult.SUCCESS:
+            raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
+        system = await _autopilot(mavsdk, config, clock)
+        px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
+        looking = asyncio.create_task(_watch_strangers(mavsdk, system.get_system_id(), px4), name="companion.px4.look")
+        try:
+            await px4.ask_for_messages()
+            yield px4
+        finally:
+            looking.cancel()
+            await asyncio.gather(looking, px4.close(), return_exceptions=True)
+    finally:
+        _destroy(mavsdk, configuration)
+
+
+async def _autopilot(mavsdk: Mavsdk, config: Px4Config, clock: Clock) -> Any:
+    """Return the system that is flown: the configured one, or the first autopilot heard."""
+    end_s = clock.now_s() + config.connect_timeout_s
+    while True:
+        systems = _autopilots(mavsdk)
+        for system in systems:
+            if config.system_id in {None, system.get_system_id()}:
+                _require_px4(system, config)
+                return system
+        if clock.now_s() > end_s:
+            raise AutopilotError(_not_heard(config, [system.get_system_id() for system in systems]))
+        await asyncio.sleep(_LOOK_S)
+
+
+async def _watch_strangers(mavsdk: Mavsdk, ours: int, px4: Px4) -> None:
+    """Keep the list of the other autopilots that can be heard on the link."""
+    while True:
+        others = [system for system in _autopilots(mavsdk) if system.get_system_id() != ours]
+        px4.strangers = tuple(
+            f"system {system.get_system_id()} ({_NAMES.get(system.autopilot_type(), 'unknown')})" for system in others
+        )
+        await asyncio.sleep(_LOOK_AGAIN_S)
+
+
+def _autopilots(mavsdk: Mavsdk) -> list[Any]:
+    return [system for system in mavsdk.get_systems() if system.is_connected() and system.has_autopilot()]
+
+
+def _require_px4(system: Any, config: Px4Config) -> None:
+    kind = system.autopilot_type()
+    if kind is not Autopilot.PX4:
+        raise AutopilotError(
+            f"the autopilot on {config.url} (system {system.get_system_id()}) is not PX4 but "
+            f"{_NAMES.get(kind, 'of a kind that MAVSDK does not know')}: this service flies PX4 alone"
+        )
+
+
+def _not_heard(config: Px4Config, others: list[int]) -> str:
+    if not others:
+        return (
+            f"no autopilot heard on {config.url} within {config.connect_timeout_s:g} s: is PX4 (or the mock) "
+            "running and sending MAVLink to this address?"
+        )
+    heard = ", ".join(map(str, others))
+    return (
+        f"px4.system_id = {config.system_id} was not heard on {config.url} within {config.connect_timeout_s:g} s, only "
+        f"system {heard}: set px4.system_id to the vehicle's MAV_SYS_ID"
+    )
+
+
+def _destroy(mavsdk: Mavsdk, configuration: Configuration) -> None:
+    """Close the connection; the callbacks live until MAVSDK's threads have ended, which may hold some in a queue."""
+    systems = list(mavsdk._children)
+    plugins = [plugin for system in systems for plugin in system._plugins]
+    kept = [list(owner._subscriptions.values()) for owner in (mavsdk, *systems, *plugins)]
+    mavsdk.destroy()
+    configuration.destroy()
+    del kept
