@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from companion.preflight.check import Check
-from companion.types import AutopilotStatus
+from companion.types import AutopilotStatus, BatteryReading
 
 _HOVER_APART = 0.1
 _PLAUSIBLE = (0.2, 0.7)
@@ -42,14 +42,39 @@ def check_ground(status: AutopilotStatus) -> Check:
     return Check("disarmed", not (status.in_air or status.armed), where, "land and disarm it first")
 
 
+def check_alone(status: AutopilotStatus, configured: int | None) -> Check:
+    """Look for other autopilots on the link: unless a number is configured, the one heard first is flown."""
+    others = ", ".join(status.strangers)
+    if not others:
+        return Check("one autopilot", True, "no other one is heard on this link")
+    says = f"system {status.system_id} would be flown, and heard on the same link is {others}"
+    todo = (
+        "set px4.system_id to this vehicle's MAV_SYS_ID, which must differ from the other's, or let each vehicle send "
+        "to a port of its own"
+    )
+    return Check("one autopilot", configured is not None, says, todo)
+
+
 def check_battery(status: AutopilotStatus, least: float) -> Check:
-    """Whether the charge is known and enough for a flight."""
-    fraction = status.battery_fraction
-    if math.isnan(fraction):
+    """Check that the charge of the battery that carries the vehicle is known, and enough for a flight."""
+    fraction, shown = status.battery_fraction, [_battery_words(one) for one in status.batteries]
+    if not fraction >= 0.0:
+        heard = [one.id for one in status.batteries]
+        if heard and status.battery_id not in heard:
+            todo = "set px4.battery_id to the battery that carries the vehicle (BAT1 is 0)"
+            return Check("battery", False, f"battery {status.battery_id} is not heard, only {'; '.join(shown)}", todo)
         todo = "set up PX4's battery estimate: BAT1_N_CELLS, BAT1_CAPACITY, BAT1_V_CHARGED, BAT1_V_EMPTY"
-        return Check("battery", False, "its charge is not known", todo)
+        others = f" ({'; '.join(shown)})" if len(shown) > 1 else ""
+        return Check("battery", False, f"its charge is not known{others}", todo)
     says = f"{fraction:.0%}, {status.battery_v:.1f} V, at least {least:.0%} wanted"
+    if len(shown) > 1:
+        says = f"{'; '.join(shown)}; at least {least:.0%} of battery {status.battery_id} wanted"
     return Check("battery", fraction >= least, says, "charge it, or take another one")
+
+
+def _battery_words(one: BatteryReading) -> str:
+    charge = f"{one.fraction:.0%}" if one.fraction >= 0.0 else "charge not known"
+    return f"battery {one.id}: {charge}, {one.voltage_v:.1f} V"
 
 
 def check_hover_thrust(hover_thrust: float, mpc_thr_hover: float) -> Check:

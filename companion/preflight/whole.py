@@ -58,6 +58,7 @@ def check_all(
         *check_operator(facts.operator_age_s, config),
         *check_mocap(facts.mocap, config, wanted),
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
+        vehicle.check_alone(facts.status, config.px4.system_id),
         vehicle.check_ground(facts.status),
         *check_agreement(facts.apart, wanted),
         agreement.check_vision(facts.vision, wanted.position_apart_m),

@@ -7,7 +7,7 @@ from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health_memory import NEVER, since
 from companion.supervisor.observed import Observed
 from companion.supervisor.safety import SafetyRules
-from companion.types import FlightMode
+from companion.types import AutopilotStatus, FlightMode
 
 BOOT_BACK_S = 1.0
 """Messages that overtake each other take the time since boot back by less."""
@@ -41,12 +41,15 @@ def look_at_autopilot(
     )
     events = _of_link(memory, now, rules)
     if now.time_s - memory.critical_since_s >= BATTERY_S:
-        text = f"{100.0 * charge:.0f} % of the battery's charge left, below {100.0 * rules.battery_critical:.0f} %"
-        events.append(Event(Fault.BATTERY_CRITICAL, text))
+        events.append(Event(Fault.BATTERY_CRITICAL, _charge_words(status, rules.battery_critical)))
     elif now.time_s - memory.low_since_s >= BATTERY_S:
-        text = f"{100.0 * charge:.0f} % of the battery's charge left, below {100.0 * rules.battery_low:.0f} %"
-        events.append(Event(Fault.BATTERY_LOW, text))
+        events.append(Event(Fault.BATTERY_LOW, _charge_words(status, rules.battery_low)))
     return memory, events
+
+
+def _charge_words(status: AutopilotStatus, limit: float) -> str:
+    left = f"{100.0 * status.battery_fraction:.0f} % of {status.battery_name}'s charge left"
+    return f"{left}, below {100.0 * limit:.0f} %"
 
 
 def _of_reboot(memory: AutopilotHealth, now: Observed) -> str:

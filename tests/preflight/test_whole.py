@@ -19,7 +19,7 @@ from companion.preflight.by_hand import Kept
 from companion.preflight.check import Check, refusal
 from companion.preflight.whole import Facts, check_all
 from companion.trajectory_check import check_trajectory
-from companion.types import Array, Reference
+from companion.types import Array, AutopilotStatus, BatteryReading, Reference
 from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
 
 CONFIG = CompanionConfig(arms=ArmsConfig(), operator=OperatorConfig())
@@ -55,6 +55,8 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"status": replace(STATUS, heartbeat_s=-math.inf)}, "disarmed"),
         ({"status": replace(STATUS, battery_fraction=0.45)}, "battery"),
         ({"status": replace(STATUS, battery_fraction=math.nan)}, "battery"),
+        ({"status": replace(STATUS, battery_fraction=-0.01)}, "battery"),
+        ({"status": replace(STATUS, system_id=1, strangers=("system 2 (PX4)",))}, "one autopilot"),
         ({"apart": Apart(0.06, 0.0, 0.0)}, "roll agrees"),
         ({"apart": Apart(0.0, -0.06, 0.0)}, "pitch agrees"),
         ({"apart": Apart(0.0, 0.0, -0.11)}, "heading agrees"),
@@ -87,6 +89,42 @@ def test_what_is_wrong_refuses_arming_and_says_what_to_do(change: dict[str, Any]
     assert text.startswith("cannot arm: a preflight check fails\n")
     assert check.says in text
     assert check.todo in text
+
+
+def test_a_second_autopilot_may_be_there_where_a_number_says_which_is_flown() -> None:
+    heard = replace(ready(), status=replace(STATUS, system_id=1, strangers=("system 2 (PX4)",)))
+    numbered = CONFIG.model_copy(update={"px4": CONFIG.px4.model_copy(update={"system_id": 1})})
+    assert failed(heard, config=numbered) == []
+    [check] = failed(heard)
+    assert "system 1" in check.says
+    assert "system 2 (PX4)" in check.says
+    assert "px4.system_id" in check.todo
+
+
+SERVOS, FLIGHT = (BatteryReading(id=n, fraction=f, voltage_v=v) for n, f, v in ((1, 0.12, 10.9), (0, 0.95, 16.4)))
+
+
+def battery(status: AutopilotStatus) -> Check:
+    checks = check_all(replace(ready(), status=status), CONFIG, WANTED, RECOMMENDED)
+    return next(check for check in checks if check.name == "battery")
+
+
+def test_every_battery_is_named_where_there_are_two_and_the_flight_battery_counts() -> None:
+    check = battery(replace(STATUS, battery_id=0, batteries=(FLIGHT, SERVOS)))
+    assert check.passed
+    assert check.says == "battery 0: 95%, 16.4 V; battery 1: 12%, 10.9 V; at least 50% of battery 0 wanted"
+
+
+def test_a_charge_of_minus_one_is_not_an_empty_battery() -> None:
+    check = battery(replace(STATUS, battery_fraction=-0.01))
+    assert check.says == "its charge is not known"
+    assert "BAT1_N_CELLS" in check.todo
+
+
+def test_a_configured_battery_that_is_not_heard_is_named() -> None:
+    check = battery(replace(STATUS, battery_fraction=math.nan, battery_id=2, batteries=(FLIGHT,)))
+    assert check.says == "battery 2 is not heard, only battery 0: 95%, 16.4 V"
+    assert "px4.battery_id" in check.todo
 
 
 def test_a_missing_body_fails_all_that_depends_on_it_without_an_exception() -> None:

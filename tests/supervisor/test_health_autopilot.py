@@ -8,7 +8,7 @@ import pytest
 
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.observed import Observed
-from companion.types import FlightMode
+from companion.types import BatteryReading, FlightMode
 from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_status
 
 
@@ -93,6 +93,12 @@ def test_a_battery_is_low_or_critical_after_half_a_second(charge: float, event: 
     events = charged(charge)
     assert not any(events[:64])
     assert set(events[64:]) == {() if event is None else (event,)}
+
+
+def test_the_battery_is_named_by_its_number_where_there_are_two() -> None:
+    two = tuple(BatteryReading(id=number, fraction=0.2, voltage_v=12.0) for number in (0, 1))
+    events = watched([with_status(healthy(k), battery_fraction=0.2, batteries=two, battery_id=0) for k in range(80)])
+    assert events[-1] == (Event(Fault.BATTERY_LOW, "20 % of battery 0's charge left, below 25 %"),)
 
 
 def test_one_bad_sample_is_no_flat_battery() -> None:
