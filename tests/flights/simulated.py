@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.config import CompanionConfig
+from companion.config import CompanionConfig, FlightConfig
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
@@ -41,6 +41,8 @@ from tests.mock_autopilot.bench import Bench
 
 PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
 """The demo's: what a vehicle in that room has set."""
+BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.4, spool_up_s=0.5)
+"""So many flights are to be short."""
 
 
 class Room:
@@ -202,12 +204,12 @@ async def fly(
     real_driver: bool = False,
     longest_s: float = 120.0,
 ) -> Flight:
-    """Run the loop until the script has ended; raises what the loop raises.
+    """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
-    config = config or CompanionConfig(arms=ArmsConfig() if arms is not None else None)
+    config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
     room = Room(seed, plant, mocap, start, arms, faults)
     scripted: asyncio.Future[None] = asyncio.get_running_loop().create_future()

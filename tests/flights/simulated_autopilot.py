@@ -14,6 +14,7 @@ from companion.config import Px4Config
 from companion.control.frames import flip_quat, flip_yz
 from companion.ports import AutopilotError
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+from mock_autopilot.streams import DEFAULTS
 from tests.mock_autopilot.bench import Bench, Sent
 
 ARMED_BIT = 128
@@ -26,6 +27,8 @@ STREAM_KEPT_S = 3.0
 SILENT_S = 3.0
 """Without HEARTBEAT for so long MAVSDK counts as disconnected."""
 KILL_EVERY_S = 0.1
+_READ = frozenset({0, 1, 31, 245, CURRENT_MODE})
+"""Messages that come in streams and are looked at; what nobody reads is not even sent, which takes its time."""
 
 
 class SimulatedAutopilot:
@@ -39,6 +42,9 @@ class SimulatedAutopilot:
         """So many land commands are lost."""
         self._read = 0
         self._offboard_asked_s = -math.inf
+        for stream in DEFAULTS:
+            if stream.id not in _READ:
+                bench.link.streams.set_interval(stream.id, -1, bench.now_s)
         level = np.array([1.0, 0.0, 0.0, 0.0])
         self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
         self._takes: dict[str, Callable[[Sent], dict[str, Any]]] = {

@@ -22,7 +22,7 @@ from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_COUNT, JOINT_NAMES
 from companion.arms.planning import plan
 from companion.cli.mock_process import free_ports, mock_process
-from companion.config import CompanionConfig, FlightConfig, load_config
+from companion.config import CompanionConfig, load_config
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
 from companion.flight_loop import FlightLoop
@@ -31,13 +31,11 @@ from companion.supervisor.flight import Phase, TakeOff
 from mock_autopilot.dynamixel_config import Fault
 from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
-from tests.flights.simulated import Flight, Step, fly
+from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_arms import mock_arms, play, swing, torque
 from tests.flights.test_simulated_flights import ARM, DOWN, ask, until, wait
 
 HEIGHT_M = 0.5
-BRISK = {"climb_speed_mps": 1.0, "descent_speed_mps": 0.4, "spool_up_s": 0.5}
-"""A dozen flights are to be short."""
 SILENT_S, TOO_LATE_S = 0.5, 0.8
 """0.2 on a vehicle; here the mocks share a busy computer with us, and an answer that is to be late must be later."""
 STILL_RAD = 0.02
@@ -122,7 +120,7 @@ async def stack() -> AsyncIterator[Stack]:
             "px4": config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"}),
             "mocap": config.mocap.model_copy(update={"port": ports.qualisys}),
             "arms": config.arms.model_copy(update={"port": ports.servo_link, "silent_s": SILENT_S}),
-            "flight": config.flight.model_copy(update=BRISK),
+            "flight": BRISK,
         }
     )
     law = load_controller("etnn", config.vehicle_model(), 0.01).law
@@ -231,7 +229,7 @@ def broken(fault: dict[str, Any]) -> Step:
 
 async def flown(fault: dict[str, Any], end: list[Step]) -> tuple[Flight, Recorder]:
     """In simulated time: up and swinging, the fault, and its end."""
-    config = CompanionConfig(flight=FlightConfig(**BRISK), arms=ArmsConfig(silent_s=SILENT_S))
+    config = CompanionConfig(flight=BRISK, arms=ArmsConfig(silent_s=SILENT_S))
     up = [torque, *ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD), play(swing()), wait(0.5 * swing().approach_s)]
     flight = await fly([*up, broken(fault), *end], config=config, arms=mock_arms(), real_driver=True)
     recorder = Recorder()

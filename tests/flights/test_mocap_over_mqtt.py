@@ -14,8 +14,9 @@ from tests.broker import BrokerProcess, broker
 from tests.flights.command import ROOT, Running, read_json, run, start
 from tests.flights.faults.judge import judged
 from tests.flights.faults.real import Scene, _hover, _to_the_end, mock
-from tests.flights.faults.rows import BRISK, REAL_S, RULES, End, Row, within
+from tests.flights.faults.rows import REAL_S, RULES, End, Row, within
 from tests.flights.faults.watch import Told
+from tests.flights.simulated import BRISK
 from tests.mavlink_relay import Relay
 from tests.mosquitto import mosquitto, needs_mosquitto
 

@@ -16,7 +16,7 @@ PROMPTLY_S = 20.0
 async def test_a_script_that_does_not_end_in_the_air_ends_the_flight() -> None:
     async with asyncio.timeout(PROMPTLY_S):
         with pytest.raises(FlightTimeoutError, match=r"2 steps of the script are left, phase hold"):
-            await fly([*UP, until(Phase.TRACK), wait(1.0)], longest_s=20.0)
+            await fly([*UP, until(Phase.TRACK), wait(1.0)], longest_s=12.0)
 
 
 async def test_a_script_that_fails_in_the_air_ends_the_flight() -> None:
@@ -35,4 +35,4 @@ async def test_a_loop_that_has_failed_and_cannot_land_ends_in_time(monkeypatch: 
 
     async with asyncio.timeout(PROMPTLY_S):
         with pytest.raises(FlightTimeoutError, match="the loop has failed and is not done with it, phase handed over"):
-            await fly([*UP, hang, wait(60.0)], mocap_lost_at_s=18.0, longest_s=19.0)
+            await fly([*UP, hang, wait(60.0)], mocap_lost_at_s=12.0, longest_s=13.0)

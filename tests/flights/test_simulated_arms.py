@@ -22,7 +22,7 @@ from companion.service import Service
 from companion.supervisor.flight import Fly, Land, Phase
 from companion.types import Array
 from tests.flights.command import ROOT
-from tests.flights.simulated import Flight, Step, fly
+from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
 
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
@@ -99,7 +99,7 @@ async def lap(*, swinging: bool = True, mock: dict[str, Any] | None = None, **ch
     """One lap of the ellipse; `mock` changes the simulated arms, `changes` the companion's [arms]."""
     key = repr((swinging, mock, changes))
     if key not in FLOWN:
-        config = CompanionConfig(arms=ARMS.model_copy(update=changes))
+        config = CompanionConfig(flight=BRISK, arms=ARMS.model_copy(update=changes))
         begin = [play(swing())] if swinging else []
         there = [torque, wait(0.5), *UP, *begin, ask(Fly(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD), wait(0.5)]
         FLOWN[key] = await fly([wait(0.2), *there, *DOWN], config=config, arms=mock_arms() | (mock or {}))
@@ -169,7 +169,7 @@ async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
 
 
 async def test_a_servo_fault_may_leave_the_flight_alone() -> None:
-    config = CompanionConfig(arms=ARMS.model_copy(update={"land_on_fault": False}))
+    config = CompanionConfig(flight=BRISK, arms=ARMS.model_copy(update={"land_on_fault": False}))
     flight = await fly(
         [torque, wait(0.5), *UP, play(swing()), wait(3.0), fail, wait(5.0)], arms=mock_arms(), config=config
     )
@@ -189,7 +189,7 @@ async def test_a_bus_thread_that_hangs_is_a_fault_though_it_says_nothing() -> No
 
 
 async def test_handed_over_arms_are_folded_before_the_autopilot_lands() -> None:
-    mocap = {"silences": [{"start_s": 26.0, "for_s": 100.0}]}
+    mocap = {"silences": [{"start_s": 17.0, "for_s": 100.0}]}
     flight = await fly(
         [torque, wait(0.5), *UP, play(swing()), until(Phase.HANDED_OVER), wait(4.0)], arms=mock_arms(), mocap=mocap
     )
@@ -238,7 +238,7 @@ async def test_when_the_flight_loop_itself_ends_the_arms_still_fold() -> None:
     script = [torque, wait(0.5), *UP, play(swing()), wait(60.0)]
     seen: list[Flight] = []
     with pytest.raises(MocapError):
-        await fly([watch(seen), *script], arms=mock_arms(), mocap_lost_at_s=24.0)
+        await fly([watch(seen), *script], arms=mock_arms(), mocap_lost_at_s=16.0)
     [flight] = seen
     assert flight.phase is Phase.HANDED_OVER
     assert flight.autopilot.land_calls == 1

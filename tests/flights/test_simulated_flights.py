@@ -14,7 +14,7 @@ from companion.control.pid import Pid
 from companion.control.reference import Ellipse, LapTiming
 from companion.supervisor.flight import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
 from companion.types import Array, FlightMode
-from tests.flights.simulated import Flight, Step, fly
+from tests.flights.simulated import BRISK, Flight, Step, fly
 
 MODEL = VehicleModel()
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
@@ -53,7 +53,7 @@ def command(number: int, *params: float) -> Step:
 
 
 ARM = [
-    wait(6.0),
+    wait(3.0),  # until PX4 trusts its pose
     ask(Prepare()),
     wait(0.3),
     command(176, 1.0, 6.0, 0.0),
@@ -76,7 +76,8 @@ def _error_w_m(flight: Flight, phase: Phase) -> Array:
 
 
 async def test_a_flight_from_standby_to_disarmed() -> None:
-    flight = await fly([*UP, ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN])
+    script = [*UP, ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
+    flight = await fly(script, config=CompanionConfig())
     assert flight.phases() == [
         Phase.STANDBY, Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.HOLD, Phase.LAND,
         Phase.DISARMED,
@@ -138,7 +139,7 @@ async def test_the_trigger_sends_a_fraction_of_the_cycles_and_every_setpoint_dif
 
 @pytest.mark.parametrize("hover_thrust", [0.43, 0.58])
 async def test_a_misjudged_hover_thrust_still_takes_off_and_holds(hover_thrust: float) -> None:
-    config = CompanionConfig(vehicle=VehicleConfig(hover_thrust=hover_thrust))
+    config = CompanionConfig(vehicle=VehicleConfig(hover_thrust=hover_thrust), flight=BRISK)
     flight = await fly([*UP, wait(6.0)], config=config)
     assert abs(flight.truths_w_m[-1][2] - 1.2) < 0.15
 
@@ -151,7 +152,7 @@ async def test_without_lift_off_the_motors_stop_with_a_reason() -> None:
 
 
 async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() -> None:
-    mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
+    mocap = {"silences": [{"start_s": 12.0, "for_s": 100.0}]}
     flight = await fly([*UP, until(Phase.HANDED_OVER), wait(1.5)], mocap=mocap)
     handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
     assert 0.25 < handed.age_s < 0.28
@@ -161,7 +162,7 @@ async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() ->
 
 
 async def test_silent_mocap_on_the_ground_disarms() -> None:
-    mocap = {"silences": [{"start_s": 9.0, "for_s": 100.0}]}
+    mocap = {"silences": [{"start_s": 6.0, "for_s": 100.0}]}
     flight = await fly([*ARM, until(Phase.DISARMED)], mocap=mocap)
     assert "no usable pose for 0.2" in flight.loop.flight.reason
     assert Phase.TAKEOFF not in flight.phases()
@@ -201,7 +202,7 @@ async def test_a_law_that_raises_makes_the_autopilot_land_with_its_vision() -> N
 
 
 async def test_the_last_setpoint_before_handing_over_is_level() -> None:
-    mocap = {"silences": [{"start_s": 24.0, "for_s": 100.0}]}
+    mocap = {"silences": [{"start_s": 19.5, "for_s": 100.0}]}
     flight = await fly([*UP, ask(Fly(LAP, 0.5)), until(Phase.HANDED_OVER), wait(1.0)], mocap=mocap)
     last = flight.autopilot.setpoints[-1][1]
     assert up_axis(last.q_w_flu_wxyz)[2] == pytest.approx(1.0, abs=1e-9)
@@ -209,7 +210,7 @@ async def test_the_last_setpoint_before_handing_over_is_level() -> None:
 
 
 async def test_a_lost_land_command_is_repeated() -> None:
-    mocap = {"silences": [{"start_s": 20.0, "for_s": 100.0}]}
+    mocap = {"silences": [{"start_s": 12.0, "for_s": 100.0}]}
     flight = await fly([*UP, until(Phase.HANDED_OVER), wait(4.0)], mocap=mocap, lost_land_commands=1)
     assert flight.autopilot.land_calls == 2
     assert flight.autopilot.status().mode is not FlightMode.OFFBOARD
@@ -250,7 +251,7 @@ async def test_an_armed_vehicle_is_not_taken_over() -> None:
 
 
 async def test_a_listener_that_raises_does_not_stop_the_flight() -> None:
-    flight = await fly([*UP, wait(1.0), *DOWN], raise_in_sink_at_s=12.0)
+    flight = await fly([*UP, wait(1.0), *DOWN], raise_in_sink_at_s=8.0)
     assert flight.phase is Phase.DISARMED
     assert flight.loop.flight.reason == ""
 

@@ -86,7 +86,7 @@ async def test_when_the_loop_fails_the_autopilot_lands_and_sees_where_it_is(monk
 
 
 async def test_a_failed_loop_takes_a_kill_and_nothing_else() -> None:
-    flight = await flown_to_its_failure(UP, MocapError, mocap_lost_at_s=18.0)
+    flight = await flown_to_its_failure(UP, MocapError, mocap_lost_at_s=12.0)
     assert flight.room.bench.setpoint is None, "nobody repeats the last setpoint"
     for wanted in (Resume(), Land(), HandOver("")):
         assert "the flight loop has failed" in flight.loop.refusal(wanted)

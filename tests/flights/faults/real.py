@@ -23,9 +23,10 @@ from tests.broker import broker
 from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.faults.judge import Result, judged
-from tests.flights.faults.rows import BRISK, Row
+from tests.flights.faults.rows import Row
 from tests.flights.faults.table_real import BLOCK, KILL, NO_BROKER, REAL, REFUSED, STOP, TWICE
 from tests.flights.faults.watch import Flown, Told
+from tests.flights.simulated import BRISK
 from tests.flights.test_dead_man import companion, modes_after
 from tests.mavlink_relay import Relay
 

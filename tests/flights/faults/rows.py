@@ -5,18 +5,16 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from companion.config import CompanionConfig, FlightConfig
+from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
 from companion.config_safety import SafetyConfig
 from companion.supervisor.faults import Fault, Reaction, Stage, reaction_to
-from tests.flights.simulated import Flight
+from tests.flights.simulated import BRISK, Flight
 from tests.flights.test_simulated_arms import mock_arms
 
 RULES = SafetyConfig().rules()
 """The limits that fly: the configuration's own."""
 
-BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.4, spool_up_s=0.5)
-"""So many flights are to be short."""
 CONFIG = CompanionConfig(flight=BRISK)
 """What all but a few rows fly with; its fence judges all."""
 
