@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 Model = TypeVar("Model", bound=BaseModel)
 

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from companion.bus.topics import Topics
 from companion.config_files import Section
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 _MOST_PASSWORD_BYTES = 1024
 

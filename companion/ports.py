@@ -5,31 +5,23 @@ Adapters implement these; the flight loop and the tests know nothing else of the
 
 from typing import Protocol
 
+from companion.errors import ArmError, AutopilotError, CompanionError, ConfigError, FlightError, MocapError
 from companion.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, MocapFrame
 
-
-class CompanionError(Exception):
-    """A sentence for the operator: what is wrong, where, and what would be right."""
-
-
-class ConfigError(CompanionError):
-    """A configuration or trajectory file cannot be used."""
-
-
-class MocapError(CompanionError):
-    """The motion-capture source cannot be reached, or does not know the body."""
-
-
-class AutopilotError(CompanionError):
-    """The autopilot cannot be reached, or refuses."""
-
-
-class FlightError(CompanionError):
-    """A flight did not do what was asked; says why."""
-
-
-class ArmError(CompanionError):
-    """The servo bus cannot be reached, a servo is missing or wrong, or a motion of the arms is refused."""
+__all__ = [
+    "ArmBus",
+    "ArmError",
+    "Autopilot",
+    "AutopilotError",
+    "Clock",
+    "CompanionError",
+    "ConfigError",
+    "DeadMan",
+    "FlightError",
+    "MocapError",
+    "MocapSource",
+    "OperatorLink",
+]
 
 
 class Clock(Protocol):

@@ -8,6 +8,7 @@ import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import aiomqtt
 from aiomqtt.exceptions import MqttConnectError
@@ -16,12 +17,14 @@ from pydantic import BaseModel, ValidationError
 from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
 from companion.bus.telemetry import Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
-from companion.console.draft import Draft
 from companion.console.ending import end
 from companion.console.line import ForbiddenError, Line, NotSentError, is_forbidden
 from companion.console.place import url_of
 from companion.console.trouble import NobodyThereError
-from companion.ports import ConfigError
+from companion.errors import ConfigError
+
+if TYPE_CHECKING:
+    from companion.console.draft import Draft
 
 _STATUS_S = 1.5
 """A retained status comes at once; a broker that just begins has it with the service's next beat."""
@@ -122,7 +125,7 @@ class Console:
                 )
             await asyncio.sleep(0.01)
 
-    async def send(self, draft: Draft) -> bool:
+    async def send(self, draft: "Draft") -> bool:
         """Send it now, to the run of the service that `find` found; whether the broker surely has it.
 
         NotSentError when it surely did not leave, ConfigError when the broker does not let us command.

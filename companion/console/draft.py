@@ -7,7 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from companion.bus.commands import COMMAND
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 
 class Draft:

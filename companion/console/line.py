@@ -13,7 +13,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection, Reached
 from companion.bus.topics import Topics
 from companion.config_operator import OperatorConfig
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 _WAITING = 1000
 _KEPT_S = 60

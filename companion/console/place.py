@@ -8,7 +8,7 @@ from urllib.parse import SplitResult, urlsplit
 
 from companion.config_files import read_toml, validate
 from companion.config_operator import OperatorConfig
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 BROKER, VEHICLE, PASSWORD_FILE, CA_FILE = (
     "COMPANION_BROKER",

@@ -1,6 +1,6 @@
 """What can be wrong between an operator and the service, as sentences."""
 
-from companion.ports import CompanionError
+from companion.errors import CompanionError
 
 
 class NobodyThereError(CompanionError):

@@ -7,7 +7,7 @@ import aiomqtt
 
 from companion.adapters.mqtt.connection import Reached
 from companion.config_operator import OperatorConfig
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 
 def reached(config: OperatorConfig, will: aiomqtt.Will | None) -> Reached:
