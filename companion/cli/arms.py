@@ -1,6 +1,5 @@
 """`companion arms`: the servos of both arms on the bench, without autopilot and motion capture."""
 
-import logging
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -8,18 +7,11 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion.cli import complete
 from companion.cli.arms_bench import bench_of, run
 from companion.cli.arms_carry_out import From, How, carry_out
 from companion.cli.arms_plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms_servos import clear_servos, ping_servos, read_servos, switch_torque
-from companion.cli.operate_arms import live
-
-app = typer.Typer(
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
 
 ConfigOption = Annotated[Path | None, typer.Option("--config", help="Configuration; config/lab.toml if not given.")]
 PortOption = Annotated[str | None, typer.Option("--port", help="Serial port, instead of the configured one.")]
@@ -51,27 +43,11 @@ class Switch(StrEnum):
     OFF = "off"
 
 
-app.add_typer(live, name="live")
-
-
-@app.callback()
-def arms() -> None:
-    """Look at the arms' servos and move them, on the bench; or, by `live`, through the running service.
-
-    On the bench: for a vehicle on the ground, disarmed, its propellers off, and no service that has the servos' bus:
-    these commands know nothing of autopilot and flight.
-    Exit codes: 0 done, 1 failed on the way, 2 could not be started, 130 interrupted.
-    """
-    logging.basicConfig(level=logging.CRITICAL)  # what the driver has to say, the commands say themselves
-
-
-@app.command()
 def ping(config: ConfigOption = None, port: PortOption = None) -> None:
     """List every servo, or all that is missing or wrong with them. Changes nothing."""
     run(ping_servos(bench_of(config, port), Console()))
 
 
-@app.command()
 def read(
     config: ConfigOption = None,
     port: PortOption = None,
@@ -86,7 +62,6 @@ def read(
     raise typer.Exit(run(read_servos(bench, console, once or as_json or not console.is_terminal, as_json)))
 
 
-@app.command()
 def home(
     config: ConfigOption = None,
     port: PortOption = None,
@@ -103,7 +78,6 @@ def home(
     carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
-@app.command()
 def stow(
     config: ConfigOption = None,
     port: PortOption = None,
@@ -120,9 +94,14 @@ def stow(
     carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
-@app.command()
 def play(
-    motion: Annotated[str, typer.Argument(help="A name in config/arms/, or a TOML or CSV file of joint motion.")],
+    motion: Annotated[
+        str,
+        typer.Argument(
+            help="swing, another name in config/arms/, or a TOML or CSV file of joint motion.",
+            autocompletion=complete.motions,
+        ),
+    ],
     config: ConfigOption = None,
     port: PortOption = None,
     duration: Annotated[
@@ -142,7 +121,6 @@ def play(
     carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
 
 
-@app.command()
 def grip(
     claws: Annotated[Claws, typer.Argument(help="open or close")],
     config: ConfigOption = None,
@@ -159,7 +137,6 @@ def grip(
     carry_out(bench, grip_wish(f"grip {claws}", bench.arms, angle_rad), How(yes, dry_run, start, plot, None))
 
 
-@app.command()
 def torque(
     switch: Annotated[Switch, typer.Argument(help="on or off")], config: ConfigOption = None, port: PortOption = None
 ) -> None:
@@ -170,7 +147,6 @@ def torque(
     run(switch_torque(bench_of(config, port), on=switch is Switch.ON))
 
 
-@app.command()
 def clear(config: ConfigOption = None, port: PortOption = None) -> None:
     """Forget latched faults, and say what is still wrong.
 

@@ -1,6 +1,7 @@
 """What all `companion arms` commands share: the configuration, the bus, exit codes."""
 
 import asyncio
+import logging
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
@@ -39,6 +40,7 @@ class Bench:
 
 def bench_of(config: Path | None, port: str | None) -> Bench:
     """From the options; ConfigError when the file cannot be used or has no arms."""
+    logging.basicConfig(level=logging.CRITICAL)  # what the driver has to say, the commands say themselves
     path = config or default_config_path("lab.toml")
     settings = load_config(path)
     if settings.arms is None:

@@ -2,13 +2,23 @@
 
 import re
 
-from companion.ports import ConfigError
+from companion.console.trouble import LostError, NobodyThereError
+from companion.errors import CompanionError, ConfigError
 
 FAILED = 1
 """Exit code: begun, and not ended well."""
+BAD_INPUT = 2
+"""Exit code: refused, or not begun."""
+NOBODY, LOST = 3, 4
+"""Exit codes: no service there; it is not known how it ended."""
 INTERRUPTED = 130
 """Exit code: Ctrl-C."""
 _MOST_SEEDS = 1000
+
+
+def code_of(error: CompanionError) -> int:
+    """Return the exit code of what went wrong."""
+    return NOBODY if isinstance(error, NobodyThereError) else LOST if isinstance(error, LostError) else BAD_INPUT
 
 
 def names_of(text: str, option: str) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.text import Text
 
-from companion.cli.progress import show_cursor
+from companion.cli.terminal import show_cursor
 from companion.preflight.by_hand import Move, Moved, Track, at_rest, is_over, judge, judge_together, moved, settled
 from companion.preflight.check import Check
 from companion.service_preflight import Running

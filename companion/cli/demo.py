@@ -13,6 +13,7 @@ import uvloop
 from rich.console import Console
 
 from companion.cli.asked import FAILED, INTERRUPTED
+from companion.cli.complete import controllers, motions_or_off, trajectories
 from companion.cli.demo_arms import plan_arms
 from companion.cli.demo_flight import DemoFlight, Flown, fly_demo
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
@@ -37,17 +38,24 @@ _BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have no
 
 
 def demo(
-    trajectory: Annotated[str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.")] = "ellipse",
+    trajectory: Annotated[
+        str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
+    ] = "ellipse",
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     arms: Annotated[
-        str, typer.Option(help="swing, off, another name in config/arms/, or a file of joint motion.")
+        str,
+        typer.Option(
+            help="swing, off, another name in config/arms/, or a file of joint motion.", autocompletion=motions_or_off
+        ),
     ] = "swing",
     feedforward: ArmsFeedforward = None,
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
     period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
     size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
-    compare: Annotated[str | None, typer.Option(help="Fly this controller, too, and show both.")] = None,
+    compare: Annotated[
+        str | None, typer.Option(help="Fly this controller, too, and show both.", autocompletion=controllers)
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the mocks' noise and disturbances.")] = 1,
     config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
     mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,

@@ -16,11 +16,12 @@ from rich.text import Text
 
 from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
+from companion.cli.complete import trajectories
 from companion.cli.flight_words import shorter
 from companion.cli.options import AllowUnstable, ControllerName, settings_of
 from companion.cli.output import check_output, kept
 from companion.cli.preflight import ConfigFile, show, trajectory_of
-from companion.cli.progress import show_cursor
+from companion.cli.terminal import show_cursor
 from companion.config import CompanionConfig
 from companion.config_controller import load_controller
 from companion.control.controller import Controller
@@ -43,9 +44,13 @@ _POLL_S = 0.02
 
 def dry_run(
     config: ConfigFile = None,
-    seconds: Annotated[float, typer.Option(min=1.0, max=3600.0, help="How long.")] = 20.0,
+    seconds: Annotated[float, typer.Option(min=1.0, max=3600.0, metavar="S", help="Duration, s.")] = 20.0,
     trajectory: Annotated[
-        str | None, typer.Option(help="Fly this in its mind (ellipse, figure8, a CSV file); else hold where it stands.")
+        str | None,
+        typer.Option(
+            help="Compute as if it flew this: ellipse, figure8, or a CSV file.  [default: hold where it stands]",
+            autocompletion=trajectories,
+        ),
     ] = None,
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,

@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from companion.cli import complete
 from companion.cli.asked import FAILED, INTERRUPTED, names_of, seeds_of
 from companion.cli.options import AllowUnstable, SummaryFile
 from companion.cli.output import check_output
@@ -59,10 +60,19 @@ class Campaign:
 
 def experiments(
     names: Annotated[
-        str, typer.Option("--experiments", help="Names in config/experiments/ or TOML files, separated by commas.")
+        str,
+        typer.Option(
+            "--experiments",
+            help="Names in config/experiments/ or TOML files, between commas.",
+            autocompletion=complete.listed(complete.experiments),
+        ),
     ] = "ellipse,figure8",
     controllers: Annotated[
-        str, typer.Option(help="Names in config/controllers/ or TOML files, separated by commas; pid is always flown.")
+        str,
+        typer.Option(
+            help="Names in config/controllers/ or TOML files, between commas; pid is always flown.",
+            autocompletion=complete.listed(complete.controllers),
+        ),
     ] = "practical,paper-repaired,pid",
     allow_unstable: AllowUnstable = False,
     seeds: Annotated[str, typer.Option(help="FIRST:LAST, both flown: one vehicle a seed; or one seed.")] = "1:5",

@@ -2,24 +2,27 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
 from companion.bus.telemetry import Reply
 from companion.cli.asked import INTERRUPTED
+from companion.cli.complete import controllers, service_motions, trajectories
 from companion.cli.operate_options import Asked, commanding
 from companion.cli.operate_run import operate
-from companion.ports import ConfigError
+from companion.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _CURVES = ("ellipse", "figure8")
-_SETTINGS = {"help_option_names": ["-h", "--help"]}
 _DECIMALS = 6
 """Of m, rad and s: what 400 waypoints take must fit into one message."""
 
-Height = Annotated[float | None, typer.Option(help="Above where it stands, m; as configured if not given.")]
+Height = Annotated[
+    float | None, typer.Option(metavar="M", help="Height above where it stands, m.  [default: as configured]")
+]
 
 
 @commanding
@@ -41,36 +44,45 @@ def hold(asked: Asked) -> None:
 
 
 @commanding
-def _goto(
+def goto(
     asked: Asked,
-    x: Annotated[float, typer.Argument(help="In W, m.")],
-    y: Annotated[float, typer.Argument(help="In W, m.")],
-    z: Annotated[float, typer.Argument(help="Above the floor, m.")],
-    yaw: Annotated[float | None, typer.Option(help="Heading there, rad; as it is if not given.")] = None,
+    x: Annotated[float, typer.Argument(help="Place along the room's x axis, m.")],
+    y: Annotated[float, typer.Argument(help="Place along the room's y axis, m.")],
+    z: Annotated[float, typer.Argument(help="Height above the floor, m.")],
+    yaw: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Heading there, rad, to the left of +x.  [default: as it is]")
+    ] = None,
 ) -> None:
     """Fly to a place, then hold. Ctrl-C holds."""
     operate(asked, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
 
 
-goto = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
-goto.command("goto", context_settings={**_SETTINGS, "ignore_unknown_options": True})(_goto)
-"""A typer of its own, because -1.5 is a place and no option."""
-
-
-def _curves(incomplete: str) -> list[str]:
-    files = [str(path) for path in sorted(Path().glob(f"{incomplete}*.csv"))]
-    return [name for name in (*_CURVES, *files) if name.startswith(incomplete)]
-
-
 @commanding
 def track(
     asked: Asked,
-    path: Annotated[str, typer.Argument(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=_curves)],
-    laps: Annotated[int | None, typer.Option(help="Of a curve; 2 if not given.")] = None,
-    size: Annotated[float | None, typer.Option(help="Of a curve: 1, if not given, is 2 m across.")] = None,
-    period: Annotated[float | None, typer.Option(help="Of a lap, s; 15 if not given.")] = None,
-    height: Annotated[float | None, typer.Option(help="Of a curve, in W, m; as it is if not given.")] = None,
-    arms: Annotated[str | None, typer.Option(help="A motion of config/arms/ that begins with it.")] = None,
+    path: Annotated[
+        str, typer.Argument(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
+    ],
+    laps: Annotated[int | None, typer.Option(help="Laps of ellipse or figure8.  [default: 2]")] = None,
+    size: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Size of ellipse or figure8: 1 is 2 m long, 0.5 is 1 m.  [default: 1]"),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(metavar="S", help="Time for one lap of ellipse or figure8, s.  [default: 15]")
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Height of ellipse or figure8 above the floor, m.  [default: as it is]"),
+    ] = None,
+    arms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MOTION",
+            help="Motion of the arms meanwhile: swing, or another name in the service's config/arms/.  [default: none]",
+            autocompletion=service_motions,
+        ),
+    ] = None,
 ) -> None:
     """Go to a trajectory's start, fly it, hold its end; meanwhile the arms may move. Ctrl-C holds."""
     curve: dict[str, Any] = {"laps": laps, "size": size, "period_s": period, "height_m": height}
@@ -102,9 +114,19 @@ def _waypoints(name: str) -> list[dict[str, float]]:
 
 @commanding
 def controller(
-    asked: Asked, name: Annotated[str, typer.Argument(help="etnn, pid, or another name of config/controllers/.")]
+    asked: Asked,
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="etnn, pid, or another name in the service's config/controllers/.", autocompletion=controllers
+        ),
+    ],
 ) -> None:
-    """Fly with another control law from now on, in the air too, without a bump. Ctrl-C leaves."""
+    """Fly with another control law from now on, in the air too. Ctrl-C leaves.
+
+    The setpoint does not jump. The position can move by 0.3 m until the new law has learned the vehicle: leave that
+    much room.
+    """
     operate(asked, "controller", name=name)
 
 
@@ -133,7 +155,9 @@ def disarm(asked: Asked) -> None:
 
 
 @commanding
-def kill(asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False) -> None:
+def kill(
+    asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
+) -> None:
     """Stop the motors at once: in the air the vehicle FALLS. Asks to type kill."""
     if not yes:
         if not sys.stdin.isatty():
@@ -154,9 +178,9 @@ def params(asked: Asked) -> None:
     operate(asked, "params", show=_show_params)
 
 
-def _show_params(reply: Reply, console: Console) -> None:
+def _show_params(reply: Reply, console: "Console") -> None:
     for line in _flat(reply.data, ""):
-        console.print(Text(line))
+        console.print(line, markup=False)
 
 
 def _flat(value: Any, name: str) -> list[str]:

@@ -1,106 +1,43 @@
-"""`companion status` and `companion watch`: what the service says, without a command."""
+"""The panel of `companion status`, and the lines of `companion watch`."""
 
-import asyncio
-import json
 import math
 import time
-from collections.abc import AsyncIterator, Coroutine
-from typing import Annotated, Any
+from collections.abc import Iterator
+from contextlib import contextmanager
 
-import typer
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
 from companion.bus.telemetry import WAITING, Happened, Kind, Presence, State
-from companion.cli.asked import INTERRUPTED
-from companion.cli.operate_options import Asked, looking
-from companion.cli.operate_run import code_of
-from companion.cli.operate_voice import line_of, words_of
-from companion.cli.progress import show_cursor
+from companion.cli.operate_voice import words_of
+from companion.cli.terminal import show_cursor
 from companion.console import client
-from companion.console.client import Link, Said, open_console
-from companion.console.place import place_of
-from companion.ports import CompanionError
+from companion.console.client import Link, Said
 
 _SILENT_S = 1.0
 _REFRESH_HZ = 5.0
 _STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.REPLY: "cyan"}
 
 
-@looking
-def status(
-    asked: Asked, once: Annotated[bool, typer.Option("--once", help="Print it once; so without a terminal.")] = False
-) -> None:
-    """Show phase, place, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
-    console = Console(highlight=False)
-    if asked.as_json:
-        _end(asked, _print_states(asked, once))
-    _end(asked, _show_live(asked, console) if console.is_terminal and not once else _show_once(asked, console))
+def show_once(console: client.Console) -> None:
+    """Print the panel."""
+    Console(highlight=False).print(panel(console))
 
 
-@looking
-def watch(asked: Asked) -> None:
-    """Print what happens as it happens: phases, faults, commands and replies; until Ctrl-C."""
-    _end(asked, _print_events(asked, Console(highlight=False, soft_wrap=True)))
+@contextmanager
+def live_panel(console: client.Console) -> Iterator[None]:
+    """Show the panel, drawn again and again."""
+    out = Console(highlight=False)
+    with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
+        show_cursor(out)
+        yield
 
 
-def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
-    code, text = 0, ""
-    try:
-        asyncio.run(work)
-    except KeyboardInterrupt:
-        code, text = INTERRUPTED, "interrupted"
-    except CompanionError as error:
-        code, text = code_of(error), str(error)
-    if text and asked.as_json:
-        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
-    elif text and code != INTERRUPTED:
-        typer.echo(f"companion: {text}", err=True)
-    raise typer.Exit(code)
-
-
-async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
-    """For ever; None when nothing was said for a while. NobodyThereError when there is nobody at the beginning."""
-    await console.find()
-    while True:
-        yield await console.next(_SILENT_S)
-
-
-async def _print_states(asked: Asked, once: bool) -> None:
-    async with open_console(place_of(asked.given)) as console:
-        async for said in _heard(console):
-            if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
-                typer.echo(line_of(said))
-            if once and isinstance(said, State):
-                return
-
-
-async def _show_once(asked: Asked, out: Console) -> None:
-    async with open_console(place_of(asked.given)) as console:
-        await console.find()
-        out.print(panel(console))
-
-
-async def _show_live(asked: Asked, out: Console) -> None:
-    async with open_console(place_of(asked.given)) as console:
-        await console.find()
-        with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
-            show_cursor(out)
-            async for _ in _heard(console):
-                pass
-
-
-async def _print_events(asked: Asked, out: Console) -> None:
-    async with open_console(place_of(asked.given)) as console:
-        async for said in _heard(console):
-            if said is None or isinstance(said, State):
-                continue
-            if asked.as_json:
-                typer.echo(line_of(said))
-            else:
-                out.print(_event(said))
+def show_event(said: Said) -> None:
+    """Print one line."""
+    Console(highlight=False, soft_wrap=True).print(_event(said))
 
 
 def _event(said: Said) -> Text:

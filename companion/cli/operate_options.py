@@ -20,7 +20,7 @@ _PANEL = "Where the service is"
 Broker = Annotated[
     str | None,
     typer.Option(
-        help=f"mqtt://HOST, or mqtts://USER@HOST:PORT; else {BROKER}, else this computer.",
+        help=f"The broker: mqtt://HOST or mqtts://USER@HOST:PORT.  [default: ${BROKER}, else this computer]",
         rich_help_panel=_PANEL,
         metavar="URL",
     ),
@@ -28,26 +28,43 @@ Broker = Annotated[
 Vehicle = Annotated[
     str | None,
     typer.Option(
-        help=f"VEHICLE or PREFIX/VEHICLE; else {VEHICLE}, else dauam/vehicle.", rich_help_panel=_PANEL, metavar="NAME"
+        help=f"The vehicle on it: VEHICLE or PREFIX/VEHICLE.  [default: ${VEHICLE}, else dauam/vehicle]",
+        rich_help_panel=_PANEL,
+        metavar="NAME",
     ),
 ]
 PasswordFile = Annotated[
     str | None,
-    typer.Option(help=f"The user's password; else {PASSWORD_FILE}.", rich_help_panel=_PANEL, metavar="FILE"),
+    typer.Option(
+        help=f"File with the user's password.  [default: ${PASSWORD_FILE}]", rich_help_panel=_PANEL, metavar="FILE"
+    ),
 ]
 CaFile = Annotated[
     str | None,
-    typer.Option(help=f"Who signs the broker's certificate; else {CA_FILE}.", rich_help_panel=_PANEL, metavar="FILE"),
+    typer.Option(
+        help=f"PEM file of who signed the broker's certificate.  [default: ${CA_FILE}]",
+        rich_help_panel=_PANEL,
+        metavar="FILE",
+    ),
 ]
 ConfigFile = Annotated[
     Path | None,
     typer.Option(
-        "--config", help="A TOML file whose table operator says all this.", rich_help_panel=_PANEL, metavar="FILE"
+        "--config", help="Configuration whose table [operator] says all this.", rich_help_panel=_PANEL, metavar="FILE"
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, and nothing else.")]
-NoWait = Annotated[bool, typer.Option("--no-wait", help="End once it is accepted.")]
-Timeout = Annotated[float | None, typer.Option(min=0.1, help="Wait no longer for its end, s; it goes on.", metavar="S")]
+NoWait = Annotated[
+    bool, typer.Option("--no-wait", help="Return once the service has accepted it, not when it is done.")
+]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        min=0.1,
+        help="Return after this many seconds (exit code 4), done or not; the vehicle goes on with it.",
+        metavar="S",
+    ),
+]
 
 
 @dataclass(frozen=True)

@@ -3,19 +3,22 @@
 import asyncio
 from dataclasses import fields
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
 from companion.bus.telemetry import Reply
+from companion.cli.complete import trajectories
 from companion.cli.operate_options import Asked, commanding
 from companion.cli.operate_run import operate
 from companion.console.client import open_console
 from companion.console.place import Given, place_of
 from companion.console.trouble import NobodyThereError
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 from companion.preflight.check import Check
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _PANEL = "Only where no service runs"
 
@@ -26,7 +29,9 @@ def preflight(
     trajectory: Annotated[
         str | None,
         typer.Option(
-            help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?", rich_help_panel=_PANEL
+            help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?",
+            autocompletion=trajectories,
+            rich_help_panel=_PANEL,
         ),
     ] = None,
     by_hand: Annotated[
@@ -74,7 +79,7 @@ async def _is_there(given: Given) -> bool:
     return True
 
 
-def show_checks(reply: Reply, console: Console) -> None:
+def show_checks(reply: Reply, console: "Console") -> None:
     """The list that came with a reply; what an older or newer service says otherwise is left out."""
     from companion.cli.preflight import show  # noqa: PLC0415 - as above
 

@@ -4,23 +4,24 @@ import asyncio
 import signal
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
 from companion.bus.telemetry import Answer, Reply
-from companion.cli.asked import FAILED, INTERRUPTED
+from companion.cli.asked import BAD_INPUT, FAILED, INTERRUPTED, code_of
+from companion.cli.json_voice import JsonVoice, Voice
 from companion.cli.operate_options import Asked
-from companion.cli.operate_voice import JsonVoice, PlainVoice, Show, Voice
 from companion.console.client import Console, open_console
 from companion.console.draft import Draft
 from companion.console.ending import end
 from companion.console.errand import Errand, Sent
 from companion.console.place import place_of
-from companion.console.trouble import LostError, NobodyThereError
-from companion.ports import CompanionError
+from companion.errors import CompanionError
 
-BAD_INPUT, NOBODY, LOST = 2, 3, 4
+if TYPE_CHECKING:
+    from companion.cli.operate_voice import Show
+
 _CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
 _SAFE_S = 15.0
 """A hold takes a few seconds to stand still."""
@@ -41,15 +42,17 @@ class _PressedError(Exception):
     """Ctrl-C."""
 
 
-def operate(asked: Asked, verb: str, show: Show | None = None, **fields: object) -> NoReturn:
+def operate(asked: Asked, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
     """Command it, wait for its end, and exit with the code that docs/commands.md gives it."""
-    voice: Voice = JsonVoice() if asked.as_json else PlainVoice(show)
-    raise typer.Exit(asyncio.run(_Run(asked, voice).code(verb, fields)))
+    raise typer.Exit(asyncio.run(_Run(asked, _voice_of(asked, show)).code(verb, fields)))
 
 
-def code_of(error: CompanionError) -> int:
-    """The exit code of what went wrong."""
-    return NOBODY if isinstance(error, NobodyThereError) else LOST if isinstance(error, LostError) else BAD_INPUT
+def _voice_of(asked: Asked, show: "Show | None") -> Voice:
+    if asked.as_json:
+        return JsonVoice()
+    from companion.cli.operate_voice import PlainVoice  # noqa: PLC0415 - what draws on a terminal takes its time
+
+    return PlainVoice(show)
 
 
 class _Run:

@@ -1,69 +1,20 @@
-"""How an operator's command tells what it hears: to people, or as JSON."""
+"""How an operator's command tells people what it hears."""
 
-import json
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 import typer
-from pydantic import BaseModel
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from companion.bus.telemetry import Answer, Happened, Kind, Presence, Reply, State
-from companion.cli.progress import show_cursor
+from companion.bus.telemetry import Answer, Happened, Kind, Reply, State
+from companion.cli.terminal import show_cursor
 from companion.console.client import Link, Said
 
 Show = Callable[[Reply, Console], None]
 """Prints what a reply holds besides its sentence."""
 _REFRESH_HZ = 5.0
-_TYPES: dict[type, str] = {Reply: "reply", State: "state", Happened: "event", Presence: "status"}
-
-
-class Voice(Protocol):
-    """What a command says while it is carried out, and at its end."""
-
-    def begin(self, verb: str) -> None:
-        """From now on there is something to wait for."""
-
-    def say(self, said: Said) -> None:
-        """Of what is heard, all that is worth telling."""
-
-    def note(self, text: str) -> None:
-        """A sentence of our own."""
-
-    def end(self, code: int, text: str) -> None:
-        """The last sentence."""
-
-
-def line_of(said: Said) -> str:
-    """One JSON object: the message as it came, and `type`."""
-    if isinstance(said, Link):
-        return json.dumps({"type": "link", "there": said.there, "why": said.why})
-    kind = next(name for model, name in _TYPES.items() if isinstance(said, model))
-    assert isinstance(said, BaseModel)
-    return json.dumps({"type": kind, **said.model_dump(mode="json")})
-
-
-class JsonVoice:
-    """One object a line: replies, and at last `end` with code and text."""
-
-    def begin(self, verb: str) -> None:
-        """Nothing."""
-
-    def say(self, said: Said) -> None:
-        """Replies and the connection; states would be ten a second."""
-        if isinstance(said, Reply | Link):
-            typer.echo(line_of(said))
-
-    def note(self, text: str) -> None:
-        """As an object of its own."""
-        typer.echo(json.dumps({"type": "note", "text": text}))
-
-    def end(self, code: int, text: str) -> None:
-        """`code` is the exit code."""
-        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
 
 
 class PlainVoice:

@@ -5,13 +5,18 @@ from typing import Annotated
 
 import typer
 
+from companion.cli.complete import controllers
 from companion.config import CompanionConfig, default_config_path, load_config
 from companion.config_arms import Feedforward
 from companion.config_files import read_toml
 from companion.ports import ConfigError
 
 ControllerName = Annotated[
-    str | None, typer.Option(help="etnn, pid, another name in config/controllers/, or a TOML file.")
+    str | None,
+    typer.Option(
+        help="etnn, pid, another name in config/controllers/, or a TOML file.  [default: as configured]",
+        autocompletion=controllers,
+    ),
 ]
 AllowUnstable = Annotated[
     bool, typer.Option("--allow-unstable", help="Fly a controller file that is refused as unstable.")

@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 _TRIAL_BYTES = 65536
 """A full disk still takes the name of a file."""

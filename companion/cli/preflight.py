@@ -24,7 +24,7 @@ from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
 from companion.cli.options import settings_of
 from companion.cli.output import check_output
-from companion.cli.progress import show_cursor
+from companion.cli.terminal import show_cursor
 from companion.config import CompanionConfig
 from companion.control.reference import Trajectory
 from companion.onlooker import DevicesMissingError, open_onlooker

@@ -12,6 +12,7 @@ from rich.text import Text
 
 from companion.cli.flight_story import FlightStory
 from companion.cli.mock_process import FaultTold
+from companion.cli.terminal import show_cursor
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 from companion.types import Array
@@ -85,12 +86,6 @@ class FlightDisplay:
             parts.append("error " + " ".join(f"{100.0 * value:+5.1f}" for value in error) + " cm")
             parts.append(f"updates {sum(self._sent) / len(self._sent):4.0%}")
         return Text("  ".join(parts), no_wrap=True)
-
-
-def show_cursor(console: Console) -> None:
-    """Bring back what a live display hides: who is killed in flight cannot."""
-    if console.is_terminal:
-        console.show_cursor(True)
 
 
 def _error_w_m(tick: Tick) -> Array | None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from companion.cli import complete
 from companion.cli.asked import FAILED
 from companion.cli.options import AllowUnstable
 from companion.cli.output import check_file, kept
@@ -22,7 +23,10 @@ def replay_command(
     flight: Annotated[Path, typer.Argument(metavar="FLIGHT", help="A record, an MCAP file.")],
     controller: Annotated[
         str | None,
-        typer.Option(help="Give another law what the recorded one was given: a name in config/controllers/ or a file."),
+        typer.Option(
+            help="Give another law what the recorded one was given: a name in config/controllers/ or a file.",
+            autocompletion=complete.controllers,
+        ),
     ] = None,
     allow_unstable: AllowUnstable = False,
     plot: Annotated[Path | None, typer.Option(help="Draw both commands, as PNG or PDF.")] = None,

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion.cli.asked import FAILED, INTERRUPTED, seeds_of
+from companion.cli.complete import experiments, motions_or_off, trajectories
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
@@ -35,7 +36,10 @@ _SHOWN_CYCLES = 50
 def simulate(
     context: typer.Context,
     experiment: Annotated[
-        str, typer.Argument(help="ellipse, figure8, another name in config/experiments/, or a TOML file.")
+        str,
+        typer.Argument(
+            help="ellipse, figure8, another name in config/experiments/, or a TOML file.", autocompletion=experiments
+        ),
     ] = "ellipse",
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
@@ -52,7 +56,8 @@ def simulate(
         bool, typer.Option("--demo", help="The flight of `companion demo` instead of an experiment.")
     ] = False,
     trajectory: Annotated[
-        str, typer.Option(help="With --demo: ellipse, figure8, or a CSV file of waypoints.")
+        str,
+        typer.Option(help="With --demo: ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories),
     ] = "ellipse",
     laps: Annotated[int, typer.Option(min=1, max=100, help="With --demo: laps of ellipse or figure8.")] = 2,
     period: Annotated[
@@ -62,7 +67,11 @@ def simulate(
         float, typer.Option(min=0.1, max=3.0, help="With --demo: size of the curve; 1 is 2 m across.")
     ] = 1.0,
     arms: Annotated[
-        str, typer.Option(help="With --demo: swing, off, another name in config/arms/, or a file of joint motion.")
+        str,
+        typer.Option(
+            help="With --demo: swing, off, another name in config/arms/, or a file of joint motion.",
+            autocompletion=motions_or_off,
+        ),
     ] = "swing",
     config: Annotated[
         Path | None, typer.Option(help="With --demo: companion configuration; config/demo.toml if not given.")

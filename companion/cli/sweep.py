@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from companion.cli import complete
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
@@ -33,9 +34,14 @@ from companion.experiments.sweep_run import Parts, Swept, run, write_part
 
 
 def sweep(
-    vehicles: Annotated[int, typer.Option(min=1, max=1_000_000, help="How many.")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, help="Of everything that is drawn.")] = 1,
-    controller: Annotated[str, typer.Option(help="A name in config/controllers/, or a TOML file.")] = "practical",
+    vehicles: Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of vehicles.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random vehicles, noise and disturbances.")] = 1,
+    controller: Annotated[
+        str,
+        typer.Option(
+            help="etnn, pid, another name in config/controllers/, or a TOML file.", autocompletion=complete.controllers
+        ),
+    ] = "practical",
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for parts, table and picture.")] = Path("flights/sweep"),
     summary: SummaryFile = None,

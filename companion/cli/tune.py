@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
+from companion.cli import complete
 from companion.cli.asked import FAILED, INTERRUPTED, names_of
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_file, check_output
@@ -75,14 +76,26 @@ class Checked:
 
 def tune(
     write: Annotated[Path | None, typer.Option(help="Write the best one as a controller file.")] = None,
-    generations: Annotated[int, typer.Option(min=1, max=2000, help="Of each search.")] = 60,
+    generations: Annotated[int, typer.Option(min=1, max=2000, help="Generations of each search.")] = 60,
     population: Annotated[int, typer.Option(min=4, max=200, help="Sets of gains in a generation.")] = 20,
-    weights: Annotated[str, typer.Option(help="How much updates count against errors; one search each.")] = "0.8,1.2",
-    seed: Annotated[int, typer.Option(min=0, help="Of the searches and of what they train on.")] = 1,
-    start: Annotated[str | None, typer.Option(help="An ET-NN controller to begin from.")] = None,
-    experiments: Annotated[str, typer.Option(help="What to train on.")] = "ellipse,figure8",
+    weights: Annotated[
+        str, typer.Option(help="Weights of updates against errors, between commas; each is a search of its own.")
+    ] = "0.8,1.2",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the searches, and of the noise they train on.")] = 1,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="ET-NN controller to begin from: a name or a TOML file.", autocompletion=complete.controllers
+        ),
+    ] = None,
+    experiments: Annotated[
+        str,
+        typer.Option(
+            help="Experiments to train on, between commas.", autocompletion=complete.listed(complete.experiments)
+        ),
+    ] = "ellipse,figure8",
     bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = os.cpu_count() or 1,
+    jobs: Annotated[int, typer.Option(min=1, help="Number of processes.")] = os.cpu_count() or 1,
     out: Annotated[Path, typer.Option(help="Folder for the search's progress and picture.")] = Path("flights/tune"),
     summary: SummaryFile = None,
 ) -> None:

@@ -3,10 +3,7 @@
 import asyncio
 import itertools
 import json
-import os
-import re
 import signal
-import sys
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -16,7 +13,6 @@ import pytest
 
 from companion.bus.commands import Arms, Command, Track
 from companion.bus.telemetry import Answer, Doing
-from companion.cli.commands import COMMANDS
 from companion.waypoint_limits import MAX_WAYPOINTS
 from tests.broker import BrokerProcess, broker
 from tests.cli.typed import typing
@@ -112,30 +108,6 @@ def test_a_wrong_word_is_met_with_the_right_one(
         typed = typing(word, monkeypatch, capsys)()
         assert typed.code == 2
         assert (f"Did you mean '{meant}'?" in typed.err) == bool(meant)
-
-
-async def test_help_and_completion_know_every_command_and_import_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    modules = {place.split(":")[0] for place in COMMANDS.values()}
-    code = f"""import sys; from companion.cli.commands import app; app(standalone_mode=False)
-print({modules} & set(sys.modules))"""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, "-c", code, "--help", stdout=asyncio.subprocess.PIPE, env={**os.environ, "COLUMNS": "120"}
-    )
-    out, _ = await process.communicate()
-    for name in COMMANDS:
-        assert re.search(rf"│ {name} +\w", out.decode()), f"{name} is not listed with what it does"
-    assert out.decode().splitlines()[-1] == "set()"
-    completed = {"companion tak": "takeoff", "companion arms live p": "play", "companion track e": "ellipse"}
-    for typed, wanted in completed.items():
-        words = typed.split()
-        monkeypatch.setenv("_COMPANION_COMPLETE", "complete_bash")
-        monkeypatch.setenv("COMP_WORDS", typed)
-        monkeypatch.setenv("COMP_CWORD", str(len(words) - 1))
-        process = await asyncio.create_subprocess_exec(
-            Path(sys.executable).with_name("companion"), stdout=asyncio.subprocess.PIPE
-        )
-        out, _ = await process.communicate()
-        assert out.decode().split() == [wanted]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,66 @@
+"""Values that the shell's completion offers: names of config/ and files of the current folder."""
+
+import glob
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+Completion = Callable[[str], list[str]]
+_CURVES = ("ellipse", "figure8")
+
+
+def trajectories(incomplete: str) -> list[str]:
+    """Return curves and CSV files that begin so."""
+    return _matching(_CURVES, (".csv",), incomplete)
+
+
+def controllers(incomplete: str) -> list[str]:
+    """Return control laws and TOML files that begin so."""
+    return _matching(("etnn", *_names("controllers")), (".toml",), incomplete)
+
+
+def motions(incomplete: str) -> list[str]:
+    """Return motions of the arms, and files of such, that begin so."""
+    return _matching(_names("arms"), (".toml", ".csv"), incomplete)
+
+
+def motions_or_off(incomplete: str) -> list[str]:
+    """Return what `motions` does, and `off`."""
+    return _matching(("off", *_names("arms")), (".toml", ".csv"), incomplete)
+
+
+def service_motions(incomplete: str) -> list[str]:
+    """Return names of motions that begin so: the service reads no files of this computer."""
+    return _matching(_names("arms"), (), incomplete)
+
+
+def experiments(incomplete: str) -> list[str]:
+    """Return experiments and TOML files that begin so."""
+    return _matching(_names("experiments"), (".toml",), incomplete)
+
+
+def listed(one: Completion) -> Completion:
+    """Return the completion of names between commas: of the last of them."""
+
+    def complete(incomplete: str) -> list[str]:
+        before, comma, last = incomplete.rpartition(",")
+        return [f"{before}{comma}{word}" for word in one(last)]
+
+    return complete
+
+
+def _names(folder: str) -> list[str]:
+    """Return the names in a folder of config/, without the ending."""
+    from companion.config_files import project_root  # noqa: PLC0415 - not before somebody presses TAB
+
+    return sorted(path.stem for path in (project_root() / "config" / folder).glob("*.toml"))
+
+
+def _matching(names: tuple[str, ...] | list[str], endings: tuple[str, ...], incomplete: str) -> list[str]:
+    """Return names, then files with one of `endings` and folders, that begin so."""
+    folder, begin = os.path.split(incomplete)
+    found = sorted(Path(folder or ".").glob(f"{glob.escape(begin)}*")) if endings else []
+    shown = [path for path in found if begin or not path.name.startswith(".")]
+    paths = [os.path.join(folder, path.name) for path in shown if path.suffix in endings]  # noqa: PTH118 - as it was typed
+    folders = [f"{os.path.join(folder, path.name)}/" for path in shown if path.is_dir()]  # noqa: PTH118
+    return [word for word in dict.fromkeys([*names, *paths, *folders]) if word.startswith(incomplete)]
