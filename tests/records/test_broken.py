@@ -67,7 +67,7 @@ def foreign(path: Path, compression: CompressionType = CompressionType.ZSTD, top
         channel = writer.register_channel(topic, "cdr", schema)
         for number in range(50):
             writer.add_message(channel, number * 10**7, b"\0\1\0\0" + bytes(60), number * 10**7)
-        writer.finish()
+        writer.finish()  # type: ignore[no-untyped-call]
     return path
 
 
