@@ -19,6 +19,12 @@ def check_output(out: Path | None, summary: Path | None) -> None:
         check_file(summary, "summary")
 
 
+def check_folder_of(file: Path, option: str) -> None:
+    """Raise ConfigError where the folder that `--option` names is not there: it may be a slip of the keyboard."""
+    if not file.parent.is_dir():
+        raise ConfigError(f"--{option} {file}: there is no folder {file.parent}: make it first, or give another place")
+
+
 def check_file(file: Path, option: str) -> None:
     """Make the folder of the file that `--option` names, and try to write; what is in the file already stays.
 

@@ -9,7 +9,7 @@ import typer
 from companion.cli import complete
 from companion.cli.asked import FAILED
 from companion.cli.options import AllowUnstable
-from companion.cli.output import check_file, kept
+from companion.cli.output import check_file, check_folder_of, kept
 from companion.cli.working import working
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ def replay_command(
     from companion.records.read import read_flight  # noqa: PLC0415
 
     if plot is not None:
+        check_folder_of(plot, "plot")
         check_file(plot, "plot")
     with working(f"reading {flight.name}"):
         record = read_flight(flight)

@@ -7,18 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
 
-from companion.cli.output import check_file, check_output, kept
+from companion.cli.output import check_file, check_folder_of, check_output, kept
 from companion.ports import ConfigError
-from companion.records.read import read_flight
 
 if TYPE_CHECKING:
     from companion.reports.page import Chapter
 
 _MOST = 26
-_COMPARED = "compared"
 
 
 class Format(StrEnum):
@@ -29,7 +25,7 @@ class Format(StrEnum):
 
 
 def report(
-    flights: Annotated[list[Path], typer.Argument(metavar="FLIGHT...", help="Records, MCAP files; or NPZ of a demo.")],
+    flights: Annotated[list[Path], typer.Argument(metavar="FLIGHT...", help="Records, MCAP or NPZ files.")],
     out: Annotated[
         Path | None, typer.Option(help="The page; beside the first flight, with its name, if not given.")
     ] = None,
@@ -47,6 +43,7 @@ def report(
     into = out or flights[0].with_suffix(".html")
     if into in flights:
         raise ConfigError(f"--out {into} is one of the flights: give the page another name")
+    check_folder_of(into, "out")
     check_output(figures, None)
     check_file(into, "out")
     _Work(flights, into, figures, file_format, as_json).do()
@@ -59,11 +56,15 @@ class _Work:
         self, flights: Sequence[Path], into: Path, figures: Path | None, file_format: Format, as_json: bool
     ) -> None:
         self._flights, self._into, self._figures = flights, into, figures
+        from rich.console import Console  # noqa: PLC0415 - nothing that --help would wait for
+
         self._format, self._as_json = file_format, as_json
         self._console = Console(stderr=as_json)
 
     def do(self) -> None:
         """Read, draw, write."""
+        from rich.progress import BarColumn, Progress, TextColumn  # noqa: PLC0415
+
         columns = (TextColumn("{task.description}"), BarColumn())
         with Progress(*columns, console=self._console, transient=True) as bar:
             self._bar, self._task = bar, bar.add_task("reading", total=None)
@@ -85,6 +86,7 @@ class _Work:
 
     def _made(self) -> tuple[str, list[dict[str, object]], int]:
         """Page, numbers, and how many figures were written."""
+        from companion.records.read import read_flight  # noqa: PLC0415
         from companion.reports.flown import Flown  # noqa: PLC0415 - drawing takes a second to import
         from companion.reports.page import chapter_of, page  # noqa: PLC0415
 
@@ -111,7 +113,7 @@ class _Work:
             for chart in chapter.charts
         ]
         if len(chapters) > 1:
-            charts.append((_COMPARED, overlaid([chapter.flown for chapter in chapters])))
+            charts += [(chart.name, chart) for chart in overlaid([chapter.flown for chapter in chapters])]
         for name, chart in charts:
             self._step(f"drawing {name}")
             lost = kept(folder / f"{name}.{self._format}", lambda to, one=chart: one.save(to, Medium.PAPER))  # type: ignore[misc]

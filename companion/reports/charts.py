@@ -11,8 +11,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.lines import Line2D
 
-from companion.reports.flown import Flown
+from companion.reports.flown import Flown, Mask
 from companion.types import Array
 
 AXES = ("x", "y", "z")
@@ -45,6 +47,10 @@ _WIDTHS_IN = {
     (Medium.PAPER, False): 3.5,
 }
 """By medium, and whether the figure takes the page's whole width."""
+_LEFT_IN = {Medium.PAGE: 0.74, Medium.PAPER: 0.56}
+"""Room for the labels left of axes over time: the same second stands below itself in all figures of a page."""
+_RIGHT_IN = 0.08
+_OVER_TIME = "over time"
 _STYLES: dict[Medium, dict[str, Any]] = {
     Medium.PAGE: {"font.size": 9.0, "axes.titlesize": 9.0, "legend.fontsize": 8.0, "lines.linewidth": 1.1},
     Medium.PAPER: {
@@ -75,6 +81,7 @@ class Chart:
         with mpl.rc_context(_ALWAYS | _STYLES[medium]):
             figure = Figure(figsize=(_WIDTHS_IN[medium, self.wide], height_in), layout="constrained")
             self.draw(figure)
+            _align_left(figure, _LEFT_IN[medium])
             return figure
 
     def save(self, into: Path | BytesIO, medium: Medium) -> None:
@@ -84,11 +91,25 @@ class Chart:
             figure.savefig(into, dpi=300 if medium is Medium.PAPER else _DPI)
 
 
+def _align_left(figure: Figure, left_in: float) -> None:
+    """Give all axes over time the same left and right edge, whatever their labels need."""
+    rows = [axes for axes in figure.axes if axes.get_label() == _OVER_TIME]
+    if not rows:
+        return
+    figure.draw_without_rendering()  # the layout is found while drawing
+    figure.set_layout_engine("none")
+    left, right = left_in / figure.get_figwidth(), 1.0 - _RIGHT_IN / figure.get_figwidth()
+    for axes in rows:
+        place = axes.get_position()
+        axes.set_position((left, place.y0, right - left, place.height))
+
+
 def rows_over_time(figure: Figure, labels: Sequence[str], flown: Flown) -> list[Axes]:
     """Axes below each other, times since lift-off below the last, the phases behind all of them."""
     rows: list[Axes] = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0].tolist()
     for axes, label in zip(rows, labels, strict=True):
         axes.set_ylabel(label)
+        axes.set_label(_OVER_TIME)
         shade_phases(axes, flown)
     begin_s, end_s = _shown_s(flown)
     rows[0].set_xlim(begin_s, end_s)
@@ -101,7 +122,7 @@ def _shown_s(flown: Flown) -> tuple[float, float]:
     """From shortly before lift-off until the motors stop; all of it when nothing flew."""
     if not flown.airborne.any():
         return float(flown.time_s[0]), max(float(flown.time_s[-1]), float(flown.time_s[0]) + 1.0)
-    turning = flown.airborne | (flown.column("armed") > 0.0)
+    turning = flown.in_the_air | (flown.column("armed") > 0.0)
     last_s = float(flown.time_s[turning][-1])
     return max(float(flown.time_s[0]), -1.0), min(float(flown.time_s[-1]), last_s + 1.0) + 1e-3
 
@@ -119,9 +140,14 @@ def xyz(axes: Axes, time_s: Array, values: Array, *, labels: bool = False, **how
         axes.plot(time_s, values[:, axis], color=colour, label=name if labels else None, **how)
 
 
+def only(among: Mask, values: Array) -> Array:
+    """NaN but where it is asked for, (n, ...): curves break there, and nothing is drawn that was never flown."""
+    return np.where(among.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan)
+
+
 def free_only(flown: Flown, values: Array) -> Array:
     """NaN on the ground, where the law's values mean nothing, (n, ...)."""
-    return np.where(flown.free.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan)
+    return only(flown.free, values)
 
 
 def at_least_wide(axes: Axes, span: float) -> None:
@@ -130,6 +156,16 @@ def at_least_wide(axes: Axes, span: float) -> None:
     if high - low < span:
         middle = 0.5 * (low + high)
         axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
+
+
+def legend_of_axes(figure: Figure, **other: Any) -> None:
+    """One for curves in the colours of x, y and z, and for others in their own."""
+    ours = tuple(Line2D([], [], color=colour) for colour, _ in zip(COLOURS, AXES, strict=False))
+    handles: list[Any] = [ours, *(Line2D([], [], **how) for how in other.values())]
+    figure.legend(
+        handles, ["flown", *other], loc="outside upper center", ncols=len(handles), handlelength=3.0,
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
+    )  # fmt: skip
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 0) -> None:

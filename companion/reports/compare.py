@@ -1,40 +1,76 @@
-"""Several flights' errors over each other."""
+"""Several flights' errors over each other, trajectory by trajectory."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from companion.reports.charts import AXES, COLOURS, Chart, legend_above, thinned
-from companion.reports.flown import Flown
+from companion.reports.flown import Flown, Mask
 from companion.reports.words import letters
 
 
-def overlaid(flights: Sequence[Flown]) -> Chart:
-    """From the begin of the trajectory where all flew one, else from lift-off."""
-    tracking = all(flown.tracked.any() for flown in flights)
-    since = "the trajectory's begin" if tracking else "lift-off"
+@dataclass(frozen=True)
+class _Line:
+    """Cycles of one flight, drawn from the first of them on."""
+
+    label: str
+    colour: str
+    dashed: bool
+    flown: Flown
+    mask: Mask
+
+
+def overlaid(flights: Sequence[Flown]) -> list[Chart]:
+    """Return a chart for each trajectory by name, from its own start; from lift-off where a flight has none."""
+    if not all(flown.trajectories for flown in flights):
+        lines = [
+            _line(number, flown, flown.airborne, ", ".join(flown.law_names)) for number, flown in _lettered(flights)
+        ]
+        return [_chart("compared", "lift-off", lines)]
+    by_name: dict[str, list[_Line]] = {}
+    for number, flown in _lettered(flights):
+        for one in flown.trajectories:
+            before = by_name.setdefault(one.name, [])
+            again = any(line.flown is flown for line in before)
+            before.append(_line(number, flown, one.mask, one.law, again))
+    if len(by_name) == 1:
+        ((name, lines),) = by_name.items()
+        return [_chart("compared", f"the start of the {name}", lines)]
+    return [_chart(f"compared-{name}", f"the start of the {name}", lines) for name, lines in by_name.items()]
+
+
+def _lettered(flights: Sequence[Flown]) -> list[tuple[tuple[str, str], Flown]]:
+    """Each with its letter and colour."""
+    marks = [(letter, COLOURS[number % len(COLOURS)]) for number, letter in enumerate(letters(len(flights)))]
+    return list(zip(marks, flights, strict=True))
+
+
+def _line(mark: tuple[str, str], flown: Flown, mask: Mask, law: str, again: bool = False) -> _Line:
+    letter, colour = mark
+    return _Line(f"{letter}: {law or flown.name}{', again' if again else ''}", colour, again, flown, mask)
+
+
+def _chart(name: str, since: str, lines: Sequence[_Line]) -> Chart:
     caption = f"Errors per axis and their size, from {since} on."
-    return Chart(
-        "compared", caption, lambda figure: _draw(figure, flights, tracking, since), 6.0, wide=True, paper_height_in=4.6
-    )
+    return Chart(name, caption, partial(_draw, lines=lines, since=since), 6.0, wide=True, paper_height_in=4.6)
 
 
-def _draw(figure: Figure, flights: Sequence[Flown], tracking: bool, since: str) -> None:
+def _draw(figure: Figure, lines: Sequence[_Line], since: str) -> None:
     rows = figure.subplots(4, 1, sharex=True)
-    for number, (letter, flown) in enumerate(zip(letters(len(flights)), flights, strict=True)):
-        shown = flown.tracked if tracking else flown.airborne
-        if not shown.any():
+    for line in lines:
+        if not line.mask.any():
             continue
-        time = flown.time_s[shown]
-        values = np.column_stack((flown.error_w_m[shown], flown.distance_m[shown]))
+        time = line.flown.time_s[line.mask]
+        values = np.column_stack((line.flown.error_w_m[line.mask], line.flown.distance_m[line.mask]))
         time, values = thinned(time - time[0], values)
-        label = f"{letter}: {', '.join(flown.law_names) or flown.name}"
         for axes, column in zip(rows, values.T, strict=True):
-            axes.plot(time, column, color=COLOURS[number % len(COLOURS)], label=label, lw=0.9)
+            axes.plot(time, column, color=line.colour, label=line.label, lw=0.9, ls="--" if line.dashed else "-")
     for axes, name in zip(rows, (*AXES, "norm"), strict=True):
         axes.axhline(0.0, color="k", lw=0.5)
         axes.set_ylabel(f"{name} (m)")
     rows[-1].set_xlabel(f"time since {since} (s)")
     figure.align_ylabels(rows)
-    legend_above(figure, rows[0], min(len(flights), 4))
+    legend_above(figure, rows[0], min(len(lines), 4))

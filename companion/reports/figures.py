@@ -28,7 +28,7 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
     ]
     if flown.airborne.any() and flown.has("position_w_m"):
         charts += [
-            chart("above", "The path from above.", motion.above, 3.9, False, 3.2),
+            chart("above", _ABOVE if flown.tracked.any() else "The path from above.", motion.above, *_above_in(flown)),
             chart("space", "The path in space.", motion.space, 3.9, False, 3.0),
             chart("position", "Position and reference.", motion.position, 4.4, True, 3.6),
             chart("errors", "Position less reference per axis, and its size.", motion.errors, 3.6, True, 3.0),
@@ -37,7 +37,7 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
     if flown.has("setpoint_thrust"):
         charts.append(chart("thrust", _THRUST, motion.thrust, 3.0, True, 2.4))
     if flown.has("joint_position_rad") and flown.has("joint_goal_rad"):
-        charts.append(chart("arms", "The arms' joints, and their goals dashed.", motion.arms, 3.8, True, 3.2))
+        charts.append(chart("arms", "The arms' joints; wide and pale: their goals.", motion.arms, 3.8, True, 3.2))
     if found := flown.latencies_s():
         height = 0.5 + 1.05 * len(found)
         charts.append(
@@ -66,6 +66,11 @@ def _of_the_law(flown: Flown, chart: Callable[..., Chart]) -> list[Chart]:
     return charts
 
 
+def _above_in(flown: Flown) -> tuple[float, bool, float]:
+    """Its height on a page, that it takes half of it, and its height in a paper."""
+    return motion.above_height_in(flown, 4.7, 2.4, 4.4), False, motion.above_height_in(flown, 3.5, 1.8, 3.6)
+
+
 def _draw(draw: Draw, flown: Flown, figure: Figure) -> None:
     draw(figure, flown)
 
@@ -74,8 +79,9 @@ _TIMELINE = (
     "What happened when. Below the curves: phases, laws where one followed another, each fault from its begin to its "
     "end with the reaction that the table gives it, what was done (red), and commands."
 )
+_ABOVE = "The path from above; pale: what was no trajectory."
 _COMMAND = "Command u, held between the law's triggers."
-_GAPS = "Times between triggers, of the trajectory where one was flown."
+_GAPS = "Times between triggers, within the trajectories where some were flown."
 _FRICTION = "What the network says of the friction, as an acceleration, and what the observer sees of pushes."
-_SIGNALS = "Tracking errors y, filtered command χ and compensation ι of the law. Blue x, red y, green z."
+_SIGNALS = "Tracking errors y, filtered command χ and compensation ι of the law. Blue x, orange y, green z."
 _THRUST = "Normalised thrust that was asked for, and the battery's voltage."

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from companion.experiments.summary import tracking_error_w_m
 from companion.records.read import FlightRecord
+from companion.reports.trajectories import LEAST_CYCLES, UNNAMED, Mask, Trajectory, law_label, runs, trajectory_name
 from companion.supervisor.flight import Phase
 from companion.types import Array
 
-Mask = NDArray[np.bool_]
+__all__ = ["Flown", "Mask", "Stretch", "Trajectory"]
 FRAME_TO_SETPOINT = "frame to setpoint"
 
 
@@ -75,9 +76,46 @@ class Flown:
         return np.asarray(self.airborne & ~(self.column("reference_position_w_m", 3)[:, 2] < 0.0))
 
     @cached_property
+    def in_the_air(self) -> Mask:
+        """Cycles from lift-off on in which the law flew, or somebody else did and the autopilot said so, (n,)."""
+        landing = np.isin(self.words("phase"), [str(Phase.LAND), str(Phase.DISARMED)])
+        theirs = (self.column("in_air") > 0.0) & (self.time_s >= 0.0) & ~landing & self.airborne.any()
+        return np.asarray(self.airborne | theirs)
+
+    @cached_property
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """In order; a goto is none."""
+        number = self.runs(self.airborne & (self.words("phase") == str(Phase.TRACK)))
+        otherwise = str(self.record.metadata.get("trajectory") or UNNAMED)
+        found = []
+        for one in range(int(number.max(initial=-1)) + 1):
+            mask = number == one
+            rows = np.flatnonzero(mask)
+            begin_s = float(self.column("time_s")[rows[0]])
+            name = trajectory_name(self.record.events, begin_s, law_label(otherwise))
+            if len(rows) >= LEAST_CYCLES and name:
+                laws = ", ".join(dict.fromkeys(law_label(str(law)) for law in self.words("law_name")[mask] if law))
+                times = (float(self.time_s[rows[0]]), float(self.time_s[rows[-1]]))
+                found.append(Trajectory(name, laws or ", ".join(self.law_names), *times, mask))
+        return tuple(found)
+
+    @cached_property
     def tracked(self) -> Mask:
-        """Cycles that flew the trajectory, (n,)."""
-        return np.asarray(self.airborne & (self.words("phase") == str(Phase.TRACK)))
+        """Cycles that flew a trajectory, (n,)."""
+        tracked = np.zeros(len(self.time_s), dtype=bool)
+        for one in self.trajectories:
+            tracked |= one.mask
+        return tracked
+
+    def runs(self, among: Mask) -> NDArray[np.int_]:
+        """Number the stretches of these cycles that have no gap in them, (n,); -1 elsewhere."""
+        return runs(among, self.column("tick"))
+
+    @cached_property
+    def reference_w_m(self) -> Array:
+        """Where the vehicle should be, (n, 3) in W; NaN where that is below the floor, at the end of a landing."""
+        reference = self.column("reference_position_w_m", 3)
+        return np.where(reference[:, 2:] < 0.0, np.nan, reference)
 
     @cached_property
     def error_w_m(self) -> Array:
@@ -94,8 +132,7 @@ class Flown:
                 ("reference_position_w_m", 3),
             )
         }
-        below_floor = self.column("reference_position_w_m", 3)[:, 2:] < 0.0
-        return np.where(below_floor, np.nan, tracking_error_w_m(columns))
+        return np.where(np.isnan(self.reference_w_m), np.nan, tracking_error_w_m(columns))
 
     @cached_property
     def distance_m(self) -> Array:
@@ -124,9 +161,13 @@ class Flown:
         return {name: known for name, all_s in found.items() if len(known := _finite(all_s[self.airborne]))}
 
     def gaps_s(self, among: Mask) -> tuple[Array, Array]:
-        """Instants of the triggers among these cycles but the first, and the time since the one before."""
-        at_s = self.time_s[among & self.event]
-        return at_s[1:], np.diff(at_s)
+        """Instants of triggers among these cycles, and the time since the one before in the same stretch of them.
+
+        The first trigger of each stretch has none before it: what lies between two trajectories is no gap.
+        """
+        rows = np.flatnonzero(among & self.event)
+        same = np.diff(self.runs(among)[rows]) == 0
+        return self.time_s[rows][1:][same], np.diff(self.time_s[rows])[same]
 
     @cached_property
     def phases(self) -> tuple[Stretch, ...]:
@@ -136,7 +177,8 @@ class Flown:
     @cached_property
     def laws(self) -> tuple[Stretch, ...]:
         """That flew, in order."""
-        names = np.where(self.airborne, self.words("law_name"), "")
+        labels = [law_label(name) for name in self.words("law_name").tolist()]
+        names = np.where(self.airborne, np.array(labels, dtype=str), "")
         if not (names != "").any():
             return ()
         return tuple(stretch for stretch in self._stretches(names) if stretch.name)
@@ -154,7 +196,7 @@ class Flown:
         """That flew, each once; the configured one in a record that names none."""
         names = tuple(dict.fromkeys(stretch.name for stretch in self.laws))
         told: Any = (self.record.metadata.get("controller") or {}).get("name", "")
-        return names or ((str(told),) if told else ())
+        return names or ((law_label(str(told)),) if told else ())
 
 
 def _finite(values: Array) -> Array:

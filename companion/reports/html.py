@@ -4,7 +4,7 @@ import base64
 from collections.abc import Iterable
 from html import escape
 
-from companion.reports.tables import WORDS, Grid
+from companion.reports.tables import WORDS, Cell, Grid
 
 
 def whole(title: str, body: str) -> str:
@@ -22,6 +22,18 @@ def facts(pairs: Iterable[tuple[str, str]]) -> str:
     return f"<dl>\n{rows}\n</dl>"
 
 
+def lead(verdict: Cell, lines: Iterable[str]) -> str:
+    """A sentence that a reader in a hurry takes with him, and some more below."""
+    said = "<br>\n".join(escape(line) for line in lines)
+    return f'<p class="verdict {verdict.tone}">{escape(verdict.text)}</p>' + (f"\n<p>{said}</p>" if said else "")
+
+
+def swatches(colours: Iterable[tuple[str, str]]) -> str:
+    """A legend: names and the colours that stand for them."""
+    said = " ".join(f'<span style="background:{colour}">{escape(name)}</span>' for name, colour in colours)
+    return f"<p class=swatches>Behind all curves: {said}</p>" if said else ""
+
+
 def tables(grids: Iterable[Grid]) -> str:
     """One after the other."""
     return "\n".join(table(grid) for grid in grids)
@@ -37,15 +49,16 @@ def table(grid: Grid) -> str:
     )
     note = f"<p class=note>{escape(grid.note)}</p>\n" if grid.note else ""
     return (
-        f"<figure class=numbers><table>\n<caption>{escape(grid.title)}</caption>\n<thead><tr>{head}</tr></thead>\n"
-        f"<tbody>\n{rows}\n</tbody>\n</table>\n{note}</figure>"
+        f"<figure class=numbers><div class=scroll><table>\n<caption>{escape(grid.title)}</caption>\n"
+        f"<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n</table></div>\n{note}</figure>"
     )
 
 
-def picture(subject: str, caption: str, png: bytes) -> str:
-    """A PNG inside the page."""
+def picture(subject: str, caption: str, png: bytes, *, wide: bool = False) -> str:
+    """A PNG inside the page; on a phone a wide one is scrolled, so that its words can be read."""
     data, words = base64.b64encode(png).decode("ascii"), escape(caption)
     image = f'<img alt="{escape(subject)}: {words}" src="data:image/png;base64,{data}">'
+    image = f"<div class=scroll>{image}</div>" if wide else image
     return f"<figure>{image}<figcaption>{words}</figcaption></figure>"
 
 
@@ -68,11 +81,14 @@ tbody tr:last-child { border-bottom: 1px solid #999; }
 th:first-child, td:first-child { text-align: left; white-space: pre-wrap; min-width: 8.5rem; }
 th { vertical-align: bottom; } td:nth-child(n+2) { white-space: nowrap; }
 th.words:nth-child(n+2), td.words:nth-child(n+2) { text-align: left; white-space: normal; width: 45%; }
+.scroll { overflow-x: auto; }
+.verdict { font-size: 1.1rem; font-weight: 600; margin-bottom: .4rem; }
+.swatches { font-size: .82rem; color: #555; } .swatches span { padding: .1rem .5rem; color: #1b1b1b; }
 .good { color: #00704a; } .bad { color: #a8320a; } .faint { color: #777; }
 pre { background: #f6f6f4; padding: .7rem .9rem; overflow-x: auto; font-size: .78rem; line-height: 1.4; }
 summary { cursor: pointer; color: #0a58a8; margin: .6rem 0; }
 @page { margin: 16mm; }
-@media (max-width: 40rem) { .pair { grid-template-columns: 1fr; } }
+@media (max-width: 40rem) { .pair { grid-template-columns: 1fr; } .scroll img { width: 46rem; } }
 @media print {
   body { max-width: none; margin: 0; padding: 0; font-size: 9.5pt; } pre { white-space: pre-wrap; }
   th, td { padding: .15rem .3rem; } figure, tr, dl { break-inside: avoid; } h2, h3, caption { break-after: avoid; }

@@ -91,10 +91,16 @@ def _histogram(axes: Axes, values: Array, colour: str) -> None:
     top = max(float(values.max(initial=0.0)), 1e-9)
     bins = np.linspace(0.0, top * 1.001, 41)
     if values.size and (np.abs(values / 10.0 - np.round(values / 10.0)) < 0.2).mean() > 0.8:  # whole cycles of 10 ms
-        bins = np.arange(5.0, top + 10.0, 10.0 * max(1.0, np.ceil(top / 600.0)))
-    axes.hist(values, bins=bins.tolist() if len(bins) > 1 else 10, color=colour)
+        bins = whole_cycle_bins(top)
+    axes.hist(values, bins=bins.tolist(), color=colour)
     axes.set_yscale("log")
     axes.set_ylim(0.7, None)
+
+
+def whole_cycle_bins(top_ms: float) -> Array:
+    """Return edges between multiples of 10 ms, at most some 60 bins, the last one beyond `top_ms`."""
+    wide_ms = 10.0 * max(1.0, np.ceil(top_ms / 600.0))
+    return np.arange(5.0, max(top_ms, 15.0) + wide_ms, wide_ms)
 
 
 def latencies(figure: Figure, flown: Flown) -> None:

@@ -12,6 +12,8 @@ from companion.reports.charts import (
     at_least_wide,
     free_only,
     legend_above,
+    legend_of_axes,
+    only,
     rows_over_time,
     thinned,
     xyz,
@@ -20,23 +22,31 @@ from companion.reports.flown import Flown
 from companion.types import Array
 
 _REFERENCE: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.9}
+_PALE: dict[str, Any] = {"color": "0.78", "lw": 0.9}
 
 
 def above(figure: Figure, flown: Flown) -> None:
-    """The path in the x-y plane."""
+    """The path in the x-y plane; where trajectories were flown, each of them, and the ways between them pale."""
     axes = figure.subplots()
-    flying, tracking = flown.airborne, flown.tracked
-    where, wanted = flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
-    if tracking.any():
-        axes.plot(where[flying, 0], where[flying, 1], color="0.78", lw=0.9, label="way there and back")
-        axes.plot(where[tracking, 0], where[tracking, 1], color=COLOURS[0], label="flown")
-        axes.plot(wanted[tracking, 0], wanted[tracking, 1], label="reference", **_REFERENCE)
-    else:
-        axes.plot(where[flying, 0], where[flying, 1], color=COLOURS[0], label="flown")
-        axes.plot(wanted[flying, 0], wanted[flying, 1], label="reference", **_REFERENCE)
-    axes.set(xlim=_limits(where[flying, 0]), ylim=_limits(where[flying, 1]))
+    where = flown.column("position_w_m", 3)
+    shown = flown.tracked if flown.tracked.any() else flown.airborne
+    for mask, values, label, how in (
+        (flown.airborne, where, "ways between", _PALE) if flown.tracked.any() else (shown, where, None, _PALE),
+        (shown, where, "flown", {"color": COLOURS[0]}),
+        (shown, flown.reference_w_m, "reference", _REFERENCE),
+    ):
+        path = only(mask, values)
+        axes.plot(path[:, 0], path[:, 1], label=label, **how)
+    axes.set(xlim=_limits(where[flown.airborne, 0]), ylim=_limits(where[flown.airborne, 1]))
     axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", adjustable="box")
     legend_above(figure, axes)
+
+
+def above_height_in(flown: Flown, width_in: float, least_in: float, most_in: float) -> float:
+    """Return the height of `above` that leaves no white around a path of this shape."""
+    where = flown.column("position_w_m", 3)[flown.airborne]
+    (left, right), (low, high) = _limits(where[:, 0]), _limits(where[:, 1])
+    return float(np.clip((width_in - 0.75) * (high - low) / (right - left) + 0.85, least_in, most_in))
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -50,14 +60,13 @@ def space(figure: Figure, flown: Flown) -> None:
     """The path in three dimensions."""
     axes = figure.add_subplot(projection="3d")
     shown = flown.tracked if flown.tracked.any() else flown.airborne
-    where, wanted = flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
-    if flown.tracked.any():
-        axes.plot(*where[flown.airborne].T, color="0.78", lw=0.8)
-    axes.plot(*where[shown].T, color=COLOURS[0])
-    axes.plot(*wanted[shown].T, **_REFERENCE)
+    where = flown.column("position_w_m", 3)
+    axes.plot(*only(flown.airborne, where).T, **_PALE)
+    axes.plot(*only(shown, where).T, color=COLOURS[0])
+    axes.plot(*only(shown, flown.reference_w_m).T, **_REFERENCE)
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
     spans = np.ptp(where[flown.airborne], axis=0)
-    axes.set_box_aspect(np.maximum(spans, 0.35 * max(spans.max(), 1e-3)).tolist(), zoom=0.86)
+    axes.set_box_aspect(np.maximum(spans, 0.35 * max(spans.max(), 1e-3)).tolist(), zoom=0.8)
     axes.locator_params(nbins=4)
     axes.view_init(elev=28.0, azim=-60.0)
 
@@ -65,14 +74,12 @@ def space(figure: Figure, flown: Flown) -> None:
 def position(figure: Figure, flown: Flown) -> None:
     """Each axis with its reference."""
     rows = rows_over_time(figure, [f"{axis} (m)" for axis in AXES], flown)
-    time, where, wanted = thinned(
-        flown.time_s, flown.column("position_w_m", 3), flown.column("reference_position_w_m", 3)
-    )
+    time, where, wanted = thinned(flown.time_s, flown.column("position_w_m", 3), flown.reference_w_m)
     for axis, axes in enumerate(rows):
-        axes.plot(time, where[:, axis], color=COLOURS[axis], label="flown" if axis == 0 else None)
-        axes.plot(time, wanted[:, axis], label="reference" if axis == 0 else None, **_REFERENCE)
+        axes.plot(time, where[:, axis], color=COLOURS[axis])
+        axes.plot(time, wanted[:, axis], **_REFERENCE)
         at_least_wide(axes, 0.1)
-    legend_above(figure, rows[0])
+    legend_of_axes(figure, reference=_REFERENCE)
 
 
 def errors(figure: Figure, flown: Flown) -> None:
@@ -89,12 +96,13 @@ def errors(figure: Figure, flown: Flown) -> None:
 def command(figure: Figure, flown: Flown) -> None:
     """What the law wanted and, held between events, what the vehicle was given."""
     rows = rows_over_time(figure, [f"$u_{axis}$ (m/s²)" for axis in AXES], flown)
-    flying = flown.free
-    time, wanted = flown.time_s[flying], flown.column("accel_w_mps2", 3)[flying]
-    held = np.where(flown.event[flying, None], wanted, np.nan)
-    for axis, axes in enumerate(rows):
-        known = np.isfinite(held[:, axis])
-        axes.step(time[known], held[known, axis], where="post", color=COLOURS[axis], lw=0.8)
+    number = flown.runs(flown.free)
+    wanted = flown.column("accel_w_mps2", 3)
+    for stretch in range(int(number.max(initial=-1)) + 1):
+        sent = (number == stretch) & flown.event & np.isfinite(wanted).all(axis=1)
+        for axis, axes in enumerate(rows):
+            axes.step(flown.time_s[sent], wanted[sent, axis], where="post", color=COLOURS[axis], lw=0.8)
+    for axes in rows:
         at_least_wide(axes, 0.5)
 
 
@@ -121,7 +129,7 @@ def arms(figure: Figure, flown: Flown) -> None:
     )
     for axes, first in zip(rows, (0, JOINTS_PER_ARM), strict=True):
         for joint in range(CHAIN):
-            axes.plot(time, where[:, first + joint], color=COLOURS[joint], label=KINDS[joint].replace("_", " "))
-            axes.plot(time, goal[:, first + joint], **_REFERENCE, label="goal" if joint == CHAIN - 1 else None)
+            axes.plot(time, goal[:, first + joint], color=COLOURS[joint], lw=2.6, alpha=0.3)
+            axes.plot(time, where[:, first + joint], color=COLOURS[joint], label=KINDS[joint].replace("_", " "), lw=0.9)
         at_least_wide(axes, 10.0)
     legend_above(figure, rows[0], 4)

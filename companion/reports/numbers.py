@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.reports.flown import Flown, Mask
+from companion.reports.flown import Flown, Mask, Trajectory
 from companion.reports.story import Story, story_of
 from companion.types import Array
 
@@ -36,6 +36,19 @@ class Triggers:
 
 
 @dataclass(frozen=True)
+class TrajectoryNumbers:
+    """One trajectory of a flight."""
+
+    name: str
+    law: str
+    begin_s: float
+    """Since lift-off."""
+    duration_s: float
+    errors: Errors | None
+    triggers: Triggers | None
+
+
+@dataclass(frozen=True)
 class Spread:
     """Of a latency, s."""
 
@@ -58,10 +71,16 @@ class Numbers:
     over: bool
     """The flight ended within the record."""
     truncated: bool
+    damage: str
+    """In words, where the file could not be read."""
     dropped: int
     duration_s: float
     """In the air."""
+    law_s: float
+    """Of it, with our law in charge."""
+    trajectories: tuple[TrajectoryNumbers, ...]
     tracked: Errors | None
+    """Over all trajectories."""
     whole: Errors | None
     triggers_tracked: Triggers | None
     triggers_whole: Triggers | None
@@ -78,7 +97,6 @@ def numbers_of(flown: Flown) -> Numbers:
     """Worked out of the record."""
     record, story = flown.record, story_of(flown)
     unix_s = record.unix_offset_s + float(flown.column("time_s")[0]) if record.unix_offset_s else None
-    flying = flown.time_s[flown.airborne]
     return Numbers(
         flown.name,
         unix_s,
@@ -88,14 +106,32 @@ def numbers_of(flown: Flown) -> Numbers:
         story.ended,
         story.over,
         record.truncated,
+        record.damage,
         record.dropped,
-        float(flying[-1] - flying[0]) if flying.size else 0.0,
+        _span_s(flown.time_s[flown.in_the_air]),
+        _span_s(flown.time_s[flown.airborne]),
+        tuple(_trajectory(flown, one) for one in flown.trajectories),
         _errors(flown, flown.tracked),
         _errors(flown, flown.airborne),
         _triggers(flown, flown.tracked),
         _triggers(flown, flown.airborne),
         {name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
         story,
+    )
+
+
+def _span_s(time_s: Array) -> float:
+    return float(time_s[-1] - time_s[0]) if time_s.size else 0.0
+
+
+def _trajectory(flown: Flown, one: Trajectory) -> TrajectoryNumbers:
+    return TrajectoryNumbers(
+        one.name,
+        one.law,
+        one.begin_s,
+        one.end_s - one.begin_s,
+        _errors(flown, one.mask),
+        _triggers(flown, one.mask),
     )
 
 

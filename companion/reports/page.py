@@ -9,13 +9,15 @@ from itertools import groupby
 
 from companion import __version__
 from companion.reports import words
-from companion.reports.charts import Chart, Medium
+from companion.reports.charts import PHASE_SHADES, Chart, Medium
 from companion.reports.compare import overlaid
 from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
-from companion.reports.html import facts, picture, table, tables, whole
+from companion.reports.html import facts, lead, picture, swatches, table, tables, whole
 from companion.reports.numbers import Numbers, numbers_of
+from companion.reports.summary import summary, verdict
 from companion.reports.tables import Grid
+from companion.reports.trajectories import law_label
 from companion.reports.words import letters
 
 Progress = Callable[[str], None]
@@ -48,7 +50,7 @@ def page(chapters: Sequence[Chapter], progress: Progress) -> str:
     body = [
         facts(listed),
         table(words.comparison([chapter.numbers for chapter in chapters])),
-        _drawn(charts, progress),
+        *(_drawn(chart, progress) for chart in charts),
         *(
             f"<section>\n<h2>{name}: {escape(chapter.flown.name)}</h2>\n{_chapter(chapter, progress)}\n</section>"
             for name, chapter in zip(names, chapters, strict=True)
@@ -65,23 +67,32 @@ def _chapter(chapter: Chapter, progress: Progress) -> str:
     numbers = chapter.numbers
     first, *rest = chapter.charts
     grids: list[Grid | None] = [
-        words.error_table(numbers), words.trigger_table(numbers), words.latency_table(numbers),
+        words.trajectory_table(numbers), words.error_table(numbers), words.trigger_table(numbers),
+        words.latency_table(numbers),
     ]  # fmt: skip
     happened: list[Grid | None] = [
         words.fault_table(numbers), words.reaction_table(numbers), words.said_table(numbers),
     ]  # fmt: skip
     return "\n".join(
         [
+            lead(verdict(numbers), summary(numbers)),
             facts(words.head(numbers)),
             tables(grid for grid in grids if grid is not None),
             "<h3>What happened</h3>",
             _drawn(first, progress),
+            swatches(_shades(chapter.flown)),
             tables(grid for grid in happened if grid is not None),
             "<h3>How it flew</h3>" if rest else "",
             _figures(rest, progress),
             _settings(chapter.flown),
         ]
     )
+
+
+def _shades(flown: Flown) -> list[tuple[str, str]]:
+    """Phases of the flight and the colours that they have in all figures over time, in order."""
+    names = dict.fromkeys(stretch.name for stretch in flown.phases)
+    return [(name, PHASE_SHADES[name]) for name in names if name in PHASE_SHADES]
 
 
 def _figures(charts: Sequence[Chart], progress: Progress) -> str:
@@ -111,7 +122,7 @@ def _drawn(chart: Chart, progress: Progress) -> str:
     progress(chart.name)
     into = BytesIO()
     chart.save(into, Medium.PAGE)
-    return picture(chart.name, chart.caption, into.getvalue())
+    return picture(chart.name, chart.caption, into.getvalue(), wide=chart.wide)
 
 
 def _settings(flown: Flown) -> str:
@@ -126,5 +137,7 @@ def _settings(flown: Flown) -> str:
     if told.get("file"):
         laws.setdefault(str(told.get("name", "law")), told["file"])
     for name, text in laws.items():
-        parts.append(f"<details><summary>Law {escape(str(name))}</summary>\n<pre>{escape(str(text))}</pre></details>")
+        parts.append(
+            f"<details><summary>Law {escape(law_label(str(name)))}</summary>\n<pre>{escape(str(text))}</pre></details>"
+        )
     return "\n".join(parts)

@@ -83,9 +83,7 @@ def _told(story: Story) -> list[tuple[float, str]]:
 
 
 def _curves(height: Axes, error: Axes, flown: Flown) -> None:
-    time, where, wanted = thinned(
-        flown.time_s, flown.column("position_w_m", 3)[:, 2], flown.column("reference_position_w_m", 3)[:, 2]
-    )
+    time, where, wanted = thinned(flown.time_s, flown.column("position_w_m", 3)[:, 2], flown.reference_w_m[:, 2])
     height.plot(time, wanted, "k--", lw=0.9)
     height.plot(time, where, color=COLOURS[2])
     time, size = thinned(flown.time_s, free_only(flown, flown.distance_m))
@@ -106,10 +104,9 @@ def _inside(axes: Axes, at_s: float) -> float:
 
 
 def _phases(axes: Axes, flown: Flown) -> None:
-    low, high = axes.get_xlim()
     for stretch in flown.phases:
         begin, end = _inside(axes, stretch.begin_s), _inside(axes, stretch.end_s)
-        if stretch.name in PHASE_SHADES and end - begin > 0.045 * (high - low):
+        if stretch.name in PHASE_SHADES and end - begin > _letter_s(axes) * len(stretch.name):
             axes.text(0.5 * (begin + end), 0.5, stretch.name, ha="center", va="center", color="0.3")
 
 

@@ -2,11 +2,15 @@
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from typing import Any
 
-from companion.reports.numbers import AXES, Errors, Numbers, Triggers
+from companion.reports.numbers import AXES, Errors, Numbers, TrajectoryNumbers, Triggers
 from companion.reports.tables import BAD, PLAIN, WORDS, Cell, Grid
+from companion.reports.trajectories import UNNAMED
 
 _NOTHING = "–"
+_ALSO_S = 1.0
+"""The law's time in the air and the vehicle's differ by less between landing and disarming."""
 
 
 def head(numbers: Numbers) -> list[tuple[str, str]]:
@@ -15,7 +19,7 @@ def head(numbers: Numbers) -> list[tuple[str, str]]:
     if numbers.vehicle:
         facts.append(("vehicle", numbers.vehicle))
     facts += [
-        ("in the air", f"{numbers.duration_s:.1f} s" if numbers.duration_s else "never"),
+        ("in the air", in_the_air(numbers)),
         ("law", laws(numbers)),
         ("ended", numbers.ended),
         ("record", _state(numbers)),
@@ -23,6 +27,16 @@ def head(numbers: Numbers) -> list[tuple[str, str]]:
     if numbers.versions:
         facts.append(("versions", ", ".join(f"{name} {version}" for name, version in numbers.versions.items())))
     return facts
+
+
+def in_the_air(numbers: Numbers) -> str:
+    """How long; and for how long of it our law flew, where something else did, too."""
+    if not numbers.duration_s:
+        return "never"
+    text = f"{numbers.duration_s:.1f} s"
+    if numbers.duration_s - numbers.law_s > _ALSO_S:
+        text += f", our law in charge for {numbers.law_s:.1f} s of them"
+    return text
 
 
 def _when(unix_s: float) -> str:
@@ -41,6 +55,8 @@ def laws(numbers: Numbers) -> str:
 def _state(numbers: Numbers) -> str:
     """Whether all of the flight is there, in one line."""
     says = []
+    if numbers.damage:
+        says.append(f"damaged: {numbers.damage}; shown is what can be read")
     if numbers.truncated:
         says.append("cut off: the file ends in the middle; what came after its last cycle is not known")
     elif not numbers.over:
@@ -51,15 +67,52 @@ def _state(numbers: Numbers) -> str:
 
 
 def error_table(numbers: Numbers) -> Grid | None:
-    """Mean, rms and largest error; None when there is none."""
+    """Mean, rms and largest error, of each trajectory and of the whole flight; None when there is none."""
     rows: list[tuple[Cell, ...]] = []
-    for name, errors in (("on the trajectory", numbers.tracked), ("in the air", numbers.whole)):
+    for name, errors in [*_named(numbers, "errors"), ("in the air", numbers.whole)]:
         if errors is not None:
             rows += _error_rows(name, errors)
     if not rows:
         return None
     note = "Absolute errors in cm, world frame: estimated position at the instant of the cycle less the reference."
     return Grid("Errors (cm)", ("", "", *AXES, "norm"), tuple(rows), note)
+
+
+def _named(numbers: Numbers, what: str) -> list[tuple[str, Any]]:
+    """Errors or triggers of each trajectory with its name."""
+    names = trajectory_names(numbers.trajectories)
+    return [(name, getattr(one, what)) for name, one in zip(names, numbers.trajectories, strict=True)]
+
+
+def trajectory_names(trajectories: Sequence[TrajectoryNumbers]) -> list[str]:
+    """Return what each is called in tables: numbered, and with its law, where there are several."""
+    if len(trajectories) == 1:
+        (only,) = trajectories
+        return ["on the trajectory" if only.name == UNNAMED else f"on the trajectory, {only.name}"]
+    return [f"{number}: {one.name}, {one.law}" for number, one in enumerate(trajectories, 1)]
+
+
+def trajectory_table(numbers: Numbers) -> Grid | None:
+    """A row for each trajectory; None when there are fewer than two."""
+    if len(numbers.trajectories) < 2:
+        return None
+    columns = (
+        "", "law", "from (s)", "for (s)", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "sent",
+        "longest gap (ms)",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            Cell(f"{number}: {one.name}"), Cell(one.law), Cell(f"{one.begin_s:.1f}"), Cell(f"{one.duration_s:.1f}"),
+            *_error_cells(one.errors), *_share_cells(one.triggers),
+            Cell(_NOTHING) if one.triggers is None else _ms(one.triggers.gap_max_s),
+        )
+        for number, one in enumerate(numbers.trajectories, 1)
+    )  # fmt: skip
+    note = (
+        "Errors in cm; triggers and setpoints sent as shares of the trajectory's cycles; longest time between two "
+        "triggers within the trajectory."
+    )
+    return Grid("Trajectories", columns, rows, note)
 
 
 def _error_rows(name: str, errors: Errors) -> list[tuple[Cell, ...]]:
@@ -80,11 +133,8 @@ def _cm(value_m: float) -> Cell:
 
 def trigger_table(numbers: Numbers) -> Grid | None:
     """How often something was sent."""
-    found = [
-        (name, triggers)
-        for name, triggers in (("on the trajectory", numbers.triggers_tracked), ("in the air", numbers.triggers_whole))
-        if triggers is not None
-    ]
+    all_of_it = [*_named(numbers, "triggers"), ("in the air", numbers.triggers_whole)]
+    found: list[tuple[str, Triggers]] = [(name, triggers) for name, triggers in all_of_it if triggers is not None]
     if not found:
         return None
     columns = ("", "cycles", "triggers", "share", "setpoints sent", "median gap (ms)", "longest gap (ms)")
@@ -95,7 +145,10 @@ def trigger_table(numbers: Numbers) -> Grid | None:
         )
         for name, one in found
     )  # fmt: skip
-    note = "More setpoints than triggers: the gate goes on towards the wanted one as fast as it may."
+    note = (
+        "Gaps are times between two triggers of the same stretch. More setpoints than triggers: the gate goes on "
+        "towards the wanted one as fast as it may."
+    )
     return Grid("Triggers", columns, rows, note)
 
 
@@ -111,7 +164,14 @@ def latency_table(numbers: Numbers) -> Grid | None:
         (Cell(name), Cell(str(one.count)), _ms(one.median_s), _ms(one.p95_s), _ms(one.max_s))
         for name, one in numbers.latencies.items()
     )
-    return Grid("Latencies in the air (ms)", ("", "cycles", "median", "95 %", "max"), rows)
+    return Grid("Latencies in the air (ms)", ("", "cycles", "median", "95 %", "max"), rows, _LATENCIES)
+
+
+_LATENCIES = (
+    "Age of the pose used: from its capture to the begin of the cycle that uses it. Cycle late: its begin after the "
+    "frame or the deadline that starts it. Frame to setpoint: from the frame's arrival at this computer to the "
+    "setpoint leaving it. Capture to setpoint: from the cameras' exposure to the same."
+)
 
 
 def fault_table(numbers: Numbers) -> Grid:
@@ -158,15 +218,18 @@ def said_table(numbers: Numbers) -> Grid | None:
 
 
 def comparison(flights: Sequence[Numbers]) -> Grid:
-    """A row a flight."""
+    """A row for each trajectory of each flight; for a flight without one, over all in the air."""
     columns = (
         "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "sent", "to setpoint",
         "faults",
     )  # fmt: skip
-    rows = tuple(_compared(letter, one) for letter, one in zip(letters(len(flights)), flights, strict=True))
+    rows = tuple(
+        row for letter, one in zip(letters(len(flights)), flights, strict=True) for row in _compared(letter, one)
+    )
     note = (
-        "Errors in cm, over the cycles that flew a trajectory, or over all in the air where none did; triggers and "
-        "setpoints as shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many ms."
+        "Errors in cm, over each trajectory, or over all in the air where none was flown; triggers and setpoints as "
+        "shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many ms, and faults, of "
+        "the whole flight."
     )
     return Grid("Beside each other", columns, rows, note)
 
@@ -177,19 +240,24 @@ def letters(count: int) -> list[str]:
     return (names + [first + second for first in names for second in names])[:count]
 
 
-def _compared(letter: str, one: Numbers) -> tuple[Cell, ...]:
-    on_trajectory = one.tracked is not None
-    errors, triggers = (one.tracked, one.triggers_tracked) if on_trajectory else (one.whole, one.triggers_whole)
+def _compared(letter: str, one: Numbers) -> list[tuple[Cell, ...]]:
     from_frame = one.latencies.get("frame to setpoint")
-    return (
-        Cell(letter),
-        Cell(", ".join(one.laws) or _NOTHING),
-        Cell("trajectory" if on_trajectory else "flight"),
-        *_error_cells(errors),
-        *_share_cells(triggers),
+    flight = (
         Cell(_NOTHING) if from_frame is None else _ms(from_frame.p95_s),
         Cell(str(len(one.story.faults)), BAD if one.story.reactions else PLAIN),
     )
+    if not one.trajectories:
+        law = Cell(", ".join(one.laws) or _NOTHING)
+        return [
+            (Cell(letter), law, Cell("flight"), *_error_cells(one.whole), *_share_cells(one.triggers_whole), *flight)
+        ]
+    return [
+        (
+            Cell(f"{letter}{number}" if len(one.trajectories) > 1 else letter), Cell(flown.law or _NOTHING),
+            Cell(flown.name), *_error_cells(flown.errors), *_share_cells(flown.triggers), *flight,
+        )
+        for number, flown in enumerate(one.trajectories, 1)
+    ]  # fmt: skip
 
 
 def _error_cells(errors: Errors | None) -> list[Cell]:

@@ -22,6 +22,8 @@ from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
 from companion.reports.numbers import numbers_of
 from companion.reports.story import Said, story_of
+from companion.reports.summary import summary, verdict
+from companion.reports.tables import BAD
 from companion.reports.words import comparison, error_table, head
 from companion.supervisor.flight import Fly, Phase
 from tests.flights.simulated import Flight, fly
@@ -78,6 +80,7 @@ def test_triggers_and_latencies_are_those_of_the_ticks(frozen: Recorded) -> None
     assert numbers.triggers_whole is not None
     assert numbers.triggers_whole.events == len(fired)
     assert numbers.triggers_whole.gap_max_s == pytest.approx(float(np.diff(fired).max()))
+    assert numbers.law_s == pytest.approx(flying[-1].time_s - flying[0].time_s)
     assert numbers.triggers_whole.sent_share == pytest.approx(np.mean([np.isfinite(tick.sent_s) for tick in flying]))
     assert numbers.latencies["cycle late"].max_s == pytest.approx(max(tick.late_s for tick in flying))
 
@@ -214,12 +217,13 @@ def test_missing_cycles_are_counted(frozen: Recorded, tmp_path: Path) -> None:
 
 def test_two_flights_are_compared_first(frozen: Recorded) -> None:
     numbers = numbers_of(frozen.flown)
-    grid = comparison([numbers, replace(numbers, tracked=None)])
+    grid = comparison([numbers, replace(numbers, trajectories=())])
     assert [row[0].text for row in grid.rows] == ["A", "B"]
     assert [row[2].text for row in grid.rows] == ["trajectory", "flight"]
     assert numbers.whole is not None
     assert grid.rows[1][6].text == f"{100.0 * numbers.whole.mean_m[3]:.2f}"
-    axes = overlaid([frozen.flown, frozen.flown]).figure(Medium.PAPER).axes
+    (compared,) = overlaid([frozen.flown, frozen.flown])
+    axes = compared.figure(Medium.PAPER).axes
     assert [len(one.get_lines()) for one in axes] == [3] * 4  # both flights and zero
 
 
@@ -255,6 +259,32 @@ def test_what_is_no_record_is_refused_in_a_sentence(
     assert isinstance(ran.exception, RecordError)
     assert re.search(says, str(ran.exception))
     assert not path.with_suffix(".html").exists()
+
+
+def test_a_page_in_a_folder_that_is_not_there_is_refused(frozen: Recorded, tmp_path: Path) -> None:
+    ran = CliRunner().invoke(app, ["report", str(frozen.path), "--out", str(tmp_path / "nosuch" / "page.html")])
+    assert isinstance(ran.exception, ConfigError)
+    assert "there is no folder" in str(ran.exception)
+    assert not (tmp_path / "nosuch").exists()
+
+
+def test_time_in_the_air_counts_the_landing_that_px4_flew(frozen: Recorded) -> None:
+    numbers = numbers_of(frozen.flown)
+    landed_s = next(tick.time_s for tick in reversed(frozen.flight.ticks) if tick.status.in_air)
+    begun_s = next(tick.time_s for tick in frozen.flight.ticks if tick.flight.airborne)
+    assert numbers.duration_s == pytest.approx(landed_s - begun_s, abs=0.1)
+    assert numbers.duration_s > numbers.law_s + 3.0
+    said = dict(head(numbers))["in the air"]
+    assert said == f"{numbers.duration_s:.1f} s, our law in charge for {numbers.law_s:.1f} s of them"
+
+
+def test_the_verdict_names_the_failsafe_and_its_cause(frozen: Recorded) -> None:
+    numbers = numbers_of(frozen.flown)
+    said = verdict(numbers)
+    assert said.tone == BAD
+    assert "Failsafe: PX4 lands at" in said.text
+    assert "because of mocap frozen" in said.text
+    assert len(summary(numbers)) == 2
 
 
 def test_the_page_does_not_overwrite_a_flight(frozen: Recorded) -> None:
