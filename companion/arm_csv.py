@@ -1,6 +1,5 @@
 """Joint waypoints in CSV: `t_s,right.shoulder_pitch_deg,...`; each column says its joint and its unit."""
 
-import csv
 import math
 from pathlib import Path
 
@@ -8,38 +7,33 @@ import numpy as np
 
 from companion.arms.described import Poses
 from companion.arms.model import JOINT_NAMES
-from companion.csv_rows import numbers_of
+from companion.csv_table import read_table
 from companion.ports import ConfigError
 from companion.types import Array
+from companion.waypoint_limits import time_mistake
 
 MAX_ROWS = 2000
-LEAST_GAP_S = 0.01
-"""Between two waypoints."""
 LONGEST_S = 600.0
+_WANTED = "t_s,right.shoulder_pitch_deg,... (or _rad)"
 _UNITS = {"deg": math.pi / 180.0, "rad": 1.0}
 _COLUMNS = {f"{joint}_{unit}": (place, unit) for place, joint in enumerate(JOINT_NAMES) for unit in _UNITS}
 
 
 def read_csv(path: Path) -> Poses:
-    """The waypoints, passed without stopping; a joint without a column stays. ConfigError names the line."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            lines = [(reader.line_num, row) for reader in [csv.reader(file)] for row in reader if any(row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as CSV: {error}") from error
-    if not lines:
-        raise ConfigError(f"{path}: is empty; the first line must be t_s,right.shoulder_pitch_deg,... (or _rad)")
-    header, rows = [cell.strip() for cell in lines[0][1]], lines[1:]
-    _check_header(header, path)
-    if not 2 <= len(rows) <= MAX_ROWS:
-        raise ConfigError(f"{path}: 2 to {MAX_ROWS} waypoints are needed, there are {len(rows)}")
-    table = np.array([numbers_of(row, len(header), line, path) for line, row in rows])
-    times_s = table[:, header.index("t_s")]
-    _check_times(times_s, [line for line, _ in rows], path)
-    return Poses(times_s, _joints(header, table), stop=False)
+    """Read the waypoints, passed without stopping; a joint without a column stays. ConfigError names the line."""
+    table = read_table(path, _WANTED)
+    _check_header(table.header, path)
+    if not 2 <= len(table.rows) <= MAX_ROWS:
+        raise ConfigError(f"{path}: 2 to {MAX_ROWS} waypoints are needed, there are {len(table.rows)}")
+    numbers = table.numbers()
+    times_s = numbers[:, table.header.index("t_s")]
+    wrong = time_mistake(times_s.tolist(), LONGEST_S)
+    if wrong is not None:
+        raise table.wrong(*wrong)
+    return Poses(times_s, _joints(table.header, numbers), stop=False)
 
 
-def _joints(header: list[str], table: Array) -> Array:
+def _joints(header: tuple[str, ...], table: Array) -> Array:
     """(n, 8), rad; NaN without a column."""
     out = np.full((len(table), len(JOINT_NAMES)), math.nan)
     for column, name in enumerate(header):
@@ -49,7 +43,7 @@ def _joints(header: list[str], table: Array) -> Array:
     return out
 
 
-def _check_header(header: list[str], path: Path) -> None:
+def _check_header(header: tuple[str, ...], path: Path) -> None:
     if "t_s" not in header or len(header) < 2:
         raise ConfigError(f"{path}: the first line must name t_s and at least one joint, as right.shoulder_pitch_deg")
     seen: set[str] = set()
@@ -65,17 +59,3 @@ def _check_header(header: list[str], path: Path) -> None:
         if joint in seen:
             raise ConfigError(f"{path}: {joint} has two columns")
         seen.add(joint)
-
-
-def _check_times(times_s: Array, lines: list[int], path: Path) -> None:
-    if times_s[0] != 0.0:
-        raise ConfigError(f"{path}: line {lines[0]}: t_s must begin at 0, not {times_s[0]:g}")
-    if times_s[-1] > LONGEST_S:
-        raise ConfigError(f"{path}: line {lines[-1]}: t_s must be at most {LONGEST_S:g}, not {times_s[-1]:g}")
-    short = np.flatnonzero(np.diff(times_s) < LEAST_GAP_S - 1e-9)
-    if short.size:
-        row = int(short[0])
-        raise ConfigError(
-            f"{path}: line {lines[row + 1]}: t_s must rise by at least {LEAST_GAP_S:g} s, "
-            f"{times_s[row + 1]:g} does not follow {times_s[row]:g}"
-        )

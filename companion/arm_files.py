@@ -9,14 +9,14 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
-from companion.arm_csv import LEAST_GAP_S, LONGEST_S, MAX_ROWS, read_csv
+from companion.arm_csv import LONGEST_S, MAX_ROWS, read_csv
 from companion.arms.described import Described, Poses, Swing, Tips
 from companion.arms.model import CHAIN, JOINTS_PER_ARM
 from companion.config_files import Section, project_root, read_toml, validate
 from companion.ports import ConfigError
 from companion.types import Array
+from companion.waypoint_limits import LEAST_GAP_S
 
-MAX_BYTES = 1_000_000
 _Unit = Literal["deg", "rad"]
 
 
@@ -26,14 +26,6 @@ def motion_named(name: str, duration_s: float | None = None) -> Described:
     A motion through poses takes as long as its file says. Raises ConfigError, one sentence a mistake.
     """
     path = _path(name)
-    try:
-        size = path.stat().st_size
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path}: there is no such file") from error
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
-    if size > MAX_BYTES:
-        raise ConfigError(f"{path}: is {size / 1e6:.1f} MB, a motion has at most {MAX_BYTES / 1e6:g} MB")
     return read_csv(path) if path.suffix.lower() == ".csv" else _read_toml(path, duration_s)
 
 

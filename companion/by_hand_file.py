@@ -13,7 +13,7 @@ _NAME = "by_hand.json"
 def read_kept(wanted: PreflightConfig) -> Kept | None:
     """What the file says; None when there is none, or nothing that can be read."""
     try:
-        data = json.loads(_file(wanted).read_text(encoding="utf-8"))
+        data = json.loads(_file(wanted).read_text(encoding="utf-8-sig"))
         kept = Kept(str(data["body"]), datetime.fromisoformat(data["when"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None

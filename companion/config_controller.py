@@ -14,6 +14,7 @@ from companion.control.pid import Pid
 from companion.control.prediction import Predictor
 from companion.law_files import LAW_FORM, is_law_file, law_path, own_law
 from companion.ports import ConfigError
+from companion.text_files import read_text
 
 
 class PredictionConfig(Section):
@@ -100,6 +101,11 @@ def controller_path(name: str) -> Path:
         raise ConfigError(f"{name}: there is no such file")
     names = sorted(path.stem for path in folder.glob("*.toml"))
     raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
+
+
+def controller_text(name: str) -> str:
+    """Return the text of a controller file, for records; ConfigError as `controller_path`, or when it is no text."""
+    return read_text(controller_path(name))
 
 
 def load_controller(

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from companion.errors import ConfigError
+from companion.text_files import read_text
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -27,12 +28,9 @@ def project_root() -> Path:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's tables; ConfigError with one sentence when it is missing or not TOML."""
+    text = read_text(path)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path}: there is no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from error
 

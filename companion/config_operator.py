@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from companion.bus.topics import Topics
 from companion.config_files import Section
 from companion.errors import ConfigError
+from companion.text_files import decode
 
 _MOST_PASSWORD_BYTES = 1024
 
@@ -74,9 +75,11 @@ class OperatorConfig(Section):
         where = f"{self.table}.password_file = {self.password_file!r}"
         try:
             with Path(self.password_file).open("rb") as file:
-                said = file.read(_MOST_PASSWORD_BYTES + 1).decode().rstrip("\r\n")
-        except (OSError, UnicodeDecodeError) as error:
+                said = decode(file.read(_MOST_PASSWORD_BYTES + 1)).rstrip("\r\n")
+        except OSError as error:
             raise ConfigError(f"{where}: cannot be read: {error}") from error
+        except ValueError:
+            raise ConfigError(f"{where}: must be text in UTF-8") from None  # whose bytes are nobody's to read
         if not said or len(said) > _MOST_PASSWORD_BYTES or "\n" in said:
             raise ConfigError(f"{where}: must hold one line, the password")
         return said

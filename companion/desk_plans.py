@@ -22,7 +22,7 @@ from companion.control_stage import ControlStage
 from companion.ports import ConfigError, FlightError
 from companion.service_verbs import Service
 from companion.trajectory_files import Curve, trajectory_named
-from companion.waypoint_limits import time_mistake
+from companion.waypoint_limits import LONGEST_S, time_mistake
 
 _ALONE_S = 60.0
 """A motion that is played without a trajectory and would go on for ever ends after this."""
@@ -79,7 +79,7 @@ def _planned_track(command: asked.Track, service: Service, config: CompanionConf
 
 def _waypoints(rows: tuple[asked.Waypoint, ...]) -> Trajectory:
     times_s = np.array([row.t_s for row in rows])
-    wrong = time_mistake(times_s.tolist())
+    wrong = time_mistake(times_s.tolist(), LONGEST_S)
     if wrong is not None:
         raise ConfigError(f"waypoint {wrong[0] + 1}: {wrong[1]}")
     positions = np.array([(row.x_m, row.y_m, row.z_m) for row in rows])

@@ -1,6 +1,5 @@
 """What `--trajectory` means: the paper's two curves by name, or waypoints in a CSV file."""
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,14 +7,15 @@ import numpy as np
 
 from companion.control.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from companion.control.waypoints import Waypoints
-from companion.csv_rows import numbers_of
+from companion.csv_table import CsvTable, read_table, wrong_header
 from companion.ports import ConfigError
 from companion.types import Array
-from companion.waypoint_limits import MAX_WAYPOINTS, MAX_YAW_RAD, time_mistake
+from companion.waypoint_limits import LONGEST_S, MAX_WAYPOINTS, MAX_YAW_RAD, time_mistake
 
 NAMES = ("ellipse", "figure8")
 _COLUMNS = ["t_s", "x_m", "y_m", "z_m"]
 _YAW = "yaw_rad"
+_WANTED = f"{','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}"
 
 
 @dataclass(frozen=True)
@@ -46,43 +46,34 @@ def trajectory_named(name: str, curve: Curve) -> Trajectory:
 
 
 def read_waypoints(path: Path) -> Waypoints:
-    """A CSV file with columns t_s, x_m, y_m, z_m and perhaps yaw_rad, in W; times rise from 0.
+    """Read a CSV file with columns t_s, x_m, y_m, z_m and perhaps yaw_rad, in W; times rise from 0.
 
     Raises ConfigError naming the line.
     """
-    try:
-        with path.open(newline="", encoding="utf-8") as file:
-            found, *rows = [[cell.strip() for cell in row] for row in csv.reader(file) if row] or [[]]
-    except FileNotFoundError as error:
-        raise ConfigError(f"{path}: there is no such file") from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: cannot be read as CSV: {error}") from error
-    if sorted(found) not in (sorted(_COLUMNS), sorted([*_COLUMNS, _YAW])):
-        raise ConfigError(f"{path}: the first line must be {','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}")
-    if len(rows) < 2:
-        raise ConfigError(f"{path}: at least two waypoints are needed, there are {len(rows)}")
-    if len(rows) > MAX_WAYPOINTS:
-        raise ConfigError(f"{path}: at most {MAX_WAYPOINTS} waypoints, there are {len(rows)}: thin them out")
-    table = np.array([numbers_of(row, len(found), line, path) for line, row in enumerate(rows, start=2)])
-    column = {name: table[:, place] for place, name in enumerate(found)}
-    _check_times(column["t_s"], path)
-    positions = np.stack([column[name] for name in _COLUMNS[1:]], axis=-1)
-    yaws_rad = column.get(_YAW, np.zeros(len(table)))
-    _check_headings(yaws_rad, path)
-    return Waypoints(column["t_s"], positions, yaws_rad)
-
-
-def _check_times(times_s: Array, path: Path) -> None:
-    wrong = time_mistake(times_s.tolist())
+    table = read_table(path, _WANTED)
+    if sorted(table.header) not in (sorted(_COLUMNS), sorted([*_COLUMNS, _YAW])):
+        raise wrong_header(table, _WANTED)
+    count = len(table.rows)
+    if count < 2:
+        raise ConfigError(f"{path}: at least two waypoints are needed, there are {count}")
+    if count > MAX_WAYPOINTS:
+        raise ConfigError(f"{path}: at most {MAX_WAYPOINTS} waypoints, there are {count}: thin them out")
+    numbers = table.numbers()
+    column = {name: numbers[:, place] for place, name in enumerate(table.header)}
+    wrong = time_mistake(column["t_s"].tolist(), LONGEST_S)
     if wrong is not None:
-        raise ConfigError(f"{path}: line {wrong[0] + 2}: {wrong[1]}")
+        raise table.wrong(*wrong)
+    yaws_rad = column.get(_YAW, np.zeros(count))
+    _check_headings(yaws_rad, table)
+    return Waypoints(column["t_s"], np.stack([column[name] for name in _COLUMNS[1:]], axis=-1), yaws_rad)
 
 
-def _check_headings(yaws_rad: Array, path: Path) -> None:
+def _check_headings(yaws_rad: Array, table: CsvTable) -> None:
     large = np.flatnonzero(np.abs(yaws_rad) > MAX_YAW_RAD)
     if large.size:
         row = int(large[0])
-        raise ConfigError(
-            f"{path}: line {row + 2}: yaw_rad = {yaws_rad[row]:g} is more than a whole turn (6.28): is it in degrees? "
-            "Give radians from -3.1416 to 3.1416; the vehicle turns the short way from one waypoint to the next"
+        what = (
+            f"yaw_rad = {yaws_rad[row]:g} is more than a whole turn (6.28): is it in degrees? Give radians from "
+            "-3.1416 to 3.1416; the vehicle turns the short way from one waypoint to the next"
         )
+        raise table.wrong(row, what)

@@ -12,7 +12,7 @@ MAX_YAW_RAD = 6.3
 """A whole turn: what is larger is in degrees, or counts turns that a path by the short way does not make."""
 
 
-def time_mistake(times_s: list[float]) -> tuple[int, str] | None:
+def time_mistake(times_s: list[float], longest_s: float) -> tuple[int, str] | None:
     """Return the first waypoint whose time (s) cannot be flown, and why; None when all can."""
     if not times_s or times_s[0] != 0.0:
         return 0, f"t_s must begin at 0, not {times_s[0] if times_s else math.nan:g}"
@@ -21,6 +21,6 @@ def time_mistake(times_s: list[float]) -> tuple[int, str] | None:
             return number, f"t_s must rise, {after_s:g} does not follow {before_s:g}"
         if after_s - before_s < LEAST_GAP_S - 1e-9:
             return number, f"t_s must rise by at least {LEAST_GAP_S:g} s, {after_s:g} follows {before_s:g}"
-        if after_s > LONGEST_S:
-            return number, f"t_s must be at most {LONGEST_S:g} s, not {after_s:g}"
+        if after_s > longest_s:
+            return number, f"t_s must be at most {longest_s:g} s, not {after_s:g}"
     return None

@@ -175,9 +175,13 @@ class MockConfig(_Strict):
     def load(cls, path: Path) -> Self:
         """Read a TOML file; MockConfigError in one sentence for whatever is wrong with it."""
         try:
-            values = tomllib.loads(path.read_text(encoding="utf-8"))
+            raw = path.read_bytes()
         except OSError as error:
             raise MockConfigError(f"cannot read {path}: {error.strerror}") from None
+        if b"\0" in raw:
+            raise MockConfigError(f"{path} is UTF-16 or no text at all: save it as UTF-8")
+        try:
+            values = tomllib.loads(raw.decode("utf-8-sig"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise MockConfigError(f"{path} is not valid TOML: {error}") from None
         try:

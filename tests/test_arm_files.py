@@ -171,12 +171,12 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
 
 def test_a_huge_file_is_refused_before_it_is_read(tmp_path: Path) -> None:
     said = complaint(tmp_path, b"x" * 1_200_000)
-    assert said == "is 1.2 MB, a motion has at most 1 MB"
+    assert said == "is larger than 1 MB, which is too much for such a file"
 
 
 def test_a_folder_is_no_motion(tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
-    with pytest.raises(ConfigError, match=r"folder\.toml: cannot be read"):
+    with pytest.raises(ConfigError, match=r"folder\.toml: is a folder"):
         motion_named(str(tmp_path / "folder.toml"))
 
 
@@ -221,6 +221,7 @@ def test_each_mistake_in_a_toml_file_gets_its_sentence(tmp_path: Path, text: str
 HEADER = "t_s,right.claw_deg\n"
 CSV_MISTAKES = {
     "": "is empty; the first line must be t_s,right.shoulder_pitch_deg,... (or _rad)",
+    "right.claw_deg\n0\n": "the first line must be t_s,right.shoulder_pitch_deg,... (or _rad); it is 'right.claw_deg'",
     "t_s\n0\n1\n": "the first line must name t_s and at least one joint, as right.shoulder_pitch_deg",
     "t_s,right.claw\n0,1\n1,1\n": "column 'right.claw' must say its unit: right.claw_deg or right.claw_rad",
     "t_s,right.clew_deg\n0,1\n1,1\n": (
@@ -232,8 +233,8 @@ CSV_MISTAKES = {
     HEADER + "0,1\n\n1,x\n": "line 4: every value must be a number, not '1,x'",
     HEADER + "0,1\n1,inf\n": "line 3: every value must be finite, not '1,inf'",
     HEADER + "1,1\n2,1\n": "line 2: t_s must begin at 0, not 1",
-    HEADER + "0,1\n2,1\n1,1\n": "line 4: t_s must rise by at least 0.01 s, 1 does not follow 2",
-    HEADER + "0,1\n900,1\n": "line 3: t_s must be at most 600, not 900",
+    HEADER + "0,1\n2,1\n1,1\n": "line 4: t_s must rise, 1 does not follow 2",
+    HEADER + "0,1\n900,1\n": "line 3: t_s must be at most 600 s, not 900",
 }
 
 
@@ -242,6 +243,13 @@ def test_each_mistake_in_a_csv_file_gets_its_sentence(tmp_path: Path, text: str)
     assert complaint(tmp_path, text, "motion.csv") == CSV_MISTAKES[text]
 
 
+def test_a_motion_may_come_from_a_spreadsheet(tmp_path: Path) -> None:
+    text = "\ufeff" + "T_s;Right.claw_deg;;\r\n\r\n0;0,5;;\r\n2;45;;\r\n;;;\r\n"
+    motion = read(tmp_path, text, "motion.csv")
+    assert motion.duration_s == 2.0
+    assert motion.at(0.0).position_rad[3] == pytest.approx(math.radians(0.5))
+
+
 @pytest.mark.parametrize("name", ["motion.toml", "motion.csv"])
 def test_a_file_that_is_not_utf_8_is_told(tmp_path: Path, name: str) -> None:
-    assert "cannot be read" in complaint(tmp_path, b"t_s\xff\n", name)
+    assert "line 1: the byte 0xff is no UTF-8: save it as UTF-8" in complaint(tmp_path, b"t_s\xff\n", name)

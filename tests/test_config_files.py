@@ -196,12 +196,29 @@ def test_what_is_not_toml_is_one_sentence_with_the_line(tmp_path: Path) -> None:
     assert re.fullmatch(r".*mine\.toml: not valid TOML: .*line 2.*", said)
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"caf\xe9 = 1"])
-def test_what_is_not_text_is_one_sentence(tmp_path: Path, content: bytes) -> None:
+@pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf"], ids=["plain", "byte order mark"])
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"], ids=["LF", "CRLF"])
+def test_a_file_from_a_windows_editor_is_read(tmp_path: Path, before: bytes, end: bytes) -> None:
+    path, law = tmp_path / "mine.toml", tmp_path / "law.toml"
+    path.write_bytes(before + end.join([b"[vehicle]", b"mass_kg = 5.5", b""]))
+    assert load_config(path).vehicle.mass_kg == 5.5
+    law.write_bytes(before + end.join([b'law = "pid"', b"gains.kp = [7.0, 7.0, 9.0]", b""]))
+    assert load_controller(str(law), VEHICLE, 0.01).name == str(law)
+
+
+def test_a_file_in_utf_16_is_named(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_bytes(content)
-    assert complaint(path).startswith(f"{path}: cannot be read: ")
-    assert complaint(tmp_path).startswith(f"{tmp_path}: cannot be read: ")
+    for kind in ("utf-16", "utf-16-le", "utf-16-be"):
+        path.write_bytes("[vehicle]\nmass_kg = 5.5\n".encode(kind))
+        assert complaint(path) == f"{path}: is UTF-16 or no text at all: save it as UTF-8"
+        assert refusal(path) == complaint(path)
+
+
+def test_what_is_not_text_is_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"[vehicle]\n# caf\xe9")
+    assert complaint(path) == f"{path}: line 2: the byte 0xe9 is no UTF-8: save it as UTF-8"
+    assert complaint(tmp_path) == f"{tmp_path}: is a folder: give the name of a file"
 
 
 def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_a_heading_column_is_optional_and_so_is_the_order(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "the first line must be t_s,x_m,y_m,z_m or"),
+        ("", "is empty; the first line must be t_s,x_m,y_m,z_m or"),
         ("a,b\n1,2\n", "the first line must be t_s,x_m,y_m,z_m or"),
         ("0,0,0,1\n2,1,0,1\n", "the first line must be t_s,x_m,y_m,z_m or"),
         ("t_s,x_m,y_m,z_m\n0,0,0,1\n2,one,0,1\n", "line 3: every value must be a number"),
@@ -88,7 +88,7 @@ def test_a_file_that_is_not_there_or_is_no_text(tmp_path: Path) -> None:
     missing = str(tmp_path / "none.csv")
     assert complaint(missing) == f"{missing}: there is no such file"
     (tmp_path / "bytes.csv").write_bytes(b"t_s\xff\n")
-    assert "cannot be read as CSV" in complaint(str(tmp_path / "bytes.csv"))
+    assert "the byte 0xff is no UTF-8" in complaint(str(tmp_path / "bytes.csv"))
 
 
 def test_an_unknown_name_tells_the_known_ones() -> None:

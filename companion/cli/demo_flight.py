@@ -23,7 +23,7 @@ from companion.cli.flight_words import shorter, still_there
 from companion.cli.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.progress import FlightDisplay
 from companion.config import CompanionConfig
-from companion.config_controller import LoadedController, controller_path
+from companion.config_controller import LoadedController, controller_text
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary, summarise
 from companion.ports import CompanionError, FlightError
@@ -128,7 +128,7 @@ def _kept(flight: DemoFlight) -> RecordSink:
     if flight.ports.client is not None:  # so that demos run beside each other
         records = records.model_copy(update={"live_port": 0})
     kept = RecordSink(records, flight.name)
-    controller = {"name": flight.controller.name, "file": controller_path(flight.controller.name).read_text("utf-8")}
+    controller = {"name": flight.controller.name, "file": controller_text(flight.controller.name)}
     kept.begin(
         {
             "config": flight.config.model_dump(mode="json"),

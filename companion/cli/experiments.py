@@ -28,6 +28,7 @@ from companion.experiments.scene import experiment_names
 from companion.experiments.workers import in_parallel
 from companion.ports import ConfigError
 from companion.reports.tables import BAD, FAINT, GOOD, Grid
+from companion.text_files import read_text
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -226,7 +227,7 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
         here = [flown for flown in flights if flown.item.experiment == name]
         wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
         chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))
-    sources = [Source(path, path.read_text(encoding="utf-8")) for path in _files(campaign)]
+    sources = [Source(path, read_text(path)) for path in _files(campaign)]
     file = out / "report.html"
     file.write_text(page(chapters, sources, campaign.command), encoding="utf-8")
     console.print(f"report [bold]{file}[/], figures beside it as PNG and PDF", soft_wrap=True, highlight=False)

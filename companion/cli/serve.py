@@ -15,7 +15,7 @@ from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier, logging_to
 from companion.cli.options import AllowUnstable, ControllerName, settings_of
 from companion.config import CompanionConfig
-from companion.config_controller import controller_path, load_controller
+from companion.config_controller import controller_text, load_controller
 from companion.serving import Serving, serve
 
 
@@ -51,7 +51,7 @@ def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
     texts: dict[str, str] = {}
 
     def note(name: str) -> None:
-        texts[name] = controller_path(name).read_text(encoding="utf-8")
+        texts[name] = controller_text(name)
         if recorder is not None:
             recorder.begin({"laws": texts})
 

@@ -20,6 +20,7 @@ from companion.experiments.paper_table import PAPER
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.simulation import simulate
 from companion.ports import CompanionError
+from companion.text_files import read_text
 from companion.types import Array
 from mock_autopilot.disturbance import Forces
 
@@ -104,7 +105,7 @@ def main(names: list[str]) -> None:
             sys.exit(f"the paper has no experiment {name!r}: {', '.join(PAPER)}")
         path: Path = project_root() / "config" / "experiments" / f"{name}.toml"
         found = calibrate(load_scene(name), np.array(PAPER[name].pid.mean_m))
-        text = _SECTIONS.sub(lambda _, found=found: disturbance_toml(found), path.read_text(encoding="utf-8"))  # type: ignore[misc]
+        text = _SECTIONS.sub(lambda _, found=found: disturbance_toml(found), read_text(path))  # type: ignore[misc]
         path.write_text(text, encoding="utf-8")
         print(f"wrote {path}")
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.config import CompanionConfig
-from companion.config_controller import controller_path, load_controller
+from companion.config_controller import controller_text, load_controller
 from companion.config_files import validate
 from companion.control.controller import Controller
 from companion.ports import ConfigError
@@ -54,6 +54,6 @@ def law_of(name: str, text: str | None, config: CompanionConfig) -> Controller:
 def _is_same(name: str, text: str) -> bool:
     """Then a law's own Python file is found beside it, too."""
     try:
-        return controller_path(name).read_text(encoding="utf-8") == text
-    except (ConfigError, OSError):
+        return controller_text(name) == text
+    except ConfigError:
         return False

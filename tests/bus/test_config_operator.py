@@ -33,6 +33,11 @@ def test_a_name_that_is_no_part_of_a_topic_is_refused(name: str) -> None:
         read(vehicle=name)
 
 
+def test_a_password_that_a_windows_editor_saved_is_the_same(secret: Path) -> None:
+    secret.write_bytes(b"\xef\xbb\xbfsesame\r\n")
+    assert read(user="dauam", password_file=str(secret)).password() == "sesame"
+
+
 def test_a_password_is_read_without_its_line_end(secret: Path) -> None:
     assert read(user="dauam", password_file=str(secret)).password() == "sesame"
     assert read(user="dauam").password() is None

@@ -45,6 +45,15 @@ def test_a_wrong_file_is_answered_in_one_sentence(tmp_path: Path, text: str, sai
     assert "\n" not in str(error.value)
 
 
+def test_a_file_from_a_windows_editor_is_read_and_utf_16_is_named(tmp_path: Path) -> None:
+    path, text = tmp_path / "mock.toml", "[plant]\r\nmass_kg = 5.5\r\n"
+    path.write_text(text, encoding="utf-8-sig")
+    assert MockConfig.load(path).plant.mass_kg == 5.5
+    path.write_text(text, encoding="utf-16")
+    with pytest.raises(MockConfigError, match=r"mock\.toml is UTF-16 or no text at all: save it as UTF-8"):
+        MockConfig.load(path)
+
+
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(MockConfigError, match=r"cannot read .*nowhere\.toml: No such file"):
         MockConfig.load(tmp_path / "nowhere.toml")
