@@ -1,4 +1,4 @@
-"""A real MQTT broker for tests, in a process of its own: it can be stopped, hung and begun again on its port."""
+"""The embedded broker for tests, in a process of its own: it can be stopped, hung and begun again on its port."""
 
 import asyncio
 import logging
@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from amqtt.broker import Broker  # type: ignore[import-untyped]
+from companion.adapters.broker.server import EmbeddedBroker
 
 _PATIENCE_S = 15.0
 
@@ -69,9 +69,7 @@ def broker() -> Iterator[BrokerProcess]:
 
 async def serve(port: int) -> None:
     """Until killed."""
-    anonymous = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
-    listener = {"default": {"type": "tcp", "bind": f"127.0.0.1:{port}"}}
-    await Broker({"listeners": listener, "plugins": anonymous}).start()
+    await EmbeddedBroker("127.0.0.1", port).start()
     await asyncio.Event().wait()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.broker import open_broker
+from companion.adapters.broker import open_broker, process
 from companion.config_operator import OperatorConfig
 from companion.ports import ConfigError
 from tests.mosquitto import free_port
@@ -51,7 +51,7 @@ async def test_it_comes_back_and_says_who_has_its_port_meanwhile(
             async with open_broker(config):
                 pass
         os.kill(child(), signal.SIGKILL)
-        await until(lambda: "is begun again" in caplog.text)
+        await until(lambda: "is started again" in caplog.text)
         with socket.create_server(("127.0.0.1", config.port)):
             await until(lambda: f"the embedded broker on port {config.port} does not begin: " in caplog.text)
         await until(lambda: "is there again" in caplog.text)
@@ -60,3 +60,16 @@ async def test_it_comes_back_and_says_who_has_its_port_meanwhile(
         assert "without a word" not in caplog.text
     assert not answers(config.port)
     assert capfd.readouterr() == ("", ""), "the log says all there is to say"
+
+
+async def test_one_that_hangs_is_killed_and_started_again(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(process, "_HUNG_S", 1.5)
+    config = OperatorConfig(port=free_port(), embedded=True)
+    async with open_broker(config):
+        hung = child()
+        os.kill(hung, signal.SIGSTOP)
+        await until(lambda: "has said nothing for 1.5 s and is started again" in caplog.text)
+        await until(lambda: answers(config.port))
+        assert child() != hung

@@ -1,18 +1,16 @@
-"""A broker of our own, for operators on this computer alone: amqtt, in a process beside the service.
+"""Keeps the embedded broker's process: starts it, and starts it again when it ends or hangs.
 
 Not on the control loop's interpreter: amqtt takes milliseconds for a packet. It speaks MQTT 3.1.1.
 """
 
 import asyncio
 import logging
-import os
 import socket
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from companion import child_process
-from companion.adapters.realtime import beside_the_loop
 from companion.config_operator import OperatorConfig
 from companion.ports import ConfigError
 
@@ -21,8 +19,12 @@ LOG = logging.getLogger(__name__)
 _START_S = 20.0
 _AGAIN_S, _LONGEST_S = 1.0, 10.0
 """Pause before it is begun again, and at most, when it does not begin."""
-_READY = b"ready\n"
 _STOP_S = 3.0
+READY = b"ready\n"
+ALIVE, ALIVE_EVERY_S = b".", 0.5
+"""What the process says again and again on its standard output."""
+_HUNG_S = 5.0
+"""A process that says nothing for so long is killed."""
 
 
 @asynccontextmanager
@@ -70,7 +72,7 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
         if isinstance(error, TimeoutError):
             raise ConfigError(f"the embedded broker was not ready within {_START_S:g} s") from error
         raise
-    if line != _READY:
+    if line != READY:
         await child_process.end(process, _STOP_S)
         why = line.decode(errors="replace").strip() or "it ended without a word: is amqtt installed?"
         raise ConfigError(f"the embedded broker on port {config.port} does not begin: {why}")
@@ -78,15 +80,31 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
 
 
 async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> None:
-    """Whatever ends it: a defect of its own, the system, or somebody who took its port meanwhile."""
+    """Start it again whatever ends it: a defect of its own, the system, or somebody who took its port meanwhile."""
     try:
         while True:
-            code = await process.wait()
-            LOG.error("the embedded broker has ended (%d) and is begun again", code)
+            why = await _end_of(process)
+            LOG.error("the embedded broker %s and is started again", why)
             process = await _begin_again(config)
             LOG.info("the embedded broker is there again")
     finally:
         await child_process.end(process, _STOP_S)
+
+
+async def _end_of(process: asyncio.subprocess.Process) -> str:
+    """Wait until it has ended, or says no more that it lives; kill it then. Return which."""
+    assert process.stdout is not None
+    try:
+        while True:
+            async with asyncio.timeout(_HUNG_S):
+                if not await process.stdout.read(1024):
+                    break
+    except TimeoutError:
+        process.kill()
+        await process.wait()
+        return f"has said nothing for {_HUNG_S:g} s"
+    await child_process.end(process, _STOP_S)
+    return f"has ended ({process.returncode})"
 
 
 async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
@@ -101,28 +119,3 @@ async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
             if str(error) != told:
                 told = str(error)
                 LOG.error("%s", told)  # noqa: TRY400 - the sentence is for the operator
-
-
-async def _serve(host: str, port: int) -> None:
-    """Until standard input ends; says that it is ready, or why it is not."""
-    from amqtt.broker import Broker  # type: ignore[import-untyped] # noqa: PLC0415 - only the child needs it
-
-    anonymous = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": True}}
-    listener = {"default": {"type": "tcp", "bind": f"{host}:{port}"}}
-    broker = Broker({"listeners": listener, "plugins": anonymous})
-    try:
-        await broker.start()
-    except Exception as error:
-        os.write(1, f"{error}\n".encode())
-        os._exit(1)
-    os.write(1, _READY)
-    ended = asyncio.Event()
-    asyncio.get_running_loop().add_reader(0, lambda: None if os.read(0, 64) else ended.set())
-    await ended.wait()
-    os._exit(0)  # there is nothing to keep, and amqtt's tasks complain when they are cancelled
-
-
-if __name__ == "__main__":
-    beside_the_loop()
-    logging.getLogger("amqtt").setLevel(logging.CRITICAL)  # a client that dies is no news
-    asyncio.run(_serve(sys.argv[1], int(sys.argv[2])))
