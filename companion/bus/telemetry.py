@@ -43,6 +43,7 @@ class Reply(_Said):
     answer: Answer
     time_s: float
     text: str = Field("", description="a sentence: the reason, or what was done")
+    session: str = Field("", description="of the run of the service that says it; not on event")
     data: dict[str, Any] = Field(default_factory=dict, description="what was asked for: checks, parameters")
 
 
@@ -50,8 +51,9 @@ class Presence(_Said):
     """Retained: whether the service is there. The last will says that it is not."""
 
     online: bool
-    session: str = Field("", description="of this run of the service, 16 hex digits; commands repeat it")
+    session: str = Field("", max_length=64, description="of this run of the service, 16 hex digits; commands repeat it")
     vehicle: str = ""
+    host: str = Field("", max_length=256, description="name of the computer that the service runs on")
     version: str = Field("", description="of the service")
     since_s: float = 0.0
 

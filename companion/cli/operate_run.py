@@ -104,7 +104,7 @@ class _Run:
             return "interrupted, nothing was sent"
         remedies = _AFTER_CTRL_C.get(draft.verb, ())
         if not remedies:
-            return f"interrupted: {draft.verb} was sent and goes on without us"
+            return f"interrupted: {draft.verb} was sent, its end is not waited for"
         said = ""
         for remedy in remedies:
             safe = Draft(**remedy)
@@ -113,7 +113,7 @@ class _Run:
             try:
                 reply = await self._unless_pressed(self._followed(Errand(console, safe, _SAFE_S), safe))
             except _PressedError:
-                return f"left while {what} was under way; the vehicle goes on"
+                return f"interrupted: {what} was sent, its end is not waited for"
             except CompanionError as error:
                 return f"interrupted, but it is not known whether {what} was carried out: {error}"
             said = f"{what} {reply.answer}: {reply.text}"

@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import secrets
+import socket
 import ssl
 import time
 from collections.abc import AsyncIterator
@@ -14,22 +15,28 @@ import aiomqtt
 from aiomqtt.exceptions import MqttConnectError
 from pydantic import BaseModel, ValidationError
 
+from companion.adapters.mqtt.certificates import certificate_fault
 from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
 from companion.bus.telemetry import Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
 from companion.console.ending import end
 from companion.console.line import ForbiddenError, Line, NotSentError, is_forbidden
 from companion.console.place import url_of
+from companion.console.runs import Runs
 from companion.console.trouble import NobodyThereError
 from companion.errors import ConfigError
 
 if TYPE_CHECKING:
     from companion.console.draft import Draft
 
+_CONNECTED_S = 15.0
+"""For all attempts to connect, name service included."""
 _STATUS_S = 1.5
 """A retained status comes at once; a broker that just begins has it with the service's next beat."""
 _STATE_S = 2.0
 """States come ten times a second."""
+_CATCH_UP_S = 5.0
+"""After a flood so long at most is waited for a state that has not waited in the broker."""
 _HERE = frozenset({"127.0.0.1", "::1", "localhost"})
 """There the service's embedded broker is, which knows no MQTT 5, and takes a second to show it; whichever broker it is,
 a connection to it does not break without it, so that nothing need be kept for us.
@@ -58,7 +65,7 @@ async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
     console = Console(place)
     keeping = asyncio.create_task(console.keep(), name="companion.console")
     try:
-        await console.connected()
+        await console.connected(keeping)
         yield console
     finally:
         await end(keeping)
@@ -74,12 +81,9 @@ class Console:
         self._said: asyncio.Queue[Said] = asyncio.Queue()
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._line: Line | None = None
-        self.presence: Presence | None = None
-        """The newest; None before the first."""
-        self.state: State | None = None
-        """The newest; None before the first."""
-        self._heard_s = 0.0
-        self._reply: Reply | None = None
+        self._runs = Runs()
+        self._heard: tuple[Presence | None, Reply | None] = (None, None)
+        """The last of each, to know one that comes again."""
 
     @property
     def where(self) -> str:
@@ -91,13 +95,42 @@ class Console:
         """Whether there is a connection to the broker now."""
         return self._line is not None
 
-    def state_age_s(self) -> float:
-        """Since the newest state came; on any thread."""
-        return time.monotonic() - self._heard_s
+    @property
+    def presence(self) -> Presence | None:
+        """Of the run of the service that is followed, or the newest; None before the first."""
+        return self._runs.newest_presence
 
-    async def connected(self) -> None:
-        """Wait for the first connection; raises what it failed with."""
-        await asyncio.shield(self._first)
+    @property
+    def state(self) -> State | None:
+        """The newest of the run that is followed; None before the first."""
+        return self._runs.followed.state if self._runs.followed is not None else None
+
+    def state_age_s(self) -> float:
+        """Return how old the newest state is; on any thread."""
+        run = self._runs.followed
+        return float("inf") if run is None else run.age_s(time.monotonic())
+
+    def state_waited_s(self) -> float:
+        """Return how long the newest state was on its way, if the two computers' clocks agree; 0 where it was not."""
+        run = self._runs.followed
+        return 0.0 if run is None else run.waited_s
+
+    def replaced(self, session: str) -> bool:
+        """Return whether another run of the service is heard, and this one no more."""
+        return self._runs.replaced(session, time.monotonic())
+
+    async def connected(self, keeping: "asyncio.Task[None]") -> None:
+        """Wait for the first connection; raise what it failed with, NobodyThereError when it takes too long."""
+        waited: set[asyncio.Future[None]] = {self._first, keeping}
+        await asyncio.wait(waited, timeout=_CONNECTED_S, return_when=asyncio.FIRST_COMPLETED)
+        if self._first.done():
+            return self._first.result()
+        if keeping.done():
+            keeping.result()
+        raise NobodyThereError(
+            f"no connection to the broker at {url_of(self._place)} within {_CONNECTED_S:g} s, so it is not known "
+            "whether the service runs"
+        )
 
     async def next(self, timeout_s: float) -> Said | None:
         """What was said next; None if nothing within that time."""
@@ -108,32 +141,40 @@ class Console:
             return None
 
     async def find(self) -> State:
-        """Wait for a service and its state; NobodyThereError when there is none."""
+        """Wait for a service and its state; NobodyThereError when there is none.
+
+        A state proves that a service is there; a status alone does not: anybody may have left one at the broker.
+        """
         loop = asyncio.get_running_loop()
-        status_s, state_s = loop.time() + _STATUS_S, loop.time() + _STATE_S
+        begun_s = loop.time()
         while True:
-            presence, state = self.presence, self.state
-            here = presence is not None and presence.online
-            if presence is not None and here and state is not None and state.session == presence.session:
-                return state
-            if not here and loop.time() > status_s:
+            run, waited_s = self._runs.followed, loop.time() - begun_s
+            if run is not None and run.state is not None and run.lives(time.monotonic()):
+                if run.caught_up or waited_s > _CATCH_UP_S:
+                    return run.state
+            elif not self._seems_there and waited_s > _STATUS_S:
                 raise NobodyThereError(f"nobody there: the service of {self.where} does not run")
-            if loop.time() > state_s:
+            elif waited_s > _STATE_S:
                 raise NobodyThereError(
                     f"nobody there: the service of {self.where} was there, but has said nothing for {_STATE_S:g} s: "
                     "it hangs, or is cut off from the broker"
                 )
             await asyncio.sleep(0.01)
 
+    @property
+    def _seems_there(self) -> bool:
+        """Whether the broker has, or has kept, its word that it is."""
+        return self.presence is not None and self.presence.online
+
     async def send(self, draft: "Draft") -> bool:
-        """Send it now, to the run of the service that `find` found; whether the broker surely has it.
+        """Send it now, to the run of the service that is followed; return whether the broker surely has it.
 
         NotSentError when it surely did not leave, ConfigError when the broker does not let us command.
         """
-        line, state = self._line, self.state
-        if line is None or state is None:
+        line, run = self._line, self._runs.followed
+        if line is None or run is None:
             raise NotSentError("the connection is broken")
-        payload = draft.payload(state.session, state.time_s + self.state_age_s(), self._client)
+        payload = draft.payload(run.session, run.service_time_s(time.monotonic()), self._client)
         try:
             await line.command(self._topics, self._client, draft.id, payload)
         except ForbiddenError as error:
@@ -204,14 +245,16 @@ class Console:
             self._note(model.model_validate_json(message.payload))
 
     def _note(self, said: BaseModel) -> None:
-        if said in (self.presence, self._reply):
+        if said in self._heard:
             return  # the service says again that it is there; the broker, what we could not acknowledge
+        presence, reply = self._heard
         if isinstance(said, Presence):
-            self.presence = said
+            self._heard = said, reply
+            self._runs.note_presence(said)
         if isinstance(said, Reply):
-            self._reply = said
-        if isinstance(said, State):
-            self.state, self._heard_s = said, time.monotonic()
+            self._heard = presence, said
+        if isinstance(said, State) and not self._runs.note_state(said, time.monotonic(), time.time()):
+            return  # of another run: two services have this vehicle's name
         if isinstance(said, Presence | State | Happened | Reply):
             self._said.put_nowait(said)
 
@@ -224,19 +267,27 @@ class Console:
         if is_forbidden(error):
             return ConfigError(f"{url} does not let us in: give --broker mqtt://USER@HOST and --password-file")
         if isinstance(error, ssl.SSLError):
-            return ConfigError(f"{url}: {_why(error)}: is --ca-file the one that signed its certificate?")
-        return NobodyThereError(f"nobody there: no broker at {url} ({_why(error)}), so the service does not run there")
+            return ConfigError(f"{url}: {certificate_fault(error)}")
+        if isinstance(error, ConnectionRefusedError | socket.gaierror):
+            return NobodyThereError(
+                f"nobody there: no broker at {url} ({_why(error)}): neither `companion serve` with a broker of its own "
+                "nor another broker runs there"
+            )
+        return NobodyThereError(
+            f"nobody there: the broker at {url} does not answer ({_why(error)}), so it is not known whether the "
+            "service runs: look at the broker; the pilot's remote control works without it"
+        )
 
 
 def _may_be_chance(error: Exception) -> bool:
-    """A broker that accepts and then is silent: amqtt 0.12 is, when two clients come at once."""
+    """Return whether the next attempt may succeed: the broker accepted the connection, and then was silent."""
     return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
 
 
 def _why(error: Exception) -> str:
     cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
-    if isinstance(cause, ssl.SSLCertVerificationError):
-        return cause.verify_message
+    if isinstance(cause, ssl.SSLError):
+        return certificate_fault(cause)
     if isinstance(cause, OSError) and cause.strerror:
         return cause.strerror
     if isinstance(cause, aiomqtt.MqttCodeError) and not isinstance(cause, MqttConnectError):

@@ -5,7 +5,7 @@ import math
 from collections.abc import AsyncIterator
 from enum import Enum
 
-from companion.bus.telemetry import ENDS, Answer, Presence, Reply, State
+from companion.bus.telemetry import ENDS, Answer, Reply, State
 from companion.console.client import Console, Link, Said
 from companion.console.draft import Draft
 from companion.console.line import NotSentError
@@ -42,7 +42,9 @@ class Errand:
         """Since the command was sent: then its end may have been said without us."""
 
     async def said(self) -> AsyncIterator[Said]:
-        """NobodyThereError when nothing was sent because nobody is there; LostError when its end is not known;
+        """Send it and yield until the reply that ends it.
+
+        NobodyThereError when nothing was sent because nobody is there; LostError when its end is not known;
         ConfigError when the broker does not let us command.
         """
         await self._send()
@@ -50,7 +52,7 @@ class Errand:
         self._begun_s = self._heard_s = loop.time()
         while True:
             said = await self._console.next(_LOOK_S)
-            if said is not None:
+            if said is not None and not self._is_of_another(said):
                 self._note(said, loop.time())
                 yield said
                 if isinstance(said, Reply) and said.id == self._draft.id and said.answer in ENDS:
@@ -87,6 +89,10 @@ class Errand:
             else:
                 return
 
+    def _is_of_another(self, said: Said) -> bool:
+        """Return whether it is the refusal of a second service, which was not meant."""
+        return isinstance(said, Reply) and said.session not in {"", self._session}
+
     def _note(self, said: Said, now_s: float) -> None:
         if isinstance(said, Link):
             self._broke, self._back_s = True, now_s
@@ -98,12 +104,11 @@ class Errand:
 
     def _lost(self, now_s: float) -> str:
         """Why its end will not be heard; empty while it may."""
-        presence = self._console.presence
-        if isinstance(presence, Presence) and presence.online and presence.session != self._session:
-            return "the service was started anew meanwhile, and it is not known how this ended"
+        if self._console.replaced(self._session):
+            return "the service was restarted meanwhile, and it is not known how this ended"
         if now_s - self._heard_s > _GONE_S:
             who = "the service is" if self._console.linked else "the broker is"
-            return f"{who} not heard any more for {_GONE_S:g} s; the vehicle goes on without us"
+            return f"{who} not heard any more for {_GONE_S:g} s, and it is not known how this ends"
         if now_s - self._begun_s > self._timeout_s:
             return f"not over after {self._timeout_s:g} s (--timeout); it goes on"
         return self._unheard(now_s) if self._console.linked else ""

@@ -147,7 +147,7 @@ async def operating(port: int, version: aiomqtt.ProtocolVersion = V311, **client
 async def operated(
     port: int, vehicle: Vehicle, version: aiomqtt.ProtocolVersion = V311
 ) -> AsyncIterator[tuple[BusLink, Operator]]:
-    """Both, one after the other: amqtt 0.12 loses a client that connects while another subscribes."""
+    """Both, one after the other."""
     async with linked(port, vehicle, embedded=version is V311) as link:
         await until(lambda: link.age_s() == 0.0)
         async with operating(port, version) as operator:

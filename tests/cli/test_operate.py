@@ -116,7 +116,7 @@ def test_a_wrong_word_is_met_with_the_right_one(
         (("arm",), ["arm", "abort"], "interrupted; abort done: abort is done"),
         (("takeoff",), ["takeoff", "hold", "abort"], "interrupted; abort done: abort is done"),
         (("track", "ellipse"), ["track", "hold"], "interrupted; hold done: hold is done"),
-        (("land",), ["land"], "interrupted: land was sent and goes on without us"),
+        (("land",), ["land"], "interrupted: land was sent, its end is not waited for"),
     ],
 )
 async def test_ctrl_c_makes_it_safe_and_says_how(
@@ -147,7 +147,7 @@ async def test_a_second_ctrl_c_leaves_without_waiting(there: BrokerProcess) -> N
             running.interrupt()
         ran = await running.ended()
     assert (ran.code, [one.verb for one in service.taken]) == (130, ["track", "hold"])
-    assert ran.err.splitlines()[-1] == "companion: left while hold was under way; the vehicle goes on"
+    assert ran.err.splitlines()[-1] == "companion: interrupted: hold was sent, its end is not waited for"
 
 
 async def test_a_client_that_is_killed_harms_nothing_and_the_next_one_goes_on(there: BrokerProcess) -> None:

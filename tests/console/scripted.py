@@ -16,6 +16,7 @@ from companion.console.ending import end
 
 SESSION = "0123456789abcdef"
 _PERIOD_S = 0.05
+_PATIENCE_S = 30.0
 
 Answers = AsyncIterator[tuple[Answer, str]]
 Script = Callable[["ScriptedService", Command], Answers]
@@ -30,11 +31,11 @@ async def done(service: "ScriptedService", command: Command) -> Answers:
 class ScriptedService:
     """Its clock is an hour ahead, as when nobody sets it."""
 
-    def __init__(self, port: int, vehicle: str, script: Script) -> None:
+    def __init__(self, port: int, vehicle: str, script: Script, session: str) -> None:
         self.topics = Topics("dauam", vehicle)
         self.taken: list[Command] = []
         self.refusals: list[Refusal] = []
-        self.session, self.phase, self.armed, self.height_m = SESSION, "standby", False, 0.0
+        self.session, self.phase, self.armed, self.height_m = session, "standby", False, 0.0
         self.data: dict[str, Any] = {}
         self.doing: Doing | None = None
         self.silent = False
@@ -66,8 +67,8 @@ class ScriptedService:
 
     async def _serve(self, client: aiomqtt.Client) -> None:
         await client.subscribe(self.topics.command, qos=1)
+        await client.publish(self.topics.status, self.presence(online=True), qos=1, retain=True)
         self._client = client
-        await self.present(online=True)
         self.there.set()
         async with asyncio.TaskGroup() as group:
             group.create_task(self._show(client))
@@ -77,9 +78,16 @@ class ScriptedService:
                 read = intake.take(message.payload, self.now_s())
                 if isinstance(read, Refusal):
                     self.refusals.append(read)
+                    await self._refuse(read)
                     continue
                 self.taken.append(read)
                 self._tasks.append(asyncio.create_task(self._carry_out(read)))  # broker or not
+
+    async def _refuse(self, refusal: Refusal) -> None:
+        reply = Reply(
+            id=refusal.id, answer=Answer.REFUSED, time_s=self.now_s(), text=refusal.reason, session=self.session
+        )
+        await self.publish(self.topics.reply(refusal.reply_to or "nobody"), reply.model_dump_json())
 
     async def _show(self, client: aiomqtt.Client) -> None:
         while True:
@@ -90,7 +98,7 @@ class ScriptedService:
     async def _carry_out(self, command: Command) -> None:
         async for answer, text in self._script(self, command):
             data = self.data if answer in {Answer.DONE, Answer.FAILED} else {}
-            reply = Reply(id=command.id, answer=answer, time_s=self.now_s(), text=text, data=data)
+            reply = Reply(id=command.id, answer=answer, time_s=self.now_s(), text=text, session=self.session, data=data)
             assert command.reply_to is not None
             await self.publish(self.topics.reply(command.reply_to), reply.model_dump_json())
 
@@ -102,9 +110,12 @@ class ScriptedService:
                 return await self._client.publish(topic, payload, qos=1, retain=retain)
             await asyncio.sleep(0.1)
 
-    async def present(self, online: bool) -> None:
+    def presence(self, online: bool) -> str:
         said = Presence(online=online, session=self.session, vehicle=self.topics.vehicle, since_s=self.now_s())
-        await self.publish(self.topics.status, said.model_dump_json(), retain=True)
+        return said.model_dump_json()
+
+    async def present(self, online: bool) -> None:
+        await self.publish(self.topics.status, self.presence(online), retain=True)
 
     async def tell(self, kind: Kind, text: str, name: str = "") -> None:
         said = Happened(time_s=self.now_s(), kind=kind, text=text, name=name)
@@ -112,12 +123,15 @@ class ScriptedService:
 
 
 @asynccontextmanager
-async def scripted(port: int, vehicle: str, script: Script = done) -> AsyncIterator[ScriptedService]:
+async def scripted(
+    port: int, vehicle: str, script: Script = done, session: str = SESSION
+) -> AsyncIterator[ScriptedService]:
     """One that runs until the end."""
-    service = ScriptedService(port, vehicle, script)
+    service = ScriptedService(port, vehicle, script, session)
     task = asyncio.create_task(service.keep())
     try:
-        await service.there.wait()  # amqtt 0.12 loses a client that connects while another subscribes
+        async with asyncio.timeout(_PATIENCE_S):
+            await service.there.wait()
         yield service
     finally:
         for one in [task, *service._tasks]:

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from companion.bus.commands import Command
-from companion.bus.telemetry import Answer, Doing, Reply, State
+from companion.bus.telemetry import Answer, Doing, Presence, Reply, State
 from companion.config_operator import OperatorConfig
-from companion.console.client import Link, open_console
+from companion.console import client
+from companion.console.client import Console, Link, open_console
 from companion.console.draft import Draft
 from companion.console.errand import Errand
 from companion.console.trouble import LostError, NobodyThereError
@@ -56,7 +57,7 @@ async def test_nobody_there_is_one_sentence_whether_absent_gone_or_silent(shared
         with pytest.raises(NobodyThereError, match="does not run"):
             await run(place, Draft("arm"))
     assert [one.verb for one in service.taken] == ["hold"]
-    with pytest.raises(NobodyThereError, match=r"no broker at mqtt://127\.0\.0\.1:9 .Connection refused"):
+    with pytest.raises(NobodyThereError, match=r"no broker at mqtt://127\.0\.0\.1:9 .Connection refused.: neither"):
         await run(OperatorConfig(port=9), Draft("arm"))
 
 
@@ -107,7 +108,7 @@ async def test_an_end_that_was_said_while_the_connection_was_broken_is_not_waite
                 await follow()
 
 
-async def test_a_service_that_was_started_anew_knows_nothing_of_the_command(shared_broker: BrokerProcess) -> None:
+async def test_a_service_that_was_restarted_knows_nothing_of_the_command(shared_broker: BrokerProcess) -> None:
     async def dies(service: ScriptedService, command: Command) -> Answers:
         yield Answer.ACCEPTED, ""
         service.session = "f" * 16
@@ -115,8 +116,81 @@ async def test_a_service_that_was_started_anew_knows_nothing_of_the_command(shar
 
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
     async with scripted(place.port, place.vehicle, dies):
-        with pytest.raises(LostError, match="arm: the service was started anew meanwhile"):
+        with pytest.raises(LostError, match="arm: the service was restarted meanwhile"):
             await run(place, Draft("arm"))
+
+
+@pytest.mark.parametrize("online", [True, False])
+async def test_a_status_that_anybody_left_at_the_broker_ends_no_command(
+    shared_broker: BrokerProcess, online: bool
+) -> None:
+    """Retained, of a run that says nothing else: before the command, and while it is carried out."""
+
+    async def disturbed(service: ScriptedService, command: Command) -> Answers:
+        yield Answer.ACCEPTED, ""
+        await leave(service)
+        await asyncio.sleep(1.5)
+        yield Answer.DONE, "it hovers"
+
+    async def leave(service: ScriptedService) -> None:
+        said = Presence(online=online, session="e" * 16, vehicle="vehicle")
+        await service.publish(service.topics.status, said.model_dump_json(), retain=True)
+
+    place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
+    async with scripted(place.port, place.vehicle, disturbed) as service:
+        await leave(service)
+        assert answers(await run(place, Draft("hold"))) == [Answer.ACCEPTED, Answer.DONE]
+
+
+async def test_of_two_services_of_one_name_the_answer_of_the_one_that_was_meant_counts(
+    shared_broker: BrokerProcess,
+) -> None:
+    """Both hear every command; the second refuses what names the session of the first."""
+
+    async def obeys(service: ScriptedService, command: Command) -> Answers:
+        yield Answer.ACCEPTED, ""
+        await asyncio.sleep(0.5)
+        yield Answer.DONE, "it hovers"
+
+    place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
+    async with scripted(place.port, place.vehicle, obeys) as first, open_console(place) as console:
+        assert (await console.find()).session == first.session
+        async with scripted(place.port, place.vehicle, session="d" * 16) as second:
+            said = [one async for one in Errand(console, Draft("hold")).said()]
+            assert second.taken == []
+    assert answers(said) == [Answer.ACCEPTED, Answer.DONE]
+    assert {one.session for one in said if isinstance(one, State | Reply)} == {first.session}
+
+
+@pytest.mark.parametrize("behaviour", ["silent", "closes", "accepts and closes"])
+async def test_a_broker_that_hangs_or_breaks_off_ends_every_wait_with_a_sentence(behaviour: str) -> None:
+    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if behaviour == "silent":
+            await reader.read()
+        elif behaviour == "accepts and closes":
+            await reader.read(100)
+            writer.write(b"\x20\x02\x00\x00")
+        writer.close()
+
+    async with await asyncio.start_server(converse, "127.0.0.1", 0) as server:
+        place = OperatorConfig(port=server.sockets[0].getsockname()[1])
+        with pytest.raises(NobodyThereError, match=r"does not answer .*, so it is not known whether the service runs"):
+            await run(place, Draft("arm"))
+
+
+async def test_a_connection_that_is_never_made_or_that_fails_oddly_is_no_wait_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A name service that does not answer, and a defect in a library."""
+
+    async def odd(_: Console) -> None:
+        raise KeyError("odd")
+
+    monkeypatch.setattr(client, "_CONNECTED_S", 0.1)
+    for keep, expected in ((lambda _: asyncio.sleep(60.0), NobodyThereError), (odd, KeyError)):
+        monkeypatch.setattr(Console, "keep", keep)
+        with pytest.raises(expected):
+            await run(OperatorConfig(port=9), Draft("arm"))
 
 
 async def test_giving_up_after_the_timeout_says_that_it_goes_on(shared_broker: BrokerProcess) -> None:

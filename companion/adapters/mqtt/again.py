@@ -2,11 +2,13 @@
 
 import asyncio
 import logging
+import ssl
 from collections.abc import Awaitable, Callable
 
 import aiomqtt
 from aiomqtt.exceptions import MqttConnectError
 
+from companion.adapters.mqtt.certificates import certificate_fault
 from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
 
 LOG = logging.getLogger(__package__)
@@ -63,6 +65,8 @@ class Again:
         error = error.__cause__ or error
         plain = isinstance(error, aiomqtt.MqttCodeError) and not isinstance(error, MqttConnectError)
         why = "the connection broke" if plain else str(error) or type(error).__name__
+        if isinstance(error, ssl.SSLError):
+            why = certificate_fault(error)
         if why != self.why:
             LOG.warning("%s is not there: %s", self._broker, why)
             self.why = why

@@ -149,7 +149,7 @@ class BusLink:
         LOG.info("the operator commands %s (%s)", command.verb, command.id)
 
         def answer(reply: Reply) -> None:
-            self._put(self._replies, path.topic, path.message(reply), path.correlation)
+            self._answer(path, reply)
 
         def end(what: Answer, text: str) -> None:
             answer(Reply(id=command.id, answer=what, time_s=time.time(), text=text))
@@ -168,7 +168,10 @@ class BusLink:
             return  # a flood; what fits in says enough
         LOG.warning("a command is refused: %r", refusal.reason)  # %r: it may hold what the sender wrote
         reply = Reply(id=refusal.id, answer=Answer.REFUSED, time_s=time.time(), text=refusal.reason)
-        path = path.named(refusal.reply_to)
+        self._answer(path.named(refusal.reply_to), reply)
+
+    def _answer(self, path: ReturnPath, reply: Reply) -> None:
+        reply = reply.model_copy(update={"session": self._presence.session})
         self._put(self._replies, path.topic, path.message(reply), path.correlation)
 
     def _put(self, box: Outbox, topic: str, said: BaseModel, correlation: bytes | None = None) -> None:
