@@ -25,12 +25,18 @@ from companion.supervisor.flight import IN_THE_AIR, STREAMING, Brake, Fly, Phase
 
 LOG = logging.getLogger(__name__)
 
+_VERBS_IN_WORDS = {"arm": "arm", "takeoff": "take off"}
 _FLY = Fly(Hold(np.zeros(3)), 0.0)
 """Any: whether one fits depends on the phase alone."""
 
 
 def _nobody(_: str) -> None:
     """Nobody wants to know."""
+
+
+def _no_rival() -> str:
+    """No other service is known."""
+    return ""
 
 
 class Desk:
@@ -51,6 +57,8 @@ class Desk:
         """Why nothing can be carried out now."""
         self.note_law: Callable[[str], None] = _nobody
         """Told the name of a law before it takes over."""
+        self.rival: Callable[[], str] = _no_rival
+        """Says what is wrong when another service has this vehicle's name: then nothing is armed."""
 
     def open(self, service: Service) -> None:
         """From now on commands are carried out; the law that flies is the one the service was begun with."""
@@ -101,6 +109,8 @@ class Desk:
             if not isinstance(command, asked.Resume):
                 self._call_off(LANES, f"{command.verb} was ordered")
             return work
+        if isinstance(command, asked.Arm | asked.TakeOff) and self.rival():
+            raise FlightError(f"cannot {_VERBS_IN_WORDS[command.verb]}: {self.rival()}")
         lanes = lanes_of(command)
         for lane in lanes:
             running = self._jobs.get(lane)

@@ -23,7 +23,7 @@ from companion.config import CompanionConfig
 from companion.config_controller import LoadedController
 from companion.config_operator import OperatorConfig
 from companion.desk import Desk
-from companion.ports import CompanionError
+from companion.ports import CompanionError, ConfigError
 from companion.service import Service, open_service
 from companion.sinks import Beat, Fan
 from companion.supervisor.flight import STREAMING, Phase
@@ -35,6 +35,8 @@ LOG = logging.getLogger(__name__)
 _STATE_S = 0.1
 _AGAIN_S = 2.0
 """Between two attempts to reach the devices."""
+_NAME_S = 3.0
+"""So long the broker is waited for, to hear whether another service has this vehicle's name."""
 _TICKING_S = 0.5
 """A tick so lately, and the control loop lives."""
 _SWITCH_S = 0.0005
@@ -72,6 +74,8 @@ async def serve(what: Serving) -> None:
             await devices.enter_async_context(open_broker(what.operator))
         heard = _Heard(desk)
         link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, heard))
+        await _require_only_service(link)
+        desk.rival = link.rival
         heard.tell = told = _Told(link, what.recorder)
         telemetry, beat = Telemetry(session, told), Beat()
         showing = asyncio.create_task(_show(link, telemetry, beat, desk, what), name="companion.state")
@@ -84,6 +88,13 @@ async def serve(what: Serving) -> None:
                 what.notifier.stopping("ends")
             showing.cancel()
             await asyncio.gather(showing, return_exceptions=True)
+
+
+async def _require_only_service(link: BusLink) -> None:
+    """ConfigError when another service has this vehicle's name on the broker; without a broker nobody can tell."""
+    await link.listened(_NAME_S)
+    if link.rival():
+        raise ConfigError(link.rival())
 
 
 def _end_on_signals(stop: asyncio.Event, notifier: Notifier) -> None:

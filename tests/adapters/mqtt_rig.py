@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import aiomqtt
 from paho.mqtt.packettypes import PacketTypes
@@ -16,6 +17,7 @@ from paho.mqtt.properties import Properties
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.mqtt import Answering, BusLink, open_bus
+from companion.adapters.mqtt import link as bus_link
 from companion.bus.commands import Command
 from companion.bus.telemetry import Answer, Reply, State
 from companion.bus.topics import Topics
@@ -50,9 +52,10 @@ class Vehicle:
 
 @asynccontextmanager
 async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[BusLink]:
-    """The link, whether or not a broker is there."""
-    async with open_bus(OperatorConfig(port=port, **config), CLOCK, SESSION, vehicle.on_command) as link:
-        yield link
+    """The link, whether or not a broker is there; it does not listen for long whether it is the only one."""
+    with patch.object(bus_link, "LISTEN_S", 0.02):
+        async with open_bus(OperatorConfig(port=port, **config), CLOCK, SESSION, vehicle.on_command) as link:
+            yield link
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import socket
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
@@ -15,9 +16,10 @@ from companion.adapters.mqtt.connection import V5, V311, Connection
 from companion.adapters.mqtt.outbox import Letter, Outbox
 from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.return_path import ReturnPath
+from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.bus.commands import Command
 from companion.bus.intake import Intake, Refusal
-from companion.bus.telemetry import Answer, Happened, Presence, Reply, State
+from companion.bus.telemetry import Answer, Happened, Kind, Presence, Reply, State
 from companion.config_operator import OperatorConfig
 from companion.ports import Clock, CompanionError
 
@@ -64,21 +66,42 @@ class BusLink:
         self._topics = config.topics
         self._intake = Intake(session)
         self._presence = Presence(
-            online=True, session=session, vehicle=config.vehicle, version=__version__, since_s=time.time()
+            online=True,
+            session=session,
+            vehicle=config.vehicle,
+            host=socket.gethostname(),
+            version=__version__,
+            since_s=time.time(),
         )
-        gone = Presence(online=False).model_dump_json().encode()
+        gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
         self._reached = reached(config, aiomqtt.Will(self._topics.status, gone, qos=1, retain=True))
         self._where = f"{config.host}:{config.port}"
+        self._rival = Rival(self._presence, self._topics.status, self._where, clock)
+        self._listened = asyncio.Event()
+        if config.embedded:  # the broker has just begun with us
+            self._listened.set()
         self._again = Again(f"the operator's broker {self._where}", V311 if config.embedded else V5)
         self._events, self._replies = Outbox(_EVENTS), Outbox(_REPLIES)
         self._state: State | None = None
         self._shown = asyncio.Event()
         self._heard_s = clock.now_s()
         self._objection = ""
+        self._deaf = False
+        """The broker does not let us read our own status."""
 
     def age_s(self) -> float:
         """Since the broker last answered, s; 0 while it does."""
         return 0.0 if self._again.there else self._clock.now_s() - self._heard_s
+
+    def rival(self) -> str:
+        """Return what is wrong when another service has this vehicle's name; empty when none is heard."""
+        return self._rival.sentence
+
+    async def listened(self, timeout_s: float) -> None:
+        """Wait until another service would have been heard, or until there was no broker for so long."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                await self._listened.wait()
 
     def tell(self, happened: Happened) -> None:
         """Say it to everyone, later if there is no broker now; of very many the oldest are dropped. Never waits."""
@@ -103,12 +126,27 @@ class BusLink:
         """One connection, until it breaks; raises whatever broke it."""
         async with Connection(self._reached, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
+            await self._watch_status(broker)
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._beat(broker), name="companion.bus.beat")
                 group.create_task(self._listen(broker), name="companion.bus.listen")
+                if not self._listened.is_set():  # once in a run: later the vehicle may fly
+                    await asyncio.sleep(LISTEN_S)
+                    self._listened.set()
+                group.create_task(self._beat(broker), name="companion.bus.beat")
                 group.create_task(self._say(broker, self._replies), name="companion.bus.replies")
                 group.create_task(self._say(broker, self._events), name="companion.bus.events")
                 group.create_task(self._say_state(broker), name="companion.bus.state")
+
+    async def _watch_status(self, broker: Connection) -> None:
+        """Listen for another service of this name, where the broker lets us."""
+        granted = await broker.subscribe(self._topics.status, qos=0)
+        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted) and not self._deaf:
+            self._deaf = True
+            LOG.warning(
+                "the broker %s does not let us read %s: another service with this vehicle's name would not be noticed",
+                self._where,
+                self._topics.status,
+            )
 
     async def _beat(self, broker: Connection) -> None:
         """Have a broker prove that it is there. TCP alone would not show one that hangs.
@@ -132,8 +170,13 @@ class BusLink:
         async for message in broker.messages:
             if message.topic.value == self._topics.command:  # some brokers send what nobody asked for
                 self._take(message)
+            elif message.topic.value == self._topics.status and self._rival.note(message):
+                LOG.error("%s", self._rival.sentence)
+                self.tell(Happened(time_s=time.time(), kind=Kind.LOG, text=self._rival.sentence))
 
     def _take(self, message: aiomqtt.Message) -> None:
+        if not self._listened.is_set():
+            return None  # nobody knows of us yet: it is meant for another
         payload = message.payload if isinstance(message.payload, bytes) else b""
         path = ReturnPath.of(message, self._topics)
         if message.retain:

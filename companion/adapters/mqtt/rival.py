@@ -1,0 +1,54 @@
+"""Another service that speaks under the same vehicle's name on the same broker."""
+
+import time
+
+import aiomqtt
+from pydantic import ValidationError
+
+from companion.bus.telemetry import Presence
+from companion.ports import Clock
+
+LISTEN_S = 1.2
+"""Another service is heard more than once within this: it says twice a second that it is there."""
+_GONE_S = 3.0
+"""Not heard for so long, and it has ended."""
+
+
+class Rival:
+    """What is heard of it on the status topic."""
+
+    def __init__(self, own: Presence, topic: str, where: str, clock: Clock) -> None:
+        """`topic` is the status topic, `where` the broker, for a sentence."""
+        self._own, self._topic, self._where, self._clock = own, topic, where, clock
+        self._presence: Presence | None = None
+        self._heard_s = float("-inf")
+
+    def note(self, message: aiomqtt.Message) -> bool:
+        """Take a message of the status topic; return whether it is of another service not heard before.
+
+        A retained one may be of a run that is over, and counts for nothing.
+        """
+        if message.retain or not isinstance(message.payload, bytes):
+            return False
+        try:
+            said = Presence.model_validate_json(message.payload)
+        except ValidationError:
+            return False
+        if not said.online or said.session in {"", self._own.session}:
+            return False
+        new = not self.sentence or self._presence is None or self._presence.session != said.session
+        self._presence, self._heard_s = said, self._clock.now_s()
+        return new
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong and what to do; empty when no other is heard."""
+        other = self._presence
+        if other is None or self._clock.now_s() - self._heard_s > _GONE_S:
+            return ""
+        since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(other.since_s))
+        return (
+            f"another service has this vehicle's name ({self._topic.removesuffix('/status')} at {self._where}): on "
+            f"{other.host or 'a computer that does not say its name'}, version {other.version or 'unknown'}, since "
+            f"{since}: stop one of the two, or give this one another [operator] vehicle"
+        )
