@@ -20,16 +20,23 @@ from companion.config import CompanionConfig
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.mocap_source import open_mocap
+from companion.mocap_watch import MocapWatch
 from companion.ports import ArmBus, ArmError, AutopilotError, Clock, CompanionError, MocapError, MocapSource
 from companion.preflight.check import Check
+from companion.preflight.whole import check_mocap
 from companion.service_preflight import Running
 from companion.supervisor.flight import Flight
+from companion.types import MocapFrame
 from companion.vision_stage import VisionStage
 
 _DEADLINE_S = 0.02
 """A cycle begins without a frame, too."""
 _DISK_S = 5.0
+_LOOK_S = 1.0
+"""Of motion capture, when another device is missing."""
 Device = TypeVar("Device")
+Tell = Callable[[str], None]
+"""Shows what is waited for."""
 
 
 _TODO = {
@@ -41,22 +48,26 @@ _TODO = {
 
 
 class DevicesMissingError(CompanionError):
-    """Not every device can be reached; `checks` has a line for each that was looked for."""
+    """Not every device can be reached; `checks` has a line for each that was looked for, and for motion capture."""
 
-    def __init__(self, checks: tuple[Check, ...]) -> None:
-        super().__init__("\n".join(check.says for check in checks if not check.passed))
-        self.checks = checks
+    def __init__(self, devices: tuple[Check, ...], of_mocap: tuple[Check, ...]) -> None:
+        sentences = [check.says for check in devices if not check.passed]
+        if of_mocap:
+            sentences.append("motion capture is there: `companion mocap` shows it without the rest")
+        super().__init__("\n".join(sentences))
+        self.checks = (*devices, *of_mocap)
 
 
 class _Opening:
     """Opens device after device, and remembers which could not be reached."""
 
-    def __init__(self, devices: AsyncExitStack) -> None:
-        self._devices = devices
+    def __init__(self, devices: AsyncExitStack, tell: Tell) -> None:
+        self._devices, self._tell = devices, tell
         self._checks: list[Check] = []
 
-    async def device(self, name: str, opening: AbstractAsyncContextManager[Device]) -> Device | None:
+    async def device(self, name: str, where: str, opening: AbstractAsyncContextManager[Device]) -> Device | None:
         """None when it cannot be reached."""
+        self._tell(f"connecting to {name} {where}")
         try:
             device = await self._devices.enter_async_context(opening)
         except (MocapError, AutopilotError, ArmError) as error:
@@ -65,9 +76,9 @@ class _Opening:
         self._checks.append(Check(name, True, "reached"))
         return device
 
-    def missing(self) -> DevicesMissingError:
-        """What to raise when one is None."""
-        return DevicesMissingError(tuple(self._checks))
+    def missing(self, of_mocap: tuple[Check, ...]) -> DevicesMissingError:
+        """What to raise when one is None; `of_mocap`: checks of motion capture, where that was reached."""
+        return DevicesMissingError(tuple(self._checks), of_mocap)
 
 
 class Onlooker:
@@ -84,6 +95,8 @@ class Onlooker:
         self._mocap, self._clock, self._arms, self._vision = mocap, clock, arms, vision
         self._params = EstimatorParams(delay_s=config.mocap.delay_s)
         self.estimate = EstimatorState()
+        self.frame: MocapFrame | None = None
+        """The newest; None before the first."""
         self.each: Callable[[float, float], None] | None = None
 
     async def run(self) -> None:
@@ -101,6 +114,7 @@ class Onlooker:
         frame = self._mocap.latest()
         if frame is None:
             return math.nan
+        self.frame = frame
         self.estimate = estimator.step(self.estimate, frame, self._params)
         if self._vision is not None:
             self._vision.forward(now_s, True, self.estimate)
@@ -109,7 +123,7 @@ class Onlooker:
 
 @asynccontextmanager
 async def open_onlooker(
-    config: CompanionConfig, records: Path, forward_vision: bool
+    config: CompanionConfig, records: Path, forward_vision: bool, tell: Tell = lambda _: None
 ) -> AsyncIterator[tuple[Running, Onlooker]]:
     """Devices connected and read; `records` is the folder whose disk is watched.
 
@@ -120,14 +134,16 @@ async def open_onlooker(
     clock = MonotonicClock()
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
-        opening = _Opening(devices)
-        mocap = await opening.device("motion capture", open_mocap(config, clock))
-        autopilot = await opening.device("autopilot", open_px4(config.px4, clock))
+        opening = _Opening(devices, tell)
+        mocap = await opening.device("motion capture", mocap_place(config), open_mocap(config, clock))
+        where = f"on {config.px4.url}, for up to {config.px4.connect_timeout_s:g} s"
+        autopilot = await opening.device("autopilot", where, open_px4(config.px4, clock))
         bus: DynamixelBus | None = None
         if config.arms is not None:
-            bus = await opening.device("arms", open_dynamixel(config.arms, clock, strict=False))
+            opened = open_dynamixel(config.arms, clock, strict=False)
+            bus = await opening.device("arms", f"on {config.arms.port}", opened)
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
-            raise opening.missing()
+            raise opening.missing(() if mocap is None else await _mocap_checks(mocap, clock, config))
         arms = _arm_stage(bus, config)
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
         cycle_s = 1.0 / config.control.rate_hz
@@ -144,6 +160,42 @@ async def open_onlooker(
         )
         async with _kept_going(onlooker):
             yield running, onlooker
+
+
+@asynccontextmanager
+async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[Onlooker, MocapWatch]]:
+    """Motion capture alone, connected and read: no autopilot and no servos are asked for.
+
+    MocapError when it cannot be reached, or fails later.
+    """
+    clock = MonotonicClock()
+    async with open_mocap(config, clock) as mocap:
+        onlooker = Onlooker(mocap, clock, config, None, None)
+        watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
+        async with _kept_going(onlooker):
+            yield onlooker, watch
+
+
+async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfig) -> tuple[Check, ...]:
+    """What a short look at motion capture shows, when nothing else can be looked at."""
+    onlooker = Onlooker(mocap, clock, config, None, None)
+    watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
+    onlooker.each = lambda now_s, _: watch.look(now_s)
+    begun_s = clock.now_s()
+    try:
+        async with _kept_going(onlooker):
+            await asyncio.sleep(_LOOK_S)
+    except MocapError as error:
+        return (Check("motion capture", False, str(error), _TODO["motion capture"]),)
+    return check_mocap(watch.seen(config.mocap.body, clock.now_s() - begun_s), config, config.preflight)
+
+
+def mocap_place(config: CompanionConfig) -> str:
+    """Return where motion capture comes from, for a sentence."""
+    if config.mocap.source == "mqtt":
+        broker = config.mocap_broker()
+        return f"over MQTT, {broker.host}:{broker.port}"
+    return f"at {config.mocap.host}:{config.mocap.port}"
 
 
 @asynccontextmanager

@@ -19,8 +19,8 @@ from companion.by_hand_file import read_kept
 from companion.config import CompanionConfig
 from companion.config_preflight import PreflightConfig, load_recommended
 from companion.control.reference import Trajectory
-from companion.estimation.clock_sync import to_local_s
 from companion.estimation.estimator import EstimatorState
+from companion.mocap_watch import MocapWatch, median
 from companion.ports import Clock, MocapSource
 from companion.preflight.agreement import Apart, VisionSeen, apart
 from companion.preflight.check import Check
@@ -28,7 +28,7 @@ from companion.preflight.machine import MachineSeen
 from companion.preflight.mocap import MocapSeen
 from companion.preflight.vehicle import ArmsSeen
 from companion.preflight.whole import CURVE, DELAY, HOVER, Facts, check_all
-from companion.types import Array, AutopilotStatus, MocapFrame
+from companion.types import Array, AutopilotStatus
 
 _WATCH_S = 1.0
 _POLL_S = 0.002
@@ -130,36 +130,20 @@ class _Watch:
     """Collects while a loop reads and estimates; call `look` every few milliseconds."""
 
     def __init__(self, running: Running, delay_s: float) -> None:
-        self._running, self._delay_s = running, delay_s
-        self._newest: MocapFrame | None = running.mocap.latest()
+        self._running = running
+        self.mocap = MocapWatch(running.mocap, running.estimate, delay_s)
         self._pair_due_s = -math.inf
-        self.frames = self.tracked = 0
-        self.ages_s: list[float] = []
-        self.delays_s: list[float] = []
-        self.residuals_m: list[float] = []
         self.pairs: list[tuple[Array, Array]] = []
         self.distances_m: list[float] = []
 
     def look(self, now_s: float) -> None:
-        frame, estimate = self._running.mocap.latest(), self._running.estimate()
-        if frame is not None and frame is not self._newest:
-            self._newest = frame
-            self._take(frame, estimate)
-        vehicle = estimate.vehicle
-        self.ages_s.append(now_s - vehicle.time_s if vehicle is not None else math.inf)
+        self.mocap.look(now_s)
+        vehicle = self._running.estimate().vehicle
         if vehicle is not None and now_s >= self._pair_due_s:
             self._pair_due_s = now_s + _PAIR_S
             self.pairs.append((vehicle.q_w_flu_wxyz, self._running.autopilot.status().q_w_flu_wxyz))
             distance_m = np.linalg.norm(self._running.autopilot.local().position_w_m - vehicle.position_w_m)
             self.distances_m.append(float(distance_m))
-
-    def _take(self, frame: MocapFrame, estimate: EstimatorState) -> None:
-        self.frames += 1
-        if frame.tracked:
-            self.tracked += 1
-            self.residuals_m.append(frame.residual_m)
-        if estimate.vehicle is not None:
-            self.delays_s.append(frame.received_s - to_local_s(estimate.clock, frame.stamp_s, self._delay_s))
 
 
 async def watch(
@@ -176,21 +160,7 @@ async def watch(
         await asyncio.sleep(_POLL_S)
         now_s = clock.now_s()
     ours, theirs = (np.array([pair[place] for pair in seen.pairs]).reshape(-1, 4) for place in (0, 1))
-    mocap = MocapSeen(
-        body,
-        seen.frames,
-        now_s - begun_s,
-        seen.tracked,
-        sorted(seen.ages_s)[int(0.95 * len(seen.ages_s))],
-        _median(seen.delays_s),
-        _median(seen.residuals_m),
-    )
-    return Watched(mocap, apart(ours, theirs), _median(seen.distances_m))
-
-
-def _median(values: Sequence[float]) -> float:
-    known = [value for value in values if not math.isnan(value)]
-    return float(np.median(known)) if known else math.nan
+    return Watched(seen.mocap.seen(body, now_s - begun_s), apart(ours, theirs), median(seen.distances_m))
 
 
 def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:

@@ -190,6 +190,11 @@ _ARMS = Group(
 )
 
 _ROOM: dict[str, Command | Group] = {
+    "mocap": Command(
+        place="companion.cli.mocap:mocap",
+        summary="Show motion capture alone: place, heading, rate, age.",
+        examples=("mocap --config lab.toml", "mocap --config lab.toml --seconds 10 --json"),
+    ),
     "preflight": Command(
         place="companion.cli.operate_preflight:preflight",
         summary="Check all that must be right before arming.",

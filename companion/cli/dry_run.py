@@ -3,6 +3,7 @@
 import asyncio
 import math
 import signal
+from contextlib import AsyncExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
@@ -105,8 +106,15 @@ class _DryRun:
 
     async def run(self, seconds: float) -> tuple[Check, ...]:
         """Look on for so long; what would have failed."""
-        async with open_onlooker(self._config, self._out, forward_vision=False) as (running, onlooker):
-            await _disarmed(running, self._config.px4.answer_timeout_s)
+        async with AsyncExitStack() as devices:
+            with self._console.status("connecting") as waiting:
+                show_cursor(self._console)
+                opened = open_onlooker(
+                    self._config, self._out, forward_vision=False, tell=lambda text: waiting.update(Text(text))
+                )
+                running, onlooker = await devices.enter_async_context(opened)
+                waiting.update("waiting until the autopilot says that it is disarmed")
+                await _disarmed(running, self._config.px4.answer_timeout_s)
             dry = DryLaw(running, self._config, self._law, self._trajectory, self._take)
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)

@@ -91,11 +91,13 @@ def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | Non
 async def _look(
     config: CompanionConfig, trajectory: Trajectory | None, out: Path, console: Console
 ) -> tuple[Check, ...]:
-    with console.status("connecting to motion capture, autopilot and arms") as status:
+    with console.status("connecting") as status:
         show_cursor(console)
         async with _broker(config) as operator_age_s:
             try:
-                async with open_onlooker(config, out, forward_vision=True) as (running, _):
+                async with open_onlooker(
+                    config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
+                ) as (running, _):
                     status.update("looking at motion capture and the autopilot, asking for its parameters")
                     met = replace(running, operator_age_s=operator_age_s)
                     return await check_everything(met, config, trajectory)

@@ -23,6 +23,7 @@ _LOOK = """To look:
   companion status       the vehicle, live
   companion watch        what happens, as it happens
   companion preflight    what must be right before arming
+  companion mocap        motion capture alone
   companion dry-run      everything live, and nothing sent"""
 _RECORDS = """Flights are recorded by themselves:
   companion records               which there are
@@ -43,7 +44,7 @@ _HINTS = {
     _START: "start run launch begin up on",
     _FLY: "fly go move flight up-and-away take-off liftoff",
     _RETURN: "rtl rth return return-home home back",
-    _LOOK: "info state show monitor look check checks health diagnose doctor connect test ping mocap qtm telemetry",
+    _LOOK: "info state show monitor look check checks health diagnose doctor connect test qtm telemetry",
     _RECORDS: "log logs record list ls flights plot analyze analyse export csv journal",
     _CONFIGURE: "config configure configuration settings setup init set get param install",
     _LAW: "law laws pid etnn gains",

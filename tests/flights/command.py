@@ -34,18 +34,26 @@ class Running:
     def __init__(self, process: asyncio.subprocess.Process) -> None:
         self._process = process
         self._lines: list[str] = []
+        self._errors: list[str] = []
 
     async def until_line(self, wanted: str) -> None:
         """Read its output until a line contains `wanted`."""
-        assert self._process.stdout is not None
+        await self._until(self._process.stdout, self._lines, wanted)
+
+    async def until_error(self, wanted: str) -> None:
+        """Read its standard error until a line contains `wanted`."""
+        await self._until(self._process.stderr, self._errors, wanted)
+
+    async def _until(self, stream: asyncio.StreamReader | None, lines: list[str], wanted: str) -> None:
+        assert stream is not None
         async with asyncio.timeout(PATIENCE_S):
             while True:
-                line = (await self._process.stdout.readline()).decode()
-                self._lines.append(line)
+                line = (await stream.readline()).decode()
+                lines.append(line)
                 if wanted in line:
                     return
                 if not line:
-                    raise AssertionError(f"it ended without saying {wanted!r}:\n{''.join(self._lines)}")
+                    raise AssertionError(f"it ended without saying {wanted!r}:\n{''.join(lines)}")
 
     def interrupt(self) -> None:
         """Ctrl-C."""
@@ -65,7 +73,7 @@ class Running:
             out, err = await self._process.communicate()
             raise AssertionError(f"it hung; so far:\n{''.join(self._lines)}{out.decode()}{err.decode()}") from None
         assert self._process.returncode is not None
-        return Ran(self._process.returncode, "".join(self._lines) + out.decode(), err.decode())
+        return Ran(self._process.returncode, "".join(self._lines) + out.decode(), "".join(self._errors) + err.decode())
 
 
 async def start(*arguments: str | Path) -> Running:
