@@ -7,7 +7,8 @@ import numpy as np
 
 from mock_autopilot.fault_schedule import FaultSchedule, Held
 from mock_autopilot.fault_ways import Kind, Part
-from mock_autopilot.qtm_packets import HEADER, BodyPose, Frame
+from mock_autopilot.faults import Fault
+from mock_autopilot.qtm_packets import HEADER, Body, BodyPose, Frame
 from mock_autopilot.quaternion import Array
 
 CORNER_M = np.array([3.0, 3.0, 0.0])
@@ -63,7 +64,7 @@ class MocapFaults:
             if one.fault.how == "out of order" and frame.number % 2:
                 late_s += 2.0 / self._rate_hz
             frame = self._changed(frame, one, now_s)
-        self._queue.append((now_s, late_s, frame))
+        self._queue.append((now_s, late_s, replace(frame, bodies=self._in_the_list(frame.bodies, held))))
 
     def _lost(self, frame: Frame, held: Held) -> bool:
         kind, much = held.fault.kind, held.fault.much
@@ -89,10 +90,37 @@ class MocapFaults:
             ours = _POSES[fault.how](ours, fault.much, now_s - held.since_s)
         return replace(frame, bodies=(ours, *others))
 
+    def when_bodies_change(self, tell: Callable[[], None]) -> None:
+        """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
+        self._schedule.observers.append(lambda turn: tell() if is_of_the_list(turn.fault) else None)
+
+    @property
+    def changes_list(self) -> bool:
+        """Whether QTM's list of rigid bodies is another one now than it was at the start."""
+        return any(is_of_the_list(held.fault) for held in self._schedule.holding(Part.MOCAP))
+
+    def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
+        """Return QTM's list of rigid bodies, ours the first, as it has been changed by now."""
+        for held in self._schedule.holding(Part.MOCAP):
+            if is_of_the_list(held.fault):
+                bodies = _IN_SETTINGS[held.fault.how](bodies)
+        return bodies
+
+    def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[Held, ...]) -> tuple[BodyPose, ...]:
+        """The bodies of a frame, ours the first, in the order of the list as it is now."""
+        for one in held:
+            if is_of_the_list(one.fault):
+                poses = _IN_FRAMES[one.fault.how](poses, self._box(poses))
+        return poses
+
+    def _box(self, poses: tuple[BodyPose, ...]) -> BodyPose:
+        residual_m = poses[0].residual_m if poses else 0.0
+        return BodyPose(CORNER_M + self._rng.normal(0.0, _NOISE_M, 3), np.eye(3), residual_m)
+
     def _other_body(self, ours: BodyPose, frozen: bool) -> BodyPose:
         if frozen and self._frozen is not None:
             return self._frozen
-        self._frozen = BodyPose(CORNER_M + self._rng.normal(0.0, _NOISE_M, 3), np.eye(3), ours.residual_m)
+        self._frozen = self._box((ours,))
         return self._frozen
 
 
@@ -133,6 +161,31 @@ _POSES: dict[str, Callable[[BodyPose, float, float], BodyPose]] = {
     "tilted": lambda pose, much, _: _defined(pose, _about_x(much)),
     "lost": lambda _, __, ___: _LOST,
 }
+
+_BOX = Body("box")
+_IN_SETTINGS: dict[str, Callable[[tuple[Body, ...]], tuple[Body, ...]]] = {
+    "body added": lambda bodies: (_BOX, *bodies),
+    "body replaced": lambda bodies: (_BOX, *bodies[1:]),
+    "body deleted": lambda bodies: bodies[1:],
+    "body renamed": lambda bodies: (_BOX, *bodies[1:]),
+    "body disabled": lambda bodies: (*(replace(ours, enabled=False) for ours in bodies[:1]), *bodies[1:]),
+    "bodies reversed": lambda bodies: bodies[::-1],
+    "no bodies": lambda bodies: bodies,
+}
+_IN_FRAMES: dict[str, Callable[[tuple[BodyPose, ...], BodyPose], tuple[BodyPose, ...]]] = {
+    "body added": lambda poses, box: (box, *poses),
+    "body replaced": lambda poses, box: (box, *poses[1:]),
+    "body deleted": lambda poses, _: poses[1:],
+    "body renamed": lambda poses, _: poses,
+    "body disabled": lambda poses, _: (*(_LOST for _ in poses[:1]), *poses[1:]),
+    "bodies reversed": lambda poses, _: poses[::-1],
+    "no bodies": lambda _, __: (),
+}
+
+
+def is_of_the_list(fault: Fault) -> bool:
+    """Return whether a fault is one of QTM's list of rigid bodies, and not of a pose."""
+    return fault.part is Part.MOCAP and fault.how in _IN_SETTINGS
 
 
 def broken(packet: bytes, rng: np.random.Generator) -> bytes:

@@ -122,6 +122,15 @@ _MOCAP = (
     Way(Part.MOCAP, Kind.WRONG, "tilted", "our body is defined askew (about its x), as by a slipped marker plate",
         _angle(0.4)),
     Way(Part.MOCAP, Kind.WRONG, "lost", "frames without our body: all NaN"),
+    Way(Part.MOCAP, Kind.WRONG, "body added", "another rigid body, box, is defined in QTM before all others; it "
+        "stands in the corner"),
+    Way(Part.MOCAP, Kind.WRONG, "body replaced", "our body is deleted in QTM, and box, in the corner, is defined in "
+        "its place"),
+    Way(Part.MOCAP, Kind.WRONG, "body deleted", "our body is deleted in QTM"),
+    Way(Part.MOCAP, Kind.WRONG, "body renamed", "our body is called box in QTM"),
+    Way(Part.MOCAP, Kind.WRONG, "body disabled", "our body is disabled in QTM: all NaN"),
+    Way(Part.MOCAP, Kind.WRONG, "bodies reversed", "QTM's list of bodies is in the reverse order"),
+    Way(Part.MOCAP, Kind.WRONG, "no bodies", "6DOF is not calculated in QTM: frames without any body"),
     Way(Part.MOCAP, Kind.WRONG, "clock jump", "stamps are off by so much",
         Amount("by", "s", 1.0, -1000.0, 1000.0)),
     Way(Part.MOCAP, Kind.WRONG, "out of order", "every second frame comes two frames late, behind its successor"),

@@ -36,6 +36,7 @@ class Event(IntEnum):
     CONNECTION_CLOSED = 2
     CAPTURE_STARTED = 3
     CAPTURE_STOPPED = 4
+    SETTINGS_CHANGED = 11
     SHUTTING_DOWN = 12
 
 
@@ -70,6 +71,14 @@ class BodyPose:
     rotation_room_flu: Array
     """Shape (3, 3), body into room."""
     residual_m: float
+
+
+@dataclass(frozen=True)
+class Body:
+    """One rigid body of QTM's settings."""
+
+    name: str
+    enabled: bool = True
 
 
 @dataclass(frozen=True)
@@ -126,16 +135,26 @@ def euler_deg(rotation: Array) -> list[float]:
     return [float(angle) for angle in np.degrees([roll, pitch, yaw])]
 
 
-def parameters_xml(sections: Sequence[str], names: Sequence[str], rate_hz: float, version: str = "1.25") -> str:
-    """Settings as `getparameters` gives them; the bodies stand in the order of the data."""
+def parameters_xml(sections: Sequence[str], bodies: Sequence[Body], rate_hz: float, version: str = "1.25") -> str:
+    """Settings as `getparameters` gives them; the bodies stand in the order of the data.
+
+    1.21 brought the origin of a body's coordinate system, 1.24 whether it is enabled (qualisys_cpp_sdk,
+    SettingsDeserializer.cpp).
+    """
     parts = []
     if "general" in sections:
         parts.append(f"<General><Frequency>{rate_hz:g}</Frequency></General>")
     if "6d" in sections:
-        bodies = "".join(f"<Body><Name>{escape(name)}</Name><Enabled>true</Enabled></Body>" for name in names)
-        parts.append(f"<The_6D>{bodies}</The_6D>")
+        minor = int(version.partition(".")[2])
+        parts.append(f"<The_6D>{''.join(_body_xml(body, minor) for body in bodies)}</The_6D>")
     root = f"QTM_Parameters_Ver_{version}"
     return f"<{root}>{''.join(parts)}</{root}>"
+
+
+def _body_xml(body: Body, minor: int) -> str:
+    enabled = f"<Enabled>{str(body.enabled).lower()}</Enabled>" if minor >= 24 else ""
+    origin = '<Data_origin X="0" Y="0" Z="0" Relative_body="1">0</Data_origin>' if minor >= 21 else ""
+    return f"<Body><Name>{escape(body.name)}</Name>{enabled}{origin}</Body>"
 
 
 def take_commands(buffer: bytearray) -> list[str]:

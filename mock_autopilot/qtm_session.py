@@ -1,7 +1,7 @@
 """What the server answers to one client's commands; pure, no sockets."""
 
 import ipaddress
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import floor
 
@@ -12,8 +12,8 @@ from mock_autopilot.qualisys_config import QualisysConfig
 Answer = list[bytes]
 """Packets to send back, often none."""
 
-OLDEST_MINOR, NEWEST_MINOR = 8, 25
-"""Versions 1.8 to 1.25: their 6D data are laid out alike."""
+OLDEST_MINOR = 8
+"""From 1.8 on the 6D data are laid out alike."""
 SECTIONS = ("general", "6d")
 NO_MORE_DATA = qtm.packet(PacketType.NO_MORE_DATA, b"")
 
@@ -49,6 +49,8 @@ class Session:
     version: str = "1.1"
     """QTM's own default until the client sets one."""
     stream: StreamRequest | None = None
+    bodies: Callable[[], Sequence[qtm.Body]] | None = None
+    """QTM's rigid bodies as its settings are now; None: those of the configuration."""
 
     def answer(self, command: str, last: qtm.Frame | None, capturing: bool) -> Answer:
         """Packets that answer `command`; a wrong one gets an error packet and changes nothing."""
@@ -73,7 +75,7 @@ class Session:
         if not words:
             return _say(f"Version is {self.version}")
         major, _, minor = words[0].partition(".")
-        if major != "1" or not minor.isdecimal() or not OLDEST_MINOR <= int(minor) <= NEWEST_MINOR:
+        if major != "1" or not minor.isdecimal() or not OLDEST_MINOR <= int(minor) <= self.config.newest_minor:
             raise RefusedError("Version NOT supported")
         self.version = words[0]
         return _say(f"Version set to {self.version}")
@@ -82,13 +84,19 @@ class Session:
         sections = SECTIONS if "all" in words else words
         if not sections or any(section not in SECTIONS for section in sections):
             raise RefusedError("Parse error")
-        names = (self.config.body, *self.config.extra_bodies)
-        return qtm.text_packet(PacketType.XML, qtm.parameters_xml(sections, names, self.config.rate_hz, self.version))
+        bodies = self.bodies() if self.bodies is not None else bodies_of(self.config)
+        xml = qtm.parameters_xml(sections, bodies, self.config.rate_hz, self.version)
+        return qtm.text_packet(PacketType.XML, xml)
 
     def _stream(self, words: list[str], capturing: bool) -> bytes:
         """Remember the request; the frames are the answer, or 'no more data' while nothing is measured."""
         self.stream = None if words == ["stop"] else parse_stream(words)
         return b"" if capturing or self.stream is None else NO_MORE_DATA
+
+
+def bodies_of(config: QualisysConfig) -> tuple[qtm.Body, ...]:
+    """Return the rigid bodies that QTM has at the start, ours the first."""
+    return tuple(qtm.Body(name) for name in (config.body, *config.extra_bodies))
 
 
 def _about(verb: str, capturing: bool) -> bytes:

@@ -7,7 +7,7 @@ from typing import cast
 from mock_autopilot import qtm_packets as qtm
 from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.qtm_camera import Camera
-from mock_autopilot.qtm_session import NO_MORE_DATA, Session, StreamRequest
+from mock_autopilot.qtm_session import NO_MORE_DATA, Session, StreamRequest, bodies_of
 from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.truth import Truth
 
@@ -36,6 +36,8 @@ class QualisysServer:
 
     def __post_init__(self) -> None:
         self._camera = Camera(self.config, self.seed)
+        if self.faults is not None:
+            self.faults.when_bodies_change(self.tell_change)
 
     @property
     def port(self) -> int:
@@ -92,6 +94,16 @@ class QualisysServer:
         self.capturing = True
         self._broadcast(qtm.event_packet(qtm.Event.CAPTURE_STARTED))
 
+    def bodies(self) -> tuple[qtm.Body, ...]:
+        """QTM's rigid bodies as its settings are now."""
+        bodies = bodies_of(self.config)
+        return bodies if self.faults is None else self.faults.listed(bodies)
+
+    def tell_change(self) -> None:
+        """Send QTM's event for changed settings to all clients."""
+        if self.config.tells_changes:
+            self._broadcast(qtm.event_packet(qtm.Event.SETTINGS_CHANGED))
+
     def _broadcast(self, packet: bytes) -> None:
         for client in tuple(self._clients):
             client.send(packet)
@@ -110,7 +122,7 @@ class _Client(asyncio.Protocol):
 
     def __init__(self, server: QualisysServer) -> None:
         self._server = server
-        self._session = Session(server.config)
+        self._session = Session(server.config, bodies=server.bodies)
         self._buffer = bytearray()
         self._transport: asyncio.Transport | None = None
 

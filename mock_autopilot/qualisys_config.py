@@ -27,6 +27,12 @@ class QualisysConfig(BaseModel):
     extra_bodies: tuple[str, ...] = Field(
         default=(), description="Names of more rigid bodies, standing still on the floor."
     )
+    newest_minor: int = Field(
+        default=25, ge=8, le=25, description="Newest RT protocol it knows, 1.N: 25 is a QTM of mid-2024, 23 of 2021."
+    )
+    tells_changes: bool = Field(
+        default=True, description="A changed list of bodies is told by an event, as QTM may do and does not promise."
+    )
     rate_hz: float = Field(default=100.0, gt=0.0, le=500.0, description="Frames per second of the truth's time.")
     noise_m: float = Field(default=0.0003, ge=0.0, le=0.1, description="Standard deviation of the position, per axis.")
     noise_rad: float = Field(

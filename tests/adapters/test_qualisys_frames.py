@@ -12,20 +12,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from qtm_rt.packet import QRTPacket
 
+from companion.adapters.qualisys.bodies import RigidBody
 from companion.adapters.qualisys.link import Datagrams, Link
-from companion.adapters.qualisys.packets import MalformedError, body_names, body_pose, check_packet, split_packets
+from companion.adapters.qualisys.packets import MalformedError, body_count, body_pose, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
 from companion.newest_frame import MocapCounts
 from companion.ports import MocapError
-from tests.adapters.qtm_scripts import DATA, GOOD, LEVEL_BODY, WELCOME, frame, packet
+from tests.adapters.qtm_scripts import COMMAND, DATA, EVENT, GOOD, LEVEL_BODY, WELCOME, XML, frame, packet
 from tests.adapters.qualisys_rig import ManualClock
 
 LEFT_BODY = [0.0, 0.0, 0.0, 0, 1, 0, -1, 0, 0, 0, 0, 1, 0.5]
 """A quarter turn to the left, column by column: the nose (column 1) points to y."""
 
 
-def source_of(index: int = 0) -> QualisysSource:
-    return QualisysSource(index, "here:1", ManualClock())
+def source_of(*before: str) -> QualisysSource:
+    """A source that has read QTM's list: ours behind those."""
+    source = QualisysSource("dauam", "here:1", ManualClock())
+    assert source.take_bodies((*map(RigidBody, before), RigidBody("dauam"))) == ""
+    return source
 
 
 def give(source: QualisysSource, number: int, stamp_us: int) -> None:
@@ -38,10 +42,13 @@ def test_packets_are_taken_whole_and_the_rest_is_kept() -> None:
     assert buffer == WELCOME[:10]
 
 
-@pytest.mark.parametrize("size", [0, 7, 16_000_001, 0xFFFFFFFF])
-def test_a_size_that_cannot_be_is_refused(size: int) -> None:
+@pytest.mark.parametrize(
+    ("size", "kind"), [(0, DATA), (7, XML), (0xFFFFFFFF, COMMAND), (15_000_000, DATA), (10, EVENT), (64_001, 17)]
+)
+def test_a_size_that_cannot_be_is_refused(size: int, kind: int) -> None:
+    """15 MB for a frame would swallow hours of frames before it is whole."""
     with pytest.raises(MalformedError, match=f"{size} bytes"):
-        split_packets(bytearray(struct.pack("<II", size, 1)))
+        split_packets(bytearray(struct.pack("<II", size, kind)))
 
 
 def test_a_count_that_would_keep_the_sdk_busy_for_ever_is_refused() -> None:
@@ -58,20 +65,16 @@ def test_a_pose_is_read_in_metres_and_by_columns() -> None:
     assert first.residual_m == pytest.approx(0.0005)
 
 
-def test_a_frame_without_6dres_is_refused() -> None:
-    euler = struct.pack("<qIIIIihh", 0, 1, 1, 16, 6, 0, 0, 0)
-    with pytest.raises(MalformedError, match="without the component 6dres"):
-        body_pose(QRTPacket(euler), 0)
+def test_a_frame_without_6dres_has_no_bodies() -> None:
+    assert body_count(QRTPacket(struct.pack("<qIIIIihh", 0, 1, 1, 16, 6, 0, 0, 0))) == 0
 
 
-def test_a_frame_that_ends_too_early_is_refused() -> None:
+@pytest.mark.parametrize("count", [-1, 1, 2**31 - 1])
+def test_a_frame_that_is_shorter_than_its_bodies_is_refused(count: int) -> None:
     with pytest.raises(MalformedError, match="ends too early"):
-        body_pose(QRTPacket(frame(1, 0, [LEVEL_BODY])[8:-4]), 0)
-
-
-def test_names_come_in_the_order_of_the_data() -> None:
-    xml = b"<Q><The_6D><Body><Name>b</Name></Body><Body><Name> a&amp;c </Name></Body><Euler/></The_6D></Q>"
-    assert body_names(xml) == ["b", "a&c"]
+        body_count(QRTPacket(struct.pack("<qIIIIihh", 0, 1, 1, 16, 11, count, 0, 0)))
+    with pytest.raises(MalformedError, match="ends too early"):
+        body_count(QRTPacket(frame(1, 0, [LEVEL_BODY])[8:-4]))
 
 
 def test_frames_that_were_overtaken_or_repeated_are_dropped_and_counted() -> None:
@@ -166,12 +169,12 @@ def garbled(stream: bytes) -> st.SearchStrategy[bytes]:
 @settings(max_examples=300)
 @given(data=garbled(frame(7, 70_000, [LEVEL_BODY, LEFT_BODY])))
 def test_a_garbled_datagram_is_a_frame_or_is_counted(data: bytes) -> None:
-    source = source_of(1)
+    source = source_of("leader")
     Datagrams(source, "x").datagram_received(data, ("x", 1))
     assert source.counts.received + source.counts.malformed <= 1
 
 
-class FakeTransport:
+class FakeTransport(asyncio.BaseTransport):
     """Takes what is written and knows whether it was broken off."""
 
     aborted = False
@@ -183,19 +186,23 @@ class FakeTransport:
         self.aborted = True
 
 
-def fed_link(pieces: list[bytes]) -> tuple[Link, FakeTransport, list[str]]:
+async def fed_link(pieces: list[bytes]) -> tuple[Link, FakeTransport, list[str]]:
     """A link in full conversation, with a stream asked for, that receives these pieces."""
     link, transport, failures = Link(), FakeTransport(), list[str]()
     link.connection_made(transport)
     link.on_failure = failures.append
-    link.set_on_packet(source_of(1).on_packet)
-    answers = [link.send_command(word) for word in ("version 1.25", "getparameters 6d", "streamframes allframes 6dres")]
+    link.set_on_packet(source_of("leader").on_packet)
+    asking = asyncio.ensure_future(link.settings("6d"))
+    answers = [link.send_command(word) for word in ("version 1.25", "streamframes allframes 6dres")]
+    await asyncio.sleep(0)
     for piece in pieces:
         if not transport.aborted:
             link.data_received(piece)
     for answer in answers:
         if answer.done():
             answer.exception()
+    asking.cancel()
+    await asyncio.gather(asking, return_exceptions=True)
     return link, transport, failures
 
 
@@ -205,7 +212,7 @@ CONVERSATION = WELCOME + GOOD["version"] + GOOD["getparameters"] + frame(7, 70_0
 @settings(max_examples=300)
 @given(data=garbled(CONVERSATION), cut=st.integers(0, len(CONVERSATION)))
 async def test_a_garbled_stream_never_raises_and_ends_with_a_reason(data: bytes, cut: int) -> None:
-    _, transport, failures = fed_link([data[:cut], data[cut:]])
+    _, transport, failures = await fed_link([data[:cut], data[cut:]])
     assert transport.aborted == bool(failures)
 
 
@@ -213,7 +220,7 @@ async def test_a_garbled_stream_never_raises_and_ends_with_a_reason(data: bytes,
 @given(cuts=st.lists(st.integers(0, len(CONVERSATION)), max_size=8))
 async def test_a_stream_may_come_in_any_pieces(cuts: list[int]) -> None:
     edges = [0, *sorted(cuts), len(CONVERSATION)]
-    link, transport, failures = fed_link([CONVERSATION[a:b] for a, b in pairwise(edges)])
+    link, transport, failures = await fed_link([CONVERSATION[a:b] for a, b in pairwise(edges)])
     assert not transport.aborted
     assert failures == []
     assert link.on_packet.__self__.counts == MocapCounts(received=1)

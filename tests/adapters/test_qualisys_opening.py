@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import socket
+import struct
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from companion.adapters.clock import MonotonicClock
-from companion.adapters.qualisys import QualisysSource, open_qualisys
+from companion.adapters.qualisys import QualisysSource, keeping, open_qualisys
 from companion.config_mocap import MocapConfig
 from companion.newest_frame import MocapCounts
 from companion.ports import MocapError
@@ -77,11 +78,28 @@ async def test_a_server_that_hangs_up() -> None:
         assert (await refusal(port)).endswith("closed the connection")
 
 
-async def test_an_old_qtm_that_refuses_the_version() -> None:
+async def test_a_qtm_that_refuses_every_version_is_told_which_would_do() -> None:
     async with scripted({"version": packet(ERROR, b"Version NOT supported\0")}) as port:
         text = await refusal(port)
-    assert "refuses protocol version 1.25" in text
-    assert "Version NOT supported" in text
+    assert "knows no version of the RT protocol from 1.25 down to 1.18" in text
+    assert "or port 22222, which has version 1.0 only (22223 is the one to use)" in text
+
+
+@pytest.mark.parametrize(
+    ("minor", "lost"),
+    [(24, ""), (23, "which does not tell whether a body is disabled"), (18, "is disabled, or relative to another one")],
+)
+async def test_an_older_qtm_is_spoken_to_in_its_own_version(
+    minor: int, lost: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    async with (
+        serving(newest_minor=minor, extra_bodies=("wand",)) as server,
+        capturing(server),
+        open_qualisys(settings_for(server), CLOCK) as source,
+    ):
+        assert await source.wait_frame(5.0)
+    assert (f"speaks RT protocol 1.{minor}, " in caplog.text) == bool(lost)
+    assert lost in caplog.text
 
 
 async def test_a_body_that_qtm_does_not_know_is_answered_with_those_it_has() -> None:
@@ -124,9 +142,34 @@ async def test_a_udp_port_that_is_taken() -> None:
     assert f"cannot receive frames on UDP 127.0.0.1:{port}" in text
 
 
-async def test_a_frame_without_our_body_ends_the_stream() -> None:
-    async with scripted({**GOOD, "streamframes": frame(1, 0, [])}) as port:
-        assert "sent a frame of 0 bodies where ours is number 1" in await refusal(port)
+WITHOUT_6DOF = frame(1, 0, []), packet(DATA, struct.pack("<qII", 0, 1, 0))
+
+
+@pytest.mark.parametrize("said", WITHOUT_6DOF, ids=["no bodies", "no component"])
+async def test_frames_without_bodies_are_answered_with_the_setting_to_change(said: bytes) -> None:
+    async with scripted({**GOOD, "streamframes": said}) as port:
+        text = await refusal(port, first_frame_timeout_s=SOON_S)
+    assert text == (
+        f"QTM at 127.0.0.1:{port} sends frames without rigid bodies: switch on Project options > Processing > "
+        "Real-time actions > Calculate 6DOF"
+    )
+
+
+async def test_frames_of_other_bodies_than_the_settings_have_are_refused() -> None:
+    async with scripted({**GOOD, "streamframes": frame(1, 0, [LEVEL_BODY, LEVEL_BODY])}) as port:
+        text = await refusal(port, first_frame_timeout_s=SOON_S)
+    assert "sends frames of 2 rigid bodies, and its settings have 1: dauam" in text
+
+
+async def test_frames_from_another_address_are_named() -> None:
+    """A workstation with two network cards, a container, a forwarded port."""
+    async with serving() as server, capturing(server):
+        assert server._udp is not None
+        server._udp.close()
+        loop = asyncio.get_running_loop()
+        server._udp, _ = await loop.create_datagram_endpoint(asyncio.DatagramProtocol, local_addr=("127.0.0.2", 0))
+        text = await refusal(server.port, transport="udp", first_frame_timeout_s=SOON_S)
+    assert text.startswith("frames come from 127.0.0.2, not from mocap.host 127.0.0.1: ")
 
 
 async def test_the_frame_that_proves_the_stream_is_still_to_be_waited_for() -> None:
@@ -221,15 +264,52 @@ async def test_a_stream_that_loses_its_packets_begin_is_asked_for_anew(caplog: p
 
 
 async def test_packets_nobody_can_read_are_dropped_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
-    cut, without_body = packet(DATA, frame(2, 20_000, [LEVEL_BODY])[8:-4]), frame(2, 20_000, [])
+    cut, lying = packet(DATA, frame(2, 20_000, [LEVEL_BODY])[8:-4]), packet(DATA, frame(2, 20_000, [LEVEL_BODY])[8:-9])
     whole = [frame(k, k * 10_000, [LEVEL_BODY]) for k in range(2, 15)]
     async with talked_to() as (source, conversations, port):
-        say(conversations[0], b"".join([cut, without_body, packet(99, b"?"), packet(EVENT, b""), *whole]))
+        say(conversations[0], b"".join([cut, lying, packet(99, b"?"), packet(EVENT, b""), *whole]))
         assert await source.wait_frame(5.0)
         assert source.counts == MocapCounts(received=4, lost=10, malformed=4, doubted=10)
         assert len(conversations) == 1
     told = [record.getMessage() for record in caplog.records if "dropped" in record.getMessage()]
     assert told == [f"QTM at 127.0.0.1:{port} sent a frame that ends too early: such packets are dropped, and counted"]
+
+
+async def test_a_stream_that_falls_silent_is_asked_for_anew(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A server that hangs, a QTM computer without power: the connection stays open, and nothing comes."""
+    monkeypatch.setattr(keeping, "SILENT_S", SOON_S)
+    async with talked_to() as (source, conversations, port):
+        for _ in range(2):  # each conversation says one frame
+            assert await source.wait_frame(5.0)
+        assert len(conversations) >= 3
+    assert caplog.text.count(f"no frames until QTM is back: QTM at 127.0.0.1:{port} has sent no frames for") >= 2
+
+
+async def test_a_length_that_cannot_be_is_no_reason_to_wait_for_the_rest() -> None:
+    async with talked_to() as (source, conversations, _):
+        say(conversations[0], struct.pack("<II", 15_000_000, DATA))
+        assert await source.wait_frame(5.0)
+        assert len(conversations) == 2
+
+
+async def test_a_qtm_that_measures_nothing_for_long_is_told_once(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(keeping, "SILENT_S", SOON_S)
+    async with serving() as server:
+        async with capturing(server):
+            opening = open_qualisys(settings_for(server), CLOCK)
+            source = await opening.__aenter__()
+        server.stop_capture()
+        while await source.wait_frame(5 * SOON_S):
+            pass
+        server.start_capture()
+        async with capturing(server):
+            assert await source.wait_frame(5.0)
+        await opening.__aexit__(None, None, None)
+    assert caplog.text.count("no frames until QTM is back") == caplog.text.count("is back\n") == 1
 
 
 async def test_leaving_while_qtm_is_looked_for_leaves_nothing_behind() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 from qtm_rt.packet import QRTPacket
 
 from companion.adapters.qualisys import QualisysSource
+from companion.adapters.qualisys.bodies import RigidBody
 from companion.control.frames import flip_quat, flip_yz, matrix_from_quat
 from companion.estimation.estimator import EstimatorParams, EstimatorState, predict_to, step
 from companion.types import Array, VehicleState
@@ -47,7 +48,8 @@ def in_body_axes(q: Array, vector_world: Array) -> Array:
 def estimates(for_s: float) -> list[tuple[Truth, VehicleState]]:
     """What is known whenever a frame arrives, with the truth at that very instant (not at the capture)."""
     clock = FollowingClock()
-    source = QualisysSource(0, "test", clock)
+    source = QualisysSource("dauam", "test", clock)
+    source.take_bodies((RigidBody("dauam"),))
     camera = Camera(QualisysConfig(jitter_s=0.004, drop_probability=0.02), seed=3)
     params, state = EstimatorParams(delay_s=LEAST_DELAY_S), EstimatorState()
     known = []

@@ -28,7 +28,6 @@ from mock_autopilot.fault_mocap import MocapFaults
 from mock_autopilot.fault_schedule import Turn
 from mock_autopilot.fault_words import parse
 from mock_autopilot.qtm_camera import Camera
-from mock_autopilot.qtm_packets import Frame
 from mock_autopilot.qualisys_config import QualisysConfig
 from mock_autopilot.streams import TICK_S
 from mock_autopilot.truth import Truth
@@ -36,6 +35,7 @@ from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
+from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import Bench
 
@@ -63,6 +63,7 @@ class Room:
         cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
         self._camera = Camera(cameras, seed)
         self._faults = MocapFaults(world.faults, world.fault_rng(), cameras.rate_hz)
+        self._qtm = SimulatedQtm(cameras, self._faults, self)
         self.fault_turns: list[Turn] = []
         """Every fault that began or ended, and when."""
         world.faults.observers.append(self.fault_turns.append)
@@ -99,7 +100,9 @@ class Room:
         for frame in self._faults.pass_on(self._camera.look(truth), truth.time_s):
             if self._faults.breaks_packets:
                 continue  # the client cannot make anything of it
-            seen = _received(frame, truth.time_s)
+            seen = self._qtm.frame(frame)
+            if seen is None:
+                continue  # QTM's list of bodies may have changed
             if self._is_overtaken(seen):
                 self.late += 1
                 continue
@@ -111,13 +114,6 @@ class Room:
         if self.frame is None:
             return False
         return self.frame.stamp_s - RESTART_S <= seen.stamp_s <= self.frame.stamp_s
-
-
-def _received(frame: Frame, now_s: float) -> MocapFrame:
-    pose = frame.bodies[0]
-    return MocapFrame(
-        frame.number, frame.stamp_us * 1e-6, now_s, pose.position_room_m, pose.rotation_room_flu, pose.residual_m
-    )
 
 
 class SimulatedMocap:

@@ -8,7 +8,7 @@ import pytest
 from mock_autopilot.fault_mocap import CORNER_M, MocapFaults
 from mock_autopilot.fault_schedule import FaultSchedule
 from mock_autopilot.fault_words import parse
-from mock_autopilot.qtm_packets import HEADER, BodyPose, Component, Frame, PacketType, data_packet
+from mock_autopilot.qtm_packets import HEADER, Body, BodyPose, Component, Frame, PacketType, data_packet
 from mock_autopilot.quaternion import Array
 
 RATE_HZ = 100.0
@@ -193,3 +193,43 @@ def test_broken_packets_have_a_right_header_and_wrong_contents() -> None:
     assert all(HEADER.unpack_from(packet) == (len(packet), PacketType.DATA) for packet in packets)
     assert all(packet != whole for packet, whole in zip(packets, right, strict=True))
     assert len({len(packet) for packet in packets}) > 10, "some are cut off"
+
+
+OURS, WAND, BOX = Body("dauam"), Body("wand"), Body("box")
+
+
+@pytest.mark.parametrize(
+    ("what", "listed", "places_x_m"),
+    [
+        ("body added", (BOX, OURS, WAND), [3.0, 0.1, 1.0]),
+        ("body replaced", (BOX, WAND), [3.0, 1.0]),
+        ("body deleted", (WAND,), [1.0]),
+        ("body renamed", (BOX, WAND), [0.1, 1.0]),
+        ("body disabled", (Body("dauam", enabled=False), WAND), [None, 1.0]),
+        ("bodies reversed", (WAND, OURS), [1.0, 0.1]),
+        ("no bodies", (OURS, WAND), []),
+    ],
+)
+def test_settings_and_frames_change_together(
+    what: str, listed: tuple[Body, ...], places_x_m: list[float | None]
+) -> None:
+    schedule, told = FaultSchedule(), list[bool]()
+    faults = MocapFaults(schedule, np.random.default_rng(1), RATE_HZ)
+    faults.when_bodies_change(lambda: told.append(faults.changes_list))
+    schedule.inject(parse(f"mocap wrong ({what}) for 1 s"), 0.0)
+    assert faults.listed((OURS, WAND)) == listed
+    (frame,) = faults.pass_on([_captured(1)], 0.0)
+    seen = [pose.position_room_m[0] for pose in frame.bodies]
+    assert seen == [pytest.approx(np.nan if x is None else x, abs=0.01, nan_ok=True) for x in places_x_m]
+    schedule.step(1.0, False, False, False)
+    assert faults.listed((OURS, WAND)) == (OURS, WAND)
+    assert told == [True, False], "QTM's event, at begin and end"
+
+
+def test_a_body_that_is_gone_can_be_changed_no_further() -> None:
+    schedule = FaultSchedule([parse("mocap wrong (body deleted)"), parse("mocap wrong (body disabled)")])
+    faults = MocapFaults(schedule, np.random.default_rng(1), RATE_HZ)
+    schedule.step(0.0, False, False, False)
+    assert faults.listed((OURS,)) == ()
+    (frame,) = faults.pass_on([Frame(1, 0, _captured(1).bodies[:1])], 0.0)
+    assert frame.bodies == ()

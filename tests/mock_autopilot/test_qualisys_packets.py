@@ -64,7 +64,7 @@ def test_euler_angles_follow_the_qualisys_standard(
 
 
 def test_names_are_escaped_in_the_settings() -> None:
-    assert "<Name>a&lt;b &amp; c</Name>" in qtm.parameters_xml(["6d"], ["a<b & c"], 100.0)
+    assert "<Name>a&lt;b &amp; c</Name>" in qtm.parameters_xml(["6d"], [qtm.Body("a<b & c")], 100.0)
 
 
 def test_commands_are_taken_whole_and_the_rest_is_kept() -> None:

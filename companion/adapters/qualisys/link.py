@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 from qtm_rt.packet import QRTEvent, QRTPacket
-from qtm_rt.protocol import QTMProtocol
+from qtm_rt.protocol import QRTCommandException, QTMProtocol
 from qtm_rt.receiver import Receiver
 
+from companion.adapters.keepalive import keep_alive
 from companion.adapters.qualisys.packets import DATA, HEADER, MalformedError, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
 
@@ -26,13 +27,44 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
 
     def __init__(self) -> None:
         loop = asyncio.get_running_loop()
-        super().__init__(loop=loop, on_event=_log_event)
+        super().__init__(loop=loop, on_event=self._on_qtm_event)
         self.failure: str | None = None
         self.on_failure: Callable[[str], None] = LOG.debug
         self.on_broken: Callable[[MalformedError], None] | None = None
         """Takes note of a packet nobody can read, which is dropped; None: such a packet ends the connection."""
+        self.on_settings_changed: Callable[[], None] = lambda: None
         self.closed = loop.create_future()
         self._unparsed = bytearray()
+        self._settings: asyncio.Future[bytes] | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Have the kernel notice a far side that has lost its power."""
+        super().connection_made(transport)
+        keep_alive(transport)
+
+    async def settings(self, of: str) -> bytes:
+        """Ask for a part of QTM's settings, XML; not more than once at a time, also while frames stream.
+
+        Raises QRTCommandException when QTM refuses, ConnectionError when the connection ends before it answers. Not
+        the SDK's `get_parameters`: that takes a frame for the answer, and cannot be asked while UDP frames stream.
+        """
+        answer: asyncio.Future[bytes] = self.loop.create_future()
+        self._settings = answer
+        self.send_command(f"getparameters {of}", callback=False)
+        try:
+            return await answer
+        finally:
+            self._settings = None
+
+    def _on_xml(self, response: bytes) -> None:
+        if self._settings is not None and not self._settings.done():
+            self._settings.set_result(response)
+
+    def _on_error(self, response: bytes) -> None:
+        if self._settings is not None and not self._settings.done():
+            self._settings.set_exception(QRTCommandException(response))
+        else:
+            super()._on_error(response)
 
     def data_received(self, data: bytes) -> None:
         """Pass whole packets on to the SDK; bytes that tell no longer where the next one begins end the connection."""
@@ -61,7 +93,7 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
         """Fail the questions that are still open: the SDK would leave them waiting."""
         super().connection_lost(exc)
         self._end("closed the connection" + (f" ({exc})" if exc else ""))
-        for question in self.request_queue:
+        for question in (*self.request_queue, *((self._settings,) if self._settings is not None else ())):
             if not question.done():
                 question.set_exception(ConnectionError(self.failure))
         if not self.closed.done():
@@ -94,6 +126,12 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
             self.failure = reason
             self.on_failure(reason)
 
+    def _on_qtm_event(self, event: QRTEvent) -> None:
+        level = logging.WARNING if event in _ENDINGS else logging.INFO
+        LOG.log(level, "QTM says: %s", event.name.removeprefix("Event"))
+        if event is QRTEvent.EventCameraSettingsChanged:
+            self.on_settings_changed()
+
 
 class Datagrams(asyncio.DatagramProtocol):
     """Frames that come by UDP, from QTM's address only; what is no frame is counted and dropped."""
@@ -105,6 +143,8 @@ class Datagrams(asyncio.DatagramProtocol):
     def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
         """Parse one datagram: a packet with its header, as on TCP."""
         if addr[0] != self._host:
+            if len(data) >= HEADER.size and HEADER.unpack_from(data) == (len(data), DATA):
+                self._source.on_stray(str(addr[0]))
             return
         try:
             if len(data) < HEADER.size:
@@ -114,8 +154,3 @@ class Datagrams(asyncio.DatagramProtocol):
                 self._source.on_packet(QRTPacket(data[HEADER.size :]))
         except (ValueError, struct.error) as error:
             self._source.on_malformed(MalformedError(str(error)))
-
-
-def _log_event(event: QRTEvent) -> None:
-    level = logging.WARNING if event in _ENDINGS else logging.INFO
-    LOG.log(level, "QTM says: %s", event.name.removeprefix("Event"))

@@ -4,9 +4,10 @@ The SDK trusts sizes and counts: a size of zero or a count of four billion keeps
 """
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from qtm_rt.packet import QRTComponentType
@@ -14,9 +15,13 @@ from qtm_rt.packet import QRTComponentType
 from companion.types import Array
 
 HEADER = struct.Struct("<II")
-DATA = 3
-MAX_PACKET_BYTES = 16_000_000
-"""Far above any settings document or frame."""
+ERROR, COMMAND, XML, DATA, NO_MORE_DATA, EVENT = 0, 1, 2, 3, 4, 6
+MAX_PACKET_BYTES: Mapping[int, int] = MappingProxyType(
+    {ERROR: 64_000, COMMAND: 64_000, XML: 8_000_000, DATA: 256_000, NO_MORE_DATA: HEADER.size, EVENT: HEADER.size + 1}
+)
+"""By type. A rigid body needs 52 bytes of a frame, and some kilobytes of the settings."""
+_MAX_UNKNOWN_BYTES = 64_000
+"""Of types that nobody asked for."""
 MAX_TALK = 500
 """Packets in one read that are no frames: events and answers are few, and each is logged while the loop waits."""
 MAX_COMPONENTS = 32
@@ -49,7 +54,7 @@ def split_packets(buffer: bytearray) -> list[bytes]:
     packets, talk = list[bytes](), 0
     while len(buffer) >= HEADER.size:
         size, kind = HEADER.unpack_from(buffer)
-        if not HEADER.size <= size <= MAX_PACKET_BYTES:
+        if not HEADER.size <= size <= MAX_PACKET_BYTES.get(kind, _MAX_UNKNOWN_BYTES):
             raise MalformedError(f"a packet of {size} bytes")
         if len(buffer) < size:
             break
@@ -75,28 +80,26 @@ def check_packet(packet: bytes) -> None:
         raise MalformedError(f"a data packet of {count} components")
 
 
-def body_pose(packet: Any, index: int) -> BodyPose:
-    """Body number `index` of a QRTPacket with the component 6dres; MalformedError when it is not in there."""
+def body_count(packet: Any) -> int:
+    """Return how many bodies a QRTPacket holds as 6dres; 0 without that component.
+
+    Raises MalformedError when they are cut off. Without "Calculate 6DOF" among QTM's real-time actions there are none.
+    """
     position = packet.components.get(QRTComponentType.Component6dRes)
     if position is None:
-        raise MalformedError("a frame without the component 6dres")
+        return 0
     try:
         count, _, _ = _BODY_COUNT.unpack_from(packet.data, position)
-        if index >= count:
-            raise MalformedError(f"a frame of {count} bodies where ours is number {index + 1}")
-        values = _BODY.unpack_from(packet.data, position + _BODY_COUNT.size + index * _BODY.size)
     except struct.error as error:
         raise MalformedError("a frame that ends too early") from error
+    if not 0 <= count * _BODY.size <= len(packet.data) - position - _BODY_COUNT.size:
+        raise MalformedError("a frame that ends too early")
+    return int(count)
+
+
+def body_pose(packet: Any, index: int) -> BodyPose:
+    """Return body number `index`, below `body_count`, of a QRTPacket."""
+    position = packet.components[QRTComponentType.Component6dRes]
+    values = _BODY.unpack_from(packet.data, position + _BODY_COUNT.size + index * _BODY.size)
     pose = np.array(values[:12])
     return BodyPose(pose[:3] * 1e-3, pose[3:].reshape(3, 3).T, values[12] * 1e-3)
-
-
-def body_names(xml: Any) -> list[str]:
-    """Names of the rigid bodies in the answer to `getparameters 6d`, in the order of the data; MalformedError."""
-    if not isinstance(xml, bytes):  # the SDK takes whatever packet comes next for the answer
-        raise MalformedError("a frame where its settings were asked for")
-    try:
-        root = ElementTree.fromstring(xml)  # noqa: S314 - expat refuses entity bombs since 2.4.1
-    except (ElementTree.ParseError, ValueError, LookupError) as error:  # the latter two for its encoding
-        raise MalformedError(f"settings that are no XML ({error})") from error
-    return [(body.findtext("Name") or "").strip() for body in root.findall("The_6D/Body")]

@@ -1,27 +1,113 @@
 """QTM's packets as frames of one body."""
 
+import asyncio
+import logging
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
-from companion.adapters.qualisys.packets import body_pose
+from companion.adapters.qualisys.bodies import RigidBody, listed, misfit, objection, place_in_frame
+from companion.adapters.qualisys.packets import body_count, body_pose
 from companion.newest_frame import NewestFrame
 from companion.ports import Clock
 from companion.types import MocapFrame
 
+LOG = logging.getLogger(__name__)
+
 
 class QualisysSource(NewestFrame):
-    """`ports.MocapSource`: one body's newest frame. Made by `open_qualisys`."""
+    """`ports.MocapSource`: one body's newest frame. Made by `open_qualisys`.
 
-    def __init__(self, index: int, where: str, clock: Clock) -> None:
+    No frame is believed unless QTM's list of bodies is known to be the one that the frame was made with: not after QTM
+    said that settings changed, nor when a frame holds another number of bodies, until the list has been read again.
+    """
+
+    def __init__(self, body: str, where: str, clock: Clock) -> None:
         super().__init__(f"QTM at {where}", clock)
-        self.index = index
-        """Place of our body among the bodies of a frame."""
+        self.packets = 0
+        """Data packets so far, believed or not."""
+        self.stray = ""
+        """Address, other than QTM's, that frames came from; they are dropped."""
+        self.list_wanted = asyncio.Event()
+        """Set while QTM's list of bodies is to be read before another frame is believed."""
+        self.doubts = 0
+        """How often that was so."""
+        self.on_frame: Callable[[], None] | None = None
+        """Called once, with the next frame that is believed."""
+        self._body = body
+        self._bodies: tuple[RigidBody, ...] = ()
+        self._objection = self._misfit = ""
+        self._in_frame: int | None = None
+        """Bodies in a frame; None while no frame has come since the list was read."""
+        self._place = 0
+
+    @property
+    def trouble(self) -> str:
+        """Why no frame is believed, as the end of a sentence that begins with 'QTM at ...'; empty while frames are."""
+        return self._objection or self._misfit
+
+    def take_bodies(self, bodies: tuple[RigidBody, ...]) -> str:
+        """Take QTM's list of bodies as just read; returns why ours cannot be flown by, empty when it can."""
+        if bodies != self._bodies or self.list_wanted.is_set():
+            self._in_frame = None
+        before, self._bodies = self._bodies, bodies
+        self.list_wanted.clear()
+        self._objection = objection(bodies, self._body)
+        if before and bodies != before:
+            self._tell_change(before, bodies)
+        return self._objection
+
+    def doubt_bodies(self) -> None:
+        """Believe no frame until QTM's list of bodies has been read again."""
+        self.doubts += 1
+        self.list_wanted.set()
 
     def on_packet(self, packet: Any) -> None:
-        """Take a QRTPacket that has just arrived; MalformedError when our body is not in it."""
+        """Take a QRTPacket that has just arrived; MalformedError when it cannot be read."""
         received_s = self._clock.now_s()
+        self.packets += 1
         number, stamp_s = packet.framenumber, packet.timestamp * 1e-6
         if self.is_overtaken(number, stamp_s):
             return
-        pose = body_pose(packet, self.index)
+        if not self._is_of_the_list(body_count(packet)):
+            self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
+            return
+        pose = body_pose(packet, self._place)
         late = self.counts.late
         self.put(MocapFrame(number, stamp_s, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m, late))
+        if self.on_frame is not None:
+            on_frame, self.on_frame = self.on_frame, None
+            on_frame()
+
+    def on_stray(self, host: str) -> None:
+        """Take note of a frame from an address that is not QTM's."""
+        if not self.stray:
+            LOG.warning("%s: frames come from %s: they are dropped", self._where, host)
+        self.stray = host
+
+    def _is_of_the_list(self, count: int) -> bool:
+        """Whether a frame of `count` bodies was made with the list of bodies as it was read."""
+        if self.list_wanted.is_set() or self._objection:
+            return False
+        if self._in_frame is None:
+            place = place_in_frame(self._bodies, self._body, count)
+            if place is None:
+                self._tell_misfit(misfit(self._bodies, count))
+                self.doubt_bodies()
+                return False
+            self._in_frame, self._place, self._misfit = count, place, ""
+        if count != self._in_frame:
+            self.doubt_bodies()
+        return count == self._in_frame
+
+    def _tell_change(self, before: tuple[RigidBody, ...], bodies: tuple[RigidBody, ...]) -> None:
+        LOG.warning(
+            "%s: its rigid bodies were changed, from %s to %s", self._where, listed(before) or "none", listed(bodies)
+        )
+        if self._objection:
+            LOG.error("no frames are believed: %s %s", self._where, self._objection)
+
+    def _tell_misfit(self, what: str) -> None:
+        if what != self._misfit and self.latest() is not None:
+            LOG.error("no frames are believed: %s %s", self._where, what)
+        self._misfit = what

@@ -86,4 +86,20 @@ ATTITUDE = (
         PX4, within(RULES.apart_s), When.HOVER),
 )  # fmt: skip
 
-MOCAP = SILENT + JUMPED + STREAM + ATTITUDE
+LIST = (
+    *(
+        Row(Fault.MOCAP_SILENT, variant, (f"mocap wrong ({how})",), ends, within(RULES.silent_s), when)
+        for variant, how, ends, when in (
+            ("our body renamed in QTM", "body renamed", End.NOT_STARTED, When.GROUND),
+            ("our body renamed in QTM", "body renamed", PX4, When.TAKEOFF),
+            ("another body defined in place of ours", "body replaced", PX4, When.TRACK),
+            ("our body deleted in QTM", "body deleted", PX4, When.LANDING),
+            ("6DOF no longer calculated", "no bodies", PX4, When.HOVER),
+        )
+    ),
+    Row(Fault.MOCAP_LATE, "another body defined before ours", ("mocap wrong (body added)",), ON, 0.0, When.TRACK,
+        harmless=True),
+)  # fmt: skip
+"""QTM's list of rigid bodies changes: no frame is believed unless our body is found in it."""
+
+MOCAP = SILENT + JUMPED + STREAM + ATTITUDE + LIST

@@ -1,0 +1,85 @@
+"""What runs beside a stream: QTM's list of bodies is kept current, and a stream that has fallen silent is ended."""
+
+import asyncio
+import logging
+
+from qtm_rt.protocol import QRTCommandException
+
+from companion.adapters.qualisys.bodies import rigid_bodies
+from companion.adapters.qualisys.dial import text
+from companion.adapters.qualisys.link import Link
+from companion.adapters.qualisys.packets import MalformedError
+from companion.adapters.qualisys.source import QualisysSource
+
+LOG = logging.getLogger(__name__)
+
+EVERY_S = 1.0
+"""The list of bodies is read so often anyway: QTM promises no event for a change that keeps their number."""
+_FIRST_PAUSE_S = 0.02
+"""Between two readings while the list does not fit the frames, doubled every time up to EVERY_S."""
+SILENT_S = 3.0
+"""A stream without a frame for so long is ended, and asked for anew."""
+_GLANCE_S = 0.1
+
+
+async def keep_bodies_current(link: Link, source: QualisysSource, answer_s: float) -> None:
+    """Read QTM's list of bodies whenever the source wants it, and every EVERY_S; until the link is closed.
+
+    A QTM that does not answer within `answer_s` while frames wait to be believed ends the link.
+    """
+    pause_s = _FIRST_PAUSE_S
+    while not link.closed.done():
+        wanted = await _wanted(source)
+        doubts = source.doubts
+        try:
+            bodies = rigid_bodies(await _answer(link, source, answer_s))
+        except (QRTCommandException, MalformedError) as error:
+            LOG.debug("QTM's list of rigid bodies cannot be read: %s", text(error))
+        except ConnectionError:
+            return
+        else:
+            if source.doubts == doubts:  # otherwise it may have changed after QTM looked
+                source.take_bodies(bodies)
+        pause_s = min(2.0 * pause_s, EVERY_S) if wanted else _FIRST_PAUSE_S
+        await asyncio.sleep(pause_s if wanted else 0.0)
+
+
+async def _wanted(source: QualisysSource) -> bool:
+    """Wait until the list is wanted; False when it is just time again."""
+    try:
+        async with asyncio.timeout(EVERY_S):
+            await source.list_wanted.wait()
+    except TimeoutError:
+        return False
+    return True
+
+
+async def _answer(link: Link, source: QualisysSource, answer_s: float) -> bytes:
+    asking = asyncio.ensure_future(link.settings("6d"))
+    told = False
+    try:
+        while not asking.done():
+            await asyncio.wait([asking], timeout=answer_s)
+            if not asking.done() and source.list_wanted.is_set():
+                link.end("does not say any more which rigid bodies it has")
+            elif not asking.done() and not told:
+                told = True
+                LOG.warning(
+                    "QTM does not answer which rigid bodies it has: only a change of their number would be noticed"
+                )
+        return asking.result()
+    finally:
+        asking.cancel()
+
+
+async def end_when_silent(link: Link, source: QualisysSource) -> None:
+    """End the link when no frame has come for SILENT_S; until it is closed."""
+    loop = asyncio.get_running_loop()
+    packets, since_s = source.packets, loop.time()
+    while not link.closed.done():
+        await asyncio.wait([link.closed], timeout=_GLANCE_S)
+        if source.packets != packets:
+            packets, since_s = source.packets, loop.time()
+        elif loop.time() - since_s >= SILENT_S:
+            link.end(f"has sent no frames for {SILENT_S:g} s")
+            return

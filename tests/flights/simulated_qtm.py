@@ -1,0 +1,59 @@
+"""QTM's packets and its list of rigid bodies in simulated time: the real adapter's source, without its sockets."""
+
+from qtm_rt.packet import QRTPacket
+
+from companion.adapters.qualisys import QualisysSource
+from companion.adapters.qualisys.bodies import rigid_bodies
+from companion.ports import Clock
+from companion.types import MocapFrame
+from mock_autopilot.fault_mocap import MocapFaults
+from mock_autopilot.qtm_packets import HEADER, Component, Frame, data_packet, parameters_xml
+from mock_autopilot.qtm_session import bodies_of
+from mock_autopilot.qualisys_config import QualisysConfig
+
+ANSWER_S = 0.01
+"""From asking for the list of bodies to having it."""
+
+
+class SimulatedQtm:
+    """What the adapter makes of frames whose list of bodies changes.
+
+    Packing and reading cost as much as a cycle of the loop: until the list changes for the first time, frames are
+    passed on as they are.
+    """
+
+    def __init__(self, config: QualisysConfig, faults: MocapFaults, clock: Clock) -> None:
+        self._config, self._faults, self._clock = config, faults, clock
+        self._source = QualisysSource(config.body, "simulated", clock)
+        self._changed = False
+        self._asked_s: float | None = None
+        self._read()
+        faults.when_bodies_change(self._on_change)
+
+    def frame(self, frame: Frame) -> MocapFrame | None:
+        """Return our body in a frame that arrives now; None when it is not believed."""
+        if not self._changed:
+            return _ours(frame, self._clock.now_s())
+        if self._asked_s is not None and self._clock.now_s() >= self._asked_s + ANSWER_S:
+            self._read()
+        self._source.on_packet(QRTPacket(data_packet(frame, [Component.SIX_D_RES])[HEADER.size :]))
+        if self._source.list_wanted.is_set() and self._asked_s is None:
+            self._asked_s = self._clock.now_s()
+        newest = self._source.latest()
+        return newest if newest is not None and newest.received_s == self._clock.now_s() else None
+
+    def _on_change(self) -> None:
+        self._changed, self._asked_s = True, self._clock.now_s()
+        self._source.doubt_bodies()
+
+    def _read(self) -> None:
+        self._asked_s = None
+        bodies = self._faults.listed(bodies_of(self._config))
+        self._source.take_bodies(rigid_bodies(parameters_xml(["6d"], bodies, self._config.rate_hz).encode()))
+
+
+def _ours(frame: Frame, now_s: float) -> MocapFrame:
+    pose = frame.bodies[0]
+    return MocapFrame(
+        frame.number, frame.stamp_us * 1e-6, now_s, pose.position_room_m, pose.rotation_room_flu, pose.residual_m
+    )
