@@ -9,11 +9,14 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from companion.adapters.broker import open_broker
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dead_man import KernelDeadMan
+from companion.adapters.last_resort import LastResort
 from companion.adapters.mqtt import Answering, BusLink, open_bus
 from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier
@@ -41,6 +44,7 @@ _TICKING_S = 0.5
 """A tick so lately, and the control loop lives."""
 _SWITCH_S = 0.0005
 """A thread that computes (a plan, a list of parameters) gives way to the control loop after this, not after 5 ms."""
+_LANDED_S = 60.0
 _NOT_TOLD = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
@@ -55,6 +59,7 @@ class Serving:
     records: Path | None
     note_law: Callable[[str], None]
     """Told the name of every law before it flies."""
+    last_resort: LastResort
 
     @property
     def operator(self) -> OperatorConfig:
@@ -66,7 +71,8 @@ async def serve(what: Serving) -> None:
     """Until SIGTERM or Ctrl-C, which land first. Raises ConfigError for a broker that cannot be."""
     sys.setswitchinterval(_SWITCH_S)
     stop = asyncio.Event()
-    _end_on_signals(stop, what.notifier)
+    _end_on_signals(stop, what)
+    asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, what.last_resort))
     session, desk = secrets.token_hex(8), Desk(what.config, what.controller.name)
     desk.note_law = what.note_law
     async with AsyncExitStack() as devices:
@@ -97,15 +103,23 @@ async def _require_only_service(link: BusLink) -> None:
         raise ConfigError(link.rival())
 
 
-def _end_on_signals(stop: asyncio.Event, notifier: Notifier) -> None:
+def _end_on_signals(stop: asyncio.Event, what: Serving) -> None:
     def end() -> None:
-        LOG.warning("told to end%s", "" if not stop.is_set() else ": it is doing so")
-        if not stop.is_set():
-            notifier.stopping("told to end")
-        stop.set()
+        what.last_resort.told_to_end()
+        again = stop.is_set()
+        stop.set()  # first of all: what follows needs memory, which may lack
+        LOG.warning("told to end%s", ": it is doing so" if again else "")
+        if not again:
+            what.notifier.stopping("told to end")
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, end)
+
+
+def _failed_callback(last_resort: LastResort, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    if isinstance(context.get("exception"), MemoryError):
+        last_resort.lacks_memory()
+    loop.default_exception_handler(context)
 
 
 async def _serve_vehicles(
@@ -117,6 +131,7 @@ async def _serve_vehicles(
         try:
             async with open_service(what.config, what.controller.law, sink, dead_man, what.records, link) as service:
                 said = ""
+                what.last_resort.flying = partial(_needs_us, service)
                 await _with_vehicle(service, desk, stop)
         except CompanionError as error:
             if str(error) != said:
@@ -124,6 +139,8 @@ async def _serve_vehicles(
                 LOG.error("no vehicle: %s", said)  # noqa: TRY400 - the sentence is for the operator
             telemetry.forget(said)
             desk.waiting = said
+        finally:
+            what.last_resort.flying = bool
         await _sleep(stop, _AGAIN_S)
 
 
@@ -144,9 +161,19 @@ async def _with_vehicle(service: Service, desk: Desk, stop: asyncio.Event) -> No
         await desk.close()
 
 
+def _flies(service: Service) -> bool:
+    return service.phase in STREAMING | {Phase.HANDED_OVER}
+
+
+def _needs_us(service: Service) -> bool:
+    """Whether the vehicle falls or lands blind without this process; a landing by PX4 takes no longer than that."""
+    landing = service.phase is Phase.HANDED_OVER and time.monotonic() - service.loop.flight.since_s < _LANDED_S
+    return service.phase in STREAMING or landing
+
+
 async def _land(service: Service) -> None:
     """Down, before anything is closed; who else has the vehicle is waited for."""
-    if service.phase not in STREAMING | {Phase.HANDED_OVER}:
+    if not _flies(service):
         return
     LOG.warning("lands, then ends")
     try:

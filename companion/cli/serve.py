@@ -10,6 +10,8 @@ import typer
 import uvloop
 
 from companion import __version__
+from companion.adapters.last_resort import LastResort
+from companion.adapters.native_output import standard_output_to_log, unraisable_to_log
 from companion.adapters.realtime import lock_memory
 from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier, logging_to
@@ -38,12 +40,16 @@ def serve_command(
     with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
         lock_memory()
         recorder = _recorder(settings) if record else None
+        last_resort = LastResort()
+        folder = Path(settings.records.folder) if recorder is not None else None
+        what = Serving(settings, law, notifier, recorder, folder, _note_law(recorder, law.name), last_resort)
         try:
-            folder = Path(settings.records.folder) if recorder is not None else None
-            uvloop.run(serve(Serving(settings, law, notifier, recorder, folder, _note_law(recorder, law.name))))
+            with standard_output_to_log(), unraisable_to_log(last_resort.lacks_memory):
+                uvloop.run(serve(what))
         finally:
             if recorder is not None:
                 recorder.close()
+            last_resort.close()
 
 
 def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from companion.adapters.px4.batteries import flight_battery, merged, reading
-from companion.adapters.px4.texts import TextPieces, printable
+from companion.adapters.px4.texts import TextPieces
+from companion.log_lines import printable
 from companion.types import BatteryReading
 
 SERVOS = BatteryReading(id=1, fraction=0.12, voltage_v=10.9)

@@ -16,6 +16,7 @@ from typing import Any
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
+from companion.adapters.px4.callback_thread import CallbackThreads
 from companion.ports import AutopilotError
 from companion.types import FlightMode
 
@@ -63,12 +64,14 @@ class Px4Direct:
         self._plugin = MavlinkDirect(system)
         self._target = {"target_system": system.get_system_id(), "target_component": _AUTOPILOT}
         self._params: dict[str, float] = {}
+        self._threads = CallbackThreads()
         self.on("PARAM_VALUE", self._on_param)
 
     def on(self, name: str, take: Callable[[dict[str, Any]], None]) -> None:
         """Have `take` called with the fields of every such message of the autopilot; floats that are NaN are None."""
 
         def heard(message: MavlinkMessage, _: Any) -> None:
+            self._threads.keep()
             if message.component_id != _AUTOPILOT:
                 return
             try:

@@ -14,8 +14,9 @@ import numpy as np
 
 from companion.adapters.px4.batteries import flight_battery, merged, reading
 from companion.adapters.px4.direct import Px4Direct
-from companion.adapters.px4.texts import TextPieces, printable
+from companion.adapters.px4.texts import TextPieces
 from companion.control.frames import flip_quat, flip_yz
+from companion.log_lines import printable
 from companion.ports import Clock
 from companion.types import Array, AutopilotStatus, BatteryReading, FlightMode
 

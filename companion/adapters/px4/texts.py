@@ -6,11 +6,6 @@ _PIECE = 50
 """Characters of one STATUSTEXT; a shorter piece is the last one."""
 
 
-def printable(text: str) -> str:
-    """Replace what a terminal or a log would obey instead of showing it (control characters, escape sequences)."""
-    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text).strip()
-
-
 @dataclass(frozen=True)
 class TextPieces:
     """A text whose last piece has not come yet; MAVLink's `id` says which pieces belong together, 0: a whole text."""
