@@ -131,11 +131,13 @@ def _fault(axes: Axes, lane: _Lane, at: float, flown: Flown) -> None:
     reactions = ", ".join(dict.fromkeys(seen.reaction for seen in lane.times))
     text = f"{lane.name} → {reactions}"
     begin, end = _inside(axes, bars[0][0]), _inside(axes, bars[-1][0] + bars[-1][1])
-    room = 0.008 * (high - low)
-    if high - end > room + _letter_s(axes) * len(text):
+    room, length_s = 0.008 * (high - low), _letter_s(axes) * len(text)
+    if high - end > room + length_s:
         axes.text(end + room, at, text, ha="left", va="center", clip_on=True)
-    else:
+    elif begin - low > room + length_s:
         axes.text(begin - room, at, text, ha="right", va="center", clip_on=True)
+    else:  # nowhere beside its bar: rather over it than out of the axes
+        axes.text(low + room, at, text, ha="left", va="center", clip_on=True)
 
 
 def _reactions(rows: Sequence[Axes], story: Story, at: float) -> None:
