@@ -1,6 +1,7 @@
 """Feeds the process that writes records, companion.records.writer; a TickSink that never waits."""
 
 import contextlib
+import errno
 import json
 import logging
 import socket
@@ -56,6 +57,7 @@ class RecordSink:
         """Rows that the writer did not get."""
         self.trouble = ""
         """Why flights are not recorded as they should be; empty when they are."""
+        self._behind = False
         self.file = ""
         """Path of the newest record."""
         self._start_writer()
@@ -64,6 +66,14 @@ class RecordSink:
     def alive(self) -> bool:
         """Whether there is a writer."""
         return self._link is not None
+
+    @property
+    def failed(self) -> str | None:
+        """Why the flight is not, or no longer, recorded as it should be; None while it is.
+
+        Known within half a second of ticks. It stays until the next record begins, or another writer is there for it.
+        """
+        return self.trouble or None
 
     @property
     def pid(self) -> int | None:
@@ -112,6 +122,9 @@ class RecordSink:
     def _lose_ticks(self, count: int) -> None:
         self.dropped += count
         self._encoder.retell()
+        if self._link is not None and len(self._backlog) >= _MOST_BACKLOG and not self._behind:
+            self._behind = True
+            self._warn("the process that writes records does not keep up: a part of this flight is not recorded")
 
     def tell(self, kind: str, text: str, time_s: float) -> None:
         """Something for the record: a command, a reply, an event."""
@@ -168,9 +181,13 @@ class RecordSink:
             except BlockingIOError:
                 return
             except OSError as error:
-                self._lose(error)
-                return
+                if error.errno != errno.EMSGSIZE:
+                    self._lose(error)
+                    return
+                self._warn(f"{len(self._backlog[0])} bytes at once are too large to be recorded: they are missing")
+                self._encoder.retell()
             self._backlog.popleft()
+        self._behind = self._behind and bool(self._backlog)
 
     def _lose(self, error: OSError) -> None:
         """The writer is gone."""
@@ -193,7 +210,8 @@ class RecordSink:
                 return
             if said is None:
                 return
-            self._ready = True
+            if not self._ready:
+                self._ready, self.trouble = True, ""  # another writer, before a flight: nothing of it is lost
             if "notice" in said:
                 LOG.warning("records: %s", said["notice"])
             if "warning" in said:

@@ -131,6 +131,7 @@ def _kept(flight: DemoFlight) -> RecordSink:
     controller = {"name": flight.controller.name, "file": controller_text(flight.controller.name)}
     kept.begin(
         {
+            "vehicle": _vehicle(flight),
             "config": flight.config.model_dump(mode="json"),
             "controller": controller,
             "versions": {"companion": __version__},
@@ -141,6 +142,11 @@ def _kept(flight: DemoFlight) -> RecordSink:
         }
     )
     return kept
+
+
+def _vehicle(flight: DemoFlight) -> str:
+    """The vehicle's own name; the mock's where the configuration gives none."""
+    return flight.config.operator.vehicle if flight.config.operator else "mock"
 
 
 async def _close(kept: RecordSink, flown: Flown) -> None:

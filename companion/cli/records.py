@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from companion.cli.working import Counted, working
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 if TYPE_CHECKING:
     from companion.records.glance import Glance

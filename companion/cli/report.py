@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from companion.cli.output import check_file, check_folder_of, check_output, kept
-from companion.ports import ConfigError
+from companion.errors import ConfigError
 
 if TYPE_CHECKING:
     from companion.reports.page import Chapter

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -61,6 +62,12 @@ def test_a_command_to_the_service_answers_without_numpy(command: str, draws: boo
     assert answer.startswith("companion: nobody there"), "it came to its answer"
     assert foreign(modules) <= _TYPER | _MODELS | _BROKER | ({"rich"} if draws else set())
     assert not modules & {"companion.types", "companion.config", "companion.trajectory_files"}
+
+
+def test_a_list_of_records_needs_neither_numpy_nor_rich(tmp_path: Path) -> None:
+    modules, answer = loaded("records", str(tmp_path))
+    assert answer.startswith("no records in")
+    assert foreign(modules) <= _TYPER | _MODELS | {"mcap", "lz4", "zstandard"}
 
 
 @pytest.mark.parametrize("command", ["serve", "demo", "simulate", "report"])

@@ -105,11 +105,12 @@ def test_a_writer_that_dies_is_told_of_and_is_there_again_for_the_next_flight(
         feed(sink, kill, after_s=0.0)
         was_alive = sink.alive
         assert not was_alive
-        assert "has ended" in sink.trouble
+        assert "has ended" in (sink.failed or "")
         assert sink.dropped > 0
         sink(next(flight(start_s=1e9)))  # standby: it is started again
         assert sink.alive
         wait_until_it_reads(sink)
+        assert not sink.failed
         feed(sink, start_s=1e9)
     whole = [read_flight(path) for path in sorted(tmp_path.glob("*.mcap"))]
     assert [record.truncated for record in whole][-1] is False
@@ -139,6 +140,36 @@ def test_a_writer_that_is_kept_waiting_catches_up_without_a_gap(tmp_path: Path) 
         count = feed(sink, stop_and_go, track_s=6.5)
         assert sink.dropped == 0
     record = read_flight(next(tmp_path.glob("*.mcap")))
+    assert (record.dropped, len(record.columns["time_s"])) == (0, count - 10)
+
+
+def test_a_writer_that_does_not_keep_up_is_told_of_once_and_the_gap_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("companion.adapters.record_process._MOST_BACKLOG", 3)
+    monkeypatch.setattr("companion.adapters.record_process._BUFFER", 200_000)
+
+    def stop_and_go(count: int) -> None:
+        if count in {50, 700}:
+            os.kill(sink.pid or 0, signal.SIGSTOP if count == 50 else signal.SIGCONT)
+
+    with recording(tmp_path) as sink:
+        feed(sink, stop_and_go, track_s=7.5)
+        assert sink.dropped > 0
+        assert "does not keep up" in (sink.failed or "")
+        assert caplog.text.count("does not keep up") == 1
+    record = read_flight(next(tmp_path.glob("*.mcap")))
+    assert record.dropped > 0
+
+
+def test_a_message_that_is_too_large_for_the_system_is_lost_alone(tmp_path: Path) -> None:
+    with recording(tmp_path) as sink:
+        feed(sink)
+        sink.tell("reply", "x" * 20_000_000, 100.5)
+        assert "too large" in (sink.failed or "")
+        assert sink.alive
+        count = feed(sink, start_s=1e9)
+    record = read_flight(max(tmp_path.glob("*.mcap"), key=lambda path: path.stat().st_mtime))
     assert (record.dropped, len(record.columns["time_s"])) == (0, count - 10)
 
 
