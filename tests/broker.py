@@ -2,15 +2,17 @@
 
 import asyncio
 import logging
+import os
 import signal
 import socket
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from companion.adapters.broker.server import EmbeddedBroker
+
+from tests.warm import Begun, begin
 
 _PATIENCE_S = 15.0
 
@@ -22,17 +24,17 @@ class BrokerProcess:
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self.port: int = free.getsockname()[1]
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Begun | None = None
 
     def start(self) -> None:
         """Returns once it accepts connections."""
-        self._process = subprocess.Popen([sys.executable, "-m", "tests.broker", str(self.port)])
+        self._process = begin("tests.broker", str(self.port))
         end_s = time.monotonic() + _PATIENCE_S
         while True:
             try:
                 socket.create_connection(("127.0.0.1", self.port)).close()
             except OSError:
-                if self._process.poll() is not None or time.monotonic() > end_s:
+                if not self._process.is_alive() or time.monotonic() > end_s:
                     raise
                 time.sleep(0.02)
             else:
@@ -42,18 +44,23 @@ class BrokerProcess:
         """As when its computer is switched off, except that the sockets are closed."""
         if self._process is not None:
             self._process.kill()
-            self._process.wait()
+            self._process.join()
             self._process = None
 
     def hang(self) -> None:
         """Its sockets stay open and nobody answers."""
         assert self._process is not None
-        self._process.send_signal(signal.SIGSTOP)
+        _send(self._process, signal.SIGSTOP)
 
     def go_on(self) -> None:
         """After `hang`."""
         assert self._process is not None
-        self._process.send_signal(signal.SIGCONT)
+        _send(self._process, signal.SIGCONT)
+
+
+def _send(process: Begun, number: signal.Signals) -> None:
+    assert process.pid is not None
+    os.kill(process.pid, number)
 
 
 @contextmanager

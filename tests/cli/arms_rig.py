@@ -18,6 +18,7 @@ from companion.types import Array
 from mock_autopilot.dynamixel_alone import BusAlone
 from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
 from mock_autopilot.servo import Servo
+from tests import warm
 from tests.flights.command import ROOT, Ran, Running, run, start
 
 PATIENCE_S = 60.0
@@ -140,7 +141,7 @@ class OnTerminal:
 async def on_terminal(rig: ArmsRig, *arguments: str) -> AsyncIterator[OnTerminal]:
     """Run `companion arms ARGUMENTS` where a person sits."""
     master, slave = os.openpty()
-    process = await asyncio.create_subprocess_exec(
+    process = await warm.create_process(
         *(sys.executable, "-m", "companion.cli.main", "arms", *arguments, "--config", str(rig.config)),
         cwd=ROOT,
         env={**os.environ, "COLUMNS": "200", "TERM": "xterm-256color"},

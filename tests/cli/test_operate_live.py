@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from companion.bus.telemetry import Kind
+from tests import warm
 from tests.broker import broker
 from tests.console.scripted import scripted
 
@@ -24,7 +25,7 @@ class Terminal:
 
     async def __aenter__(self) -> "Terminal":
         self._ours, theirs = pty.openpty()
-        self.process = await asyncio.create_subprocess_exec(
+        self.process = await warm.create_process(
             sys.executable, "-m", "companion.cli.main", *self._words, stdin=theirs, stdout=theirs, stderr=theirs,
             env={**os.environ, "COLUMNS": "100", "TERM": "xterm"},
         )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Runs `companion` as a user does: in a process of its own."""
+"""Runs `companion` as a user does: in a process of its own, which has its imports behind it (warm.py)."""
 
 import asyncio
 import json
@@ -8,6 +8,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from tests import warm
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE_S = 150.0
@@ -78,13 +80,13 @@ class Running:
 
 async def start(*arguments: str | Path) -> Running:
     """Start `companion ARGUMENTS` in the project's root."""
-    process = await asyncio.create_subprocess_exec(
+    process = await warm.create_process(
         sys.executable,
         "-m",
         "companion.cli.main",
         *map(str, arguments),
         cwd=ROOT,
-        env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"},
+        env={**os.environ, "COLUMNS": "200"},
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from companion.bus.telemetry import Happened, State
-from companion.cli.mock_process import MockPorts, free_ports, mock_process
+from companion.cli.mock_process import MockPorts, free_ports
 from companion.config_operator import OperatorConfig
 from companion.console.client import Link, open_console
 from tests.flights.command import ROOT, Ran, Running, mock_config, run, start
 from tests.mosquitto import free_port
+from tests.warm import mock_process
 
 T = TypeVar("T")
 NO_ARMS = ("enabled = true", "enabled = false")

@@ -21,7 +21,7 @@ from companion.arm_files import motion_named
 from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_COUNT, JOINT_NAMES
 from companion.arms.planning import plan
-from companion.cli.mock_process import free_ports, mock_process
+from companion.cli.mock_process import free_ports
 from companion.config import CompanionConfig, load_config
 from companion.config_arms import ArmsConfig
 from companion.config_controller import load_controller
@@ -34,6 +34,7 @@ from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_arms import mock_arms, play, swing, torque
 from tests.flights.test_simulated_flights import ARM, DOWN, ask, until, wait
+from tests.warm import mock_process
 
 HEIGHT_M = 0.5
 SILENT_S, TOO_LATE_S = 0.5, 0.8

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.mock_process import free_ports, mock_process
+from companion.cli.mock_process import free_ports
 from tests.flights.command import ROOT, mock_config, run
+from tests.warm import mock_process
 
 pytestmark = pytest.mark.realtime
 

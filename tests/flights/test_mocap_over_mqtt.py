@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.mock_process import free_ports, mock_process
+from companion.cli.mock_process import free_ports
 from companion.config import load_config
 from companion.supervisor.faults import Fault
 from tests.broker import BrokerProcess, broker
@@ -19,6 +19,7 @@ from tests.flights.faults.watch import Told
 from tests.flights.simulated import BRISK
 from tests.mavlink_relay import Relay
 from tests.mosquitto import mosquitto, needs_mosquitto
+from tests.warm import mock_process
 
 pytestmark = pytest.mark.realtime
 

@@ -95,15 +95,26 @@ FLOWN: dict[str, Flight] = {}
 """The same flight is flown once for all who look at it: it would be the same again, bit by bit."""
 
 
-async def lap(*, swinging: bool = True, mock: dict[str, Any] | None = None, **changes: Any) -> Flight:
-    """One lap of the ellipse; `mock` changes the simulated arms, `changes` the companion's [arms]."""
-    key = repr((swinging, mock, changes))
+async def lap(
+    *, swinging: bool = True, lands: bool = True, mock: dict[str, Any] | None = None, **changes: Any
+) -> Flight:
+    """One lap of the ellipse; `mock` changes the simulated arms, `changes` the companion's [arms].
+
+    Who only asks for the error on the path need not see it land.
+    """
+    key = repr((swinging, lands, mock, changes))
     if key not in FLOWN:
         config = CompanionConfig(flight=BRISK, arms=ARMS.model_copy(update=changes))
         begin = [play(swing())] if swinging else []
-        there = [torque, wait(0.5), *UP, *begin, ask(Fly(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD), wait(0.5)]
-        FLOWN[key] = await fly([wait(0.2), *there, *DOWN], config=config, arms=mock_arms() | (mock or {}))
+        there = [torque, wait(0.5), *UP, *begin, ask(Fly(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD)]
+        end = [wait(0.5), *DOWN] if lands else []
+        FLOWN[key] = await fly([wait(0.2), *there, *end], config=config, arms=mock_arms() | (mock or {}))
     return FLOWN[key]
+
+
+async def still_lap() -> Flight:
+    """The arms do not move, and go limp after landing."""
+    return await lap(swinging=False, torque_off_after_landing=True)
 
 
 async def test_a_flight_with_swinging_arms_stows_them_and_lands() -> None:
@@ -124,7 +135,7 @@ async def test_a_flight_with_swinging_arms_stows_them_and_lands() -> None:
 async def test_the_arms_really_disturb_the_flight_and_the_feed_forward_takes_most_of_it_away() -> None:
     still, told, untold = [
         float(np.abs(error_w_m(flight)).mean(axis=0)[0])
-        for flight in (await lap(swinging=False), await lap(), await lap(feedforward=Feedforward.OFF))
+        for flight in (await still_lap(), await lap(), await lap(feedforward=Feedforward.OFF, lands=False))
     ]
     assert untold > 3.0 * still, "swinging arms shift the centre of mass: without being told, the law is off along x"
     assert told < 0.5 * untold
@@ -137,7 +148,10 @@ async def test_the_feed_forward_still_helps_when_the_inertia_is_wrong_by_a_third
     other = {"inertia_kgm2": inertia_kgm2}
     told, untold = [
         float(np.abs(error_w_m(flight)).mean(axis=0)[0])
-        for flight in (await lap(mock=other), await lap(mock=other, feedforward=Feedforward.OFF))
+        for flight in (
+            await lap(mock=other, lands=False),
+            await lap(mock=other, feedforward=Feedforward.OFF, lands=False),
+        )
     ]
     assert told < 0.7 * untold
 
@@ -151,9 +165,16 @@ async def test_goals_never_jump() -> None:
     assert goals[0][1] == pytest.approx(start, abs=1e-2), "the first goal is where the joint was"
 
 
+async def failed_lap() -> Flight:
+    """A servo fails on the way."""
+    if "failed" not in FLOWN:
+        script = [torque, wait(0.5), *UP, play(swing()), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(4.0), fail]
+        FLOWN["failed"] = await fly([*script, until(Phase.DISARMED)], arms=mock_arms())
+    return FLOWN["failed"]
+
+
 async def test_a_servo_fault_in_flight_stops_the_arms_and_lands() -> None:
-    script = [torque, wait(0.5), *UP, play(swing()), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(4.0), fail]
-    flight = await fly([*script, until(Phase.DISARMED)], arms=mock_arms())
+    flight = await failed_lap()
     assert flight.phases()[-3:] == [Phase.TRACK, Phase.LAND, Phase.DISARMED], "no stowing with a broken servo"
     assert flight.loop.flight.reason == "left.elbow_pitch (servo 6): overload"
     assert flight.loop.flight.touched_down
@@ -199,9 +220,8 @@ async def test_handed_over_arms_are_folded_before_the_autopilot_lands() -> None:
 
 
 async def test_limp_arms_are_let_be_and_the_torque_goes_after_landing_only_if_configured() -> None:
-    flight = await lap(swinging=False, torque_off_after_landing=True)
-    assert arm_phases(flight)[-1] is ArmPhase.OFF
-    kept = await lap(swinging=False)
+    assert arm_phases(await still_lap())[-1] is ArmPhase.OFF
+    kept = await lap()
     assert arm_phases(kept)[-1] is ArmPhase.HOLDING
 
 
@@ -262,7 +282,7 @@ async def test_a_vehicle_that_comes_down_on_hanging_arms_stops_its_motors() -> N
 
 
 async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
-    flight = await fly([torque, wait(0.5), *UP, play(swing()), wait(3.7), fail, wait(1.0)], arms=mock_arms())
+    flight = await failed_lap()
     told = np.array([tick.arms.known_accel_w_mps2 for tick in flight.ticks if tick.arms is not None])
     assert np.abs(told).max() > 0.3
     assert np.abs(np.diff(told, axis=0)).max() < 0.1

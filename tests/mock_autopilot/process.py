@@ -1,14 +1,15 @@
 """The mock as a user starts it: its own process, on free ports."""
 
 import contextlib
+import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
+
+from tests.warm import Piped
 
 
 def free_udp_port() -> int:
@@ -22,15 +23,14 @@ def free_udp_port() -> int:
 class Mock:
     """A running mock: where it sends, where it listens."""
 
-    process: subprocess.Popen[str]
+    process: Piped
     client_port: int
     own_port: int
 
 
-def start(*arguments: str) -> subprocess.Popen[str]:
+def start(*arguments: str) -> Piped:
     """`python -m mock_autopilot`, ending with our end of its standard input."""
-    command = [sys.executable, "-m", "mock_autopilot", "--exit-with-stdin", *arguments]
-    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return Piped("mock_autopilot", "--exit-with-stdin", *arguments)
 
 
 @contextlib.contextmanager
@@ -39,12 +39,11 @@ def running(*arguments: str) -> Iterator[Mock]:
     client_port = free_udp_port()
     process = start("--port", str(client_port), "--listen", "0", "--no-qualisys", *arguments)
     try:
-        assert process.stdout is not None
         ready = process.stdout.readline()
         assert ready.startswith("mock autopilot ready: MAVLink udp "), ready
         yield Mock(process, client_port, int(ready.split()[5]))
     finally:
-        process.terminate()
+        process.send_signal(signal.SIGTERM)
         process.communicate(timeout=10.0)
 
 

@@ -2,19 +2,19 @@
 
 import signal
 import socket
-import subprocess
 from pathlib import Path
 
 import pytest
 
 from tests.mock_autopilot.process import free_udp_port, start
+from tests.warm import Piped
 
 pytestmark = pytest.mark.realtime
 
 
-def _ended(process: subprocess.Popen[str]) -> tuple[int, str, str]:
+def _ended(process: Piped) -> tuple[int, str, str]:
     out, err = process.communicate(timeout=20.0)
-    return process.returncode, out, err
+    return process.wait(0.0), out, err
 
 
 def _ports() -> tuple[str, ...]:
@@ -57,7 +57,6 @@ def test_a_port_in_use_is_named() -> None:
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_it_cleanly(number: signal.Signals) -> None:
     process = start(*_ports())
-    assert process.stdout is not None
     assert process.stdout.readline().startswith("mock autopilot ready: MAVLink udp ")
     process.send_signal(number)
     assert _ended(process) == (0, "", "")
@@ -65,11 +64,8 @@ def test_a_signal_ends_it_cleanly(number: signal.Signals) -> None:
 
 def test_it_does_not_outlive_its_parent() -> None:
     process = start(*_ports())
-    assert process.stdout is not None
     process.stdout.readline()
-    assert process.stdin is not None
     process.stdin.close()
     assert process.wait(timeout=10.0) == 0
     process.stdout.close()
-    assert process.stderr is not None
     process.stderr.close()

@@ -1,6 +1,7 @@
 """Faults at the real ends: the Qualisys server's sockets, the mock's command line and its orders."""
 
 import asyncio
+import signal
 import socket
 import time
 from collections.abc import AsyncIterator
@@ -111,8 +112,6 @@ def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock(
     scripted = ("autopilot wrong (battery low) to 0.3 on the ground after 1.5 s", "mocap stuck landing for 2 s")
     with running(*(f"--fault={sentence}" for sentence in scripted)) as mock:
         client = Client(mock)
-        assert mock.process.stdin is not None
-        assert mock.process.stdout is not None
         told = mock.process.stdout.readline()
         at_s = float(told.split()[3])
         assert told.startswith("fault begins at ")
@@ -132,12 +131,11 @@ def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock(
         assert 495 <= after_ms - before_ms <= 530, "nothing was sent meanwhile"
         mock.process.stdin.write("fault mocap stuk\n")
         mock.process.stdin.flush()
-        assert mock.process.stderr is not None
         assert 'mocap cannot be "stuk"' in mock.process.stderr.readline()
         mock.process.stdin.write("carry 1 2\n")
         mock.process.stdin.flush()
         assert "carry wants NORTH EAST DOWN" in mock.process.stderr.readline()
-        mock.process.terminate()
+        mock.process.send_signal(signal.SIGTERM)
         assert mock.process.stdout.readline() == "fault never began: mocap stuck landing for 2 s\n"
         client.close()
 

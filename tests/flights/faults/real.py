@@ -19,6 +19,7 @@ from companion.ports import AutopilotError, CompanionError
 from companion.service import Service, open_service
 from companion.supervisor.faults import Fault, Reaction
 from companion.supervisor.flight import Flight, Phase
+from tests import warm
 from tests.broker import broker
 from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
@@ -60,7 +61,7 @@ class Mock:
 @asynccontextmanager
 async def mock(ports: MockPorts) -> AsyncIterator[Mock]:
     """Ready, with its ports open."""
-    process = await asyncio.create_subprocess_exec(
+    process = await warm.create_process(
         sys.executable, "-m", "tests.flights.faults.watched_mock",
         str(ports.client), str(ports.autopilot), str(ports.qualisys),
         cwd=ROOT, stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE,
