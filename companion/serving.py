@@ -6,7 +6,7 @@ import secrets
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
 from functools import partial
@@ -128,13 +128,18 @@ async def _serve_vehicles(
     """One vehicle, and again whenever its devices are lost and come back: on the ground, or with somebody else."""
     dead_man, said = KernelDeadMan(what.config.safety.dead_man_s), ""
     while not stop.is_set():
-        try:
+        opened = asyncio.Event()
+
+        async def one_vehicle(opened: asyncio.Event = opened) -> None:
             async with open_service(what.config, what.controller.law, sink, dead_man, what.records, link) as service:
-                said = ""
+                opened.set()
                 what.last_resort.flying = partial(_needs_us, service)
                 await _with_vehicle(service, desk, stop)
+
+        try:
+            await begun_unless(stop, opened, one_vehicle())
         except CompanionError as error:
-            if str(error) != said:
+            if opened.is_set() or str(error) != said:
                 said = str(error)
                 LOG.error("no vehicle: %s", said)  # noqa: TRY400 - the sentence is for the operator
             telemetry.forget(said)
@@ -142,6 +147,23 @@ async def _serve_vehicles(
         finally:
             what.last_resort.flying = bool
         await _sleep(stop, _AGAIN_S)
+
+
+async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
+    """Do it to its end, unless `stop` comes before it has `begun`: then it is cancelled, and that is no error."""
+    task = asyncio.create_task(doing, name="companion.vehicle")
+    stopping = asyncio.create_task(stop.wait(), name="companion.end")
+    try:
+        await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        if not begun.is_set():
+            task.cancel()
+        await asyncio.wait({task})
+    finally:
+        stopping.cancel()
+        task.cancel()
+        await asyncio.wait({task})
+    if not task.cancelled():
+        task.result()
 
 
 async def _with_vehicle(service: Service, desk: Desk, stop: asyncio.Event) -> None:

@@ -1,0 +1,76 @@
+"""Told to end while the devices are still looked for."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+import pytest
+
+from companion.ports import AutopilotError
+from companion.serving import begun_unless
+
+
+class Doing:
+    """Takes its time to begin, and then to end; closes what it opened."""
+
+    def __init__(self) -> None:
+        self.stop, self.begun, self.goes_on = asyncio.Event(), asyncio.Event(), asyncio.Event()
+        self.closed = False
+
+    async def run(self, *, begin: Callable[[], Awaitable[object]]) -> None:
+        try:
+            await begin()
+            self.begun.set()
+            await self.goes_on.wait()
+        finally:
+            await asyncio.sleep(0)
+            self.closed = True
+
+
+async def for_ever() -> None:
+    await asyncio.Event().wait()
+
+
+async def at_once() -> None:
+    return
+
+
+async def fails() -> None:
+    raise AutopilotError("no autopilot heard")
+
+
+async def test_who_is_told_to_end_does_not_wait_for_a_vehicle() -> None:
+    doing = Doing()
+    asyncio.get_running_loop().call_soon(doing.stop.set)
+    async with asyncio.timeout(5.0):
+        await begun_unless(doing.stop, doing.begun, doing.run(begin=for_ever))
+    assert doing.closed
+
+
+async def test_a_vehicle_that_is_there_lands_first() -> None:
+    doing = Doing()
+    running = asyncio.create_task(begun_unless(doing.stop, doing.begun, doing.run(begin=at_once)))
+    await doing.begun.wait()
+    doing.stop.set()
+    for _ in range(10):
+        await asyncio.sleep(0)
+    assert not running.done()
+    doing.goes_on.set()
+    await running
+    assert doing.closed
+
+
+async def test_a_device_that_is_not_there_is_told() -> None:
+    doing = Doing()
+    with pytest.raises(AutopilotError):
+        await begun_unless(doing.stop, doing.begun, doing.run(begin=fails))
+    assert doing.closed
+
+
+async def test_cancelled_from_outside_it_is_closed_in_order() -> None:
+    doing = Doing()
+    running = asyncio.create_task(begun_unless(doing.stop, doing.begun, doing.run(begin=for_ever)))
+    await asyncio.sleep(0)
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert doing.closed
