@@ -225,7 +225,7 @@ class FlightLoop:
         self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
         if unsent is not None:
             self._events = (*(event for event in self._events if event.fault is not unsent.fault), unsent)
-        self._vision.judge(self._events, status.armed)
+        self._vision.judge(self._events, status.armed, self._flight.cause)
 
     def _facts(self, now_s: float) -> Facts:
         thrust = float(self._stage.sent.thrust) if self._stream.on else math.nan

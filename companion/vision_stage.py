@@ -13,7 +13,7 @@ LOG = logging.getLogger(__name__)
 _USED = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 _UNTRUSTED = frozenset({
     Fault.MOCAP_JUMPED, Fault.MOCAP_FROZEN, Fault.MOCAP_INVALID, Fault.MOCAP_OUTLIERS, Fault.MOCAP_DELAYED,
-    Fault.MOCAP_CLOCK_JUMP, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
+    Fault.MOCAP_CLOCK_JUMP, Fault.LIFT_OFF_UNSEEN, Fault.ATTITUDE_DISAGREES, Fault.HEADING_DISAGREES,
 })  # fmt: skip
 """Poses that the autopilot, landing on its own, must not follow either."""
 
@@ -29,11 +29,14 @@ class VisionStage:
         self.trusted = True
         """False: the autopilot, landing on its own, must not follow this pose either."""
 
-    def judge(self, events: Iterable[Event], armed: bool) -> None:
-        """Whoever is armed, ours or handed over, gets no pose any more once one was not to be trusted."""
+    def judge(self, events: Iterable[Event], armed: bool, cause: Fault | None = None) -> None:
+        """Send no pose any more, as long as the vehicle is armed, once one was not to be trusted.
+
+        `cause` is what the flight was handed over for.
+        """
         if not armed:
             self.trusted = True
-        elif any(event.fault in _UNTRUSTED for event in events):
+        elif cause in _UNTRUSTED or any(event.fault in _UNTRUSTED for event in events):
             self.trusted = False
 
     def forward(self, now_s: float, new_frame: bool, estimate: EstimatorState) -> None:

@@ -59,6 +59,7 @@ class Fault(StrEnum):
     MOCAP_DELAYED = "mocap delayed"
     MOCAP_OUT_OF_ORDER = "mocap out of order"
     MOCAP_CLOCK_JUMP = "mocap clock jumped"
+    LIFT_OFF_UNSEEN = "lift-off not seen"
     ATTITUDE_DISAGREES = "attitudes disagree"
     HORIZON_WRONG = "autopilot's horizon wrong"
     HORIZON_LOST = "horizon wrong and fence near"
@@ -164,6 +165,11 @@ TABLE: tuple[Row, ...] = (
         _LAND, _NOTE, _STOP),
     Row(Fault.MOCAP_CLOCK_JUMP, "stamp and arrival of two frames in a row disagree by {clock_jump_s} s",
         "velocities and ages hang on that clock",
+        _PX4, _PX4, _STOP),
+    Row(Fault.LIFT_OFF_UNSEEN, "no lift-off by motion capture at the end of the thrust's ramp; flying, as long as PX4 "
+        "does not say that it stands",
+        "too heavy, or it flies and motion capture looks at another body: PX4's landing is right for both, and stopped "
+        "motors for one; vision is withheld from PX4, too",
         _PX4, _PX4, _STOP),
     Row(Fault.ATTITUDE_DISAGREES, "tilt of motion capture and autopilot {tilt_apart_rad} rad apart for {apart_s} s",
         "mirrored axes, a slipped marker plate: PX4 holds its own horizon, which the motion does not disprove",

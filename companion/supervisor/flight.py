@@ -65,7 +65,7 @@ class FlightRules:
     lift_off_m: float = 0.02
     """Height above the ground that counts as flying."""
     lift_off_wait_s: float = 1.0
-    """No lift-off within this after the ramp's end ends the attempt."""
+    """No lift-off within this after the ramp's end ends the attempt; at its end, unless PX4 says that it stands."""
     quick_ramp: float = 0.8
     """Share of hover thrust that is reached in the spool-up time; from there on the ramp is slow."""
     slow_ramp_ps: float = 0.15

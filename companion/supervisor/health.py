@@ -2,7 +2,7 @@
 
 What each fault is and what follows from it stands in faults.TABLE; the checks themselves in health_mocap (is there a
 pose), health_stream (how good is the stream), health_attitude, health_place, health_autopilot and health_flight.
-OFFBOARD_REFUSED, SERVICE_TWICE, LOOP_STOPPED, ABORT and KILL are seen where they happen, not here.
+LIFT_OFF_UNSEEN, OFFBOARD_REFUSED, SERVICE_TWICE, LOOP_STOPPED, ABORT and KILL are seen where they happen, not here.
 """
 
 from dataclasses import dataclass, field

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from companion.supervisor.faults import Event, Fault, Reaction, reaction_to
+from companion.supervisor.faults import Event, Fault, Reaction, Stage, reaction_to
 from companion.supervisor.flight import (
     COMMANDED,
     STREAMING,
@@ -191,11 +191,23 @@ def _takeoff(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     height_m = float(facts.position_w_m[2]) - ground_z_m(flight)
     if height_m > rules.lift_off_m and facts.velocity_w_mps[2] > 0.0:
         return lift_off(flight, facts, rules)
-    if facts.time_s - flight.since_s > _ramp_time_s(rules) + rules.lift_off_wait_s:
-        thrust = rules.hover_thrust * rules.ramp_overshoot
-        reason = f"no lift-off at thrust {thrust:.2f}: check vehicle.hover_thrust, propellers and battery"
-        return replace(stop(flight, facts), reason=reason)
-    return flight
+    return _no_lift_off(flight, facts, rules)
+
+
+def _no_lift_off(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """End the attempt when the thrust should have lifted the vehicle; the motors stop only if PX4, too, says it stands.
+
+    Motion capture may look at another body, while ours climbs without control.
+    """
+    waited_s, stands = facts.time_s - flight.since_s - _ramp_time_s(rules), facts.in_air is False
+    if waited_s <= (rules.lift_off_wait_s if stands else 0.0):
+        return flight
+    thrust, check = rules.hover_thrust * rules.ramp_overshoot, "vehicle.hover_thrust, propellers and battery"
+    if stands:
+        return replace(stop(flight, facts), reason=f"no lift-off at thrust {thrust:.2f}: check {check}")
+    why = f"no lift-off seen at thrust {thrust:.2f}, and PX4 does not say that it stands"
+    event = Event(Fault.LIFT_OFF_UNSEEN, f"{why}: check that QTM's body is the vehicle, {check}")
+    return reacted(flight, facts, rules, event, reaction_to(event.fault, Stage.FLYING))
 
 
 def _next_leg(flight: Flight, facts: Facts, _: FlightRules) -> Flight:

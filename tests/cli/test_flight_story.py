@@ -109,7 +109,7 @@ async def test_nothing_is_called_a_flight_that_was_none() -> None:
 async def test_why_it_did_not_lift_off_is_told() -> None:
     flight = await fly([*ARM, ask(TakeOff(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
     lines, story = told(flight)
-    assert "land: no lift-off at thrust 0.62" in only(lines, "no lift-off")
+    assert "lift-off not seen: no lift-off seen at thrust 0.62" in only(lines, "no lift-off")
     assert story.ending() == "", "no fault and no order: whoever waited for the climb says it"
 
 

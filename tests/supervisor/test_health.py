@@ -20,7 +20,9 @@ from companion.supervisor.safety import SafetyRules
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame, VehicleState
 from tests.supervisor.observing import FENCE, faults, healthy, on_ground, tilted, watched, with_seen, with_status
 
-NOT_CHECKED = {Fault.OFFBOARD_REFUSED, Fault.SERVICE_TWICE, Fault.LOOP_STOPPED, Fault.ABORT, Fault.KILL}
+NOT_CHECKED = {
+    Fault.LIFT_OFF_UNSEEN, Fault.OFFBOARD_REFUSED, Fault.SERVICE_TWICE, Fault.LOOP_STOPPED, Fault.ABORT, Fault.KILL,
+}  # fmt: skip
 
 
 def test_every_number_of_the_table_is_a_limit() -> None:

@@ -10,7 +10,7 @@ from companion.control.frames import flip_yz
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
 from companion.health_stage import Sides
-from companion.supervisor.flight import Kill, Land
+from companion.supervisor.flight import Kill, Land, TakeOff
 from companion.types import AutopilotStatus
 from mock_autopilot.dynamixel_config import Fault, FaultKind
 from mock_autopilot.fault_ways import Part
@@ -18,6 +18,8 @@ from mock_autopilot.plant import Wrench, no_wrench
 from mock_autopilot.truth import Truth
 from tests.flights.faults.rows import Act
 from tests.flights.simulated import Flight
+
+ANOTHER_BODY_S = 0.5
 
 
 def abort(flight: Flight) -> None:
@@ -43,6 +45,18 @@ def gust(force_w_n: tuple[float, float, float], for_s: float = math.inf) -> Act:
         world.observers.append(go_on)
 
     return blow
+
+
+def take_off_by_another_body(flight: Flight) -> None:
+    """Motion capture has looked at a body in the corner for half a second when the operator says takeoff."""
+    flight.room.inject("mocap wrong (swapped)")
+    waiting, due_s = [TakeOff(1.2)], flight.room.now_s() + ANOTHER_BODY_S
+
+    def go_on(truth: Truth) -> None:
+        if waiting and truth.time_s >= due_s:
+            flight.loop.ask(waiting.pop())
+
+    flight.room.bench.world.observers.append(go_on)
 
 
 def safety_line(flight: Flight) -> None:

@@ -59,6 +59,8 @@ class When(StrEnum):
     """In which part of a flight the fault begins."""
 
     GROUND = "armed"
+    LIFT_OFF = "lift-off"
+    """From standing on: the thrust ramps up, and motion capture sees nothing of it."""
     TAKEOFF = "takeoff"
     HOVER = "hover"
     TRACK = "track"
@@ -71,6 +73,7 @@ class When(StrEnum):
 
 STAGES = {
     When.GROUND: Stage.GROUND,
+    When.LIFT_OFF: Stage.FLYING,
     When.TAKEOFF: Stage.FLYING,
     When.HOVER: Stage.FLYING,
     When.TRACK: Stage.FLYING,

@@ -2,13 +2,15 @@
 
 from companion.supervisor.faults import Fault
 from tests.flights.faults import acts
-from tests.flights.faults.rows import RULES, End, Row, When, within
+from tests.flights.faults.rows import BRISK, RULES, End, Row, When, within
 
 PX4, OURS, ON = End.HANDED_OVER, End.LANDED, End.FLIES_ON
 TEN_FRAMES_S = 0.10
 """So many must agree before a new place is believed."""
 WINDOW_S, DELAY_WINDOW_S = 1.0, 0.5
 """Over which frames are counted, and delays judged."""
+RAMP_S = BRISK.spool_up_s + (1.25 - 0.8) / 0.15
+"""Of the thrust, to its end."""
 
 SILENT = (
     Row(Fault.MOCAP_LATE, "no frames for 60 ms", ("mocap off for 0.06 s",), ON, within(RULES.coast_s), When.TRACK),
@@ -97,6 +99,8 @@ LIST = (
             ("6DOF no longer calculated", "no bodies", PX4, When.HOVER),
         )
     ),
+    Row(Fault.LIFT_OFF_UNSEEN, "takeoff by the pose of a body that stands elsewhere", (acts.take_off_by_another_body,),
+        PX4, within(acts.ANOTHER_BODY_S + RAMP_S), When.LIFT_OFF, patience_s=8.0),
     Row(Fault.MOCAP_LATE, "another body defined before ours", ("mocap wrong (body added)",), ON, 0.0, When.TRACK,
         harmless=True),
 )  # fmt: skip

@@ -32,6 +32,7 @@ HALFWAY_S = 1.0
 UP = [*ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD)]
 PRELUDES: dict[When, list[Step]] = {
     When.GROUND: [*ARM, wait(0.3)],
+    When.LIFT_OFF: [*ARM, wait(0.3)],
     When.TAKEOFF: [*ARM, ask(TakeOff(HEIGHT_M)), lambda flight: bool(flight.room.truth_w_m[2] > 0.5)],
     When.HOVER: [*UP, wait(1.0)],
     When.TRACK: [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(3.0)],
