@@ -11,6 +11,7 @@ from pydantic_core import ErrorDetails
 
 from companion.errors import ConfigError
 from companion.text_files import read_text
+from companion.validation_words import plain
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -43,7 +44,7 @@ def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = 
     try:
         return model.model_validate_json(json.dumps(data, default=_no_such_value))
     except ValidationError as error:
-        lines = [_sentence(detail, model, under) for detail in error.errors()]
+        lines = dict.fromkeys(_sentence(detail, model, under) for detail in error.errors())
         raise ConfigError("\n".join(f"{path}: {line}" for line in lines)) from error
 
 
@@ -57,15 +58,22 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:
     key = ".".join([under, *parts] if under else parts)
     if detail["type"] == "extra_forbidden":
         return f"{key}: unknown key{_suggestion(model, parts)}"
-    if detail["type"] == "missing":
-        return f"{key}: is missing"
+    if detail["type"] == "missing" and isinstance(detail["input"], list):
+        key = key.rpartition(".")[0]
+        return f"{key} = {_toml(detail['input'])}: {len(detail['input'])} values are too few"
+    said = plain(detail)
     if detail["type"] in {"model_type", "dict_type"}:
-        return f"{key} = {detail['input']!r}: must be a table [{key}]"
-    said = detail["msg"].removeprefix("Value error, ")
-    said = said[0].lower() + said[1:]
+        return f"{key} = {_toml(detail['input'])}: {said} [{key}]"
     if not key:
         return said
-    return f"{key}: {said}" if isinstance(detail["input"], dict) else f"{key} = {detail['input']!r}: {said}"
+    return f"{key}: {said}" if isinstance(detail["input"], dict) else f"{key} = {_toml(detail['input'])}: {said}"
+
+
+def _toml(value: object) -> str:
+    """As a person would write it in the file."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"[{', '.join(map(_toml, value))}]" if isinstance(value, list) else repr(value)
 
 
 def _suggestion(model: type[BaseModel], parts: list[str]) -> str:

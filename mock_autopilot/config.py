@@ -5,10 +5,20 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from mock_autopilot.arm_bodies import ArmBodies
 from mock_autopilot.arms import JOINT_COUNT, Assembly
+from mock_autopilot.config_words import sentence
 from mock_autopilot.disturbance import Forces, Sinusoid
 from mock_autopilot.dynamixel_config import DynamixelConfig
 from mock_autopilot.fault_words import keys_of
@@ -23,7 +33,7 @@ class MockConfigError(ValueError):
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 Triple = tuple[float, float, float]
@@ -40,6 +50,28 @@ def _no_unknown_keys(of: type) -> BeforeValidator:
         return value
 
     return BeforeValidator(check)
+
+
+_ABOVE_ZERO = ("mass_kg", "max_thrust_n", "attitude_bandwidth_radps", "attitude_damping", "coulomb_width_mps")
+
+
+def _no_such_plant(plant: PlantParams) -> PlantParams:
+    """No vehicle has a mass of 0, or friction that pushes."""
+    for item in fields(plant):
+        given = getattr(plant, item.name)
+        numbers = given if isinstance(given, tuple) else (given,)
+        if item.name in _ABOVE_ZERO and min(numbers) <= 0.0:
+            raise ValueError(f"{item.name} = {given}: must be above 0")
+        if item.name != "ground_z_m" and min(numbers) < 0.0:
+            raise ValueError(f"{item.name} = {given}: must not be negative")
+    return plant
+
+
+def _no_such_arms(bodies: ArmBodies) -> ArmBodies:
+    for name in ("link_length_m", "link_mass_kg", "link_com_m"):
+        if min(getattr(bodies, name)) < 0.0:
+            raise ValueError(f"{name} = {getattr(bodies, name)}: must not be negative")
+    return bodies
 
 
 class VehicleConfig(_Strict):
@@ -91,7 +123,9 @@ class ArmsConfig(_Strict):
     """Two arms with their servos; a vehicle without them unless enabled."""
 
     enabled: bool = False
-    bodies: Annotated[ArmBodies, _no_unknown_keys(ArmBodies)] = Field(default_factory=ArmBodies)
+    bodies: Annotated[ArmBodies, _no_unknown_keys(ArmBodies), AfterValidator(_no_such_arms)] = Field(
+        default_factory=ArmBodies
+    )
     direction: tuple[int, ...] = Field(
         (1,) * JOINT_COUNT, description="1 or -1 for each joint: whether its servo turns as the joint's sign says."
     )
@@ -145,7 +179,9 @@ class MockConfig(_Strict):
     """Everything `python -m mock_autopilot` can be told by file."""
 
     vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
-    plant: Annotated[PlantParams, _no_unknown_keys(PlantParams)] = Field(default_factory=PlantParams)
+    plant: Annotated[PlantParams, _no_unknown_keys(PlantParams), AfterValidator(_no_such_plant)] = Field(
+        default_factory=PlantParams
+    )
     disturbance: DisturbanceConfig = Field(default_factory=DisturbanceConfig)
     arms: ArmsConfig = Field(default_factory=lambda: ArmsConfig.model_validate({}))
     px4: Px4Config = Field(default_factory=Px4Config)
@@ -166,10 +202,7 @@ class MockConfig(_Strict):
         try:
             return cls.model_validate(values)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            said = "unknown key" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
-            raise MockConfigError(f"{where}: {said}" if where else said) from None
+            raise MockConfigError(sentence(error.errors()[0])) from None
 
     @classmethod
     def load(cls, path: Path) -> Self:

@@ -6,7 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 class Interval(BaseModel):
     """A stretch of the truth's time, in seconds from its zero."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     start_s: float = Field(ge=0.0, description="When it begins, in the truth's time.")
     for_s: float = Field(gt=0.0, description="How long it lasts.")
@@ -19,7 +19,7 @@ class Interval(BaseModel):
 class QualisysConfig(BaseModel):
     """The simulated capture system: its address, its bodies, its accuracy, its delay and its faults."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     host: str = Field(default="127.0.0.1", description="Address the server listens on.")
     port: int = Field(default=22223, ge=0, le=65535, description="TCP port, little endian; 0 takes any free one.")

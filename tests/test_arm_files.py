@@ -186,26 +186,24 @@ MISTAKES = {
     "": "kind: is missing; give waypoints, sinusoid or tips",
     'kind = "wave"': "kind = 'wave': must be waypoints, sinusoid or tips",
     'kind = "waypoints"\n' + TWO: "unit: is missing",
-    WAYPOINTS.replace("deg", "grad") + TWO: "unit = 'grad': input should be 'deg' or 'rad'",
+    WAYPOINTS.replace("deg", "grad") + TWO: "unit = 'grad': must be 'deg' or 'rad'",
     WAYPOINTS: "waypoints: is missing",
     WAYPOINTS + "waypoints = []": "waypoints: 2 to 2000 are needed, there are 0",
-    WAYPOINTS + "waypoints = 3": "waypoints = 3: input should be a valid array",
+    WAYPOINTS + "waypoints = 3": "waypoints = 3: must be a list of values",
     WAYPOINTS + TWO.replace("[1, 2, 3]", "[1, 2]"): (
         "waypoints.0.left = [1, 2]: must be three angles (shoulder pitch, elbow pitch, elbow roll) or four (the claw)"
     ),
-    WAYPOINTS + TWO.replace("3", "nan"): "waypoints.0.left.2 = nan: input should be a finite number",
-    WAYPOINTS + TWO.replace("3", '"3"'): "waypoints.0.left.2 = '3': input should be a valid number",
+    WAYPOINTS + TWO.replace("3", "nan"): "waypoints.0.left.2 = nan: must be a finite number",
+    WAYPOINTS + TWO.replace("3", '"3"'): "waypoints.0.left.2 = '3': must be a number, without quotes",
     WAYPOINTS + TWO.replace("t_s = 1", "t_s = 0"): "waypoints.1.t_s = 0: must be at least 0.01 s after 0",
     WAYPOINTS + TWO.replace("t_s = 0", "t_s = 0.5"): "waypoints.0.t_s = 0.5: must be 0",
-    WAYPOINTS + TWO.replace("t_s = 1", "t_s = 1e9"): (
-        "waypoints.1.t_s = 1000000000.0: input should be less than or equal to 600"
-    ),
+    WAYPOINTS + TWO.replace("t_s = 1", "t_s = 1e9"): ("waypoints.1.t_s = 1000000000.0: must be at most 600"),
     WAYPOINTS + TWO.replace("left", "lft"): "waypoints.0.lft: unknown key",
     WAYPOINTS + "sped = 1\n" + TWO: "sped: unknown key; known here are kind, stop, unit, waypoints",
     SINUSOID: "a sinusoid needs a table [right] or [left], or both",
-    SINUSOID + ARM.replace("4.0", "0.0"): "right.period_s = 0.0: input should be greater than or equal to 0.2",
+    SINUSOID + ARM.replace("4.0", "0.0"): "right.period_s = 0.0: must be at least 0.2",
     SINUSOID + ARM.replace("centre", "center"): "right.centre: is missing\nright.center: unknown key",
-    TIPS.replace('"m"', '"mm"') + "tips = [{t_s = 0}, {t_s = 1}]": "unit = 'mm': input should be 'm'",
+    TIPS.replace('"m"', '"mm"') + "tips = [{t_s = 0}, {t_s = 1}]": "unit = 'mm': must be 'm'",
     TIPS + "tips = [{t_s = 0, left = [1, 2]}, {t_s = 1}]": (
         "tips.0.left = [1, 2]: must be three coordinates (x forward, y left, z up)"
     ),

@@ -47,7 +47,7 @@ def test_the_operators_broker_is_used_unless_there_is_another() -> None:
             {"mocap": {"source": "mqtt", "broker": {"host": "room"}}, "operator": {"vehicle": "dauam-1"}},
             "mocap.broker: its topics begin with dauam/v1/vehicle, those of [operator] with dauam/v1/dauam-1",
         ),
-        ({"mocap": {"source": "vicon"}}, "mocap.source = 'vicon': input should be 'qualisys' or 'mqtt'"),
+        ({"mocap": {"source": "vicon"}}, "mocap.source = 'vicon': must be 'qualisys' or 'mqtt'"),
         ({"mocap": {"source": "mqtt", "broker": {"hots": "room"}}}, "mocap.broker.hots: unknown key"),
     ],
 )

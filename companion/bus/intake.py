@@ -8,6 +8,7 @@ from pydantic_core import from_json
 
 from companion.bus.commands import COMMAND, ID, VERBS, Command
 from companion.bus.topics import is_client
+from companion.validation_words import plain
 
 MAX_BYTES = 48_000
 """400 waypoints have less."""
@@ -96,5 +97,5 @@ def _reason(error: ValidationError) -> str:
     if detail["type"] in {"union_tag_not_found", "union_tag_invalid"}:
         return f"verb: must be one of {', '.join(VERBS)}"
     where = ".".join(str(part) for part in detail["loc"][1:])
-    said = detail["msg"].removeprefix("Value error, ")
+    said = plain(detail)
     return (f"{where}: {said}" if where else said)[:_REASON_CHARACTERS]

@@ -8,6 +8,7 @@ from pydantic import ValidationError
 
 from companion.bus.commands import COMMAND
 from companion.errors import ConfigError
+from companion.validation_words import plain
 
 
 class Draft:
@@ -37,6 +38,5 @@ class Draft:
 def _sentence(verb: str, error: ValidationError) -> str:
     detail = error.errors(include_url=False)[0]
     place = [str(part) for part in detail["loc"][1:]]
-    said = detail["msg"].removeprefix("Value error, ")
-    said = said[0].lower() + said[1:]
+    said = plain(detail)
     return f"{verb}: {'.'.join(place)} = {detail['input']!r}: {said}" if place else f"{verb}: {said}"

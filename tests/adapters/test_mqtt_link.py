@@ -100,7 +100,7 @@ async def test_what_is_refused_changes_nothing_and_the_operator_is_told(served: 
     async with operated(served[0], vehicle, served[1]) as (_, operator):
         await operator.say(b'{"verb": "kill", "id": "k", "reply_to": "me"}')
         said = await operator.hears(MINE, id="k", answer="refused")
-        assert "Field required" in said.json["text"]
+        assert "is missing" in said.json["text"]
         await operator.order("land", id="late", sent_s=time.time() - 6.0)
         assert (await operator.refusal("late")).startswith("sent ")
         await operator.say(b"\x00" * 50_000)

@@ -51,11 +51,11 @@ def test_a_password_is_read_without_its_line_end(secret: Path) -> None:
         ({"user": "x", "password_file": "/no/such"}, "there is no such file"),
         ({"user": "x", "password_file": "{folder}"}, "is no file"),
         ({"tls": True, "ca_file": "/no/such"}, "there is no such file"),
-        ({"user": ""}, "at least 1 character"),
+        ({"user": ""}, "must not be empty"),
         ({"embedded": True, "user": "x"}, "takes neither user nor tls"),
         ({"embedded": True, "tls": True}, "takes neither user nor tls"),
         ({"embedded": True, "host": "192.168.1.2"}, "host must be 127.0.0.1, not '192.168.1.2'"),
-        ({"embedded": 1}, "valid boolean"),
+        ({"embedded": 1}, "must be true or false"),
         ({"password": "sesame"}, "operator.password: unknown key, did you mean 'password_file'"),
     ],
 )

@@ -38,7 +38,7 @@ def test_every_verb_is_tried_here() -> None:
 def test_kill_needs_its_confirmation_and_nothing_else_may_have_one() -> None:
     assert refused(payload("kill", confirm="yes")).reason.startswith("confirm: ")
     assert refused(payload("kill", confirm=True)).reason.startswith("confirm: ")
-    assert refused(payload("abort", confirm="kill")).reason == "confirm: Extra inputs are not permitted"
+    assert refused(payload("abort", confirm="kill")).reason == "confirm: unknown key"
 
 
 def test_an_id_counts_once_and_a_refused_one_not_at_all() -> None:
@@ -76,33 +76,33 @@ def test_another_run_of_the_service_is_not_meant() -> None:
 @pytest.mark.parametrize(
     ("said", "reason"),
     [
-        (b"", "Invalid JSON"),
-        (b"abort", "Invalid JSON"),
-        (b"\xff\xfe\x00", "Invalid JSON"),
-        (b"[" * 40_000, "Invalid JSON"),
-        (b'{"a":' * 9_000, "Invalid JSON"),
-        (b'"abort"', "Input should be"),
+        (b"", "invalid JSON"),
+        (b"abort", "invalid JSON"),
+        (b"\xff\xfe\x00", "invalid JSON"),
+        (b"[" * 40_000, "invalid JSON"),
+        (b'{"a":' * 9_000, "invalid JSON"),
+        (b'"abort"', "must be"),
         (payload("fly"), "verb: must be one of preflight, arm, "),
         (payload(verb=None), "verb: must be one of"),
-        (payload(id=""), "id: String should match"),
-        (payload(id="two\nlines"), "id: String should match"),
-        (payload(id=7), "id: Input should be a valid string"),
-        (payload(session="F" * 16), "session: String should match"),
-        (payload(sent_s="now"), "sent_s: Input should be a valid number"),
-        (payload(sent_s=True), "sent_s: Input should be a valid number"),
-        (payload(sent_s=float("nan")), "sent_s: Input should be a finite number"),
-        (payload(sent_s=1e300), "sent_s: Input should be less than"),
-        (payload(height_m=2.0), "height_m: Extra inputs are not permitted"),
-        (payload(reply_to="a/b"), "reply_to: String should match"),
-        (payload(reply_to="#"), "reply_to: String should match"),
-        (payload("takeoff", height_m=0.0), "height_m: Input should be greater than 0"),
-        (payload("takeoff", height_m=1e9), "height_m: Input should be less than"),
-        (payload("goto", z_m=-1.0), "z_m: Input should be greater than 0"),
-        (payload("track", waypoints=[]), "waypoints: Tuple should have at least 2 items"),
-        (payload("track", waypoints=[{"t_s": 0.0}]), "waypoints.0.x_m: Field required"),
+        (payload(id=""), "id: must be 1 to 64 characters of A-Za-z0-9_.:-"),
+        (payload(id="two\nlines"), "id: must be 1 to 64 characters of A-Za-z0-9_.:-"),
+        (payload(id=7), "id: must be text in quotes"),
+        (payload(session="F" * 16), "session: must be 16 characters of 0-9a-f"),
+        (payload(sent_s="now"), "sent_s: must be a number"),
+        (payload(sent_s=True), "sent_s: must be a number"),
+        (payload(sent_s=float("nan")), "sent_s: must be a finite number"),
+        (payload(sent_s=1e300), "sent_s: must be at most"),
+        (payload(height_m=2.0), "height_m: unknown key"),
+        (payload(reply_to="a/b"), "reply_to: must be 1 to 64 characters of"),
+        (payload(reply_to="#"), "reply_to: must be 1 to 64 characters of"),
+        (payload("takeoff", height_m=0.0), "height_m: must be above 0"),
+        (payload("takeoff", height_m=1e9), "height_m: must be at most"),
+        (payload("goto", z_m=-1.0), "z_m: must be above 0"),
+        (payload("track", waypoints=[]), "waypoints: must have at least 2 values, it has"),
+        (payload("track", waypoints=[{"t_s": 0.0}]), "waypoints.0.x_m: is missing"),
         (payload("track", curve=None), "give either curve or waypoints"),
         (payload("arms", motion=None), "play needs a motion"),
-        (payload("controller", name="../etc/passwd"), "name: String should match"),
+        (payload("controller", name="../etc/passwd"), "name: must be 1 to 64 characters of a-z0-9_-"),
         (payload(note="x" * MAX_BYTES), "bytes are no command: at most 48000"),
         (payload("hold", **{f"k{number}": 1 for number in range(4000)}), "4004 fields are no command: at most 32"),
         (b'{"id": "a-1", "sent_s": 1.0}', "verb: must be one of"),
@@ -143,4 +143,4 @@ def test_the_most_waypoints_there_may_be_fit() -> None:
 def test_thousands_of_mistakes_are_not_all_looked_for() -> None:
     """Each costs time in which nothing flies: 11000 of them 0.3 s."""
     many = refused(payload("track", curve=None, waypoints=[{}] * 11_000))
-    assert many.reason == "waypoints.0.t_s: Field required"
+    assert many.reason == "waypoints.0.t_s: is missing"

@@ -86,8 +86,8 @@ async def test_exit_codes_say_how_it_ended(there: BrokerProcess) -> None:
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("goto", "-1.5", "nan", "1"), "companion: goto: y_m = nan: input should be a finite number\n"),
-        (("takeoff", "--height", "80"), "companion: takeoff: height_m = 80.0: input should be less than or equal to"),
+        (("goto", "-1.5", "nan", "1"), "companion: goto: y_m = nan: must be a finite number\n"),
+        (("takeoff", "--height", "80"), "companion: takeoff: height_m = 80.0: must be at most"),
         (("kill",), "companion: kill stops the motors in the air: say --yes where nobody can be asked"),
         (("track", "elipse"), "companion: unknown trajectory 'elipse': give ellipse or figure8, or a CSV file"),
         (("track", "a.csv", "--laps", "3"), "companion: --laps is of ellipse and figure8: the waypoints of a.csv say"),

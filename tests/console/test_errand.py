@@ -216,10 +216,10 @@ async def test_messages_that_are_no_words_of_the_service_are_passed_over(shared_
 def test_what_the_service_would_not_read_is_said_before_anything_is_sent() -> None:
     fields: dict[str, Any]
     for fields, sentence in (
-        ({"verb": "takeoff", "height_m": -1.0}, "takeoff: height_m = -1.0: input should be greater than 0"),
-        ({"verb": "goto", "x_m": float("nan"), "y_m": 0.0, "z_m": 1.0}, "goto: x_m = nan: input should be a finite"),
+        ({"verb": "takeoff", "height_m": -1.0}, "takeoff: height_m = -1.0: must be above 0"),
+        ({"verb": "goto", "x_m": float("nan"), "y_m": 0.0, "z_m": 1.0}, "goto: x_m = nan: must be a finite"),
         ({"verb": "track"}, "track: give either curve or waypoints"),
-        ({"verb": "controller", "name": "PID!"}, "controller: name = 'PID!': string should match pattern"),
+        ({"verb": "controller", "name": "PID!"}, "controller: name = 'PID!': must be 1 to 64 characters of a-z0-9_-"),
     ):
         with pytest.raises(ConfigError) as error:
             Draft(**fields)

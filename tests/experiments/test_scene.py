@@ -125,7 +125,7 @@ def test_another_bandwidth_is_the_vehicles_and_the_companion_knows(tmp_path: Pat
         (('curve = "ellipse"', 'curve = "circle"'), "trajectory.curve = 'circle'"),
         (("laps = 1", "laps = 0"), "trajectory.laps = 0"),
         (("settle_s = 2.0", "settel_s = 2.0"), "settel_s: unknown key, did you mean 'settle_s'?"),
-        (("noise_m = 0.001", "noise_m = -0.001"), "mock.qualisys.noise_m: Input should be greater than or equal to 0"),
+        (("noise_m = 0.001", "noise_m = -0.001"), "mock.qualisys.noise_m = -0.001: must be at least 0"),
         (("mass_kg = 5.0", "mas_kg = 5.0"), "mock.plant: unknown key mas_kg"),
         (('arms = "swing"', 'arms = "wave"'), "unknown arm motion 'wave'"),
         (("[companion.arms]", "[companion.armor]"), "companion.armor: unknown key, did you mean 'arms'?"),

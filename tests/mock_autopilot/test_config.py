@@ -33,6 +33,19 @@ def test_without_a_file_it_is_a_stock_px4_with_gps() -> None:
         ("[mavlink]\nremote_port = 0\n", "mavlink.remote_port"),
         ("[[disturbance.sinusoids]]\namplitude_ned_n = [1, 0, 0]\nperiod_s = 0\n", "a period_s must be greater than 0"),
         ("[plant\n", "is not valid TOML"),
+        ("[plant]\nmass_kg = 0\n", "plant: mass_kg = 0.0: must be above 0"),
+        ("[plant]\nmass_kg = nan\n", "plant.mass_kg = nan: must be a finite number"),
+        ('[plant]\nmass_kg = "x"\n', "plant.mass_kg = 'x': must be a number"),
+        ("[plant]\nviscous_npm = [1, -1, 1]\n", "plant: viscous_npm = (1.0, -1.0, 1.0): must not be negative"),
+        ("[plant]\nviscous_npm = [1, 1]\n", "plant.viscous_npm = [1, 1]: 2 values are too few"),
+        ("[arms.bodies]\nlink_mass_kg = [-1, 0, 0]\n", "link_mass_kg = (-1.0, 0.0, 0.0): must not be negative"),
+        (
+            "[disturbance]\nconstant_ned_n = [inf, 0, 0]\n",
+            "disturbance.constant_ned_n.0 = inf: must be a finite number",
+        ),
+        ("[qualisys]\nrate_hz = 0\n", "qualisys.rate_hz = 0: must be above 0"),
+        ('[qualisys]\nport = "abc"\n', "qualisys.port = 'abc': must be a whole number"),
+        ("mavlink = 3\n", "mavlink = 3: must be a table"),
     ],
 )
 def test_a_wrong_file_is_answered_in_one_sentence(tmp_path: Path, text: str, said: str) -> None:

@@ -20,6 +20,7 @@ from companion.config_operator import OperatorConfig
 from companion.newest_frame import NewestFrame
 from companion.ports import Clock, MocapError
 from companion.types import Array, MocapFrame
+from companion.validation_words import plain
 
 LOG = logging.getLogger(__name__)
 
@@ -155,4 +156,4 @@ class MqttMocap(NewestFrame):
 def _first_mistake(error: ValidationError) -> str:
     """Nothing of what was sent, which may be anything."""
     detail = error.errors(include_url=False, include_input=False)[0]
-    return f"{'.'.join(str(part) for part in detail['loc'])[:60]}: {detail['msg'][:100]}"
+    return f"{'.'.join(str(part) for part in detail['loc'])[:60]}: {plain(detail)[:100]}"
