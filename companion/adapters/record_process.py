@@ -165,6 +165,8 @@ class RecordSink:
 
     def _send(self, message: bytes) -> bool:
         """Now, or as soon as the writer takes it; False when too much waits already."""
+        if len(self._backlog) >= _MOST_BACKLOG:
+            self._send_backlog()  # the writer may have time again
         if self._link is None or len(self._backlog) >= _MOST_BACKLOG:
             return False
         self._backlog.append(message)

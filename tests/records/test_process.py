@@ -150,7 +150,7 @@ def test_a_writer_that_does_not_keep_up_is_told_of_once_and_the_gap_shows(
     monkeypatch.setattr("companion.adapters.record_process._BUFFER", 200_000)
 
     def stop_and_go(count: int) -> None:
-        if count in {50, 700}:
+        if count in {50, 300}:
             os.kill(sink.pid or 0, signal.SIGSTOP if count == 50 else signal.SIGCONT)
 
     with recording(tmp_path) as sink:
