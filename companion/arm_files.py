@@ -12,7 +12,8 @@ from pydantic import AfterValidator, Field, model_validator
 from companion.arm_csv import LONGEST_S, MAX_ROWS, read_csv
 from companion.arms.described import Described, Poses, Swing, Tips
 from companion.arms.model import CHAIN, JOINTS_PER_ARM
-from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_files import Section, read_toml, validate
+from companion.config_places import project_root
 from companion.ports import ConfigError
 from companion.types import Array
 from companion.waypoint_limits import LEAST_GAP_S

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from companion.arms.feedforward import Airframe
 from companion.config_arms import ArmsConfig
-from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_files import Section, read_toml, validate
 from companion.config_mocap import MocapConfig, mocap_and_operator
 from companion.config_operator import OperatorConfig
 from companion.config_preflight import PreflightConfig
@@ -260,8 +260,3 @@ def _room_and_fence(config: CompanionConfig) -> str:
 def load_config(path: Path) -> CompanionConfig:
     """The configuration file; ConfigError naming file, key and what would be right."""
     return validate(CompanionConfig, read_toml(path), path)
-
-
-def default_config_path(name: str) -> Path:
-    """A file of the project's own config folder."""
-    return project_root() / "config" / name

@@ -6,7 +6,8 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_files import Section, read_toml, validate
+from companion.config_places import project_root
 from companion.control.controller import Controller, VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains

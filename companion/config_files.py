@@ -22,11 +22,6 @@ class Section(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def project_root() -> Path:
-    """The folder that holds config/: where we stand, or the checkout this code runs from."""
-    return Path.cwd() if (Path.cwd() / "config").is_dir() else Path(__file__).resolve().parents[1]
-
-
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's tables; ConfigError with one sentence when it is missing or not TOML."""
     text = read_text(path)

@@ -6,7 +6,8 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_files import Section, read_toml, validate
+from companion.config_places import project_root
 from companion.ports import ConfigError
 from companion.preflight.parameters import Recommended
 

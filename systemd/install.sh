@@ -109,16 +109,14 @@ make_config() {
         return
     fi
     install -d -m 755 "$root/etc/dauam"
-    sed 's|^port = "/dev/serial/by-id/.*"|port = "/dev/dauam-arms"|' "$source/config/lab.toml" > "$file"
-    cat >> "$file" << 'END'
-
-[records]
-folder = "/var/lib/dauam/flights"
-
-[preflight]
-state_folder = "/var/lib/dauam"
-END
-    chmod 644 "$file"
+    sed -e 's|^port = "/dev/serial/by-id/.*"|port = "/dev/dauam-arms"|' \
+        -e 's|^# folder = "flights"  |folder = "/var/lib/dauam/flights"  |' \
+        -e 's|^# state_folder = "[^"]*"  |state_folder = "/var/lib/dauam"  |' "$source/config/lab.toml" > "$file.new"
+    for each in 'port = "/dev/dauam-arms"' 'folder = "/var/lib/dauam/flights"' 'state_folder = "/var/lib/dauam"'; do
+        grep -q "^$each" "$file.new" || refuse "config/lab.toml has no line for $each: take it as it is in the repository"
+    done
+    chmod 644 "$file.new"
+    mv "$file.new" "$file"
     say "wrote $file: measure and set what is marked in it"
 }
 

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from companion.adapters.broker.server import EmbeddedBroker
-
 from tests.warm import Begun, begin
 
 _PATIENCE_S = 15.0

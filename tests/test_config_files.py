@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from companion.arms.model import JOINT_NAMES
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config import CompanionConfig, load_config
 from companion.config_arms import ArmsConfig
 from companion.config_controller import controller_path, load_controller
+from companion.config_places import default_config_path
 from companion.control.controller import VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains

@@ -12,8 +12,8 @@ from companion.cli.arms_bench import bench_of, run
 from companion.cli.arms_carry_out import From, How, carry_out
 from companion.cli.arms_plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms_servos import clear_servos, ping_servos, read_servos, switch_torque
+from companion.cli.options import VehicleConfigFile
 
-ConfigOption = Annotated[Path | None, typer.Option("--config", help="Configuration; config/lab.toml if not given.")]
 PortOption = Annotated[str | None, typer.Option("--port", help="Serial port, instead of the configured one.")]
 YesOption = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before moving.")]
 DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Plan and print only; needs no servos.")]
@@ -43,13 +43,13 @@ class Switch(StrEnum):
     OFF = "off"
 
 
-def ping(config: ConfigOption = None, port: PortOption = None) -> None:
+def ping(config: VehicleConfigFile = None, port: PortOption = None) -> None:
     """List every servo, or all that is missing or wrong with them. Changes nothing."""
     run(ping_servos(bench_of(config, port), Console()))
 
 
 def read(
-    config: ConfigOption = None,
+    config: VehicleConfigFile = None,
     port: PortOption = None,
     once: Annotated[bool, typer.Option("--once", help="Print one table and end.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document and end.")] = False,
@@ -63,7 +63,7 @@ def read(
 
 
 def home(
-    config: ConfigOption = None,
+    config: VehicleConfigFile = None,
     port: PortOption = None,
     yes: YesOption = False,
     dry_run: DryRunOption = False,
@@ -79,7 +79,7 @@ def home(
 
 
 def stow(
-    config: ConfigOption = None,
+    config: VehicleConfigFile = None,
     port: PortOption = None,
     yes: YesOption = False,
     dry_run: DryRunOption = False,
@@ -102,7 +102,7 @@ def play(
             autocompletion=complete.motions,
         ),
     ],
-    config: ConfigOption = None,
+    config: VehicleConfigFile = None,
     port: PortOption = None,
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=3600.0, help="Seconds; for sinusoids, instead of their file's.")
@@ -123,7 +123,7 @@ def play(
 
 def grip(
     claws: Annotated[Claws, typer.Argument(help="open or close")],
-    config: ConfigOption = None,
+    config: VehicleConfigFile = None,
     port: PortOption = None,
     yes: YesOption = False,
     dry_run: DryRunOption = False,
@@ -138,7 +138,9 @@ def grip(
 
 
 def torque(
-    switch: Annotated[Switch, typer.Argument(help="on or off")], config: ConfigOption = None, port: PortOption = None
+    switch: Annotated[Switch, typer.Argument(help="on or off")],
+    config: VehicleConfigFile = None,
+    port: PortOption = None,
 ) -> None:
     """Hold every joint where it is, or let all go limp: then the arms FALL, so support them.
 
@@ -147,7 +149,7 @@ def torque(
     run(switch_torque(bench_of(config, port), on=switch is Switch.ON))
 
 
-def clear(config: ConfigOption = None, port: PortOption = None) -> None:
+def clear(config: VehicleConfigFile = None, port: PortOption = None) -> None:
     """Forget latched faults, and say what is still wrong.
 
     A servo that was at fault is limp afterwards, so support the arms.

@@ -13,8 +13,10 @@ import typer
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
 from companion.cli.asked import FAILED, INTERRUPTED
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.cli.options import vehicle_settings
+from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig
+from companion.config_places import vehicle_config_path
 from companion.ports import ArmError, ConfigError
 
 CLOCK = MonotonicClock()
@@ -41,12 +43,11 @@ class Bench:
 def bench_of(config: Path | None, port: str | None) -> Bench:
     """From the options; ConfigError when the file cannot be used or has no arms."""
     logging.basicConfig(level=logging.CRITICAL)  # what the driver has to say, the commands say themselves
-    path = config or default_config_path("lab.toml")
-    settings = load_config(path)
+    settings = vehicle_settings(config)
     if settings.arms is None:
         raise ConfigError(
-            f"{path}: has no table [arms], so this vehicle has no arms: add the table, with the `port` of their "
-            "servos, or give another file by --config"
+            f"{config or vehicle_config_path()}: has no table [arms], so this vehicle has no arms: add the table, with "
+            "the `port` of their servos, or give another file by --config"
         )
     arms = settings.arms if port is None else settings.arms.model_copy(update={"port": port})
     return Bench(settings, arms)

@@ -20,9 +20,10 @@ from companion.cli.flight_report import print_comparison, print_report, summary_
 from companion.cli.mock_process import MockError, MockPorts, free_ports
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
 from companion.cli.output import check_output, kept
-from companion.config import CompanionConfig, default_config_path
+from companion.config import CompanionConfig
 from companion.config_arms import Feedforward
 from companion.config_controller import load_controller
+from companion.config_places import default_config_path
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary
 from companion.supervisor.faults import Fault

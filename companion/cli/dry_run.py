@@ -19,9 +19,9 @@ from companion.adapters.recorder import Recorder
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.complete import trajectories
 from companion.cli.flight_words import shorter
-from companion.cli.options import AllowUnstable, ControllerName, settings_of
+from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
 from companion.cli.output import check_output, kept
-from companion.cli.preflight import ConfigFile, show, trajectory_of
+from companion.cli.preflight import show, trajectory_of
 from companion.cli.terminal import show_cursor
 from companion.config import CompanionConfig
 from companion.config_controller import load_controller
@@ -44,7 +44,7 @@ _POLL_S = 0.02
 
 
 def dry_run(
-    config: ConfigFile = None,
+    config: VehicleConfigFile = None,
     seconds: Annotated[float, typer.Option(min=1.0, max=3600.0, metavar="S", help="Duration, s.")] = 20.0,
     trajectory: Annotated[
         str | None,
@@ -56,14 +56,15 @@ def dry_run(
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
-    out: Annotated[Path, typer.Option(help="Folder for the record.")] = Path("flights"),
+    out: Annotated[Path | None, typer.Option(help="Folder for the record.  [default: as configured]")] = None,
 ) -> None:
     """Read the real room and show what would be sent, disarmed: no setpoint, pose, mode, torque or goal leaves.
 
     Exit code 0 if a flight would have gone on, 1 if something would have failed, 2 for what could not be started or a
     vehicle that is armed, 130 after Ctrl-C, which ends it early and keeps the record.
     """
-    settings = settings_of(config, "lab.toml")
+    settings = vehicle_settings(config)
+    out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
     law = load_controller(name, settings.vehicle_model(), period_s, allow_unstable).law

@@ -21,7 +21,7 @@ from companion.cli.asked import FAILED, INTERRUPTED, names_of, seeds_of
 from companion.cli.options import AllowUnstable, SummaryFile
 from companion.cli.output import check_output
 from companion.config_controller import controller_path
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.experiments import campaign_table as words
 from companion.experiments.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
 from companion.experiments.scene import experiment_names

@@ -15,8 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.cli.asked import FAILED, INTERRUPTED
-from companion.cli.options import settings_of
-from companion.cli.preflight import ConfigFile, show
+from companion.cli.options import VehicleConfigFile, vehicle_settings
+from companion.cli.preflight import show
 from companion.cli.terminal import show_cursor
 from companion.config import CompanionConfig
 from companion.control.frames import up_axis, yaw_of
@@ -33,7 +33,7 @@ _WITHOUT_TERMINAL_S = 5.0
 
 
 def mocap(
-    config: ConfigFile = None,
+    config: VehicleConfigFile = None,
     seconds: Annotated[
         float | None,
         typer.Option(
@@ -50,7 +50,7 @@ def mocap(
     Exit code 0 if motion capture is good enough for a flight, 1 if not, 2 for what could not be started, 130 after
     Ctrl-C before the first frame; later, Ctrl-C ends the look and shows the checks.
     """
-    settings = settings_of(config, "lab.toml")
+    settings = vehicle_settings(config)
     console = Console(stderr=as_json)
     if seconds is None and not console.is_terminal:
         seconds = _WITHOUT_TERMINAL_S

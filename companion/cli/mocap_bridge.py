@@ -7,7 +7,6 @@ import shutil
 import signal
 import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,7 +14,7 @@ import uvloop
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.systemd import logging_to
-from companion.cli.options import settings_of
+from companion.cli.options import VehicleConfigFile, vehicle_settings
 from companion.mocap_bridge import Bridge, Glance
 from companion.ports import ConfigError
 
@@ -27,10 +26,7 @@ _CLEAR = "\r\x1b[K"
 
 
 def mocap_bridge(
-    config: Annotated[
-        Path | None,
-        typer.Option(help="The service's configuration, with mocap.source = mqtt; config/lab.toml if not given."),
-    ] = None,
+    config: VehicleConfigFile = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log everything the parts say.")] = False,
 ) -> None:
     """Forward motion capture: read QTM and send every frame to the broker at once, until Ctrl-C.
@@ -39,7 +35,7 @@ def mocap_bridge(
     broker while they are not there. Exit code 0 after Ctrl-C or SIGTERM, 2 for a configuration that cannot be used or
     when another bridge forwards this vehicle.
     """
-    settings = settings_of(config, "lab.toml")
+    settings = vehicle_settings(config)
     if settings.mocap.source != "mqtt":
         raise ConfigError(
             'mocap.source = "qualisys": the service with this configuration listens to QTM and to no bridge; give '

@@ -43,21 +43,21 @@ def preflight(
         ),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the records; flights if not given.", rich_help_panel=_PANEL)
+        Path | None, typer.Option(help="Folder of the records.  [default: as configured]", rich_help_panel=_PANEL)
     ] = None,
 ) -> None:
     """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
 
     The running service is asked. Where none is, and none was named by --broker or --vehicle, motion capture, autopilot
-    and arms are looked at from here, as --config (config/lab.toml if not given) says; --json is one document then.
-    Nothing is commanded; only poses go to the autopilot's estimator.
+    and arms are looked at from here, as --config (else the vehicle's own configuration) says; --json is one document
+    then. Nothing is commanded; only poses go to the autopilot's estimator.
     """
     only_here = by_hand or trajectory is not None or out is not None
     if not only_here and _service_runs(asked.given):
         operate(asked, "preflight", show=show_checks)
     from companion.cli.preflight import preflight as look  # noqa: PLC0415 - a second, for all the devices' libraries
 
-    look(asked.given.config, trajectory, by_hand, asked.as_json, out or Path("flights"))
+    look(asked.given.config, trajectory, by_hand, asked.as_json, out)
 
 
 def _service_runs(given: Given) -> bool:

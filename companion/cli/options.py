@@ -6,9 +6,10 @@ from typing import Annotated
 import typer
 
 from companion.cli.complete import controllers
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config import CompanionConfig, load_config
 from companion.config_arms import Feedforward
 from companion.config_files import read_toml
+from companion.config_places import INSTALLED, default_config_path, vehicle_config_path
 from companion.ports import ConfigError
 
 ControllerName = Annotated[
@@ -24,6 +25,14 @@ AllowUnstable = Annotated[
 ArmsFeedforward = Annotated[
     Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")
 ]
+VehicleConfigFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help=f"Companion configuration.  [default: {INSTALLED} where it is installed, else config/lab.toml]",
+    ),
+]
 SummaryFile = Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")]
 
 _OF_THE_MOCK = frozenset({"mavlink", "qualisys"})
@@ -31,8 +40,22 @@ _OF_THE_MOCK = frozenset({"mavlink", "qualisys"})
 
 
 def settings_of(given: Path | None, usual: str) -> CompanionConfig:
-    """The companion's configuration: the file that was given, or the usual one of config/; ConfigError."""
-    path = given or default_config_path(usual)
+    """Return the companion's configuration: the file that was given, or the usual one of config/; ConfigError."""
+    return _settings(given or default_config_path(usual))
+
+
+def vehicle_settings(given: Path | None) -> CompanionConfig:
+    """Return the configuration of a vehicle, and say on standard error which file it is if none was given.
+
+    Without one it is the vehicle's own where the service is installed, else config/lab.toml. Raises ConfigError.
+    """
+    path = given or vehicle_config_path()
+    if given is None:
+        typer.echo(f"companion: configuration {path}", err=True)
+    return _settings(path)
+
+
+def _settings(path: Path) -> CompanionConfig:
     if _OF_THE_MOCK & read_toml(path).keys():
         raise ConfigError(f"{path}: this is the mock's configuration; give the companion's, demo.toml or lab.toml")
     return load_config(path)

@@ -22,7 +22,7 @@ from companion.bus.commands import Command
 from companion.by_hand_file import write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
-from companion.cli.options import settings_of
+from companion.cli.options import VehicleConfigFile, vehicle_settings
 from companion.cli.output import check_output
 from companion.cli.terminal import show_cursor
 from companion.config import CompanionConfig
@@ -37,17 +37,16 @@ from companion.service_preflight import settle
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
 
-ConfigFile = Annotated[Path | None, typer.Option(help="Companion configuration; config/lab.toml if not given.")]
 _PARAMETER = re.compile(r"[A-Z0-9]+(?:_[A-Z0-9]+)+")
 """Names of checks that are one parameter each."""
 _FEW = 3
 _GLANCE = 12
 """A longer list says at its end once more what is wrong."""
-Records = Annotated[Path, typer.Option(help="Folder of the records.")]
+Records = Annotated[Path | None, typer.Option(help="Folder of the records.  [default: as configured]")]
 
 
 def preflight(
-    config: ConfigFile = None,
+    config: VehicleConfigFile = None,
     trajectory: Annotated[
         str | None,
         typer.Option(help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?"),
@@ -56,14 +55,15 @@ def preflight(
         bool, typer.Option("--by-hand", help="Carry the vehicle, disarmed: do mocap and autopilot see the same?")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    out: Records = Path("flights"),
+    out: Records = None,
 ) -> None:
     """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
 
     Nothing is commanded; only poses go to the autopilot's estimator, and the operator's broker hears that we are there.
     Exit code 0 if the vehicle may arm, 1 if not, 2 for what could not be started, 130 after Ctrl-C.
     """
-    settings = settings_of(config, "lab.toml")
+    settings = vehicle_settings(config)
+    out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     check_output(out, None)
     console = Console(stderr=as_json)

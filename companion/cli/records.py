@@ -23,7 +23,9 @@ _NARROWEST = 16
 
 
 def records(
-    where: Annotated[Path | None, typer.Argument(help="A folder of records, or one record.")] = None,
+    where: Annotated[
+        Path | None, typer.Argument(help="A folder of records, or one record.  [default: as configured]")
+    ] = None,
     csv: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the record as CSV tables to this folder.")
     ] = None,
@@ -33,9 +35,7 @@ def records(
 
     Files that are no records are listed as unreadable; the reasons follow the list.
     """
-    from companion.config_records import RecordsConfig  # noqa: PLC0415 - nothing that --help would wait for
-
-    where = where or Path(RecordsConfig().folder)
+    where = where or _configured_folder()
     if csv is not None:
         _write_csv(where, csv)
         return
@@ -47,6 +47,18 @@ def records(
     for one in found:
         if one.unreadable:
             typer.echo(f"companion: {one.unreadable}", err=True)
+
+
+def _configured_folder() -> Path:
+    """Where this computer's service keeps its records; ./flights where none is installed."""
+    from companion.config_files import read_toml, validate  # noqa: PLC0415 - nothing that --help would wait for
+    from companion.config_places import INSTALLED, is_installed  # noqa: PLC0415
+    from companion.config_records import RecordsConfig  # noqa: PLC0415
+
+    if not is_installed():
+        return Path(RecordsConfig().folder)
+    typer.echo(f"companion: configuration {INSTALLED}", err=True)
+    return Path(validate(RecordsConfig, read_toml(INSTALLED).get("records", {}), INSTALLED, "records").folder)
 
 
 def _write_csv(where: Path, folder: Path) -> None:

@@ -15,14 +15,14 @@ from companion.adapters.native_output import standard_output_to_log, unraisable_
 from companion.adapters.realtime import lock_memory
 from companion.adapters.record_process import RecordSink
 from companion.adapters.systemd import Notifier, logging_to
-from companion.cli.options import AllowUnstable, ControllerName, settings_of
+from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
 from companion.config import CompanionConfig
 from companion.config_controller import controller_text, load_controller
 from companion.serving import Serving, serve
 
 
 def serve_command(
-    config: Annotated[Path | None, typer.Option(help="Companion configuration; config/lab.toml if not given.")] = None,
+    config: VehicleConfigFile = None,
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     record: Annotated[bool, typer.Option(help="Write a record of every flight.")] = True,
@@ -33,7 +33,7 @@ def serve_command(
     Waits for motion capture and autopilot while they are not there. Exit code 0 after SIGTERM or Ctrl-C, 2 for a
     configuration or broker that cannot be used.
     """
-    settings = settings_of(config, "lab.toml")
+    settings = vehicle_settings(config)
     name = controller or settings.control.controller
     law = load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable)
     notifier = Notifier.from_environment()

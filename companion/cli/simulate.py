@@ -15,9 +15,10 @@ from companion.cli.complete import experiments, motions_or_off, trajectories
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
-from companion.config import default_config_path, load_config
+from companion.config import load_config
 from companion.config_arms import Feedforward
 from companion.config_controller import LoadedController, load_controller
+from companion.config_places import default_config_path
 from companion.experiments.ablations import Ablation, load_ablated
 from companion.experiments.demo_scene import demo_scene, load_mock
 from companion.experiments.mission import stacked

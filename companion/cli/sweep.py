@@ -18,7 +18,7 @@ from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
 from companion.config_controller import controller_path
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.experiments.sweep import ERROR, Columns, Sweep
 from companion.experiments.sweep_numbers import (
     PARAMETERS,

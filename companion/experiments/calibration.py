@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.config_controller import load_controller
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.experiments.metrics import score
 from companion.experiments.mission import stacked
 from companion.experiments.paper_table import PAPER

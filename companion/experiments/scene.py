@@ -13,7 +13,8 @@ from companion.arms.planning import Plan, plan
 from companion.config import CompanionConfig
 from companion.config_arms import ArmsConfig, Feedforward
 from companion.config_controller import LoadedController
-from companion.config_files import Section, project_root, read_toml, validate
+from companion.config_files import Section, read_toml, validate
+from companion.config_places import project_root
 from companion.control.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from companion.estimation.estimator import EstimatorParams
 from companion.experiments.known_push import known_push_b_mps2

@@ -16,7 +16,8 @@ import numpy as np
 import companion
 import mock_autopilot
 from companion.config_controller import LoadedController, controller_path, load_controller
-from companion.config_files import project_root, read_toml
+from companion.config_files import read_toml
+from companion.config_places import project_root
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.sweep import Batch, Columns, Sweep, fly, joined
 from companion.experiments.workers import SPAWN, workers

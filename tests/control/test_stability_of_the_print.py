@@ -6,7 +6,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.control.command_filter import at_lift_off, filter_step, virtual_control_1, virtual_control_2
 from companion.control.gains import EtnnGains
 from companion.control.reference import Ellipse, Hold

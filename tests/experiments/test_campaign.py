@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config_controller import ErrorLimits
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.experiments.ablations import Ablation
 from companion.experiments.campaign import Flown, Item, fly, label_of, numbers_of, variants_of, whole_items
 from companion.experiments.campaign_table import ablation_grid, comparison, events, summary

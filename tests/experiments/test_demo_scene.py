@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig, default_config_path, load_config
+from companion.config import CompanionConfig, load_config
+from companion.config_places import default_config_path
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.control.waypoints import Waypoints
 from companion.experiments.demo_scene import LIFT_OFF_S, LINK_S, demo_scene, load_mock

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.config_files import project_root
+from companion.config_places import project_root
 from companion.experiments.sweep_run import Parts, run, write_part
 from companion.ports import CompanionError, ConfigError
 from tests.experiments.sweep_rig import short_sweep

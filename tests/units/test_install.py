@@ -1,6 +1,7 @@
 """The installer, into a folder in place of the system."""
 
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -84,6 +85,23 @@ def test_the_first_configuration_is_one_the_service_takes(tmp_path: Path, monkey
     assert config.arms.port == "/dev/dauam-arms"
     monkeypatch.chdir(tmp_path / "opt/dauam")  # where the service stands
     assert controller_path(config.control.controller).is_relative_to(tmp_path)
+
+
+@needs_sysusers
+def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_path: Path) -> None:
+    """Each table stands there once: a second one of its name is no TOML."""
+    install(tmp_path)
+    path = tmp_path / "etc/dauam/companion.toml"
+    before, operator, after = re.split(r"(?m)^(# \[operator\]\n(?:# .*\n)+)", path.read_text())
+    without_files = re.sub(r"(?m)^# \w+_file = .*\n", "", operator)
+    text = re.sub(r"(?m)^# (?=\[?\w+\]?(?: = |\n))", "", before + without_files + after)
+    path.write_text(text)
+    config = load_config(path)
+    assert config.operator is not None
+    assert config.operator.vehicle == "dauam-1"
+    assert config.preflight.state_folder == "/var/lib/dauam"
+    assert config.preflight.by_hand_within_h == 24.0
+    assert "# " + "battery" not in text, "it was uncommented"
 
 
 @needs_sysusers
