@@ -24,6 +24,7 @@ from mock_autopilot.arm_bodies import (
     gravity_load_nm,
 )
 from mock_autopilot.plant import GRAVITY_MPS2, Each, EachAxis, PlantState, Wrench
+from mock_autopilot.plant_one import OneState
 from mock_autopilot.quaternion import Array
 
 JOINT_COUNT = 2 * JOINTS_PER_ARM
@@ -150,12 +151,20 @@ class Arms:
 
     def step(self, vehicle: PlantState, dt_s: float) -> Wrench:
         """Move the joints by `dt_s`; what the links then do to the vehicle: force (N, NED) and push (rad/s^2, FRD)."""
+        return self._coupling.step(vehicle, self._moved(dt_s), dt_s)
+
+    def step_one(self, vehicle: OneState, dt_s: float) -> tuple[Three, Three]:
+        """Do what `step` does, in floats."""
+        rate, q, thrust_n = vehicle.rate_frd_radps, vehicle.q_ned_frd_wxyz, vehicle.thrust_n
+        return self._coupling.pushed(rate, q, thrust_n, vehicle.on_ground, self._moved(dt_s), dt_s)
+
+    def _moved(self, dt_s: float) -> Moving:
         self.servos.step(dt_s, self.assembly.loads_nm(self.servos.motion()[0]))
         self.now = self.joint_states()
         right, left = (
             arm_motion(self.assembly.bodies, state, outward) for state, outward in zip(self.now, OUTWARD, strict=True)
         )
-        return self._coupling.step(vehicle, add(right, left), dt_s)
+        return add(right, left)
 
 
 def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from mock_autopilot.quaternion import Array
+from mock_autopilot.quaternion_one import Three
 
 BLOCK = 1024
 """Random numbers are drawn in blocks; one at a time costs more than the physics they disturb."""
@@ -47,6 +48,10 @@ class Disturbance:
 
     def step(self, now_s: float) -> Array:
         """Force (N, NED, shape (3,)) of the step that ends at `now_s`."""
+        return np.array(self.step_one(now_s))
+
+    def step_one(self, now_s: float) -> Three:
+        """Do what `step` does, in floats."""
         if not self._draws:
             self._draws = self._rng.standard_normal((BLOCK, 3)).tolist()
         draw = self._draws.pop()
@@ -58,7 +63,8 @@ class Disturbance:
             swing = math.sin(2.0 * math.pi * now_s / wave.period_s + wave.phase_rad)
             for axis in range(3):
                 force[axis] += swing * wave.amplitude_ned_n[axis]
-        return np.array(force)
+        x, y, z = force
+        return x, y, z
 
 
 def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: float, steps: int) -> Array:

@@ -62,15 +62,17 @@ class Fixed:
 
 def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantParams, dt_s: float) -> PlantState:
     """Advance one vehicle (arrays of shape (3,)) by `dt_s`; see plant.step."""
-    rate_sp = actuation.rate_sp_frd_radps
-    asked = OneActuation(
-        _four(actuation.q_sp_wxyz),
-        float(actuation.signal),
-        None if rate_sp is None else _three(rate_sp),
-        actuation.motors_on,
+    asked = one_actuation(
+        actuation.q_sp_wxyz, float(actuation.signal), actuation.rate_sp_frd_radps, actuation.motors_on
     )
     force, push = _three(wrench.force_ned_n), _three(wrench.angular_frd_radps2)
     return in_arrays(moved(in_floats(state), asked, force, push, fixed_of(params, dt_s)))
+
+
+def one_actuation(q_sp_wxyz: Array, signal: float, rate_sp_frd_radps: Array | None, motors_on: bool) -> OneActuation:
+    """What is asked of one vehicle, in floats; arrays of shape (4,) and (3,)."""
+    rate_sp = None if rate_sp_frd_radps is None else _three(rate_sp_frd_radps)
+    return OneActuation(_four(q_sp_wxyz), signal, rate_sp, motors_on)
 
 
 def moved(state: OneState, asked: OneActuation, force_ned_n: Three, push_frd_radps2: Three, fixed: Fixed) -> OneState:

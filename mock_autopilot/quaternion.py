@@ -67,13 +67,15 @@ def turned_by_small(q: Array, half_turn_rad: Array) -> Array:
 
 def to_matrix(q: Array) -> Array:
     """Rotation matrix R with v_world = R v_body, shape (..., 3, 3)."""
-    w, x, y, z = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
+    w, x, y, z = q.tolist() if q.ndim == 1 else (q[..., 0], q[..., 1], q[..., 2], q[..., 3])
     rows = (
-        np.stack((1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)), axis=-1),
-        np.stack((2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)), axis=-1),
-        np.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), axis=-1),
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
-    return np.stack(rows, axis=-2)
+    if q.ndim == 1:
+        return np.array(rows)
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def down_axis(q: Array) -> Array:

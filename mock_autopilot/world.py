@@ -23,7 +23,9 @@ from mock_autopilot.fault_ways import Part
 from mock_autopilot.faults import Fault, check_fits
 from mock_autopilot.hand import Hand
 from mock_autopilot.params import ParamTable
-from mock_autopilot.plant import Actuation, PlantState, Wrench
+from mock_autopilot.plant import PlantState, Wrench
+from mock_autopilot.plant_one import OneActuation, OneState
+from mock_autopilot.quaternion_one import Three
 from mock_autopilot.servo_rack import ServoRack
 from mock_autopilot.truth import Truth
 from mock_autopilot.vehicle import Vehicle
@@ -43,6 +45,8 @@ class World:
         self._params = config.plant
         self._start = np.array(start.start_position_ned_m)
         self._state = plant.at_rest(self._start, start.start_yaw_rad)
+        self._start_m = tuple(self._start.tolist())
+        self._in_floats = self._state, plant_one.in_floats(self._state)
         self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
         self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, start.start_yaw_rad)
         self._vehicle_rng, self._booted_s, self.boots = vehicle_rng, 0.0, 1
@@ -109,15 +113,31 @@ class World:
     def _step(self) -> None:
         self._steps += 1
         self._turn_faults()
-        demand = self.vehicle.step(self.uptime_s, self._felt(), STEP_S)
+        before = self._state_in_floats()
+        demand = self.vehicle.step(self.uptime_s, self._felt(before), STEP_S)
         actuation = self._delayed(demand)
-        pushes = [self.external_wrench] + ([self.arms.step(self._state, STEP_S)] if self.arms is not None else [])
-        force = self._disturbance.step(self.time_s) + sum(push.force_ned_n for push in pushes)
-        wrench = Wrench(force, np.asarray(sum(push.angular_frd_radps2 for push in pushes)))
-        self._state = plant_one.step(self._state, actuation, wrench, self._params, STEP_S)
+        force, push = self._pushed(before)
+        after = plant_one.moved(before, actuation, force, push, plant_one.fixed_of(self._params, STEP_S))
+        self._state = plant_one.in_arrays(after)
+        self._in_floats = self._state, after
         self._hand.holds = self._hand.holds and not demand.motors_on
         if self._hand.holds:
             self._state = self._hand.carry(self._state, self.time_s)
+
+    def _state_in_floats(self) -> OneState:
+        """The airframe's state; converted only where somebody else has set it."""
+        of, floats = self._in_floats
+        return floats if of is self._state else plant_one.in_floats(self._state)
+
+    def _pushed(self, state: OneState) -> tuple[Three, Three]:
+        """Force (N, NED) and push (rad/s^2, FRD) of all that acts from outside, arms included."""
+        x, y, z = self._disturbance.step_one(self.time_s)
+        ex, ey, ez = self.external_wrench.force_ned_n.tolist()
+        p, q, r = self.external_wrench.angular_frd_radps2.tolist()
+        if self.arms is not None:
+            (ax, ay, az), (ap, aq, ar) = self.arms.step_one(state, STEP_S)
+            ex, ey, ez, p, q, r = ex + ax, ey + ay, ez + az, p + ap, q + aq, r + ar
+        return (x + ex, y + ey, z + ez), (p, q, r)
 
     def inject(self, fault: Fault) -> None:
         """Let this go wrong, from now on or when its own time comes; ValueError when there is no such part."""
@@ -169,18 +189,16 @@ class World:
         else:
             vehicle.battery.drop_to(fault.much)
 
-    def _delayed(self, demand: Demand) -> Actuation:
+    def _delayed(self, demand: Demand) -> OneActuation:
         """Transport delay of the setpoints; switching the motors off takes none."""
         self._attitude_line.append(demand)
         self._thrust_line.append(demand)
         attitude, thrust = self._attitude_line.popleft(), self._thrust_line.popleft()
         motors_on = demand.motors_on and thrust.motors_on
-        return Actuation(attitude.q_sp_wxyz, np.asarray(thrust.signal), attitude.rate_sp_frd_radps, motors_on)
+        return plant_one.one_actuation(attitude.q_sp_wxyz, thrust.signal, attitude.rate_sp_frd_radps, motors_on)
 
-    def _felt(self) -> Felt:
-        state = self._state
-        x, y, z = (state.position_ned_m - self._start).tolist()
-        vx, vy, vz = state.velocity_ned_mps.tolist()
-        ax, ay, az = state.acceleration_ned_mps2.tolist()
-        motion = Motion((x, y, z), (vx, vy, vz), (ax, ay, az), quat.yaw_of(state.q_ned_frd_wxyz))
+    def _felt(self, one: OneState) -> Felt:
+        (x, y, z), (x0, y0, z0), state = one.position_ned_m, self._start_m, self._state
+        place = (x - x0, y - y0, z - z0)
+        motion = Motion(place, one.velocity_ned_mps, one.acceleration_ned_mps2, quat.yaw_of(state.q_ned_frd_wxyz))
         return Felt(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
