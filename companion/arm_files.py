@@ -19,6 +19,8 @@ from companion.types import Array
 from companion.waypoint_limits import LEAST_GAP_S
 
 _Unit = Literal["deg", "rad"]
+_KIND = "kind of the motion"
+_STOP = "rest at each point; false: pass it smoothly"
 
 
 def motion_named(name: str, duration_s: float | None = None) -> Described:
@@ -58,17 +60,23 @@ _Point = Annotated[list[float], AfterValidator(_three)]
 
 
 class _Timed(Section):
-    t_s: float = Field(ge=0.0, le=LONGEST_S)
+    """A point at its time."""
+
+    t_s: float = Field(ge=0.0, le=LONGEST_S, description="time from the motion's begin, s")
 
 
 class _Pose(_Timed):
-    right: _Angles | None = None
-    left: _Angles | None = None
+    """Angles of both arms at a time; an arm that is left out stays where it was."""
+
+    right: _Angles | None = Field(None, description="shoulder pitch, elbow pitch, elbow roll, and perhaps the claw")
+    left: _Angles | None = Field(None, description="the same of the left arm")
 
 
 class _Tip(_Timed):
-    right: _Point | None = None
-    left: _Point | None = None
+    """Places of both tips at a time; an arm that is left out stays where it was."""
+
+    right: _Point | None = Field(None, description="x, y, z of the right tip in body FLU, m")
+    left: _Point | None = Field(None, description="x, y, z of the left tip in body FLU, m")
 
 
 def _check_times(points: Sequence[_Timed], table: str) -> None:
@@ -82,10 +90,12 @@ def _check_times(points: Sequence[_Timed], table: str) -> None:
 
 
 class _Waypoints(Section):
-    kind: Literal["waypoints"]
-    unit: _Unit
-    stop: bool = True
-    waypoints: list[_Pose]
+    """A motion through poses."""
+
+    kind: Literal["waypoints"] = Field(description=_KIND)
+    unit: _Unit = Field(description="unit of all angles in the file")
+    stop: bool = Field(True, description=_STOP)
+    waypoints: list[_Pose] = Field(description="two tables or more, in the order of their times")
 
     @model_validator(mode="after")
     def _times(self) -> "_Waypoints":
@@ -98,17 +108,21 @@ class _Waypoints(Section):
 
 
 class _Swinging(Section):
-    centre: _Angles
-    amplitude: _Angles
-    phase: _Angles = Field([0.0, 0.0, 0.0])
-    period_s: float = Field(ge=0.2, le=120.0)
+    """How one arm swings; one that is left out stays where it was."""
+
+    centre: _Angles = Field(description="angles about which the joints swing, three or with the claw four")
+    amplitude: _Angles = Field(description="largest angles from the centre")
+    phase: _Angles = Field([0.0, 0.0, 0.0], description="phases at the begin")
+    period_s: float = Field(ge=0.2, le=120.0, description="time of one swing, s")
 
 
 class _Sinusoid(Section):
-    kind: Literal["sinusoid"]
-    unit: _Unit
-    duration_s: float = Field(gt=0.0, le=LONGEST_S)
-    fade_s: float = Field(2.0, ge=0.1, le=60.0)
+    """A swing of the joints."""
+
+    kind: Literal["sinusoid"] = Field(description=_KIND)
+    unit: _Unit = Field(description="unit of all angles in the file")
+    duration_s: float = Field(gt=0.0, le=LONGEST_S, description="time of the motion where nothing else ends it, s")
+    fade_s: float = Field(2.0, ge=0.1, le=60.0, description="time in which the swing grows, and fades at its end, s")
     right: _Swinging | None = None
     left: _Swinging | None = None
 
@@ -135,10 +149,12 @@ class _Sinusoid(Section):
 
 
 class _Tips(Section):
-    kind: Literal["tips"]
-    unit: Literal["m"]
-    stop: bool = True
-    tips: list[_Tip]
+    """A motion through places of the tips."""
+
+    kind: Literal["tips"] = Field(description=_KIND)
+    unit: Literal["m"] = Field(description="unit of all places in the file")
+    stop: bool = Field(True, description=_STOP)
+    tips: list[_Tip] = Field(description="two tables or more, in the order of their times")
 
     @model_validator(mode="after")
     def _times(self) -> "_Tips":
@@ -149,6 +165,10 @@ class _Tips(Section):
         stays = [math.nan] * 3
         points = np.array([[point.right or stays, point.left or stays] for point in self.tips])
         return Tips(np.array([point.t_s for point in self.tips]), points, self.stop)
+
+
+MOTIONS = {"waypoints": _Waypoints, "sinusoid": _Sinusoid, "tips": _Tips}
+"""The kinds of motions, for the page that lists their keys."""
 
 
 def _read_toml(path: Path, duration_s: float | None) -> Described:

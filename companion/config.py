@@ -30,16 +30,22 @@ class VehicleConfig(Section):
     mass_kg: float = Field(4.85, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
     gravity_mps2: float = Field(9.8, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
     hover_thrust: float = Field(0.5, gt=0.1, lt=0.9, description="normalised thrust that carries the weight")
-    thrust_curve: float = Field(0.0, ge=0.0, le=1.0, description="f in force = f t^2 + (1 - f) t; 0 if PX4 corrects it")
-    attitude_bandwidth_radps: float = Field(7.7, gt=1.0, le=40.0, description="attitude loop, natural frequency, rad/s")
-    attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="attitude loop, damping ratio")
+    thrust_curve: float = Field(
+        0.0, ge=0.0, le=1.0, description="share f of force = f t^2 + (1 - f) t; 0 if PX4 corrects it"
+    )
+    attitude_bandwidth_radps: float = Field(
+        7.7, gt=1.0, le=40.0, description="natural frequency of PX4's closed attitude loop, rad/s"
+    )
+    attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="damping ratio of PX4's closed attitude loop")
     thrust_lag_s: float = Field(0.05, gt=0.0, le=0.5, description="first-order lag of the rotors, s")
     setpoint_delay_s: float = Field(
-        0.04, ge=0.0, le=0.2, description="setpoint sent to the attitude's first movement, s"
+        0.04, ge=0.0, le=0.2, description="from a setpoint that is sent to the attitude's first movement, s"
     )
-    thrust_delay_s: float = Field(0.01, ge=0.0, le=0.2, description="setpoint sent to the thrust's first change, s")
+    thrust_delay_s: float = Field(
+        0.01, ge=0.0, le=0.2, description="from a setpoint that is sent to the thrust's first change, s"
+    )
     inertia_kgm2: tuple[float, float, float] = Field(
-        (0.11, 0.10, 0.13), description="of the whole vehicle about body x, y, z, kg m^2"
+        (0.11, 0.10, 0.13), description="inertia of the whole vehicle about body x, y, z, kg m^2"
     )
     rate_integrator_s: float = Field(
         0.75, gt=0.0, le=100.0, description="time in which a lasting torque is trimmed out, MC_PITCHRATE_P / _I, s"
@@ -53,11 +59,13 @@ class VehicleConfig(Section):
 class LimitsConfig(Section):
     """The last gate before the autopilot."""
 
-    max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="tilt cone, rad")
+    max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="largest tilt from level, rad")
     min_thrust: float = Field(0.05, ge=0.0, lt=0.5, description="least normalised thrust in flight")
     max_thrust: float = Field(0.8, gt=0.2, le=1.0, description="largest normalised thrust")
-    max_turn_radps: float = Field(6.0, gt=0.1, le=50.0, description="rate of change of the attitude setpoint, rad/s")
-    max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="rate of change of the thrust, 1/s")
+    max_turn_radps: float = Field(
+        6.0, gt=0.1, le=50.0, description="largest rate of change of the attitude setpoint, rad/s"
+    )
+    max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="largest rate of change of the thrust, 1/s")
 
     @model_validator(mode="after")
     def _ordered(self) -> "LimitsConfig":
@@ -80,26 +88,38 @@ class Px4Config(Section):
     battery_id: int | None = Field(
         None, ge=0, le=255, description="battery that carries the vehicle: 0 for PX4's BAT1; none: the lowest heard"
     )
-    connect_timeout_s: float = Field(10.0, gt=0.0, le=120.0, description="wait for the first HEARTBEAT, s")
-    answer_timeout_s: float = Field(5.0, gt=0.0, le=60.0, description="wait until a command shows in its state, s")
-    arm_timeout_s: float = Field(15.0, gt=0.0, le=120.0, description="go on asking to arm while it says no, s")
-    vision_rate_hz: float = Field(50.0, ge=0.0, le=100.0, description="forward the mocap pose this often; 0 = never")
+    connect_timeout_s: float = Field(10.0, gt=0.0, le=120.0, description="longest wait for the first HEARTBEAT, s")
+    answer_timeout_s: float = Field(
+        5.0, gt=0.0, le=60.0, description="longest wait until a command shows in PX4's state, s"
+    )
+    arm_timeout_s: float = Field(
+        15.0, gt=0.0, le=120.0, description="time for which arming is asked for again while PX4 refuses, s"
+    )
+    vision_rate_hz: float = Field(
+        50.0, ge=0.0, le=100.0, description="rate at which PX4 is sent the mocap pose; 0: never"
+    )
 
 
 class ControlConfig(Section):
     """The control loop."""
 
     rate_hz: float = Field(100.0, ge=20.0, le=500.0, description="control cycles a second")
-    controller: str = Field("etnn", description="name in config/controllers/ or a TOML file")
+    controller: str = Field("etnn", description="law to fly: a name in config/controllers/, or a TOML file")
 
 
 class FlightConfig(Section):
     """How it takes off and lands, and what ends a flight."""
 
-    takeoff_height_m: float = Field(1.2, ge=LEAST_CLIMB_M, le=5.0, description="above the ground where it stands, m")
-    climb_speed_mps: float = Field(0.5, gt=0.05, le=2.0, description="peak speed of moves between points, m/s")
-    spool_up_s: float = Field(1.0, gt=0.2, le=10.0, description="idle to 80 % of hover thrust on the ground, s")
-    descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="landing, m/s")
+    takeoff_height_m: float = Field(
+        1.2, ge=LEAST_CLIMB_M, le=5.0, description="height of the hover above the ground where it stands, m"
+    )
+    climb_speed_mps: float = Field(
+        0.5, gt=0.05, le=2.0, description="peak speed of the take-off and of moves between points, m/s"
+    )
+    spool_up_s: float = Field(
+        1.0, gt=0.2, le=10.0, description="time on the ground from idle to 80 % of hover thrust, s"
+    )
+    descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="speed of the landing, m/s")
     settle_s: float = Field(2.0, ge=0.0, le=30.0, description="hold before and after a trajectory, s")
 
 
@@ -109,10 +129,14 @@ class RoomConfig(Section):
     x_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest x in W, m")
     y_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest y in W, m")
     z_m: tuple[float, float] = Field((0.3, 3.0), description="least and largest height in W, m")
-    max_speed_mps: float = Field(2.0, gt=0.0, le=10.0, description="of a reference, m/s")
-    max_accel_mps2: float = Field(3.0, gt=0.0, le=10.0, description="of a reference, m/s^2")
-    max_yaw_rate_radps: float = Field(1.5, ge=0.1, le=3.0, description="turning of a reference's heading, rad/s")
-    max_yaw_accel_radps2: float = Field(3.0, ge=0.1, le=20.0, description="of a reference's heading, rad/s^2")
+    max_speed_mps: float = Field(2.0, gt=0.0, le=10.0, description="largest speed of a trajectory, m/s")
+    max_accel_mps2: float = Field(3.0, gt=0.0, le=10.0, description="largest acceleration of a trajectory, m/s^2")
+    max_yaw_rate_radps: float = Field(
+        1.5, ge=0.1, le=3.0, description="largest rate at which a trajectory's heading turns, rad/s"
+    )
+    max_yaw_accel_radps2: float = Field(
+        3.0, ge=0.1, le=20.0, description="largest acceleration of a trajectory's heading, rad/s^2"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "RoomConfig":

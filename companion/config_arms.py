@@ -70,8 +70,8 @@ class JointLimitConfig(Section):
 
     min_rad: float = Field(ge=-math.pi, le=math.pi, description="least angle, rad")
     max_rad: float = Field(ge=-math.pi, le=math.pi, description="largest angle, rad")
-    max_velocity_radps: float = Field(gt=0.0, le=10.0, description="rad/s")
-    max_accel_radps2: float = Field(gt=0.0, le=200.0, description="rad/s^2")
+    max_velocity_radps: float = Field(gt=0.0, le=10.0, description="largest velocity, rad/s")
+    max_accel_radps2: float = Field(gt=0.0, le=200.0, description="largest acceleration, rad/s^2")
 
     @model_validator(mode="after")
     def _ordered(self) -> "JointLimitConfig":
@@ -95,8 +95,8 @@ def _default_limits() -> dict[str, JointLimitConfig]:
 class LinkConfig(Section):
     """One link of an arm."""
 
-    length_m: float = Field(gt=0.0, le=1.0, description="from axis to axis, m")
-    mass_kg: float = Field(ge=0.0, le=5.0, description="with the servo it carries, kg")
+    length_m: float = Field(gt=0.0, le=1.0, description="length from axis to axis, m")
+    mass_kg: float = Field(ge=0.0, le=5.0, description="mass with the servo it carries, kg")
     com_m: float = Field(ge=0.0, le=1.0, description="centre of mass from the link's upper end, m")
 
 
@@ -110,33 +110,35 @@ def _default_links() -> tuple[LinkConfig, LinkConfig, LinkConfig]:
 class PropellerConfig(Section):
     """Where the propellers are; the arms keep out of them."""
 
-    count: int = Field(4, ge=2, le=12, description="how many, evenly around the body")
-    radius_m: float = Field(0.17, gt=0.0, le=1.0, description="of one disc, m")
-    centre_m: float = Field(0.33, gt=0.0, le=2.0, description="from the body's axis to a disc's centre, m")
+    count: int = Field(4, ge=2, le=12, description="number of propellers, evenly around the body")
+    radius_m: float = Field(0.17, gt=0.0, le=1.0, description="radius of one disc, m")
+    centre_m: float = Field(0.33, gt=0.0, le=2.0, description="distance from the body's axis to a disc's centre, m")
     first_rad: float = Field(0.7854, ge=-math.pi, le=math.pi, description="direction of the first one from body x, rad")
-    height_m: float = Field(0.06, ge=-1.0, le=1.0, description="above the body's origin, m")
+    height_m: float = Field(0.06, ge=-1.0, le=1.0, description="height of the discs above the body's origin, m")
 
 
 class PosesConfig(Section):
     """Named poses of one arm: shoulder pitch, elbow pitch, elbow roll (rad); both arms take the same."""
 
-    home_rad: tuple[float, float, float] = Field((0.35, 0.7, 0.0), description="ready to work")
+    home_rad: tuple[float, float, float] = Field((0.35, 0.7, 0.0), description="pose to work from")
     stow_rad: tuple[float, float, float] = Field(
-        (-0.47, 2.27, 0.0), description="folded for take-off and landing, best with the mass under the middle"
+        (-0.47, 2.27, 0.0), description="pose for take-off and landing, best with the mass under the middle"
     )
-    claw_open_rad: float = Field(0.8, ge=0.0, le=2.0, description="claw open, rad")
-    claw_closed_rad: float = Field(0.05, ge=0.0, le=2.0, description="claw closed, rad")
+    claw_open_rad: float = Field(0.8, ge=0.0, le=2.0, description="angle of an open claw, rad")
+    claw_closed_rad: float = Field(0.05, ge=0.0, le=2.0, description="angle of a closed claw, rad")
 
 
 class ArmsConfig(Section):
     """Both arms; leave the table out for a vehicle without."""
 
     port: str = Field("/dev/ttyUSB0", min_length=1, description="serial port of the bus adapter (U2D2)")
-    baud: int = Field(1_000_000, ge=9_600, le=4_500_000, description="bits/s, the same in every servo")
+    baud: int = Field(1_000_000, ge=9_600, le=4_500_000, description="baud rate, the same in every servo, bits/s")
     rate_hz: float = Field(100.0, ge=50.0, le=100.0, description="bus cycles a second: goals out, state in")
-    return_delay_us: int = Field(0, ge=0, le=508, description="expected return delay of every servo, microseconds")
+    return_delay_us: int = Field(0, ge=0, le=508, description="return delay that every servo must have, microseconds")
     min_voltage_v: float = Field(10.0, ge=6.0, le=16.0, description="least supply at connect, V")
-    max_temperature_c: float = Field(65.0, ge=30.0, le=90.0, description="refuse to start above, degrees C")
+    max_temperature_c: float = Field(
+        65.0, ge=30.0, le=90.0, description="largest temperature of a servo at connect, degrees C"
+    )
     silent_s: float = Field(0.2, ge=0.05, le=2.0, description="a servo unheard for so long is a fault, s")
     stow_time_s: float = Field(6.0, ge=1.0, le=60.0, description="before landing wait so long for the arms to stow, s")
     stowed_within_rad: float = Field(0.1, gt=0.0, le=0.5, description="a joint so near its stow angle is stowed, rad")
@@ -147,19 +149,28 @@ class ArmsConfig(Section):
         description="what the law is told of the commanded motion: nothing, the reaction force, the tilt as well",
     )
     servo_lag_s: float = Field(0.06, ge=0.0, le=0.5, description="how late the joints follow their goals, s")
-    servos: dict[str, ServoConfig] = Field(default_factory=_default_servos, description="by joint")
-    limits: dict[str, JointLimitConfig] = Field(default_factory=_default_limits, description="by kind of joint")
-    links: tuple[LinkConfig, LinkConfig, LinkConfig] = Field(
-        default_factory=_default_links, description="upper arm L_1, elbow L_2, forearm with claw L_3"
+    servos: dict[str, ServoConfig] = Field(
+        default_factory=_default_servos, description="one table for each joint, as right.claw; IDs 1 to 8 if left out"
     )
-    shoulder_flu_m: tuple[float, float, float] = Field((0.0, 0.13, -0.08), description="left shoulder, body FLU, m")
-    link_radius_m: float = Field(0.025, gt=0.0, le=0.2, description="thickness of the arms, m")
-    body_half_flu_m: tuple[float, float, float] = Field((0.14, 0.09, 0.06), description="half the body's box, m")
+    limits: dict[str, JointLimitConfig] = Field(
+        default_factory=_default_limits,
+        description="one table for each kind: shoulder_pitch, elbow_pitch, elbow_roll, claw",
+    )
+    links: tuple[LinkConfig, LinkConfig, LinkConfig] = Field(
+        default_factory=_default_links, description="three tables: upper arm L_1, elbow L_2, forearm with claw L_3"
+    )
+    shoulder_flu_m: tuple[float, float, float] = Field(
+        (0.0, 0.13, -0.08), description="place of the left shoulder, body FLU, m"
+    )
+    link_radius_m: float = Field(0.025, gt=0.0, le=0.2, description="half the thickness of the arms, m")
+    body_half_flu_m: tuple[float, float, float] = Field(
+        (0.14, 0.09, 0.06), description="half the size of the body's box, m"
+    )
     stands_at_m: float | None = Field(
         None,
         gt=0.0,
         le=3.0,
-        description="height of the body's origin over the floor it stands on, m; without: unchecked",
+        description="height of the body's origin over the floor it stands on; none: unchecked",
     )
     margin_m: float = Field(0.02, ge=0.0, le=0.2, description="distance the arms keep from all else, m")
     propellers: PropellerConfig = PropellerConfig()

@@ -21,12 +21,17 @@ from companion.text_files import read_text
 class PredictionConfig(Section):
     """Departure from the paper: carry the state forward over the known delays before the law sees it."""
 
-    enabled: bool = Field(False, description="false = the law sees the state as it is, as printed")
-    lead_s: float = Field(0.1, ge=0.0, le=0.3, description="how far beyond the known delays, s")
-    thrust_lead_s: float = Field(0.1, ge=0.0, le=0.3, description="so long the newest thrust is taken to go on, s")
-    observer_radps: float = Field(
-        0.0, ge=0.0, le=20.0, description="poles of the observer of a push that goes on, rad/s; 0 = none"
+    enabled: bool = Field(False, description="predict; false: the law sees the state as it is, as printed")
+    lead_s: float = Field(0.1, ge=0.0, le=0.3, description="time to predict beyond the known delays, s")
+    thrust_lead_s: float = Field(
+        0.1, ge=0.0, le=0.3, description="time for which the newest thrust is taken to go on, s"
     )
+    observer_radps: float = Field(
+        0.0, ge=0.0, le=20.0, description="poles of the observer of a push that goes on; 0: none"
+    )
+
+
+_LAW = '"etnn", "pid", or "FILE.py:NAME" for a law of your own'
 
 
 class ErrorLimits(Section):
@@ -39,9 +44,9 @@ class ErrorLimits(Section):
 class EtnnFile(Section):
     """A file with law = "etnn"."""
 
-    law: str
-    description: str = ""
-    allow_unstable: bool = Field(False, description="load although the loop of filter and compensation is unstable")
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
+    allow_unstable: bool = Field(False, description="load it although the loop of filter and compensation is unstable")
     gains: EtnnGains = Field(default_factory=EtnnGains)
     prediction: PredictionConfig = PredictionConfig()
     error_limits: ErrorLimits = ErrorLimits()
@@ -60,8 +65,8 @@ class EtnnFile(Section):
 class PidFile(Section):
     """A file with law = "pid"."""
 
-    law: str
-    description: str = ""
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
     gains: PidGains = Field(default_factory=PidGains)
     error_limits: ErrorLimits = ErrorLimits()
 
@@ -69,9 +74,9 @@ class PidFile(Section):
 class OwnLawFile(Section):
     """A file whose law is a Python file of one's own: law = "my_law.py:MyLaw"; its gains are checked by that file."""
 
-    law: str
-    description: str = ""
-    gains: dict[str, Any] = Field(default_factory=dict)
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
+    gains: dict[str, Any] = Field(default_factory=dict, description="whatever the law's Python file asks for")
     error_limits: ErrorLimits = ErrorLimits()
 
 

@@ -28,7 +28,8 @@ class MocapConfig(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
     source: Literal["qualisys", "mqtt"] = Field(
-        default="qualisys", description="qualisys: QTM itself; mqtt: what `companion mocap-bridge` forwards of it."
+        default="qualisys",
+        description="Where frames come from: QTM itself, or by mqtt what `companion mocap-bridge` forwards of it.",
     )
     broker: MocapBrokerConfig | None = Field(
         default=None, description="For source = mqtt; [operator]'s broker if left out."
@@ -39,19 +40,19 @@ class MocapConfig(BaseModel):
     transport: Literal["tcp", "udp"] = Field(default="tcp", description="How frames travel; commands always use TCP.")
     udp_port: int = Field(default=0, ge=0, le=65535, description="Local UDP port for frames; 0 takes any free one.")
     connect_timeout_s: float = Field(
-        default=3.0, gt=0.0, le=60.0, description="Seconds QTM may take to accept, and to answer each question."
+        default=3.0, gt=0.0, le=60.0, description="Longest time QTM may take to accept, and to answer each question."
     )
     first_frame_timeout_s: float = Field(
         default=3.0,
         gt=0.0,
         le=60.0,
-        description="Seconds from asking for the stream until the first frame must be here.",
+        description="Longest time from asking for the stream to the first frame.",
     )
     delay_s: float = Field(
         default=0.010,
         ge=0.0,
         le=0.5,
-        description="Known seconds from capture to arrival here; measure it once per room.",
+        description="Known time from capture to arrival here; measure it once per room.",
     )
 
     @model_validator(mode="after")

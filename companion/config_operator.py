@@ -21,14 +21,18 @@ class OperatorConfig(Section):
     table: ClassVar[str] = "operator"
     """Where it stands in the file."""
     host: str = Field("127.0.0.1", min_length=1, description="address of the computer that runs the MQTT broker")
-    port: int = Field(1883, gt=0, le=65535, description="its TCP port")
+    port: int = Field(1883, gt=0, le=65535, description="TCP port of the broker")
     prefix: str = Field("dauam", description="first part of every topic")
     vehicle: str = Field("vehicle", description="the vehicle's part of every topic; different for every vehicle")
-    embedded: bool = Field(False, description="the service starts a broker of its own, for this computer alone")
-    user: str | None = Field(None, min_length=1, max_length=64, description="as the broker knows the service")
+    embedded: bool = Field(False, description="the service starts its own broker, for this computer alone")
+    user: str | None = Field(
+        None, min_length=1, max_length=64, description="user by which the broker knows the service"
+    )
     password_file: str | None = Field(None, min_length=1, description="file with the user's password; chmod 600")
-    tls: bool = Field(False, description="encrypted, and the broker shows a certificate; its usual port is 8883")
-    ca_file: str | None = Field(None, min_length=1, description="PEM file of who signed it; the system's if left out")
+    tls: bool = Field(False, description="encrypt, and check the broker's certificate; the usual port is then 8883")
+    ca_file: str | None = Field(
+        None, min_length=1, description="PEM file of who signed the broker's certificate; the system's if left out"
+    )
 
     @field_validator("prefix", "vehicle")
     @classmethod

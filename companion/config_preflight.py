@@ -17,32 +17,44 @@ class PreflightConfig(Section):
 
     realtime: bool = Field(True, description="arming needs a real-time priority; false: its lack is a warning")
     by_hand_within_h: float = Field(
-        24.0, ge=0.0, le=10_000.0, description="carried by hand not longer ago, h; 0: not asked for"
+        24.0, ge=0.0, le=10_000.0, description="longest time since it was carried by hand; 0: not asked for"
     )
-    mocap_hz: float = Field(90.0, ge=10.0, le=500.0, description="frames a second, at least")
-    residual_m: float = Field(0.003, gt=0.0, le=0.1, description="median marker residual, at most, m")
-    tilt_apart_rad: float = Field(0.05, gt=0.0, le=0.5, description="roll and pitch, mocap to autopilot, rad")
-    heading_apart_rad: float = Field(0.1, gt=0.0, le=0.5, description="heading, mocap to autopilot, rad")
-    position_apart_m: float = Field(0.1, gt=0.0, le=1.0, description="position, mocap to autopilot, m")
-    delay_apart_s: float = Field(0.02, gt=0.0, le=0.2, description="EKF2_EV_DELAY to mocap's measured delay, s")
-    battery: float = Field(0.5, ge=0.0, le=1.0, description="charge at which a flight may begin, share")
-    parameters: str = Field("recommended", min_length=1, description="name in config/px4/ or a TOML file")
+    mocap_hz: float = Field(90.0, ge=10.0, le=500.0, description="least number of frames a second")
+    residual_m: float = Field(0.003, gt=0.0, le=0.1, description="largest median of the marker residual, m")
+    tilt_apart_rad: float = Field(
+        0.05, gt=0.0, le=0.5, description="largest difference of roll and pitch between mocap and autopilot, rad"
+    )
+    heading_apart_rad: float = Field(
+        0.1, gt=0.0, le=0.5, description="largest difference of heading between mocap and autopilot, rad"
+    )
+    position_apart_m: float = Field(
+        0.1, gt=0.0, le=1.0, description="largest distance of position between mocap and autopilot, m"
+    )
+    delay_apart_s: float = Field(
+        0.02, gt=0.0, le=0.2, description="largest difference of EKF2_EV_DELAY and mocap's measured delay, s"
+    )
+    battery: float = Field(0.5, ge=0.0, le=1.0, description="least share of the charge with which a flight may begin")
+    parameters: str = Field(
+        "recommended", min_length=1, description="PX4's parameters to check: a name in config/px4/, or a TOML file"
+    )
     state_folder: str = Field(
-        "~/.local/state/dauam", min_length=1, description="keeps when the vehicle was last carried by hand"
+        "~/.local/state/dauam",
+        min_length=1,
+        description="folder of the file that says when the vehicle was last carried by hand",
     )
 
 
 class RecommendedConfig(Section):
     """One parameter of a list; at least one condition."""
 
-    set_to: float
-    why: str = Field(min_length=1)
-    must: bool = True
-    one_of: tuple[float, ...] = ()
-    bits: int = Field(0, ge=0)
-    at_least: float | None = None
-    at_most: float | None = None
-    reboot: bool = False
+    set_to: float = Field(description="value to set when the condition is not met")
+    why: str = Field(min_length=1, description="reason, for the operator")
+    must: bool = Field(True, description="arming needs it; false: a warning")
+    one_of: tuple[float, ...] = Field((), description="condition: one of these values")
+    bits: int = Field(0, ge=0, description="condition: all these bits are set")
+    at_least: float | None = Field(None, description="condition: this value or more")
+    at_most: float | None = Field(None, description="condition: this value or less")
+    reboot: bool = Field(False, description="PX4 takes it only after a restart")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -12,26 +12,41 @@ _RULES = SafetyRules()
 class SafetyConfig(Section):
     """When a fault is one. The reactions are a table in code (docs/safety.md prints it), not a setting."""
 
-    coast_s: float = Field(_RULES.coast_s, gt=0.0, le=0.2, description="age of the pose that is nothing special, s")
+    coast_s: float = Field(_RULES.coast_s, gt=0.0, le=0.2, description="age of the pose up to which nothing is done, s")
     degraded_s: float = Field(_RULES.degraded_s, gt=0.0, le=0.3, description="age at which the vehicle is levelled, s")
     silent_s: float = Field(_RULES.silent_s, gt=0.05, le=0.5, description="age at which PX4 is told to land, s")
-    slow_hz: float = Field(_RULES.slow_hz, ge=5.0, le=500.0, description="usable frames a second, at least")
-    delayed_s: float = Field(_RULES.delayed_s, gt=0.0, le=0.3, description="lasting age of the pose, at most, s")
-    tilt_apart_rad: float = Field(_RULES.tilt_apart_rad, gt=0.02, le=1.0, description="mocap to autopilot, rad")
-    heading_apart_rad: float = Field(_RULES.heading_apart_rad, gt=0.02, le=1.0, description="mocap to autopilot, rad")
+    slow_hz: float = Field(_RULES.slow_hz, ge=5.0, le=500.0, description="least number of usable frames a second")
+    delayed_s: float = Field(_RULES.delayed_s, gt=0.0, le=0.3, description="largest lasting age of the pose, s")
+    tilt_apart_rad: float = Field(
+        _RULES.tilt_apart_rad, gt=0.02, le=1.0, description="largest tilt between mocap and autopilot, rad"
+    )
+    heading_apart_rad: float = Field(
+        _RULES.heading_apart_rad, gt=0.02, le=1.0, description="largest turn between mocap and autopilot, rad"
+    )
     tracking_m: float = Field(_RULES.tracking_m, gt=0.05, le=5.0, description="tracking error that ends a flight, m")
     lost_m: float = Field(_RULES.lost_m, gt=0.1, le=10.0, description="tracking error at which PX4 lands, m")
     dead_man_s: float = Field(
         _RULES.dead_man_s, ge=0.05, le=0.2, description="control loop stopped so long: the kernel ends the process, s"
     )
     autopilot_silent_s: float = Field(
-        _RULES.autopilot_silent_s, ge=0.2, le=2.0, description="nothing heard from the autopilot, s"
+        _RULES.autopilot_silent_s,
+        ge=0.2,
+        le=2.0,
+        description="time without a message after which the autopilot counts as silent, s",
     )
-    battery_low: float = Field(_RULES.battery_low, ge=0.0, le=0.9, description="charge at which we land, share")
-    battery_critical: float = Field(_RULES.battery_critical, ge=0.0, le=0.9, description="charge: PX4 lands, share")
-    hold_s: float = Field(_RULES.hold_s, ge=1.0, le=600.0, description="hold after a fault, then land, s")
-    operator_gone_s: float = Field(_RULES.operator_gone_s, gt=0.1, le=60.0, description="no broker for so long, s")
-    disk_free_mb: float = Field(_RULES.disk_free_mb, ge=0.0, le=1e6, description="free where records go, at least, MB")
+    battery_low: float = Field(_RULES.battery_low, ge=0.0, le=0.9, description="share of the charge at which it lands")
+    battery_critical: float = Field(
+        _RULES.battery_critical, ge=0.0, le=0.9, description="share of the charge at which PX4 lands"
+    )
+    hold_s: float = Field(
+        _RULES.hold_s, ge=1.0, le=600.0, description="time of a hold after a fault, before it lands, s"
+    )
+    operator_gone_s: float = Field(
+        _RULES.operator_gone_s, gt=0.1, le=60.0, description="time without a broker that is a fault, s"
+    )
+    disk_free_mb: float = Field(
+        _RULES.disk_free_mb, ge=0.0, le=1e6, description="least free space where records go, MB"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "SafetyConfig":
@@ -54,12 +69,12 @@ class FenceConfig(Section):
 
     x_m: tuple[float, float] = Field((-4.5, 4.5), description="least and largest x in W, m")
     y_m: tuple[float, float] = Field((-4.5, 4.5), description="least and largest y in W, m")
-    top_m: float = Field(3.5, gt=0.5, le=50.0, description="largest height in W, m")
-    margin_m: float = Field(0.3, ge=0.0, le=5.0, description="a trajectory keeps this distance from it, m")
+    top_m: float = Field(3.5, gt=0.5, le=50.0, description="largest height in W that the net allows, m")
+    margin_m: float = Field(0.3, ge=0.0, le=5.0, description="distance that a trajectory keeps from the fence, m")
     braking_mps2: float = Field(
         Fence.braking_mps2, gt=0.2, le=8.0, description="deceleration the guard counts on, m/s^2"
     )
-    reaction_s: float = Field(Fence.reaction_s, ge=0.1, le=2.0, description="until the vehicle begins to brake, s")
+    reaction_s: float = Field(Fence.reaction_s, ge=0.1, le=2.0, description="time until the vehicle begins to brake, s")
 
     @model_validator(mode="after")
     def _room_to_brake(self) -> "FenceConfig":

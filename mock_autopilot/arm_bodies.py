@@ -27,6 +27,7 @@ class ArmBodies:
     link_length_m: Three = (0.15, 0.05, 0.17)
     """The paper's L_1, L_2, L_3."""
     link_mass_kg: Three = (0.14, 0.10, 0.16)
+    """Masses, servos included."""
     link_com_m: Three = (0.11, 0.03, 0.09)
     """Centre of mass from the link's upper end."""
     shoulder_frd_m: Three = (0.0, 0.13, 0.08)

@@ -77,10 +77,10 @@ def _no_such_arms(bodies: ArmBodies) -> ArmBodies:
 class VehicleConfig(_Strict):
     """Where the vehicle stands at boot, and how late its loops see a setpoint."""
 
-    start_position_ned_m: Triple = Field((0.0, 0.0, 0.0), description="World NED, m.")
+    start_position_ned_m: Triple = Field((0.0, 0.0, 0.0), description="Place at boot, world NED.")
     start_yaw_rad: float = Field(0.0, ge=-3.2, le=3.2, description="Heading at boot, 0 is north.")
-    attitude_delay_s: float = Field(0.014, ge=0.0, le=0.5, description="Setpoint frame to attitude loop.")
-    thrust_delay_s: float = Field(0.004, ge=0.0, le=0.5, description="Setpoint frame to motors.")
+    attitude_delay_s: float = Field(0.014, ge=0.0, le=0.5, description="From a setpoint's frame to the attitude loop.")
+    thrust_delay_s: float = Field(0.004, ge=0.0, le=0.5, description="From a setpoint's frame to the motors.")
 
 
 class LinkConfig(_Strict):
@@ -94,18 +94,18 @@ class LinkConfig(_Strict):
 class GcsLinkConfig(LinkConfig):
     """The second link, for a ground station; off unless asked for."""
 
-    enabled: bool = False
-    local_port: int = Field(18570, ge=0, le=65535)
-    remote_port: int = Field(14550, ge=1, le=65535)
+    enabled: bool = Field(False, description="The link is there.")
+    local_port: int = Field(18570, ge=0, le=65535, description="Listens and sends here; 0 takes any free port.")
+    remote_port: int = Field(14550, ge=1, le=65535, description="Port of the ground station.")
 
 
 class DisturbanceConfig(_Strict):
     """Forces in world axes (NED, N)."""
 
-    constant_ned_n: Triple = (0.0, 0.0, 0.0)
-    sinusoids: tuple[Annotated[Sinusoid, _no_unknown_keys(Sinusoid)], ...] = ()
-    noise_n: Triple = (0.0, 0.0, 0.0)
-    noise_time_s: float = Field(1.0, gt=0.0)
+    constant_ned_n: Triple = Field((0.0, 0.0, 0.0), description="Force that never changes.")
+    sinusoids: tuple[Annotated[Sinusoid, _no_unknown_keys(Sinusoid)], ...] = Field((), description="Slow pushes.")
+    noise_n: Triple = Field((0.0, 0.0, 0.0), description="Standard deviation of the random part.")
+    noise_time_s: float = Field(1.0, gt=0.0, description="Correlation time of the random part.")
 
     @field_validator("sinusoids")
     @classmethod
@@ -122,7 +122,7 @@ class DisturbanceConfig(_Strict):
 class ArmsConfig(_Strict):
     """Two arms with their servos; a vehicle without them unless enabled."""
 
-    enabled: bool = False
+    enabled: bool = Field(False, description="The vehicle has arms.")
     bodies: Annotated[ArmBodies, _no_unknown_keys(ArmBodies), AfterValidator(_no_such_arms)] = Field(
         default_factory=ArmBodies
     )
@@ -154,7 +154,9 @@ class ArmsConfig(_Strict):
 class Px4Config(_Strict):
     """Parameters that differ from the recorded defaults."""
 
-    params: dict[str, float] = Field(default_factory=dict)
+    params: dict[str, float] = Field(
+        default_factory=dict, description="Parameters by their names in PX4, docs/px4-conformance.md."
+    )
 
     @field_validator("params")
     @classmethod
@@ -188,7 +190,9 @@ class MockConfig(_Strict):
     mavlink: LinkConfig = Field(default_factory=LinkConfig)
     gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)
     qualisys: QualisysConfig = Field(default_factory=lambda: QualisysConfig.model_validate({}))
-    faults: tuple[Annotated[Fault, BeforeValidator(_said)], ...] = Field((), description="docs/faults.md")
+    faults: tuple[Annotated[Fault, BeforeValidator(_said)], ...] = Field(
+        (), description='Faults, each as keys or as say = "...", docs/faults.md.'
+    )
 
     @model_validator(mode="after")
     def _servos_are_there(self) -> Self:

@@ -19,8 +19,11 @@ class Sinusoid:
     """A slow periodic push."""
 
     amplitude_ned_n: tuple[float, float, float]
+    """Largest force, world NED."""
     period_s: float
+    """Time of one push and back."""
     phase_rad: float = 0.0
+    """Phase at the start."""
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ BUS_WIDE = frozenset({FaultKind.SILENT_BUS, FaultKind.PORT_GONE})
 class Fault(_Strict):
     """One fault and when it holds, in simulated seconds."""
 
-    kind: FaultKind
+    kind: FaultKind = Field(description="What goes wrong.")
     id: int | None = Field(None, ge=0, le=252, description="Whose; leave it out for all servos, or the whole bus.")
     at_s: float = Field(0.0, ge=0.0, description="When it begins; in `inject`, from now.")
     for_s: float = Field(math.inf, gt=0.0, description="How long it lasts; without, for ever.")
@@ -64,7 +64,7 @@ class Fault(_Strict):
 class ServoConfig(_Strict):
     """One servo as it hangs on the bus, set up beforehand as far as these values go."""
 
-    id: int = Field(ge=0, le=252)
+    id: int = Field(ge=0, le=252, description="Its ID on the bus.")
     model: str = Field("XM430-W350", description="XM430-W350, XM430-W210 (Protocol 2.0) or AX-12A (1.0).")
     start_position_rad: float | None = Field(None, description="Where it stands at boot; without, in its centre.")
     baud: int = Field(1_000_000, gt=0, description="Its Baud Rate register.")
@@ -113,12 +113,14 @@ class DynamixelConfig(_Strict):
     """The simulated servo bus: its port, its servos, its faults."""
 
     link: str | None = Field(None, description="Path of a symbolic link to the pseudo-terminal; without, none.")
-    servos: tuple[ServoConfig, ...] = Field(default_factory=_default_servos, min_length=1)
+    servos: tuple[ServoConfig, ...] = Field(
+        default_factory=_default_servos, min_length=1, description="Right, then left: pitch, pitch, roll, claw."
+    )
     voltage_v: float = Field(12.0, ge=0.0, le=20.0, description="Supply of the servos.")
     ambient_c: float = Field(25.0, ge=-20.0, le=60.0, description="Air temperature, degrees C.")
     wire_timing: bool = Field(False, description="Answer as late as baud rate and return delay make it on a real wire.")
     check_baud: bool = Field(True, description="A servo whose baud rate is not the port's stays silent.")
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = Field((), description="What goes wrong on the bus, and when.")
 
     @field_validator("servos")
     @classmethod

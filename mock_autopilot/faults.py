@@ -13,12 +13,12 @@ class Fault(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    part: Part
-    kind: Kind
+    part: Part = Field(description='What is wrong; or say = "..." instead of all keys.')
+    kind: Kind = Field(description="How it is wrong.")
     how: str = Field("", description="Which way, where a kind has several.")
     at_s: float | None = Field(None, ge=0.0, le=1e5, description="When, from lift-off.")
     phase: Phase | None = Field(None, description="When: as soon as this is reached, and after_s later.")
-    after_s: float = Field(0.0, ge=0.0, le=1e5)
+    after_s: float = Field(0.0, ge=0.0, le=1e5, description="How long after the phase is reached.")
     for_s: float = Field(math.inf, gt=0.0, description="How long; without, for ever.")
     amount: float | None = Field(None, description="How much; without, the usual.")
 

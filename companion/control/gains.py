@@ -54,17 +54,17 @@ class EtnnGains(Gains):
     gamma2: Diagonal = _diag(1.0, 1.0, 1.2, note="fractional feedback of y_2 (alpha_2)")
     k: Diagonal = _diag(3.0, 3.0, 4.0, note="compensation, linear, iota_1 (eq. iota-dyn), 1/s")
     p: float = Field(0.75, gt=0.5, lt=1.0, description="exponent of the fractional powers")
-    epsilon: Positive = Field(1e-4, description="|s|^2 below which Theta fades out")
-    filter_eps: Positive = Field(0.3, description="varepsilon of the command filter, s")
+    epsilon: Positive = Field(1e-4, description="square of s below which Theta fades out")
+    filter_eps: Positive = Field(0.3, description="time constant varepsilon of the command filter, s")
     zeta: Positive = Field(0.5, description="stiffness of the command filter")
     rho: Positive = Field(0.1, description="damping of the command filter")
     sigma: Positive = Field(0.05, description="trigger threshold, m/s^2")
     delta: Positive = Field(0.1, description="trigger slope")
-    kappa_initial: NotNegative = Field(0.0, description="kappa(0), m/s^2; the paper asks for >= 0")
-    inputs: int = Field(3, ge=3, le=3, description="N_0: the reference velocity")
-    hidden: int = Field(4, ge=1, le=64, description="N_1: hidden neurons")
-    gamma_v0: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, note="Gamma_0, (N_0 + 1,)")
-    gamma_v1: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, 100.0, note="Gamma_1, (N_1 + 1,)")
+    kappa_initial: NotNegative = Field(0.0, description="start of kappa, m/s^2; the paper asks for >= 0")
+    inputs: int = Field(3, ge=3, le=3, description="number N_0 of the network's inputs: the reference velocity")
+    hidden: int = Field(4, ge=1, le=64, description="number N_1 of hidden neurons")
+    gamma_v0: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_0, N_0 + 1 of them")
+    gamma_v1: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_1, N_1 + 1 of them")
 
     v0_max: Positive = Field(10.0, description="radius of the ball of V_0 (Frobenius); the paper gives none")
     v1_max: Positive = Field(10.0, description="radius of the ball of V_1 (Frobenius), m/s^2; the paper gives none")
@@ -73,7 +73,7 @@ class EtnnGains(Gains):
     network_spread: NotNegative = Field(1.0, description="half width of the uniform V_0(0)")
 
     power_regularisation: NotNegative = Field(
-        0.0, description="departure: e in s/(s's + e)^(1-p), bounds the slope of the fractional powers; 0 = as printed"
+        0.0, description="departure: e in s/(s's + e)^(1-p), bounds the slope of the fractional powers; 0: as printed"
     )
     boundary_layer_mps: NotNegative = Field(
         0.0, description="departure: |y_2| below which sgn becomes linear, m/s; 0 = as printed"
@@ -123,7 +123,7 @@ def _require_diagonal(name: str, value: Array, size: int, zero_ok: bool = False)
 class PidGains(Gains):
     """The paper's baseline; printed without gravity, which it needs."""
 
-    kp: Diagonal = _diag(8.0, 8.0, 10.0, note="N/m")
-    ki: Diagonal = _diag(1.5, 1.5, 8.0, note="N/(m s)")
-    kd: Diagonal = _diag(10.0, 10.0, 13.0, note="N/(m/s)")
+    kp: Diagonal = _diag(8.0, 8.0, 10.0, note="proportional gain of the position error, N/m")
+    ki: Diagonal = _diag(1.5, 1.5, 8.0, note="gain of the integrated position error, N/(m s)")
+    kd: Diagonal = _diag(10.0, 10.0, 13.0, note="gain of the velocity error, N/(m/s)")
     integral_max_n: Positive = Field(15.0, description="limit of the integral's force per axis, N")

@@ -30,12 +30,12 @@ from mock_autopilot.params import ParamTable
 class CurveConfig(Section):
     """What is flown: a closed curve at constant height, begun and ended at rest."""
 
-    curve: Literal["ellipse", "figure8"]
-    semi_axes_m: tuple[float, float] = Field(description="along x and y, m")
-    period_s: float = Field(gt=3.0, le=120.0, description="seconds a lap at full speed")
-    laps: int = Field(2, ge=1, le=20)
-    ramp_s: float = Field(4.0, gt=0.5, le=20.0, description="from rest to full speed and back, s")
-    height_m: float = Field(1.2, ge=0.3, le=5.0)
+    curve: Literal["ellipse", "figure8"] = Field(description="shape of the path")
+    semi_axes_m: tuple[float, float] = Field(description="semi-axes along x and y, m")
+    period_s: float = Field(gt=3.0, le=120.0, description="time of a lap at full speed, s")
+    laps: int = Field(2, ge=1, le=20, description="number of laps")
+    ramp_s: float = Field(4.0, gt=0.5, le=20.0, description="time from rest to full speed, and back, s")
+    height_m: float = Field(1.2, ge=0.3, le=5.0, description="height in W, m")
 
     def trajectory(self) -> Trajectory:
         """As flown, centred over the room's origin."""
@@ -47,12 +47,14 @@ class CurveConfig(Section):
 class ExperimentFile(Section):
     """A file of config/experiments/."""
 
-    title: str
+    title: str = Field(description="heading of the experiment in reports")
     trajectory: CurveConfig
-    settle_s: float = Field(6.0, ge=0.0, le=60.0, description="hold at the start before the trajectory, s")
+    settle_s: float = Field(6.0, ge=0.0, le=60.0, description="time of the hold at the start before the trajectory, s")
     arms: str = Field("swing", description="a motion of config/arms/, a file, or off")
-    companion: CompanionConfig = CompanionConfig(arms=ArmsConfig())
-    """What the companion is told of its vehicle."""
+    companion: CompanionConfig = Field(
+        CompanionConfig(arms=ArmsConfig()),
+        description="what the companion is told: the companion's tables, as [companion.vehicle]",
+    )
     mock: dict[str, Any] = Field(default_factory=dict, description="the vehicle and its room, as in config/mock.toml")
 
 
