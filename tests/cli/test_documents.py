@@ -1,0 +1,61 @@
+"""Commands that the documents tell one to type, and the links between them."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from companion.cli.catalogue import COMMANDS
+from companion.cli.lazy import Group, imported
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+_BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
+_INLINE = re.compile(r"`(?:\.venv/bin/)?companion ([a-z][^`]*)`")
+_TYPED = re.compile(r"^\$ (?:[^#\n]* )?(?:\.venv/bin/)?companion (.*)$", re.MULTILINE)
+_LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+def lines_of(page: Path) -> list[str]:
+    """What stands behind `companion` in a page, in blocks and in sentences."""
+    text = page.read_text(encoding="utf-8")
+    blocks = [line for block in _BLOCK.findall(text) for line in _TYPED.findall(block)]
+    return [*blocks, *(line.replace("\n", " ") for line in _INLINE.findall(text))]
+
+
+def options_of(words: list[str]) -> tuple[set[str], list[str]]:
+    """Options of the command that `words` begin with, and the words behind it."""
+    entry, name = COMMANDS[words[0]], words[0]
+    rest = words[1:]
+    while isinstance(entry, Group):
+        inside = {key: one for entries in entry.panels.values() for key, one in entries.items()}
+        if not rest or rest[0] not in inside:
+            return {"--help"}, rest
+        name, entry, rest = rest[0], inside[rest[0]], rest[1:]
+    return {option for one in imported(name, entry).params for option in (*one.opts, *one.secondary_opts)}, rest
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_of_a_page_exists_with_its_options(page: Path) -> None:
+    for line in lines_of(page):
+        words = shlex.split(line.partition(" #")[0].replace("\u2026", "").replace("'", "").rstrip("\\"))
+        if words[0] in {"COMMAND", "stop", "rtl", "help"}:
+            continue
+        assert words[0] in COMMANDS, f"{page.name}: companion {line}"
+        known, rest = options_of(words)
+        given = {word.partition("=")[0] for word in rest if word.startswith("--")} - {"--help"}
+        assert given <= known, f"{page.name}: companion {line}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
+    for target in _LINK.findall(page.read_text(encoding="utf-8")):
+        assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def test_every_document_is_in_the_index() -> None:
+    index = (ROOT / "docs" / "README.md").read_text(encoding="utf-8")
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        assert page.name == "README.md" or f"]({page.name})" in index, f"{page.name} is in no list"
+    assert "docs/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
