@@ -10,6 +10,7 @@ from companion.config_files import Section, read_toml, validate
 from companion.config_mocap import MocapConfig, mocap_and_operator
 from companion.config_operator import OperatorConfig
 from companion.config_preflight import PreflightConfig
+from companion.config_px4 import Px4Config
 from companion.config_records import RecordsConfig
 from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
@@ -76,28 +77,6 @@ class LimitsConfig(Section):
     def limits(self) -> Limits:
         """For the gate."""
         return Limits(**self.model_dump())
-
-
-class Px4Config(Section):
-    """The autopilot's link."""
-
-    url: str = Field("udpin://127.0.0.1:14540", description="MAVSDK connection URL")
-    system_id: int | None = Field(
-        None, ge=1, le=255, description="PX4's MAV_SYS_ID; none: the first autopilot heard, and no other may be there"
-    )
-    battery_id: int | None = Field(
-        None, ge=0, le=255, description="battery that carries the vehicle: 0 for PX4's BAT1; none: the lowest heard"
-    )
-    connect_timeout_s: float = Field(10.0, gt=0.0, le=120.0, description="longest wait for the first HEARTBEAT, s")
-    answer_timeout_s: float = Field(
-        5.0, gt=0.0, le=60.0, description="longest wait until a command shows in PX4's state, s"
-    )
-    arm_timeout_s: float = Field(
-        15.0, gt=0.0, le=120.0, description="time for which arming is asked for again while PX4 refuses, s"
-    )
-    vision_rate_hz: float = Field(
-        50.0, ge=0.0, le=100.0, description="rate at which PX4 is sent the mocap pose; 0: never"
-    )
 
 
 class ControlConfig(Section):

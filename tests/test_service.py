@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig, Px4Config
+from companion.config import CompanionConfig
 from companion.config_controller import load_controller
+from companion.config_px4 import Px4Config
 from companion.control.reference import Ellipse, LapTiming, Trajectory
 from companion.flight_loop import Devices, FlightLoop
 from companion.ports import AutopilotError, ConfigError, FlightError

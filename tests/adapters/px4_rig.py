@@ -10,7 +10,7 @@ import numpy as np
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
 from companion.cli.mock_process import MockPorts, free_ports
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.control.frames import quat_from_yaw
 from companion.control_stage import idle_setpoint
 from mock_autopilot.config import MockConfig

@@ -9,7 +9,7 @@ import pytest
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import open_px4
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.control.frames import yaw_of
 from companion.control_stage import idle_setpoint
 from companion.ports import AutopilotError

@@ -9,7 +9,7 @@ import pytest
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.ports import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, battery, text
 

@@ -12,7 +12,7 @@ import pytest
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
 from companion.cli.mock_process import free_ports
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.control_stage import idle_setpoint
 from companion.types import AttitudeThrust, FlightMode
 from mock_autopilot.simulator import Simulator

@@ -10,7 +10,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.adapters.px4 import flight_mode
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.control.frames import flip_quat, flip_yz
 from companion.ports import AutopilotError
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode

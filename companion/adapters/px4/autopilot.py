@@ -23,7 +23,7 @@ from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 from companion.adapters.px4.commands import CommandSender, MavResult
 from companion.adapters.px4.direct import Px4Direct
 from companion.adapters.px4.heard import LocalEstimate, Px4Heard
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.control.frames import euler_ned_frd_deg, flip_yz
 from companion.ports import AutopilotError, Clock
 from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode

@@ -12,7 +12,7 @@ from mavsdk.mavsdk import Configuration, Mavsdk
 
 from companion.adapters.px4.autopilot import Px4
 from companion.adapters.px4.native_log import take_native_log
-from companion.config import Px4Config
+from companion.config_px4 import Px4Config
 from companion.ports import AutopilotError, Clock
 
 _LOOK_S, _LOOK_AGAIN_S = 0.02, 1.0
