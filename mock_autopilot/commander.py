@@ -20,13 +20,12 @@ from mock_autopilot.px4 import (
     Text,
 )
 
-CHECKS_PASS_S = 3.9
-"""Boot to arming: 3.0 s after the first HEARTBEAT, which comes at 1.0 s."""
 PREFLIGHT_DISARM_EXTRA_S = 1.0
 """Recorded: 11.0 s of the simulator's time with COM_DISARM_PRFLT = 10."""
 NEEDS_PILOT = frozenset({Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.ACRO, Mode.STABILIZED})
 """Modes that need a remote control; the only pilot there may be (a fault) knows but Position."""
 NO_ARMING = frozenset({Mode.LAND, Mode.RTL, Mode.DESCEND})
+"""Modes in which it cannot be armed. Once it is armed the checks go on passing in them, as recorded."""
 AUTO_SUB_MODES = {2: Mode.TAKEOFF, 3: Mode.HOLD, 4: Mode.MISSION, 5: Mode.RTL, 6: Mode.LAND}
 MAIN_MODES = {
     1: Mode.MANUAL,
@@ -64,8 +63,9 @@ class Situation:
 class Commander:
     """The state machine; `texts` collects what it has to say."""
 
-    def __init__(self, params: ParamTable) -> None:
+    def __init__(self, params: ParamTable, checks_pass_s: float) -> None:
         self._params = params
+        self._checks_pass_s = checks_pass_s
         self.user_mode = Mode.HOLD
         self.mode = Mode.HOLD
         self.armed = False
@@ -79,8 +79,14 @@ class Commander:
     # -- what it shows ---------------------------------------------------------------------------
 
     def can_arm(self, now: Situation) -> bool:
-        """The arming checks of the chosen mode pass (the prearm bit of SYS_STATUS)."""
-        return now.now_s >= CHECKS_PASS_S and self.user_mode not in NO_ARMING and _can_run(self.user_mode, now)
+        """The arming checks of the chosen mode, in flight of the mode it flies, pass (the prearm bit of SYS_STATUS)."""
+        if self.armed:
+            return self.checked(now) and _can_run(self.mode, now)
+        return self.checked(now) and self.user_mode not in NO_ARMING and _can_run(self.user_mode, now)
+
+    def checked(self, now: Situation) -> bool:
+        """Return whether the first checks after the boot are over."""
+        return now.now_s >= self._checks_pass_s
 
     def system_status(self, now: Situation) -> SystemStatus:
         """HEARTBEAT.system_status."""

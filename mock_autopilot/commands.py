@@ -19,10 +19,11 @@ Params = tuple[float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class Reply:
-    """What a command causes on the link: messages first, then one ACK per result."""
+    """What a command causes on the link: messages first, then one ACK per result, and one more some time later."""
 
     results: tuple[Result, ...]
     messages: tuple[Message, ...] = ()
+    later: Result | None = None
 
 
 Handler = Callable[[World, Streams, Params], Reply]
@@ -42,7 +43,7 @@ def _arm(world: World, _streams: Streams, params: Params) -> Reply:
 def _set_mode(world: World, _streams: Streams, params: Params) -> Reply:
     """Two ACKs always: the receiver's, which is ACCEPTED, and the commander's, which tells the truth."""
     base, main, sub = (_whole(value) for value in params[:3])
-    return Reply((Result.ACCEPTED, world.vehicle.set_mode(base, main, sub)))
+    return Reply((Result.ACCEPTED,), later=world.vehicle.set_mode(base, main, sub))
 
 
 def _take_off(world: World, _streams: Streams, params: Params) -> Reply:

@@ -36,6 +36,10 @@ DRIFT_MPS2 = (0.31, 0.14, 0.0)
 """What the accelerometers get wrong when nothing corrects them: 11 m after 8 s, as recorded."""
 BARO_PER_S, BARO_PER_S2 = 1.5, 1.0
 """How fast the barometer pulls height and vertical speed while vision is gone."""
+VELOCITY_GATE_MPS = 0.45
+"""EKF2_EVV_GATE (3) times a standard deviation of 0.15 m/s: a velocity farther off fails its test."""
+NAVIGATION_FAILS_S = 2.0
+"""Failed for so long in the air, the whole estimate is given up (PX4's EstimatorChecks), until it stands again."""
 HISTORY_STEP_S = 0.01
 FARTHEST_M = 1e5
 """Positions beyond (and NaN) are no positions."""
@@ -72,6 +76,9 @@ class Estimator:
         self._heard_since_s = math.inf
         self._vision_resets: int | None = None
         self._yaw_known = False
+        self._velocity_wrong_s: float | None = None
+        self.navigation_failed = False
+        """Position and velocity contradict each other."""
         self._baro_off_m = 0.0
         self._history: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=40)
 
@@ -100,7 +107,8 @@ class Estimator:
         """A horizontal position PX4 flies on."""
         if self.uses_gps:
             return self._now_s >= GPS_READY_S
-        return self.silence_s < VISION_LOST_S and self._now_s - self._since_s >= VISION_SETTLE_S
+        settled = self._now_s - self._since_s >= VISION_SETTLE_S
+        return self.silence_s < VISION_LOST_S and settled and not self.navigation_failed
 
     @property
     def global_ok(self) -> bool:
@@ -129,6 +137,8 @@ class Estimator:
     def step(self, now_s: float, motion: Motion, dt_s: float) -> None:
         """Advance to `now_s`: follow the receiver, or integrate what the accelerometers say."""
         self._now_s = now_s
+        if not self.in_air:
+            self.navigation_failed, self._velocity_wrong_s = False, None
         if self.uses_gps:
             self._follow_gps(motion, dt_s)
         elif self.in_air or self.silence_s < VISION_LOST_S:
@@ -222,9 +232,20 @@ class Estimator:
             innovation = sample.position_ned_m[axis] - before[axis]
             self.position_m[axis] += min(10.0 * dt_s, 0.5) * innovation
             self.velocity_mps[axis] += min(25.0 * dt_s, 1.0) * innovation
-            if self._vision_bits & 4 and sample.velocity_ned_mps is not None:
+        if self._vision_bits & 4 and sample.velocity_ned_mps is not None and self._believes(sample.velocity_ned_mps):
+            for axis in range(3):
                 slip = sample.velocity_ned_mps[axis] - self.velocity_mps[axis]
                 self.velocity_mps[axis] += min(10.0 * dt_s, 0.5) * slip
+
+    def _believes(self, velocity_ned_mps: tuple[float, float, float]) -> bool:
+        """Test a measured velocity; one that keeps failing in the air takes the position down with it."""
+        if math.dist(velocity_ned_mps, self.velocity_mps) < VELOCITY_GATE_MPS:
+            self._velocity_wrong_s = None
+            return True
+        if self._velocity_wrong_s is None:
+            self._velocity_wrong_s = self._now_s
+        self.navigation_failed |= self.in_air and self._now_s - self._velocity_wrong_s >= NAVIGATION_FAILS_S
+        return False
 
     def _position_at(self, now_s: float) -> tuple[float, float, float]:
         """The estimate when the sample was taken, EKF2_EV_DELAY ms ago."""

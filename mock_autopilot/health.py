@@ -1,6 +1,5 @@
 """SYS_STATUS sensor health bits as recorded from PX4 v1.17."""
 
-from mock_autopilot.commander import CHECKS_PASS_S
 from mock_autopilot.vehicle import Vehicle
 
 BASE = 0x0320883F
@@ -16,6 +15,6 @@ def sensors_health(vehicle: Vehicle) -> int:
     if vehicle.now_s < 2.0:
         return BOOT
     now = vehicle.situation
-    ready = now.now_s >= CHECKS_PASS_S and now.local_ok
+    ready = vehicle.commander.checked(now) and now.local_ok
     bits = BASE | (POSITION_CONTROL if ready else 0)
     return bits | (PREARM if vehicle.commander.can_arm(now) else 0)

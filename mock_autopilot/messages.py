@@ -11,7 +11,6 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot import quaternion as quat
-from mock_autopilot.geodesy import to_global
 from mock_autopilot.health import sensors_health
 from mock_autopilot.plant import GRAVITY_MPS2
 from mock_autopilot.px4 import Mode
@@ -125,6 +124,11 @@ def position_target_local_ned(world: World) -> Message | None:
     return mavlink.MAVLink_position_target_local_ned_message(boot_ms(world), 1, 63, *place, 0.0, 0.0, 100.0, yaw, 0.0)
 
 
+def rc_channels(_world: World) -> Message | None:
+    """Granted, and never sent: there is no remote control."""
+    return None
+
+
 def servo_output_raw(world: World) -> Message:
     """All four motors alike: 900 off, 1000 to 2000 us."""
     signal = world.vehicle.signal
@@ -140,14 +144,14 @@ def vfr_hud(world: World) -> Message:
     heading = round(math.degrees(now.yaw_rad)) % 360
     signal = world.vehicle.signal
     throttle = round(100 * min(max(signal, 0.0), 1.0)) if math.isfinite(signal) else 0
-    altitude = to_global(world.vehicle.params, now.position_m)[2] / 1e3
+    altitude = world.vehicle.origin.to_global(now.position_m)[2] / 1e3
     return mavlink.MAVLink_vfr_hud_message(NAN, speed, heading, throttle, altitude, -now.velocity_mps[2])
 
 
 def altitude_message(world: World) -> Message:
     """ALTITUDE: above sea, above home, in the local frame."""
     now = world.vehicle.estimate
-    above_sea = to_global(world.vehicle.params, now.position_m)[2] / 1e3
+    above_sea = world.vehicle.origin.to_global(now.position_m)[2] / 1e3
     home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
     up = -now.position_m[2]
     return mavlink.MAVLink_altitude_message(boot_us(world), above_sea, above_sea, up, up + home_z, NAN, NAN)
@@ -160,7 +164,7 @@ def highres_imu(world: World) -> Message:
     force = quat.to_matrix(state.q_ned_frd_wxyz).T @ [ax, ay, az - GRAVITY_MPS2]
     p, q, r = state.rate_frd_radps.tolist()
     fx, fy, fz = force.tolist()
-    height = to_global(world.vehicle.params, world.vehicle.felt.motion.position_ned_m)[2] / 1e3
+    height = world.vehicle.origin.to_global(world.vehicle.felt.motion.position_ned_m)[2] / 1e3
     return mavlink.MAVLink_highres_imu_message(
         boot_us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
     )

@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.geodesy import to_global
+from mock_autopilot.geodesy import simulators_home
 from mock_autopilot.messages import Message, boot_ms, boot_us
 from mock_autopilot.world import World
 
@@ -17,7 +17,7 @@ def global_position_int(world: World) -> Message | None:
     if not _knows_earth(world):
         return None
     now = world.vehicle.estimate
-    lat, lon, alt_mm = to_global(world.vehicle.params, now.position_m)
+    lat, lon, alt_mm = world.vehicle.origin.to_global(now.position_m)
     home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
     relative_mm = round((home_z - now.position_m[2]) * 1e3)
     speeds = [round(v * 100) for v in now.velocity_mps]
@@ -35,7 +35,7 @@ def _knows_earth(world: World) -> bool:
 def gps_raw_int(world: World) -> Message:
     """The receiver; PX4 reports it fused or not."""
     state = world.vehicle.felt.motion
-    lat, lon, alt_mm = to_global(world.vehicle.params, state.position_ned_m)
+    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(state.position_ned_m)
     vn, ve, _ = state.velocity_ned_mps
     course = round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000
     speed = round(math.hypot(vn, ve) * 100)
@@ -48,7 +48,18 @@ def gps_global_origin(world: World) -> Message | None:
     """Where the local frame's origin lies on earth."""
     if not world.vehicle.estimator.uses_gps and world.vehicle.estimator.origin_set_s is None:
         return None
-    return mavlink.MAVLink_gps_global_origin_message(*to_global(world.vehicle.params, (0.0, 0.0, 0.0)), boot_us(world))
+    return mavlink.MAVLink_gps_global_origin_message(*world.vehicle.origin.to_global((0.0, 0.0, 0.0)), boot_us(world))
+
+
+def hil_state_quaternion(world: World) -> Message:
+    """The simulator's truth; a simulated PX4 has it, one on a vehicle has nothing to send."""
+    truth = world.truth
+    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(world.vehicle.felt.motion.position_ned_m)
+    speeds = [round(100 * v) for v in truth.velocity_ned_mps.tolist()]
+    q, rates = truth.q_ned_frd_wxyz.tolist(), truth.rate_frd_radps.tolist()
+    return mavlink.MAVLink_hil_state_quaternion_message(
+        boot_us(world), q, *rates, lat, lon, alt_mm, *speeds, 0, 0, 0, 0, 0
+    )
 
 
 def home_position(world: World) -> Message | None:
@@ -58,5 +69,5 @@ def home_position(world: World) -> Message | None:
         return None
     place = (home.x_m, home.y_m, home.z_m)
     return mavlink.MAVLink_home_position_message(
-        *to_global(world.vehicle.params, place), *place, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, boot_us(world)
+        *world.vehicle.origin.to_global(place), *place, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, boot_us(world)
     )

@@ -50,16 +50,19 @@ class Pilot:
     _down_sp_mps: float = 0.0
     _stuck_s: float = 0.0
 
-    def enter(self, mode: Mode, now: Estimate, start_s: float, floor_z_m: float, hover_integral: bool = True) -> None:
-        """Begin `mode` here and now; `start_s` is when a take-off may spin up, `floor_z_m` the take-off height."""
+    def enter(self, mode: Mode, now: Estimate, start_s: float, floor_z_m: float, airborne: bool = True) -> None:
+        """Begin `mode` here and now; `start_s` is when a take-off may spin up, `floor_z_m` the take-off height.
+
+        A take-off that is ordered in the air climbs on: there is nothing to spin up.
+        """
         climbing = mode is Mode.HOLD and self.mode is Mode.TAKEOFF and self.takeoff_done
         height_z_m = self._target[2] if climbing else now.position_m[2]  # the take-off ends a little below its height
         self.mode, self.takeoff_done, self._braking = mode, False, True
         self._target, self._yaw_rad = [*now.position_m[:2], height_z_m], now.yaw_rad
         self._stuck_s = 0.0
-        self._ramp_start_s, self._floor_z_m = start_s, floor_z_m
-        self._down_sp_mps = now.velocity_mps[2] if hover_integral else 0.0
-        if not hover_integral:
+        self._ramp_start_s, self._floor_z_m = -math.inf if airborne else start_s, floor_z_m
+        self._down_sp_mps = now.velocity_mps[2] if airborne else 0.0
+        if not airborne:
             self._integral_mps2 = [0.0, 0.0, 0.0]
         if mode is Mode.TAKEOFF:
             self._target[2] = now.position_m[2] - self.params["MIS_TAKEOFF_ALT"]
@@ -129,17 +132,29 @@ class Pilot:
         return away_m < self.params["NAV_ACC_RAD"]
 
     @property
+    def takes_off(self) -> bool:
+        """Whether a take-off from the ground is under way (landed_state 3)."""
+        return self.mode is Mode.TAKEOFF and math.isfinite(self._ramp_start_s)
+
+    @property
     def descending(self) -> bool:
         """Whether the landing proper is under way (landed_state 4)."""
         return self.mode is Mode.LAND or (self.mode is Mode.RTL and self._down_sp_mps > 0.1)
 
     def _landing_speed(self, now: Estimate) -> float:
-        """Slower near the ground (MPC_LAND_ALT3, MPC_LAND_CRWL) if a distance sensor sees it; never when blind."""
-        blind = self.mode is Mode.DESCEND or not now.local_ok
-        if blind or not int(self.params["EKF2_RNG_CTRL"]):
-            return self.params["MPC_LAND_SPEED"]
-        low = self._floor_z_m - now.position_m[2] < self.params["MPC_LAND_ALT3"]
-        return self.params["MPC_LAND_CRWL"] if low else self.params["MPC_LAND_SPEED"]
+        """Slower and slower between MPC_LAND_ALT1 and _ALT2; at a crawl below _ALT3 if a distance sensor sees it.
+
+        When blind it is MPC_LAND_SPEED all the way.
+        """
+        slow_mps = self.params["MPC_LAND_SPEED"]
+        if self.mode is Mode.DESCEND or not now.local_ok:
+            return slow_mps
+        height_m = self._floor_z_m - now.position_m[2]
+        if height_m < self.params["MPC_LAND_ALT3"] and int(self.params["EKF2_RNG_CTRL"]):
+            return self.params["MPC_LAND_CRWL"]
+        high_m, low_m = self.params["MPC_LAND_ALT1"], self.params["MPC_LAND_ALT2"]
+        share = min(max((height_m - low_m) / max(high_m - low_m, 1e-6), 0.0), 1.0)
+        return slow_mps + share * (max(self.params["MPC_Z_V_AUTO_DN"], slow_mps) - slow_mps)
 
     def _notice_ground(self, now: Estimate, dt_s: float) -> None:
         """Asked to sink and standing still: that is the ground, the thrust is taken back, whatever tilt was wanted."""

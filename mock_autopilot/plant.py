@@ -29,7 +29,9 @@ ROLL, PITCH, YAW = 0, 1, 2
 
 @dataclass(frozen=True)
 class PlantParams:
-    """What the vehicle is made of. Defaults fit the recorded PX4 step responses (docs/px4-conformance.md).
+    """What the vehicle is made of. Its attitude loop fits the recorded PX4 step responses (docs/px4-conformance.md).
+
+    Mass and drag are the paper's vehicle's. The recorded simulator's are 1 kg, 20 N and 1 N per m/s, nothing else.
 
     A batch may have a number for each vehicle, shape (...,), and where three axes are meant (..., 3); such arrays are
     not to be changed afterwards.

@@ -8,6 +8,7 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.commands import Params, answer
+from mock_autopilot.geodesy import Origin
 from mock_autopilot.messages import Message
 from mock_autopilot.params import Param
 from mock_autopilot.px4 import Result
@@ -24,6 +25,7 @@ PARAMS_PER_TICK = 5
 """PARAM_REQUEST_LIST: 879 values in about 0.8 s."""
 BODY_FRD_FRAME = 12
 FASTEST_MPS = 1e3
+_ROUNDING_S = 1e-6
 
 
 class Receiver:
@@ -35,6 +37,7 @@ class Receiver:
         self._send = send
         self._listing: Iterator[Param] | None = None
         self._announce: list[tuple[float, str]] = []
+        self._later: list[tuple[float, Message]] = []
         self._handlers: dict[str, Callable[[Any], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -58,7 +61,9 @@ class Receiver:
             handler(message)
 
     def pop_due(self) -> list[Message]:
-        """Parameter values that go out over time: the list, and the unasked repetition after a change."""
+        """What goes out over time: second ACKs, the list of parameters, and the unasked repetition after a change."""
+        acks = [message for at_s, message in self._later if self._world.uptime_s >= at_s - _ROUNDING_S]
+        self._later = [one for one in self._later if self._world.uptime_s < one[0] - _ROUNDING_S]
         due = [name for at_s, name in self._announce if self._world.uptime_s >= at_s]
         self._announce = [(at_s, name) for at_s, name in self._announce if self._world.uptime_s < at_s]
         out = [self._value(param) for name in due if (param := self._params.find(name)) is not None]
@@ -68,7 +73,7 @@ class Receiver:
                 self._listing = None
             else:
                 out.append(self._value(param))
-        return out
+        return [*acks, *out]
 
     # -- commands --------------------------------------------------------------------------------
 
@@ -85,18 +90,20 @@ class Receiver:
         for message in reply.messages:
             self._send(message)
         for result in reply.results:
-            self._ack(m.command, result, m)
-
-    def _ack(self, command: int, result: Result, to: Any) -> None:
-        system, component = to.get_srcSystem(), to.get_srcComponent()
-        self._send(mavlink.MAVLink_command_ack_message(command, int(result), 0, 0, system, component))
+            self._send(_ack(m.command, result, m))
+        if reply.later is not None:
+            after_s, ack = self._world.timing.second_ack_s(), _ack(m.command, reply.later, m)
+            if after_s:
+                self._later.append((self._world.uptime_s + after_s, ack))
+            else:
+                self._send(ack)
 
     def _set_mode(self, m: Any) -> None:
         """The legacy message: one ACK, for DO_SET_MODE."""
         if m.target_system != SYSTEM:
             return
         main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
-        self._ack(SET_MODE_COMMAND, self._world.vehicle.set_mode(m.base_mode, main, sub), m)
+        self._send(_ack(SET_MODE_COMMAND, self._world.vehicle.set_mode(m.base_mode, main, sub), m))
 
     # -- setpoints and poses ---------------------------------------------------------------------
 
@@ -109,7 +116,7 @@ class Receiver:
 
     def _set_origin(self, m: Any) -> None:
         if m.target_system in {BROADCAST, SYSTEM}:
-            self._world.vehicle.set_origin()
+            self._world.vehicle.set_origin(Origin(m.latitude / 1e7, m.longitude / 1e7, m.altitude / 1e3))
             for origin in self._streams.request(GPS_GLOBAL_ORIGIN, self._world):
                 self._send(origin)
 
@@ -168,6 +175,11 @@ class Receiver:
     def _timesync(self, m: Any) -> None:
         if m.tc1 == 0:
             self._send(mavlink.MAVLink_timesync_message(round(self._world.uptime_s * 1e9), m.ts1))
+
+
+def _ack(command: int, result: Result, to: Any) -> Message:
+    system, component = to.get_srcSystem(), to.get_srcComponent()
+    return mavlink.MAVLink_command_ack_message(command, int(result), 0, 0, system, component)
 
 
 def _yaw(q: Any) -> float:

@@ -33,11 +33,13 @@ DEFAULTS = (
     Stream(33, 50.0, g.global_position_int),
     Stream(36, 10.0, m.servo_output_raw),
     Stream(42, 1.0, m.mission_current, 0.8),
+    Stream(65, 0.0, m.rc_channels),
     Stream(74, 10.0, m.vfr_hud),
     Stream(83, 10.0, m.attitude_target),
     Stream(85, 10.0, m.position_target_local_ned),
     Stream(105, 50.0, m.highres_imu),
     Stream(111, 10.0, m.timesync),
+    Stream(115, 0.0, g.hil_state_quaternion),
     Stream(141, 10.0, m.altitude_message),
     Stream(147, 0.5, m.battery_status, 2.0),
     Stream(230, 1.0, m.estimator_status, 1.0),
@@ -68,8 +70,9 @@ class Streams:
 
     def __init__(self) -> None:
         self._streams = {stream.id: stream for stream in DEFAULTS}
-        self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in DEFAULTS}
-        self._due_s = {stream.id: stream.first_s for stream in DEFAULTS}
+        streaming = [stream for stream in DEFAULTS if stream.rate_hz > 0.0]
+        self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in streaming}
+        self._due_s = {stream.id: stream.first_s for stream in streaming}
         self._sent_s: dict[int, float] = {}
         self._status: tuple[object, ...] = ()
         self._status_s, self._status_is_new = -1.0, False
@@ -115,7 +118,7 @@ class Streams:
         stream = self._streams.get(id_)
         if stream is None or id_ == HEARTBEAT:
             return False
-        if interval_us < 0:
+        if interval_us < 0 or (interval_us == 0 and stream.rate_hz == 0.0):
             self._due_s.pop(id_, None)
             return True
         self._interval_s[id_] = interval_us / 1e6 if interval_us > 0 else 1.0 / stream.rate_hz

@@ -14,12 +14,14 @@ from mock_autopilot.battery import Battery
 from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, Commander, Situation
 from mock_autopilot.estimator import Estimator, Motion
 from mock_autopilot.fault_autopilot import HEALTHY, rolled
+from mock_autopilot.geodesy import Origin, simulators_home
 from mock_autopilot.land_detector import LandDetector
 from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
 from mock_autopilot.px4 import AUTO_MAIN_MODE, LandedState, Mode, Position, Result, Severity, SystemStatus, Text
 from mock_autopilot.quaternion import Array
 from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
+from mock_autopilot.timing import Timing
 from mock_autopilot.vision import VisionSample
 
 COMMANDER_PERIOD_S = 0.02
@@ -32,9 +34,13 @@ PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.TAKEOFF, Mode.LAND, Mode.RTL
 class Vehicle:
     """One PX4 from its boot on."""
 
-    def __init__(self, params: ParamTable, rng: np.random.Generator, start_yaw_rad: float = 0.0) -> None:
+    def __init__(
+        self, params: ParamTable, rng: np.random.Generator, timing: Timing, start_yaw_rad: float = 0.0
+    ) -> None:
         self.params = params
-        self.commander = Commander(params)
+        self._timing = timing
+        self._later_texts: list[tuple[float, Text]] = []
+        self.commander = Commander(params, timing.checks_pass_s())
         self.estimator = Estimator(params, rng, start_yaw_rad)
         self.pilot = Pilot(params)
         self.land_detector = LandDetector(params)
@@ -43,6 +49,8 @@ class Vehicle:
         self._remote = False
         self.followed = Followed()
         self.home: Position | None = None
+        self.origin = simulators_home(params)
+        """Where the local frame lies on earth, as far as that is known."""
         self.now_s = 0.0
         self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
         self._setpoint_at_s = -math.inf
@@ -51,6 +59,7 @@ class Vehicle:
         self._piloted: tuple[Mode, bool] | None = None
         self._floor_z_m = 0.0
         self._takeoff_z_m = math.nan
+        self._failure_told = False
         self._asked: tuple[object, ...] = ()
         self._answer = Demand(self.felt.q_ned_frd_wxyz, None, 0.0, motors_on=False)
 
@@ -66,9 +75,10 @@ class Vehicle:
         """An external pose."""
         self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
 
-    def set_origin(self) -> None:
+    def set_origin(self, origin: Origin) -> None:
         """SET_GPS_GLOBAL_ORIGIN."""
         if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
+            self.origin = origin
             self.estimator.set_origin(self.now_s)
             self._say(Severity.CRITICAL, "Preflight Fail: horizontal position unstable")
 
@@ -88,10 +98,14 @@ class Vehicle:
     def take_off(self, above_sea_m: float = math.nan) -> Result:
         """NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
         result = self.commander.choose(Mode.TAKEOFF, self.situation)
-        self._takeoff_z_m = self.params["SIH_LOC_H0"] - above_sea_m
-        if result is Result.ACCEPTED and self.commander.armed and math.isnan(above_sea_m):
-            height_m = self.params["MIS_TAKEOFF_ALT"]
-            self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+        self._takeoff_z_m = self.origin.above_sea_m - above_sea_m
+        if result is Result.ACCEPTED and self.commander.armed:
+            self._piloted = None  # from here, also when it takes off already
+            if math.isnan(above_sea_m):
+                height_m = self.params["MIS_TAKEOFF_ALT"]
+                self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+            elif self._takeoff_z_m > self.estimator.position_m[2]:
+                self._say(Severity.CRITICAL, "Already higher than takeoff altitude")
         return result
 
     def land(self) -> Result:
@@ -167,7 +181,7 @@ class Vehicle:
         """EXTENDED_SYS_STATE.landed_state."""
         if self.land_detector.landed:
             return LandedState.ON_GROUND
-        if self.mode is Mode.TAKEOFF:
+        if self.mode is Mode.TAKEOFF and self.pilot.takes_off:
             return LandedState.TAKING_OFF
         if self.mode is Mode.LAND or (self.mode is Mode.RTL and self.pilot.descending):
             return LandedState.LANDING
@@ -232,7 +246,17 @@ class Vehicle:
             self._fly()
         return self._demand()
 
+    def _speak_later(self) -> None:
+        """Say what was to come some time after something else."""
+        due = [text for at_s, text in self._later_texts if self.now_s >= at_s]
+        self._later_texts = [(at_s, text) for at_s, text in self._later_texts if self.now_s < at_s]
+        self.commander.texts += due
+
     def _command(self) -> None:
+        self._speak_later()
+        if self.estimator.navigation_failed and not self._failure_told:
+            self._say(Severity.CRITICAL, "Navigation failure! Land and recalibrate sensors")
+        self._failure_told = self.estimator.navigation_failed
         climb_controlled = self.mode is not Mode.OFFBOARD
         throttle = self.pilot.signal if climb_controlled else self.followed.signal
         down_mps = self.estimator.velocity_mps[2]
@@ -278,10 +302,11 @@ class Vehicle:
         if away_m > self.params["RTL_MIN_DIST"]:
             height_m = max(height_m, self.params["RTL_RETURN_ALT"])
         self.pilot.home_in(home, home.z_m - height_m)
-        above_sea_m = self.params["SIH_LOC_H0"] - home.z_m + height_m
+        above_sea_m = self.origin.above_sea_m - home.z_m + height_m
         self._say(Severity.INFO, f"RTL: start return at {above_sea_m:.0f} m ({height_m:.0f} m above destination)")
         if away_m <= self.params["RTL_MIN_DIST"]:
-            self._say(Severity.INFO, "RTL: land at destination")
+            text = Text(Severity.INFO, "RTL: land at destination\t")
+            self._later_texts.append((self.now_s + self._timing.return_text_s(), text))
 
     def _demand(self) -> Demand:
         offboard = self.mode is Mode.OFFBOARD

@@ -27,6 +27,7 @@ from mock_autopilot.plant import PlantState, Wrench
 from mock_autopilot.plant_one import OneActuation, OneState
 from mock_autopilot.quaternion_one import Three
 from mock_autopilot.servo_rack import ServoRack
+from mock_autopilot.timing import Timing
 from mock_autopilot.truth import Truth
 from mock_autopilot.vehicle import Vehicle
 
@@ -48,7 +49,8 @@ class World:
         self._start_m = tuple(self._start.tolist())
         self._in_floats = self._state, plant_one.in_floats(self._state)
         self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
-        self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, start.start_yaw_rad)
+        self.timing = Timing(seed)
+        self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, self.timing, start.start_yaw_rad)
         self._vehicle_rng, self._booted_s, self.boots = vehicle_rng, 0.0, 1
         self._full_thrust_n = self._params.max_thrust_n
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
@@ -175,7 +177,7 @@ class World:
             self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
         if before.powered and not after.powered:
             params, yaw_rad = self.vehicle.params, float(quat.yaw_of(self._state.q_ned_frd_wxyz))
-            self.vehicle = Vehicle(params, self._vehicle_rng, yaw_rad)
+            self.vehicle = Vehicle(params, self._vehicle_rng, self.timing, yaw_rad)
         if after.powered and not before.powered:
             self._booted_s, self.boots = self.time_s, self.boots + 1
         self.vehicle.troubles = after

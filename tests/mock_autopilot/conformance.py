@@ -40,10 +40,11 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
 - It has a distance sensor, as the recorded simulator, and lands slowly with it unless EKF2_RNG_CTRL is 0.
 - The attitude loop is a second-order response behind a torque lag and 14 ms of delay, fitted to the step responses
   of section l. Torques have no limit.
-- Drag is the airframe's; section l uses the recorded simulator's (1 kg, 20 N, 0.9 N per m/s). The record has an
-  offset of 0.5 m/s2 at low thrust that the mock lacks.
+- Drag is the airframe's; section l uses the recorded simulator's (1 kg, 20 N, 1 N per m/s). The mock's own vehicle, of
+  4.85 kg, has half as much for its weight: its thrust steps are 20 to 60 % faster.
 - Return is climb, straight line, land; take-off has no smoothed trajectory.
-- ODOMETRY is taken as local NED whatever its frame_id; a position beyond 100 km is ignored.
+- ODOMETRY is taken as local NED whatever its frame_id; a position beyond 100 km is ignored. Velocities in it that
+  contradict its positions for 2 s in the air end the local position, as PX4's estimator checks do, until it stands.
 - Not simulated: EVENT messages, missions, geofence, remote control, battery failsafe, MAVLink FTP, log download,
   position and velocity setpoints in OFFBOARD.
 """

@@ -4,7 +4,7 @@ from functools import cache
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from tests.mock_autopilot.bench import Bench
+from tests.mock_autopilot.bench import SIH_PLANT, Bench
 from tests.mock_autopilot.fact import acks, near, same, state
 
 DENIED_TEXT = "Arming denied: Resolve system health failures first"
@@ -21,8 +21,8 @@ def _booted() -> Bench:
     return bench
 
 
-def _arm_at(seconds_after_heartbeat: float) -> str:
-    bench = Bench()
+def _arm_at(seconds_after_heartbeat: float, seed: int = 1) -> str:
+    bench = Bench(seed=seed)
     bench.run(1.0 + seconds_after_heartbeat)
     return acks(bench.arm())
 
@@ -69,6 +69,23 @@ def _mode(main: int, sub: int = 0, base: float = 1.0) -> str:
     bench = _ready()
     results = bench.command(176, base, float(main), float(sub))
     return f"{acks(results)}; {state(bench.heartbeat())}"
+
+
+@cache
+def _ack_gaps() -> list[float]:
+    """Milliseconds between both ACKs of 30 mode commands, sorted."""
+    bench = _ready()
+    gaps = []
+    for _ in range(30):
+        since_s = bench.now_s
+        bench.mode(4, 3)
+        first, second = (sent.time_s for sent in bench.all("COMMAND_ACK", since_s))
+        gaps.append(1e3 * (second - first))
+    return sorted(gaps)
+
+
+def _late_share() -> float:
+    return sum(gap > 3.0 for gap in _ack_gaps()) / len(_ack_gaps())
 
 
 def _legacy() -> str:
@@ -187,6 +204,57 @@ def _landing_from_3_m() -> float:
     return bench.text_after("Landing detected", start)
 
 
+@cache
+def _takeoff_in_air() -> dict[str, float | str]:
+    """NAV_TAKEOFF while it holds its place 3 m above the ground, MIS_TAKEOFF_ALT 3 m, as in the record."""
+    bench = Bench({"MIS_TAKEOFF_ALT": 3.0})
+    bench.run(4.2)
+    bench.fly_offboard(3.0)
+    bench.mode(4, 3)
+    bench.setpoint = None
+    bench.run(4.0)
+    start, before_m = bench.now_s, -bench.world.truth.position_ned_m[2]
+    result = acks(bench.command(22))
+    lowest_m = before_m
+    while bench.now_s < start + 2.85:
+        bench.run(0.05)
+        lowest_m = min(lowest_m, -bench.world.truth.position_ned_m[2])
+    states = {s.message.landed_state for s in bench.all("EXTENDED_SYS_STATE", start)}
+    return {
+        "said": f"{result}: {bench.texts(start)[0][1]}; {state(bench.heartbeat())}; landed_state {max(states)}",
+        "climbed": -bench.world.truth.position_ned_m[2] - before_m,
+        "sunk": before_m - lowest_m,
+    }
+
+
+@cache
+def _landing_from_25_m() -> dict[str, float]:
+    bench = Bench(plant=SIH_PLANT)
+    bench.run(4.2)
+    bench.fly_offboard(24.0, thrust=0.4905)
+    bench.target(0.45)
+    while -bench.world.truth.position_ned_m[2] > 24.9 and bench.now_s < 60.0:
+        bench.run(0.05)
+    bench.setpoint = None
+    start = bench.now_s
+    bench.command(21)
+    speeds: dict[float, float] = {}
+    while bench.world.vehicle.armed and bench.now_s < start + 60.0:
+        bench.run(0.1)
+        for height_m in (15.0, 7.6, 3.0):
+            if -bench.world.vehicle.estimate.position_m[2] < height_m:
+                speeds.setdefault(height_m, bench.world.vehicle.estimate.velocity_mps[2])
+    return {"landed": bench.text_after("Landing detected", start), **{f"{h:g}": v for h, v in speeds.items()}}
+
+
+def _prearm_while_landing() -> str:
+    bench = _hovering()
+    bench.command(21)
+    since_s = bench.now_s + 0.5
+    bench.run(4.0)
+    return f"{all(s.message.onboard_control_sensors_health & 0x10000000 for s in bench.all('SYS_STATUS', since_s))}"
+
+
 def _takeoff_text() -> str:
     bench = _ready()
     bench.arm()
@@ -204,7 +272,9 @@ ACC2 = "ACCEPTED, ACCEPTED"
 FACTS = (
     same("a-0s", "arm with the first HEARTBEAT", "TEMPORARILY_REJECTED", lambda: _arm_at(0.0)),
     same("a-2s", "arm 2 s after it", "TEMPORARILY_REJECTED", lambda: _arm_at(2.0)),
-    same("a-3s", "arm 3 s after it", "ACCEPTED", lambda: _arm_at(3.0)),
+    same("a-3s", "arm 3.1 s after it, in a boot as most", "ACCEPTED", lambda: _arm_at(3.1)),
+    same("a-late", "arm 4.9 s after it, in a boot as one of four", "TEMPORARILY_REJECTED", lambda: _arm_at(4.9, 9)),
+    same("a-5s", "arm 5.4 s after it, in such a boot", "ACCEPTED", lambda: _arm_at(5.4, 9)),
     same("a-text", "the text of a refusal", DENIED_TEXT, _denied_text),
     same("a-armed", "armed in Hold", "157, 4/3, 4: Armed by external command", _armed_state),
     same("a-arm-twice", "arm while armed", "ACCEPTED, 0 texts", lambda: _again(1.0)),
@@ -227,6 +297,11 @@ FACTS = (
         _offboard_without_stream,
     ),
     same("b-two-acks", "DO_SET_MODE OFFBOARD, disarmed: ACKs and state", f"{ACC2}; 1, 6/0, 0", lambda: _mode(6)),
+    near(
+        "b-ack-first", "the second ACK after the first, shortest of 30", "0.1 ms", lambda: _ack_gaps()[0], (0, 1), "ms"
+    ),
+    near("b-ack-last", "and longest", "12.3 ms", lambda: _ack_gaps()[-1], (11, 13.5), "ms"),
+    near("b-ack-next", "share of them that come after 3 ms", "0.7", _late_share, (0.5, 0.9), ""),
     same("b-ready", "OFFBOARD with attitude stream, disarmed", "17, 6/0, 3", lambda: _offboard(arm=False)),
     same("b-armed", "OFFBOARD with attitude stream, armed", "145, 6/0, 4", _offboard),
     same("b-rates", "OFFBOARD armed, type_mask 128 (rates only)", "129, 6/0, 4", lambda: _offboard(mask=128)),
@@ -283,6 +358,27 @@ FACTS = (
         _landing_from_3_m,
         (9.0, 13.5),
     ),
+    near(
+        "g-landed-25",
+        "from 25 m: landing detected after NAV_LAND",
+        "27.3 s",
+        lambda: _landing_from_25_m()["landed"],
+        (24.0, 30.0),
+    ),
+    near("g-sink-15", "sinking at 15 m", "1.5 m/s", lambda: _landing_from_25_m()["15"], (1.35, 1.65), "m/s"),
+    near("g-sink-8", "at 7.6 m", "1.03 m/s", lambda: _landing_from_25_m()["7.6"], (0.9, 1.25), "m/s"),
+    near("g-sink-3", "at 3 m", "0.67 m/s", lambda: _landing_from_25_m()["3"], (0.6, 0.85), "m/s"),
+    same("g-prearm", "SYS_STATUS keeps the prearm bit while it lands", "True", _prearm_while_landing),
+    same(
+        "g-air",
+        "NAV_TAKEOFF while flying",
+        "ACCEPTED: Using default takeoff altitude: 3.0 m; 157, 4/2, 4; landed_state 2",
+        lambda: str(_takeoff_in_air()["said"]),
+    ),
+    near(
+        "g-air-climb", "climbs on: 2.85 s later", "1.95 m", lambda: float(_takeoff_in_air()["climbed"]), (1.4, 2.6), "m"
+    ),
+    near("g-air-sink", "and sinks before by", "under 0.05 m", lambda: float(_takeoff_in_air()["sunk"]), (0, 0.05), "m"),
     near("g-disarmed-after", "disarmed after the landing", "2.0 to 2.2 s", lambda: _takeoff()["disarmed"], (1.9, 2.3)),
     near("g-mode-after", "then Hold, ready", "1", lambda: _takeoff()["mode after"], (1, 1), ""),
 )

@@ -150,7 +150,7 @@ FACTS = (
             f"thrust {u:g} from hover: mean dvz/dt from 0.25 to 0.7 s",
             f"{a:+.1f} m/s2",
             partial(_acceleration, u),
-            (a - 1.2, a + 1.2),
+            (a - max(0.35, 0.08 * abs(a)), a + max(0.35, 0.08 * abs(a))),
             "m/s2",
         )
         for u, a in THRUST.items()

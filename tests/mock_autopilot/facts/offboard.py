@@ -32,6 +32,20 @@ def _loss(action: int, timeout_s: float) -> tuple[float, str, str]:
     return bench.text_after("Failsafe activated", start), state(bench.heartbeat()), bench.texts(start)[-1][1]
 
 
+def _return_texts() -> float:
+    """Seconds between both texts of Return next to home, the mean of eight."""
+    gaps = []
+    for drawn_before in range(8):
+        bench = _flying()
+        for _ in range(drawn_before):  # each flight from another state of the same chance
+            bench.world.timing.return_text_s()
+        bench.setpoint = None
+        start = bench.now_s
+        bench.run(1.6)
+        gaps.append(bench.text_after("RTL: land at destination", start) - bench.text_after("RTL: start return", start))
+    return sum(gaps) / len(gaps)
+
+
 def _gap(gap_s: float) -> str:
     bench = _flying()
     target, bench.setpoint = bench.setpoint, None
@@ -165,6 +179,13 @@ FACTS = (
     same("c-obl5-state", "OBL 5: Hold", "157, 4/3, 5", lambda: _loss(5, 0.5)[1]),
     near("c-obl7", "OBL 7, T 0.5: text", "0.52 s", lambda: _loss(7, 0.5)[0], (0.48, 0.62)),
     same("c-obl7-state", "OBL 7: motors off in the air", "17, 6/0, 0", lambda: _loss(7, 0.5)[1]),
+    near(
+        "c-rtl-texts",
+        "Return next to home: its second text after the first",
+        "0.05 to 0.15 s",
+        _return_texts,
+        (0.04, 0.2),
+    ),
     same("c-obl7-text", "OBL 7: and says so", "Disarmed by failsafe", lambda: _loss(7, 0.5)[2]),
     same("c-gap-0.8", "a gap of 0.8 s with T 1.0", "no reaction", lambda: _gap(0.8)),
     same("c-gap-1.3", "a gap of 1.3 s with T 1.0", "failsafe", lambda: _gap(1.3)),

@@ -9,6 +9,7 @@ from mock_autopilot import quaternion as quat
 from tests.mock_autopilot.bench import NO_GPS, Bench
 from tests.mock_autopilot.fact import acks, near, same, state
 
+NAN = math.nan
 FLAG_PREDICTED, FLAG_SPEED, FLAG_POSITION = 256, 2, 8
 
 
@@ -172,6 +173,55 @@ def _origin_hold() -> dict[str, str | float]:
     }
 
 
+def _origin_answer() -> str:
+    """What SET_GPS_GLOBAL_ORIGIN is answered with: a place that is not the simulator's."""
+    bench = _bench()
+    bench.hear(mavlink.MAVLink_set_gps_global_origin_message(1, -338567000, 1512150000, 20500))
+    bench.run(0.1)
+    m = bench.all("GPS_GLOBAL_ORIGIN")[-1].message
+    home_s = bench.now_s
+    bench.run(1.5)
+    at = bench.all("GLOBAL_POSITION_INT", home_s)[-1].message
+    return f"{m.latitude}, {m.longitude}, {m.altitude}; position near it: {abs(at.lat - m.latitude) < 100}"
+
+
+def _see_odometry(bench: Bench, for_s: float, velocity_share: float) -> None:
+    """Stream ODOMETRY at 50 Hz: true poses, and so much of the true velocity."""
+    end_s = bench.now_s + for_s
+    while bench.now_s < end_s - 1e-6:
+        truth = bench.world.truth
+        q = truth.q_ned_frd_wxyz
+        body = velocity_share * quat.to_matrix(q).T @ truth.velocity_ned_mps
+        bench.hear(
+            mavlink.MAVLink_odometry_message(
+                0, 1, 12, *truth.position_ned_m.tolist(), q.tolist(), *body.tolist(), 0, 0, 0, [NAN] * 21, [NAN] * 21
+            )
+        )
+        bench.run(0.02)
+
+
+@cache
+def _moving(velocity_share: float) -> dict[str, str]:
+    """Vision by ODOMETRY; fly 2 m/s for 4 s, ask for Hold, let the setpoints stop."""
+    bench = _bench()
+    _set_origin(bench)
+    _see_odometry(bench, 5.0, velocity_share)
+    bench.vision = False
+    bench.target(0.6)
+    bench.run(0.1)
+    bench.mode(6)
+    bench.arm()
+    _see_odometry(bench, 1.0, velocity_share)
+    bench.target(0.505, tuple(quat.from_euler(0.0, -0.2, 0.0).tolist()))
+    start = bench.now_s
+    _see_odometry(bench, 4.0, velocity_share)
+    said = "; ".join(text for _, text in bench.texts(start)) or "no text"
+    held = acks(bench.mode(4, 3))
+    bench.setpoint = None
+    _see_odometry(bench, 2.0, velocity_share)
+    return {"text": said, "hold": held, "then": state(bench.heartbeat())}
+
+
 FACTS = (
     near("h-streams", "no vision: LOCAL_POSITION_NED streams all the same", "30 Hz", _streams_on, (29, 31), "Hz"),
     near(
@@ -198,6 +248,24 @@ FACTS = (
         "SET_GPS_GLOBAL_ORIGIN: text",
         "Preflight Fail: horizontal position unstable",
         lambda: str(_origin_hold()["text"]),
+    ),
+    same(
+        "h-origin-answer",
+        "and GPS_GLOBAL_ORIGIN, with the place that was given",
+        "-338567000, 1512150000, 20500; position near it: True",
+        _origin_answer,
+    ),
+    same(
+        "h-odometry",
+        "ODOMETRY with true velocities: Hold, from OFFBOARD at 2 m/s",
+        "ACCEPTED, ACCEPTED; 157, 4/3, 4",
+        lambda: f"{_moving(1.0)['hold']}; {_moving(1.0)['then']}",
+    ),
+    same(
+        "h-odometry-wrong",
+        "ODOMETRY with velocities of 0 while moving: Hold, then no setpoints",
+        "ACCEPTED, TEMPORARILY_REJECTED; 209, 2/0, 5",
+        lambda: f"{_moving(0.0)['hold']}; {_moving(0.0)['then']}",
     ),
     near("h-origin-flags", "flags with an origin", "511", lambda: float(_origin_hold()["flags"]), (511, 511), ""),
     near("h-origin-ready", "armable in Hold after it", "4 to 5 s", lambda: float(_origin_hold()["ready"]), (3.5, 5.5)),
