@@ -3,8 +3,8 @@
 import numpy as np
 
 SEED = 1219
-"""Beside the world's own seed, so that what else is random does not depend on these draws. With this one the worlds 1 to
-8 boot as most recorded ones did, and the ninth as the others."""
+"""Beside the world's own seed, so that what else is random does not depend on these draws. With this one the worlds
+1 to 8 boot as most recorded ones did, and the ninth as the others."""
 
 CHECKS_S, CHECKS_SPREAD_S = 4.0, 0.3
 """Boot to arming: 3.0 to 3.3 s after the first HEARTBEAT, which comes at 1.0 s, in nine of twelve recorded boots."""

@@ -47,8 +47,8 @@ async def carry(running: Running, console: Console) -> tuple[Check, ...]:
 
 
 def _tell(console: Console, check: Check) -> None:
-    word, style = ("right", "green") if check.passed else ("wrong", "red")
-    text = f": {check.says}{f'; {check.todo}' if check.todo else ''}"
+    word, style = ("ok", "green") if check.passed else ("wrong", "red")
+    text = f": {check.says}" if check.passed else f": {check.says}; {check.todo}"
     console.print(Text.assemble("  ", (word, style), text), soft_wrap=True)
 
 

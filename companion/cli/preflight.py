@@ -19,7 +19,7 @@ from rich.text import Text
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.mqtt import open_bus
 from companion.bus.commands import Command
-from companion.by_hand_file import write_kept
+from companion.by_hand_file import check_can_keep, kept_file, write_kept
 from companion.cli.asked import FAILED, INTERRUPTED
 from companion.cli.by_hand import carry
 from companion.cli.options import VehicleConfigFile, vehicle_settings
@@ -39,6 +39,7 @@ from companion.trajectory_files import Curve, trajectory_named
 
 _PARAMETER = re.compile(r"[A-Z0-9]+(?:_[A-Z0-9]+)+")
 """Names of checks that are one parameter each."""
+CARRIED = "carried by hand: passed. Nothing else was looked at: `companion preflight` says whether it may arm"
 _FEW = 3
 _GLANCE = 12
 """A longer list says at its end once more what is wrong."""
@@ -75,7 +76,10 @@ def preflight(
     except KeyboardInterrupt:
         console.print("[yellow]interrupted[/]")
         raise typer.Exit(INTERRUPTED) from None
-    show(checks, console, as_json)
+    if by_hand:
+        show(checks, console, as_json, CARRIED, "fail: carried by hand does not pass")
+    else:
+        show(checks, console, as_json)
     raise typer.Exit(FAILED if any(check.refuses for check in checks) else 0)
 
 
@@ -120,7 +124,11 @@ def _refuse(command: Command, _: object) -> None:
 
 
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:
-    """Have the vehicle carried, and keep that it was if all is right. FlightError while it is armed."""
+    """Have the vehicle carried, and keep that it was if all is right.
+
+    Raises FlightError while it is armed, and ConfigError where that could not be kept.
+    """
+    check_can_keep(config.preflight)
     async with open_onlooker(config, out, forward_vision=True) as (running, _):
         await settle(running, config.preflight)
         if running.autopilot.status().armed:
@@ -129,6 +137,8 @@ async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -
     if all(check.passed for check in checks):
         path = write_kept(config.preflight, Kept(config.mocap.body, datetime.now(tz=UTC)))
         console.print(f"kept in {path}", markup=False, highlight=False, soft_wrap=True)
+    else:
+        console.print(f"not kept in {kept_file(config.preflight)}", markup=False, highlight=False, soft_wrap=True)
     return checks
 
 
@@ -141,7 +151,8 @@ def show(
 ) -> None:
     """The table, what failed once more at its end, and what it means; or JSON on standard output."""
     if as_json:
-        typer.echo(json.dumps([asdict(check) for check in checks], indent=2))
+        told = (replace(check, todo="") if check.passed else check for check in checks)
+        typer.echo(json.dumps([asdict(check) for check in told], indent=2))
         return
     console.print(_table(_gathered(checks), with_todo=len(checks) <= _GLANCE))
     wrong = [check for check in checks if not check.passed]

@@ -196,7 +196,9 @@ def judge_together(seen: Mapping[Move, Moved]) -> Check:
     if not np.isfinite(turned).all() or np.linalg.det(turned) < 0.0:
         return Check(name, False, says, "the autopilot's frame is mirrored: who converts its poses besides this?")
     same = all(_angle_rad(row, axis) <= _OFF_RAD for row, axis in zip(turned, np.eye(3), strict=True))
-    return Check(name, same, says, "the autopilot's frame is turned: take the heading from vision alone")
+    return Check(
+        name, same, says, "" if same else "the autopilot's frame is turned: take the heading from vision alone"
+    )
 
 
 def _turn(seen: Moved) -> str:
@@ -234,16 +236,22 @@ class Kept:
     """The rigid body's name in QTM."""
     when: datetime
     """With its time zone."""
+    file: str = ""
+    """Where that is kept."""
 
 
-def check_kept(kept: Kept | None, body: str, now: datetime, within_h: float) -> Check:
-    """Whether the vehicle was carried by hand not long ago; `within_h` = 0: nobody asks for it."""
+def check_kept(kept: Kept | str, body: str, now: datetime, within_h: float) -> Check:
+    """Return whether the vehicle was carried by hand not long ago; `within_h` = 0: nobody asks for it.
+
+    Where nothing is kept, `kept` is the reason.
+    """
     todo = "run `companion preflight --by-hand`, anew whenever the body in QTM, the room or the autopilot has changed"
     name = "carried by hand"
     if within_h <= 0.0:
         return Check(name, True, "not asked for (preflight.by_hand_within_h = 0)")
-    if kept is None:
-        return Check(name, False, "never", todo)
+    if isinstance(kept, str):
+        return Check(name, False, kept, todo)
     ago_h = (now - kept.when).total_seconds() / 3600.0
     good = kept.body == body and 0.0 <= ago_h <= within_h
-    return Check(name, good, f"{kept.body!r} {ago_h:.1f} h ago, {body!r} within {within_h:g} h wanted", todo)
+    says = f"{kept.body!r} {ago_h:.1f} h ago, {body!r} within {within_h:g} h wanted"
+    return Check(name, good, says if good else f"{says} (in {kept.file})", todo)

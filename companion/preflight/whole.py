@@ -40,7 +40,8 @@ class Facts:
     """The autopilot's, by name; those that it did not tell are left out."""
     arms: ArmsSeen | None
     machine: MachineSeen
-    kept: Kept | None
+    kept: Kept | str
+    """When it was carried by hand; the reason where that is not known."""
     operator_age_s: float
     """Since the operator's broker last answered; 0 while it does, and where none is configured."""
 

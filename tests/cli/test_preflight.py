@@ -3,6 +3,7 @@
 import asyncio
 import io
 import json
+import os
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,11 +14,12 @@ import pytest
 from rich.console import Console
 
 from companion.adapters.instance_lock import instance_lock
-from companion.by_hand_file import read_kept, write_kept
+from companion.by_hand_file import check_can_keep, kept_file, read_kept, write_kept
 from companion.cli.mock_process import free_ports
-from companion.cli.preflight import carry_and_keep, show
+from companion.cli.preflight import CARRIED, carry_and_keep, show
 from companion.config import load_config
 from companion.config_preflight import PreflightConfig
+from companion.errors import ConfigError
 from companion.preflight.by_hand import Kept, Move, check_kept
 from companion.preflight.check import Check
 from mock_autopilot.dynamixel_packets import Instruction, Packet
@@ -284,16 +286,65 @@ async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_
     assert [check.name for check in checks] == ["by hand: lift", "by hand: forward", "by hand: left", "by hand: frames"]
     assert [check for check in checks if not check.passed] == []
     kept = read_kept(wanted)
-    assert kept is not None
     assert check_kept(kept, "dauam", datetime.now(tz=UTC), wanted.by_hand_within_h).passed
+    show(checks, Console(file=said, width=300), as_json=False, good=CARRIED)
+    answers = [line.strip() for line in said.getvalue().splitlines() if line.strip().startswith(("ok", "wrong"))]
+    assert [answer.split(":")[0] for answer in answers] == ["ok"] * 4, said.getvalue()
+    assert "take the heading" not in said.getvalue()
+    assert f"kept in {real.config.parent / 'state' / 'by_hand.json'}" in said.getvalue()
+    assert said.getvalue().endswith(
+        "carried by hand: passed. Nothing else was looked at: `companion preflight` says whether it may arm\n"
+    )
 
 
 def test_when_it_was_carried_is_kept(tmp_path: Path) -> None:
     wanted = PreflightConfig(state_folder=str(tmp_path / "state"))
-    assert read_kept(wanted) is None
-    kept = Kept("dauam", datetime(2026, 5, 1, 12, 0, tzinfo=UTC))
-    path = write_kept(wanted, kept)
+    path = kept_file(wanted)
+    assert read_kept(wanted) == f"never: there is no {path}"
+    kept = Kept("dauam", datetime(2026, 5, 1, 12, 0, tzinfo=UTC), str(path))
+    assert write_kept(wanted, kept) == path
     assert read_kept(wanted) == kept
     for nonsense in ("", "[]", '{"body": "dauam"}', '{"body": "dauam", "when": "2026-05-01T12:00:00"}', "\x00"):
         path.write_text(nonsense)
-        assert read_kept(wanted) is None
+        assert read_kept(wanted) == f"{path} is damaged"
+    path.unlink()
+    path.mkdir()
+    assert read_kept(wanted) == f"{path} cannot be read (Is a directory)"
+
+
+def not_permitted(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Be a user who may not write below a folder, also as root."""
+    allowed = os.access
+    monkeypatch.setattr(
+        os,
+        "access",
+        lambda path, mode: allowed(path, mode) and not (mode == os.W_OK and folder in [path, *path.parents]),
+    )
+
+
+def test_who_may_not_keep_it_is_told_the_command_before_the_vehicle_is_carried(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wanted = PreflightConfig(state_folder=str(tmp_path))
+    check_can_keep(wanted)
+    not_permitted(monkeypatch, tmp_path)
+    monkeypatch.setattr(Path, "owner", lambda _: "dauam")
+    typed = ["/usr/local/bin/companion", "preflight", "--by-hand", "--config", "/etc/dauam/my file.toml"]
+    monkeypatch.setattr("sys.argv", typed)
+    with pytest.raises(ConfigError) as refused:
+        check_can_keep(wanted)
+    assert str(refused.value) == (
+        f"cannot keep that the vehicle was carried in {tmp_path}/by_hand.json (preflight.state_folder): it belongs to "
+        "the vehicle's service; carry it as that user: `sudo -u dauam -H /usr/local/bin/companion preflight --by-hand "
+        "--config '/etc/dauam/my file.toml'`"
+    )
+
+
+def test_a_vehicles_state_folder_on_another_computer_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wanted = PreflightConfig(state_folder=str(tmp_path / "var" / "lib"))
+    check_can_keep(wanted)
+    not_permitted(monkeypatch, tmp_path)
+    with pytest.raises(
+        ConfigError, match=r"var/lib is not there and cannot be made by this user; run this on the vehicle"
+    ):
+        check_can_keep(wanted)

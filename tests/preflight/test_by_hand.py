@@ -255,7 +255,16 @@ def test_a_carry_counts_for_its_body_and_for_a_while() -> None:
     kept = Kept("dauam", NOW - timedelta(hours=3))
     assert check_kept(kept, "dauam", NOW, 24.0).passed
     assert not check_kept(kept, "dauam", NOW, 2.0).passed
+    stale = check_kept(Kept("dauam", NOW - timedelta(hours=30), "/var/lib/dauam/by_hand.json"), "dauam", NOW, 24.0)
+    assert stale.says == "'dauam' 30.0 h ago, 'dauam' within 24 h wanted (in /var/lib/dauam/by_hand.json)"
     assert not check_kept(kept, "drone", NOW, 24.0).passed
     assert not check_kept(Kept("dauam", NOW + timedelta(hours=1)), "dauam", NOW, 24.0).passed, "a clock that is wrong"
-    assert check_kept(None, "dauam", NOW, 24.0).refuses
-    assert check_kept(None, "dauam", NOW, 0.0).passed, "nobody asks for it"
+    never = check_kept("never: there is no /var/lib/dauam/by_hand.json", "dauam", NOW, 24.0)
+    assert (never.refuses, never.says) == (True, "never: there is no /var/lib/dauam/by_hand.json")
+    assert check_kept("never", "dauam", NOW, 0.0).passed, "nobody asks for it"
+
+
+def test_moves_that_are_right_end_without_a_remedy() -> None:
+    seen = {move: moved(carried(move)) for move in Move}
+    for check in (*(judge(move, seen[move]) for move in Move), judge_together(seen)):
+        assert (check.passed, check.todo) == (True, "")

@@ -75,7 +75,7 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"machine": replace(MACHINE, clock_resolution_s=0.004)}, "clock"),
         ({"machine": replace(MACHINE, clock_sane=False)}, "clock"),
         ({"machine": replace(MACHINE, realtime_priority=0)}, "real-time priority"),
-        ({"kept": None}, "carried by hand"),
+        ({"kept": "never: there is no /var/lib/dauam/by_hand.json"}, "carried by hand"),
         ({"kept": Kept("drone", ready().when)}, "carried by hand"),
     ],
 )
@@ -146,7 +146,7 @@ def test_a_setting_left_in_a_servo_is_a_warning_with_what_to_do() -> None:
 def test_warnings_do_not_refuse() -> None:
     facts = replace(ready(), machine=replace(MACHINE, clock_synchronised=False, realtime_priority=0))
     relaxed = PreflightConfig(realtime=False, by_hand_within_h=0.0)
-    checks = failed(replace(facts, kept=None), relaxed)
+    checks = failed(replace(facts, kept="never: there is no /var/lib/dauam/by_hand.json"), relaxed)
     assert [(check.name, check.must) for check in checks] == [
         ("clock synchronised", False),
         ("real-time priority", False),
@@ -172,7 +172,9 @@ def test_a_vehicle_without_arms_is_not_asked_for_them() -> None:
 
 
 def test_every_failed_check_stands_in_the_refusal() -> None:
-    facts = replace(ready(), kept=None, status=replace(STATUS, battery_fraction=0.1))
+    facts = replace(
+        ready(), kept="never: there is no /var/lib/dauam/by_hand.json", status=replace(STATUS, battery_fraction=0.1)
+    )
     text = refusal(check_all(facts, CONFIG, WANTED, RECOMMENDED))
     assert text.splitlines()[0] == "cannot arm: 2 preflight checks fail"
     assert "battery: 10%" in text
