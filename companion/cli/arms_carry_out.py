@@ -61,11 +61,19 @@ def carry_out(bench: Bench, wish: Wish, how: How) -> None:
 
 
 def _show(console: Console, bench: Bench, wish: Wish, start_rad: Array, how: How) -> None:
+    try:
+        _plan_and_show(console, bench, wish, start_rad, how)
+    except KeyboardInterrupt:
+        typer.echo(_UNMOVED, err=True)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _plan_and_show(console: Console, bench: Bench, wish: Wish, start_rad: Array, how: How) -> None:
     model, planned = bench.arms.model(), wish.plan_from(start_rad)
     numbers = preview(console, wish, planned, model, how.floor_z_m)
     if how.plot is not None:
         draw(how.plot, wish, planned, model, numbers)
-        console.print(f"plot {how.plot}", highlight=False, soft_wrap=True)
+        console.print(f"plot {how.plot}", markup=False, highlight=False, soft_wrap=True)
 
 
 async def _look(bench: Bench) -> ArmStatus:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from companion.arm_files import motion_named
@@ -70,7 +71,7 @@ def play_wish(file: str, arms: ArmsConfig, duration_s: float | None, times: int,
 def preview(console: Console, wish: Wish, planned: Plan, model: ArmModel, floor_z_m: float | None) -> MotionNumbers:
     """Print what will happen; returns it in numbers."""
     numbers = numbers_of(model, planned.trajectory, floor_z_m)
-    console.print(f"[bold]{wish.name}[/]: {numbers.duration_s:.1f} s", highlight=False, soft_wrap=True)
+    console.print(f"[bold]{escape(wish.name)}[/]: {numbers.duration_s:.1f} s", highlight=False, soft_wrap=True)
     for note in planned.notes:
         console.print(f"  {note}", highlight=False, soft_wrap=True, markup=False)
     console.print(_limits_table(model, numbers))

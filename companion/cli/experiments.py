@@ -13,8 +13,10 @@ from typing import Annotated, TypeVar
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from companion.cli import complete
 from companion.cli.asked import FAILED, INTERRUPTED, names_of, seeds_of
@@ -185,13 +187,13 @@ def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -
         for grid in grids:
             _print(grid, console)
             if grid.note not in told:
-                console.print(grid.note, end="\n\n", highlight=False)
+                console.print(grid.note, end="\n\n", markup=False, highlight=False)
             told.add(grid.note)
 
 
 def _print(grid: Grid, console: Console) -> None:
     table = Table(
-        title=grid.title,
+        title=escape(grid.title),
         title_justify="left",
         title_style="bold",
         box=SIMPLE_HEAD,
@@ -201,7 +203,7 @@ def _print(grid: Grid, console: Console) -> None:
     for index, name in enumerate(grid.columns):
         table.add_column(name, justify="right" if index else "left", no_wrap=True)
     for row in grid.rows:
-        table.add_row(*(f"[{tone}]{cell.text}[/]" if (tone := _TONES.get(cell.tone)) else cell.text for cell in row))
+        table.add_row(*(Text(cell.text, style=_TONES.get(cell.tone, "")) for cell in row))
     console.print(table)
 
 
@@ -230,7 +232,9 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
     sources = [Source(path, read_text(path)) for path in _files(campaign)]
     file = out / "report.html"
     file.write_text(page(chapters, sources, campaign.command), encoding="utf-8")
-    console.print(f"report [bold]{file}[/], figures beside it as PNG and PDF", soft_wrap=True, highlight=False)
+    console.print(
+        f"report [bold]{escape(str(file))}[/], figures beside it as PNG and PDF", soft_wrap=True, highlight=False
+    )
     return False
 
 
@@ -252,5 +256,5 @@ def _verdict(wholes: Sequence[Flown], console: Console) -> int:
             else f"outside its error limits with {flown.outside} of {count} seeds"
         )
         where = f"{label_of(flown.item.controller)} on {label_of(flown.item.experiment)}"
-        console.print(f"[red]{where}: {what}[/]", highlight=False)
+        console.print(Text(f"{where}: {what}", style="red"), highlight=False)
     return FAILED if bad else 0

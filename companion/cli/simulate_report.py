@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from companion.config_controller import LoadedController
@@ -90,7 +91,7 @@ def _verdict(flights: Flights) -> str:
 def _table(flights: Flights) -> Table:
     limits, seeds = flights.controller.error_limits, flights.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    title = f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which} (m)"
+    title = escape(f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which} (m)")
     table = Table(title=title, title_justify="left")
     for name in ("", "x", "y", "z", "limit"):
         table.add_column(name, justify="right" if name else "left")
@@ -150,7 +151,8 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
         title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
         plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
         np.savez_compressed(f"{path}.npz", **columns)  # type: ignore[arg-type]
-        console.print(f"plot [bold]{path}.png[/], record {path}.npz", soft_wrap=True)
+        shown = escape(str(path))
+        console.print(f"plot [bold]{shown}.png[/], record {shown}.npz", soft_wrap=True)
 
 
 def _joints_rad(flights: Flights) -> Array | None:

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -60,7 +61,8 @@ def sweep(
     except KeyboardInterrupt:
         kept = Parts(wanted, out / "parts").finished
         console.print(
-            f"[yellow]interrupted[/]: {kept} of {vehicles} vehicles are kept in {out}; the same command goes on",
+            f"[yellow]interrupted[/]: {kept} of {vehicles} vehicles are kept in {escape(str(out))}; the same command "
+            "goes on",
             soft_wrap=True,
         )
         raise typer.Exit(INTERRUPTED) from None
@@ -141,7 +143,8 @@ def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
     )
     write_part(out / f"{name}.npz", columns)
     plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
-    console.print(f"picture [bold]{out / name}.png[/] and .pdf, table {out / name}.npz", soft_wrap=True)
+    shown = escape(str(out / name))
+    console.print(f"picture [bold]{shown}.png[/] and .pdf, table {shown}.npz", soft_wrap=True)
 
 
 def _label(controller: str) -> str:

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress, TimeRemainingColumn
 from rich.table import Table
 
@@ -115,7 +116,7 @@ def tune(
             checked = _check(centres, plan, pool)
     except KeyboardInterrupt:
         kept = f"; their centres are in {out / 'generations.json'}" if told else ""
-        console.print(f"interrupted after {len(told)} generations{kept}")
+        console.print(f"interrupted after {len(told)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
     best = best_of(checked)
     _print(console, checked, best)
@@ -125,7 +126,7 @@ def tune(
             "[red]no centre held every vehicle[/]: nothing is written; search longer, or from a better --start"
         )
         raise typer.Exit(FAILED)
-    console.print(f"picture [bold]{out / 'front.png'}[/]", soft_wrap=True)
+    console.print(f"picture [bold]{escape(str(out / 'front.png'))}[/]", soft_wrap=True)
     if summary is not None:
         _summarise(checked, summary)
     if write is not None:
@@ -138,7 +139,7 @@ def tune(
         asked |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
         title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
         write.write_text(controller_toml(best.values, title, "the ET-NN law, tuned", _command(asked)), encoding="utf-8")
-        console.print(f"wrote [bold]{write}[/]")
+        console.print(f"wrote [bold]{escape(str(write))}[/]")
 
 
 def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:

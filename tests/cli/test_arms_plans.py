@@ -63,6 +63,22 @@ def test_a_dry_run_says_from_where_to_where_how_long_and_how_near(
     assert re.search(r"least clearance 0\.\d{3} m, .* s into it: .* \(0\.020 m is to be kept\)", ran.out)
 
 
+def test_a_name_in_square_brackets_is_printed_as_it_is_typed(typed: Type, tmp_path: Path) -> None:
+    motion = _motion(tmp_path / "[bold] lift[2].toml", "20, 40, 0", "25, 45, 0")
+    ran = typed("play", motion, "--dry-run", "--config", DEMO)
+    assert ran.code == 0, ran.err
+    assert f"play {motion}: " in ran.out
+
+
+def test_an_interrupt_while_planning_says_that_nothing_was_moved(typed: Type, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("companion.cli.arms_carry_out.preview", interrupted)
+    ran = typed("home", "--dry-run", "--config", DEMO)
+    assert (ran.code, ran.out, ran.err) == (130, "", "interrupted: nothing was moved\n")
+
+
 def test_grip_opens_both_claws_and_moves_nothing_else(typed: Type) -> None:
     out = typed("grip", "open", "--dry-run", "--config", DEMO).out
     for side in ("right", "left"):

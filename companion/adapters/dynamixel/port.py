@@ -179,5 +179,6 @@ def latency_warning(path: str, sysfs: Path = SYSFS) -> str | None:
         return None
     return (
         f"{path} (arms.port): FTDI's latency timer is {latency_ms} ms, so every answer of a servo comes that late; "
-        f"set it to 1: `echo 1 | sudo tee {timer}`, or for good with the udev rule in docs/arms-driver.md"
+        f"set it to 1: `echo 1 | sudo tee {timer}`, or for good with the udev rule "
+        "systemd/99-dauam-u2d2.rules"
     )
