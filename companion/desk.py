@@ -21,7 +21,8 @@ from companion.ports import CompanionError, FlightError
 from companion.service_ends import disarmed, killed, nothing_follows, resumed, stand_still, switched
 from companion.service_space import check_climb
 from companion.service_verbs import Service
-from companion.supervisor.flight import IN_THE_AIR, STREAMING, Brake, Fly, Phase, Request, TakeOff
+from companion.supervisor.flight import IN_THE_AIR, STREAMING, Brake, Flight, Fly, Phase, Request, TakeOff
+from companion.types import AutopilotStatus
 
 LOG = logging.getLogger(__name__)
 
@@ -78,6 +79,14 @@ class Desk:
         return self._service is not None and self._service.loop.ticking
 
     @property
+    def ended_loop(self) -> tuple[Flight, AutopilotStatus] | None:
+        """The flight and the autopilot after the loop has failed: it hands over, and makes no ticks; else None."""
+        service = self._service
+        if service is None or not service.loop.failed:
+            return None
+        return service.loop.flight, service.status
+
+    @property
     def doing(self) -> Doing | None:
         """The flight's command, or else the arms'."""
         job = self._jobs.get("flight") or self._jobs.get("arms")
@@ -116,7 +125,7 @@ class Desk:
             running = self._jobs.get(lane)
             if running is not None:
                 raise FlightError(
-                    f"{running.command.verb} ({running.command.id}) is still under way: wait, or say hold"
+                    f"{running.command.verb} ({running.command.id}) is still under way: wait, or run `companion hold`"
                 )
         self._jobs |= dict.fromkeys(lanes, job)
         if isinstance(command, asked.Arms) and command.do == "hold":
@@ -177,9 +186,9 @@ class _NotGoodError(CompanionError):
 
 
 def _does_not_fit(what: str, refused: str, wanted: Request, service: Service) -> FlightError:
-    """With what to say first, where the phase alone is in the way."""
+    """Return the refusal, with what to do first where the phase alone is in the way."""
     todo = first(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
-    return FlightError(f"cannot {what}: {refused}{todo and f': {todo}'}")
+    return FlightError(f"cannot {what} in phase {service.phase}: {todo}" if todo else f"cannot {what}: {refused}")
 
 
 class _AtOnce:
@@ -230,7 +239,7 @@ class _AtOnce:
         if service.status.armed or service.status.in_air:
             raise FlightError(
                 f"cannot {verb}: this service does not fly the vehicle, and the autopilot says that it is "
-                f"{'in the air' if service.status.in_air else 'armed'}: take the remote control, or say kill"
+                f"{'in the air' if service.status.in_air else 'armed'}: use the remote control, or run `companion kill`"
             )
         self._job.accept()
         nothing_follows(service, f"{verb} was ordered")
@@ -240,7 +249,7 @@ class _AtOnce:
         service, phase = self._service, self._service.phase
         flying = phase in IN_THE_AIR and not service.loop.flight.touched_down
         if flying or (phase not in STREAMING and service.status.in_air):
-            raise FlightError("cannot disarm: the vehicle is in the air; say land, or kill")
+            raise FlightError("cannot disarm: the vehicle is in the air; run `companion land`, or `companion kill`")
         self._job.accept()
         return self._disarmed()
 
@@ -364,7 +373,7 @@ class _Verbs:
         if command.do == "clear":
             self._begun()
             await arms.clear_faults()
-            return "forgotten; say ready before they move again"
+            return "forgotten; run `companion arms live ready` before they move again"
         await self._service.require_ground()
         self._job.accept()
         if command.do == "limp":

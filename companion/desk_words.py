@@ -3,19 +3,23 @@
 from companion.supervisor.flight import Brake, Fly, Phase, Request, Resume, TakeOff
 
 _DOWN = (Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED)
-_ENDS = dict.fromkeys((Phase.STOW, Phase.LAND), "it is landing: wait until it is down, then say arm")
-_AIR = _ENDS | {Phase.HANDED_OVER: "somebody else has the vehicle: say resume first"}
+_ENDS = dict.fromkeys(
+    (Phase.STOW, Phase.LAND), "the vehicle is landing; wait until it is down, then run `companion arm`"
+)
+_AIR = _ENDS | {Phase.HANDED_OVER: "the autopilot or its pilot has the vehicle; run `companion resume` first"}
 _FIRST: dict[type[Request], dict[Phase, str]] = {
     TakeOff: _AIR
-    | dict.fromkeys(_DOWN, "say arm first")
-    | dict.fromkeys((Phase.TAKEOFF, Phase.HOLD, Phase.TRACK), "it flies already: say goto")
+    | dict.fromkeys(_DOWN, "the vehicle is disarmed; run `companion arm` first")
+    | dict.fromkeys((Phase.TAKEOFF, Phase.HOLD, Phase.TRACK), "the vehicle flies already; run `companion goto`")
     | {Phase.PREFLIGHT: "wait until it is armed"},
     Fly: _AIR
-    | dict.fromkeys(_DOWN, "say arm, then takeoff first")
-    | dict.fromkeys((Phase.PREFLIGHT, Phase.ARMED), "say takeoff first")
-    | dict.fromkeys((Phase.TAKEOFF, Phase.RESUME), "wait until it hovers"),
-    Brake: _AIR | dict.fromkeys((*_DOWN, Phase.PREFLIGHT, Phase.ARMED), "it stands"),
-    Resume: dict.fromkeys(set(Phase) - {Phase.HANDED_OVER}, "we have it: there is nothing to take back"),
+    | dict.fromkeys(_DOWN, "the vehicle is disarmed; run `companion arm`, then `companion takeoff` first")
+    | dict.fromkeys((Phase.PREFLIGHT, Phase.ARMED), "the vehicle is on the ground; run `companion takeoff` first")
+    | dict.fromkeys((Phase.TAKEOFF, Phase.RESUME), "wait until the vehicle hovers"),
+    Brake: _AIR | dict.fromkeys((*_DOWN, Phase.PREFLIGHT, Phase.ARMED), "the vehicle is on the ground"),
+    Resume: dict.fromkeys(
+        set(Phase) - {Phase.HANDED_OVER}, "this service has the vehicle; there is nothing to take back"
+    ),
 }
 
 

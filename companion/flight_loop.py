@@ -80,6 +80,11 @@ class FlightLoop:
         return self._events
 
     @property
+    def failed(self) -> bool:
+        """Whether it ticks no more, because a device or the law has raised; the autopilot was told to land."""
+        return self._failed
+
+    @property
     def action_failure(self) -> str:
         """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
         return self._calls.failure

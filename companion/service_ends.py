@@ -2,7 +2,7 @@
 
 from companion.control_stage import SWITCH_S
 from companion.ports import FlightError
-from companion.service_verbs import Service
+from companion.service_verbs import Service, ended_by
 from companion.supervisor.faults import Reaction
 from companion.supervisor.flight import Land, Phase
 
@@ -60,10 +60,9 @@ async def switched(service: Service) -> None:
     if service.loop.flight.airborne:
         await service.until(lambda: not service.loop.flight.airborne, SWITCH_S)
         if not service.loop.flight.airborne or service.loop.flight.level >= Reaction.LAND:
-            raise FlightError(f"the flight was ended: {service.loop.flight.reason or service.phase}")
+            raise FlightError(ended_by(service.loop.flight))
 
 
 def _expect_hold(service: Service) -> None:
-    flight = service.loop.flight
-    if flight.phase is not Phase.HOLD:
-        raise FlightError(f"the flight was ended: {flight.reason or f'it went to phase {flight.phase}'}")
+    if service.phase is not Phase.HOLD:
+        raise FlightError(ended_by(service.loop.flight))

@@ -14,7 +14,7 @@ from companion.preflight.check import Check, refusal
 from companion.service_arms import ArmVerbs
 from companion.service_space import check_climb, check_room, check_room_and_fence
 from companion.supervisor.faults import Reaction
-from companion.supervisor.flight import Brake, Fly, Kill, Land, Leg, Phase, Prepare, Request, Resume, TakeOff
+from companion.supervisor.flight import Brake, Flight, Fly, Kill, Land, Leg, Phase, Prepare, Request, Resume, TakeOff
 from companion.types import Array, AutopilotStatus
 
 LOG = logging.getLogger(__name__)
@@ -33,7 +33,8 @@ _CLIMB_MARGIN_S = 15.0
 _APPROACH_MARGIN_S = 15.0
 """Beyond what the way to a place takes."""
 _SAME_HEIGHT_M = 1e-6
-_HELD = "the flight was ended: a hold was ordered"
+_OURS = frozenset(Phase) - {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
+"""Phases of a flight that this service has begun."""
 
 
 async def _no_params(_: Sequence[str]) -> dict[str, float]:
@@ -43,6 +44,17 @@ async def _no_params(_: Sequence[str]) -> dict[str, float]:
 
 def _nothing() -> None:
     """Nobody wants to know."""
+
+
+def ended_by(flight: Flight) -> str:
+    """Return what ended a motion, for a sentence: the flight itself may go on."""
+    if flight.phase is Phase.HOLD and flight.level is Reaction.NOTE:
+        return "ended by another command: a hold was ordered, the vehicle hovers"
+    if flight.phase in {Phase.STOW, Phase.LAND}:
+        return f"the flight was ended: {flight.reason or 'a landing was ordered'}"
+    if flight.phase in {Phase.DISARMED, Phase.TERMINATED}:
+        return f"the flight was ended: {flight.reason or f'the vehicle is down, phase {flight.phase}'}"
+    return f"the flight was ended: {flight.reason or f'it went to phase {flight.phase}'}"
 
 
 class Service:
@@ -114,8 +126,19 @@ class Service:
         await self._heard()
         status = self._autopilot.status()
         if status.armed or status.in_air:
-            where = "in the air" if status.in_air else "armed"
-            raise FlightError(f"the vehicle is already {where}: this service does not take over what it did not start")
+            raise FlightError(self._not_on_ground(bool(status.in_air)))
+
+    def _not_on_ground(self, in_air: bool) -> str:
+        """Return what keeps an armed vehicle from being armed or its arms from being touched, and what to do."""
+        where = "in the air" if in_air else "armed"
+        if self.phase not in _OURS:
+            return (
+                f"the vehicle is already {where}: this service does not take control of what it did not start; "
+                "use the remote control"
+            )
+        if in_air:
+            return "the vehicle is in the air, and this is for the ground: run `companion land` first"
+        return "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"
 
     async def arm(self, trajectory: Trajectory | None = None) -> None:
         """Check everything, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
@@ -200,7 +223,7 @@ class Service:
         await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
         held_m = self._held_at_m()
         if abs(held_m - height_m) > _SAME_HEIGHT_M:
-            raise FlightError(f"{_HELD} at {held_m:.2f} m, on the way to {height_m:g} m")
+            raise FlightError(f"{ended_by(self.loop.flight)} at {held_m:.2f} m, not at {height_m:g} m")
 
     def _held_at_m(self) -> float:
         """Height of what is flown at last above where the vehicle stood."""
@@ -259,18 +282,18 @@ class Service:
         if not await self.until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
             raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
 
-    async def land(self) -> None:
+    async def land(self, reason: str = "") -> None:
         """Come down where the vehicle is, stop the motors, disarm. From any phase; on the ground it only calls an
-        arming off.
+        arming off. `reason` is for the operator, when nobody commanded it.
 
         Whoever else has the vehicle is waited for, and commanded nothing. When the flight loop has failed it has told
         the autopilot to land: then the autopilot's landing is awaited.
         """
         if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
-            self.loop.arming.call_off("a landing was ordered")
+            self.loop.arming.call_off(reason or "a landing was ordered")
             return
         if self.phase is not Phase.HANDED_OVER:
-            self.loop.ask(Land())
+            self.loop.ask(Land(reason))
         vehicle = self.loop.estimate.vehicle
         height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
         down_s = height_m / self._config.flight.descent_speed_mps
@@ -301,11 +324,8 @@ class Service:
         return end is not None and bool(legs) and legs[-1] is not end
 
     def _expect(self, phase: Phase, end: Leg | None = None) -> None:
-        if self.phase is phase and self.loop.flight.level is Reaction.NOTE and self._diverted(end):
-            raise FlightError(_HELD)
-        if self.phase is not phase or self.loop.flight.level > Reaction.NOTE:
-            why = self.loop.flight.reason or f"it went to phase {self.phase} on the way to {phase}"
-            raise FlightError(f"the flight was ended: {why}")
+        if self.phase is not phase or self.loop.flight.level > Reaction.NOTE or self._diverted(end):
+            raise FlightError(ended_by(self.loop.flight))
 
     async def _reach(
         self, phase: Phase, timeout_s: float, through: Phase | None = None, end: Leg | None = None
@@ -321,8 +341,6 @@ class Service:
 
         if not await self.until(over, timeout_s):
             raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
-        if self.phase is not phase and self._diverted(end) and self.loop.flight.level is Reaction.NOTE:
-            raise FlightError(_HELD)
         self._expect(phase, end)
 
     async def until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:

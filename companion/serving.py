@@ -26,7 +26,8 @@ from companion.config import CompanionConfig
 from companion.config_controller import LoadedController
 from companion.config_operator import OperatorConfig
 from companion.desk import Desk
-from companion.ports import CompanionError, ConfigError
+from companion.onlooker import DevicesMissingError, open_onlooker
+from companion.ports import ArmError, CompanionError, ConfigError, MocapError
 from companion.service import Service, open_service
 from companion.sinks import Beat, Fan
 from companion.supervisor.flight import STREAMING, Phase
@@ -139,14 +140,30 @@ async def _serve_vehicles(
         try:
             await begun_unless(stop, opened, one_vehicle())
         except CompanionError as error:
-            if opened.is_set() or str(error) != said:
+            first, said = not said or opened.is_set(), "" if opened.is_set() else said
+            if str(error) != said:
                 said = str(error)
-                LOG.error("no vehicle: %s", said)  # noqa: TRY400 - the sentence is for the operator
+                LOG.error("no vehicle: %s; tried again every %g s", said, _AGAIN_S)  # noqa: TRY400 - for the operator
             telemetry.forget(said)
             desk.waiting = said
+            if first and isinstance(error, MocapError | ArmError):
+                await begun_unless(stop, asyncio.Event(), _tell_what_else(what, said))
         finally:
             what.last_resort.flying = bool
         await _sleep(stop, _AGAIN_S)
+
+
+async def _tell_what_else(what: Serving, said: str) -> None:
+    """Say once which other devices cannot be reached: they are opened one after the other."""
+    try:
+        async with open_onlooker(what.config, what.records or Path(), forward_vision=False):
+            return
+    except DevicesMissingError as missing:
+        for check in missing.checks:
+            if not check.passed and check.says != said:
+                LOG.error("no vehicle: %s", check.says)  # noqa: TRY400 - the sentence is for the operator
+    except CompanionError as error:
+        LOG.info("%s", error)
 
 
 async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
@@ -170,7 +187,7 @@ async def _with_vehicle(service: Service, desk: Desk, stop: asyncio.Event) -> No
     """Until told to end; raises what ends the flight loop before."""
     for warning in service.warnings:
         LOG.warning("%s", warning)
-    LOG.info("the vehicle is there")
+    LOG.info("the vehicle is there: `companion preflight` says whether it may arm, then `companion arm`")
     desk.open(service)
     ending = asyncio.create_task(stop.wait(), name="companion.end")
     try:
@@ -199,7 +216,7 @@ async def _land(service: Service) -> None:
         return
     LOG.warning("lands, then ends")
     try:
-        await service.land()
+        await service.land("the service was told to end")
     except CompanionError as error:
         LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
 
@@ -211,12 +228,22 @@ async def _show(link: BusLink, telemetry: Telemetry, beat: Beat, desk: Desk, wha
         if lives(beat.ticked_s, desk.ticking, time.monotonic()):
             what.notifier.alive()
         try:
+            telemetry.warn(_warnings(what.recorder, link))
+            ended = desk.ended_loop
+            if ended is not None:
+                telemetry.note_ended_loop(*ended, time.monotonic())
             state = telemetry.state(desk.doing, rate_hz)
             link.show(state)
             what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
         except Exception:
             LOG.exception("the state cannot be told")
         await asyncio.sleep(_STATE_S)
+
+
+def _warnings(recorder: RecordSink | None, link: BusLink) -> tuple[str, ...]:
+    """Return what is wrong beside the vehicle."""
+    unrecorded = f"the record: {recorder.failed}" if recorder is not None and recorder.failed else ""
+    return tuple(filter(None, (unrecorded, link.rival())))
 
 
 def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:

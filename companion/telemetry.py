@@ -3,12 +3,14 @@
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.bus.telemetry import WAITING, Doing, Happened, Kind, State, Vector
 from companion.control.frames import up_axis, yaw_of
 from companion.supervisor.faults import Event, Fault, reaction_to
+from companion.supervisor.flight import Flight
 from companion.tick import Tick
-from companion.types import Array
+from companion.types import Array, AutopilotStatus
 
 Tell = Callable[[Happened], None]
 """Where events go; must neither wait nor raise."""
@@ -25,6 +27,8 @@ class Telemetry:
         self._tick: Tick | None = None
         self._events: tuple[Event, ...] = ()
         self._sent_s: list[float] = []
+        self._text, self._text_s = "", math.nan
+        self._warnings: tuple[str, ...] = ()
 
     def __call__(self, tick: Tick) -> None:
         """Take one tick."""
@@ -35,6 +39,23 @@ class Telemetry:
             self._new_phase(tick)
         if tick.events or self._events:
             self._new_events(tick)
+        if tick.status.last_text != self._text:
+            self._text, self._text_s = tick.status.last_text, tick.time_s
+
+    def note_ended_loop(self, flight: Flight, status: AutopilotStatus, time_s: float) -> None:
+        """Tell on what becomes of the vehicle when the loop has failed, and makes no ticks any more."""
+        if self._tick is not None:
+            self(replace(self._tick, flight=flight, status=status, time_s=time_s, sent_s=math.nan, events=()))
+
+    def warn(self, warnings: tuple[str, ...]) -> None:
+        """Say in every state what is wrong beside the vehicle; what is new is an event, too."""
+        for text in warnings:
+            if text not in self._warnings:
+                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=text))
+        for text in self._warnings:
+            if text not in warnings:
+                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=f"over: {text}"))
+        self._warnings = warnings
 
     def _new_phase(self, tick: Tick) -> None:
         flight = tick.flight
@@ -68,7 +89,13 @@ class Telemetry:
         """All that is told of the newest tick. `rate_hz` is the control loop's."""
         tick = self._tick
         if tick is None:
-            return State(time_s=time.time(), session=self._session, phase=WAITING, reason=self.waiting)
+            return State(
+                time_s=time.time(),
+                session=self._session,
+                phase=WAITING,
+                reason=self.waiting,
+                warnings=self._warnings,
+            )
         vehicle, status, flight = tick.vehicle, tick.status, tick.flight
         reference = tick.reference
         error_m = None
@@ -100,6 +127,8 @@ class Telemetry:
             doing=doing,
             late_s=tick.late_s,
             text=status.last_text,
+            text_age_s=tick.time_s - self._text_s if status.last_text else None,
+            warnings=self._warnings,
         )
 
     def _sent_share(self, tick: Tick, rate_hz: float) -> float | None:

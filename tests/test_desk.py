@@ -25,6 +25,8 @@ from tests.test_service import BOOTED_S, Served, served
 
 SESSION = "0123456789abcdef"
 BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.6, spool_up_s=0.5, settle_s=0.2)
+ARMED = "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"
+IN_AIR = "the vehicle is in the air, and this is for the ground: run `companion land` first"
 _IDS = itertools.count()
 
 
@@ -132,10 +134,14 @@ async def test_acceptance_and_completion_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("verb", "arguments", "why"),
     [
-        ("takeoff", {}, "cannot take off: it does not fit phase standby: say arm first$"),
-        ("goto", {"x_m": 0.0, "y_m": 0.0, "z_m": 1.0}, "does not fit phase standby: say arm, then takeoff first$"),
-        ("track", {"curve": "ellipse"}, "does not fit phase standby"),
-        ("hold", {}, "does not fit phase standby: it stands$"),
+        ("takeoff", {}, "^cannot take off in phase standby: the vehicle is disarmed; run `companion arm` first$"),
+        (
+            "goto",
+            {"x_m": 0.0, "y_m": 0.0, "z_m": 1.0},
+            "in phase standby: the vehicle is disarmed; run `companion arm`, then `companion takeoff` first$",
+        ),
+        ("track", {"curve": "ellipse"}, "^cannot fly a trajectory in phase standby: the vehicle is disarmed; run"),
+        ("hold", {}, "^cannot hold in phase standby: the vehicle is on the ground$"),
         ("resume", {}, "says that the vehicle is on the ground$"),
         ("controller", {"name": "nobody"}, "unknown controller 'nobody'"),
         ("arms", {"do": "stow"}, "no arms"),
@@ -167,7 +173,12 @@ async def test_what_leads_out_of_the_room_is_refused_in_flight() -> None:
 
 async def test_a_second_flight_command_waits_for_nobody_and_is_refused() -> None:
     async with operated() as op:
-        await flying(op)
+        assert (await op.do("arm")).answer is Answer.DONE
+        said = await op.do("arm")
+        assert (said.answer, said.text) == (Answer.REFUSED, ARMED)
+        assert (await op.do("takeoff", height_m=0.8)).answer is Answer.DONE
+        for arguments in ({"verb": "arm"}, {"verb": "arms", "do": "limp"}):
+            assert (await op.do(**arguments)).text == IN_AIR, "it is its own flight"
         first = op.say("goto", x_m=0.4, y_m=0.0, z_m=0.8)
         second = op.say("goto", x_m=0.0, y_m=0.0, z_m=0.8)
         assert second.answers == [Answer.REFUSED]
@@ -175,8 +186,15 @@ async def test_a_second_flight_command_waits_for_nobody_and_is_refused() -> None
         assert (await first.end()).answer is Answer.DONE
 
 
-@pytest.mark.parametrize(("verb", "phase"), [("hold", Phase.HOLD), ("land", Phase.DISARMED), ("abort", Phase.DISARMED)])
-async def test_what_must_not_wait_ends_what_is_under_way(verb: str, phase: Phase) -> None:
+@pytest.mark.parametrize(
+    ("verb", "phase", "why"),
+    [
+        ("hold", Phase.HOLD, "ended by another command: a hold was ordered, the vehicle hovers"),
+        ("land", Phase.DISARMED, "the flight was ended: a landing was ordered"),
+        ("abort", Phase.DISARMED, "the flight was ended: the operator aborted"),
+    ],
+)
+async def test_what_must_not_wait_ends_what_is_under_way_and_is_named(verb: str, phase: Phase, why: str) -> None:
     async with operated() as op:
         await flying(op)
         tracking = op.say("track", curve="figure8")
@@ -184,10 +202,18 @@ async def test_what_must_not_wait_ends_what_is_under_way(verb: str, phase: Phase
             await asyncio.sleep(0)
         reply = await op.do(verb)
         assert reply.answer is Answer.DONE
-        assert (await tracking.end()).answer is Answer.FAILED
+        ended = await tracking.end()
+        assert (ended.answer, ended.text) == (Answer.FAILED, why)
         assert op.one.phase() is phase
     if verb == "abort":
         assert "aborted" in reply.text
+
+
+async def test_beside_another_service_of_its_name_nothing_is_armed() -> None:
+    async with operated() as op:
+        op.desk.rival = lambda: "another service has this vehicle's name"
+        said = await op.do("arm")
+        assert (said.answer, said.text) == (Answer.REFUSED, "cannot arm: another service has this vehicle's name")
 
 
 async def test_kill_stops_the_motors_in_the_air() -> None:

@@ -1,10 +1,13 @@
-"""Told to end while the devices are still looked for."""
+"""Told to end while the devices are looked for; what operators are told beside the vehicle's state."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from companion import serving
 from companion.ports import AutopilotError
 from companion.serving import begun_unless
 
@@ -74,3 +77,15 @@ async def test_cancelled_from_outside_it_is_closed_in_order() -> None:
     with pytest.raises(asyncio.CancelledError):
         await running
     assert doing.closed
+
+
+def test_operators_are_told_when_a_flight_is_not_recorded_or_a_name_is_not_its_own() -> None:
+    link: Any = SimpleNamespace(rival=lambda: "another service")
+    alone: Any = SimpleNamespace(rival=lambda: "")
+    broken: Any = SimpleNamespace(failed="the process that writes records has ended")
+    well: Any = SimpleNamespace(failed=None)
+    assert serving._warnings(None, alone) == serving._warnings(well, alone) == ()
+    assert serving._warnings(broken, link) == (
+        "the record: the process that writes records has ended",
+        "another service",
+    )

@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,3 +71,35 @@ def test_without_a_vehicle_a_state_says_what_is_waited_for() -> None:
     assert telemetry.state(None, 100.0).phase == WAITING
     telemetry.forget("no QTM at 127.0.0.1")
     assert telemetry.state(None, 100.0).reason == "no QTM at 127.0.0.1"
+
+
+def test_what_is_wrong_beside_the_vehicle_is_an_event_once_and_stands_in_every_state() -> None:
+    events: list[Happened] = []
+    telemetry = Telemetry(SESSION, events.append)
+    for warnings in ((), ("no record",), ("no record",), ("no record", "two services"), ()):
+        telemetry.warn(warnings)
+        assert telemetry.state(None, 100.0).warnings == warnings
+    assert [event.text for event in events] == ["no record", "two services", "over: no record", "over: two services"]
+    assert {event.kind for event in events} == {Kind.LOG}
+
+
+def test_after_a_loop_that_failed_the_handing_over_is_told(silent: Flight) -> None:
+    events: list[Happened] = []
+    telemetry = Telemetry(SESSION, events.append)
+    before = next(tick for tick in silent.ticks if tick.flight.phase is Phase.HOLD)
+    telemetry(before)
+    flight = replace(before.flight, phase=Phase.HANDED_OVER, reason="the law failed")
+    for step in range(3):
+        telemetry.note_ended_loop(flight, replace(before.status, armed=False), before.time_s + 0.1 * step)
+    assert [event.text for event in events if event.kind is Kind.PHASE][1:] == ["handed over: the law failed"]
+    state = telemetry.state(None, 100.0)
+    assert (state.phase, state.armed) == ("handed over", False)
+
+
+def test_the_autopilots_words_grow_old(silent: Flight) -> None:
+    telemetry = Telemetry(SESSION, lambda _: None)
+    tick = silent.ticks[0]
+    for time_s, text in ((0.0, ""), (1.0, "denied"), (43.0, "denied")):
+        telemetry(replace(tick, time_s=time_s, status=replace(tick.status, last_text=text)))
+    state = telemetry.state(None, 100.0)
+    assert (state.text, state.text_age_s) == ("denied", 42.0)

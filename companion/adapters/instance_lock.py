@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from companion.ports import AutopilotError
+from companion.ports import AutopilotError, ConfigError
 
 _WAITING = 4096
 """Others that may ask who holds it; they are never answered, their connection alone tells."""
@@ -25,14 +25,40 @@ def instance_lock(url: str) -> Iterator[None]:
 
     `url` is a MAVSDK URL; two spellings of one UDP port, or of one serial device, are one link.
     """
-    name = "\0dauam-companion-" + hashlib.sha256(_link(url).encode()).hexdigest()[:16]
+    with _held(_link(url)) as holder:
+        if holder is not None:
+            raise AutopilotError(f"another companion{holder} already flies {url}: stop it first")
+        yield
+
+
+@contextmanager
+def service_lock(host: str, port: int, vehicle: str) -> Iterator[None]:
+    """Hold the place of this computer's service for a vehicle on a broker; ConfigError naming the process that has it.
+
+    `vehicle` is empty where the broker itself is the service's, and nobody else can have it.
+    """
+    with _held(f"service {host}:{port} {vehicle}") as holder:
+        if holder is not None:
+            of_whom = f"for vehicle {vehicle!r} at the broker {host}:{port}" if vehicle else f"with port {port}"
+            raise ConfigError(
+                f"a companion service{holder} runs already on this computer {of_whom}: stop it first (Ctrl-C there, or "
+                "`sudo systemctl stop dauam-companion`), or use it: `companion status`"
+            )
+        yield
+
+
+@contextmanager
+def _held(what: str) -> Iterator[str | None]:
+    """Hold it; yield who else does, for a sentence, or None."""
+    name = "\0dauam-companion-" + hashlib.sha256(what.encode()).hexdigest()[:16]
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as lock:
         try:
             lock.bind(name)
-        except OSError as error:
-            raise AutopilotError(f"another companion{_holder(name)} already flies {url}: stop it first") from error
+        except OSError:
+            yield _holder(name)
+            return
         lock.listen(_WAITING)
-        yield
+        yield None
 
 
 def _link(url: str) -> str:

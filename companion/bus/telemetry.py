@@ -120,3 +120,7 @@ class State(_Said):
     doing: Doing | None = None
     late_s: float | None = Field(None, description="how late the control cycle began")
     text: str = Field("", description="the autopilot's newest words")
+    text_age_s: float | None = Field(None, description="since the autopilot said them")
+    warnings: tuple[str, ...] = Field(
+        (), description="what is wrong beside the vehicle: the flight is not recorded, another service has its name"
+    )

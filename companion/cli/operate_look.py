@@ -11,10 +11,11 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.bus.telemetry import WAITING, Happened, Kind, Presence, State
-from companion.cli.operate_voice import words_of
+from companion.cli.operate_voice import phase_of, words_of
 from companion.cli.terminal import show_cursor
 from companion.console import client
 from companion.console.client import Link, Said
+from companion.console.errand import armed_of
 
 _SILENT_S = 1.0
 _REFRESH_HZ = 5.0
@@ -65,8 +66,15 @@ def panel(console: client.Console) -> RenderableType:
         warning = f"no connection to the broker for {age_s:.0f} s"
     elif presence is not None and not presence.online:
         warning = f"the service does not run; last heard {age_s:.0f} s ago"
+    elif age_s > _SILENT_S:
+        warning = f"nothing heard for {age_s:.0f} s"
     else:
-        warning = f"nothing heard for {age_s:.0f} s" if age_s > _SILENT_S else ""
+        waited_s = console.state_waited_s()
+        warning = (
+            f"this is {waited_s:.1f} s old: the network or the broker is slow, or the two computers' clocks differ"
+            if waited_s
+            else ""
+        )
     style = "dim" if warning else ""
     return Group(Text(head, style="dim"), *([Text(warning, style="red")] if warning else []), _table(state, style))
 
@@ -75,11 +83,12 @@ def _table(state: State, style: str) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False, style=style)
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
-    armed = "armed" if state.armed else "disarmed"
     flies = {True: ", in the air", False: ", on the ground", None: ""}[state.in_air]
-    rows = [("phase", f"{state.phase}{f': {state.reason}' if state.reason else ''}")]
+    rows = [("phase", f"{phase_of(state)}{f': {state.reason}' if state.reason else ''}")]
     if state.phase != WAITING:
-        rows.append(("vehicle", f"{armed}{flies}{f', {state.mode}' if state.mode else ''}"))
+        rows.append(("vehicle", f"{armed_of(state)}{flies}"))
+    if state.mode:
+        rows.append(("PX4 mode", state.mode))
     if state.doing is not None:
         rows.append(("doing", f"{state.doing.verb}{f': {state.doing.text}' if state.doing.text else ''}"))
     rows += _motion(state)
@@ -92,11 +101,14 @@ def _table(state: State, style: str) -> Table:
     if state.arms is not None:
         rows.append(("arms", state.arms))
     if state.text:
-        rows.append(("autopilot", state.text))
+        when = "" if state.text_age_s is None else f" ({state.text_age_s:.0f} s ago)"
+        rows.append(("autopilot", f"{state.text}{when}"))
     for name, value in rows:
         table.add_row(name, Text(value))
     for fault in state.faults:
         table.add_row("fault", Text(fault, style="yellow"))
+    for warning in state.warnings:
+        table.add_row("warning", Text(warning, style="red"))
     return table
 
 

@@ -15,6 +15,7 @@ from companion.console.client import Link, Said
 Show = Callable[[Reply, Console], None]
 """Prints what a reply holds besides its sentence."""
 _REFRESH_HZ = 5.0
+_ON_THE_WAY = {"goto": ", on the way", "track": ", on the way to the start"}
 
 
 class PlainVoice:
@@ -42,6 +43,8 @@ class PlainVoice:
             self._state = said
         elif isinstance(said, Link):
             self.note("connected again" if said.there else f"{said.why}; waiting, the command is not sent again")
+        elif isinstance(said, Happened) and said.kind is Kind.LOG:
+            self.note(said.text)
         elif isinstance(said, Happened) and said.kind in {Kind.FAULT, Kind.FAULT_ENDS}:
             self._out.print(Text(f"  {words_of(said)}", style="yellow" if said.kind is Kind.FAULT else "dim"))
         elif isinstance(said, Reply):
@@ -75,7 +78,7 @@ class PlainVoice:
         parts = [f"  {self._verb} {time.monotonic() - self._since_s:.0f} s"]
         state = self._state
         if state is not None:
-            parts.append(f"phase {state.phase}")
+            parts.append(f"phase {phase_of(state)}")
             if state.position_w_m is not None:
                 parts.append(f"height {state.position_w_m[2]:.2f} m")
             if state.error_m is not None:
@@ -87,13 +90,21 @@ class PlainVoice:
         return Text("   ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
+def phase_of(state: State) -> str:
+    """Return the flight's phase for people: the phase of a vehicle on its way to a place is hold, too."""
+    verb = state.doing.verb if state.doing is not None and state.phase == "hold" else ""
+    return f"{state.phase}{_ON_THE_WAY.get(verb, '')}"
+
+
 def words_of(happened: Happened) -> str:
-    """An event for people, without its time."""
+    """Return an event for people, without its time: its kind first, as a phase and a verb may have one name."""
     if happened.kind is Kind.FAULT:
         led = f" -> {happened.reaction}" if happened.reaction else ""
         return f"fault: {happened.name}{': ' if happened.name else ''}{happened.text}{led}"
     if happened.kind is Kind.FAULT_ENDS:
         return f"over: {happened.name or happened.text}"
+    if happened.kind is Kind.PHASE:
+        return f"phase {happened.text}"
     if happened.kind in {Kind.COMMAND, Kind.REPLY} and happened.name:
-        return f"{happened.name}: {happened.text}" if happened.text else happened.name
+        return f"{happened.kind} {happened.name}{': ' if happened.text else ''}{happened.text}"
     return happened.text

@@ -10,6 +10,7 @@ import typer
 import uvloop
 
 from companion import __version__
+from companion.adapters.instance_lock import service_lock
 from companion.adapters.last_resort import LastResort
 from companion.adapters.native_output import standard_output_to_log, unraisable_to_log
 from companion.adapters.realtime import lock_memory
@@ -18,6 +19,7 @@ from companion.adapters.systemd import Notifier, logging_to
 from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
 from companion.config import CompanionConfig
 from companion.config_controller import controller_text, load_controller
+from companion.config_operator import OperatorConfig
 from companion.serving import Serving, serve
 
 
@@ -37,7 +39,12 @@ def serve_command(
     name = controller or settings.control.controller
     law = load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable)
     notifier = Notifier.from_environment()
-    with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
+    place = settings.operator or OperatorConfig(embedded=True)
+    vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
+    with (
+        logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO),
+        service_lock(place.host, place.port, vehicle),  # before anything is bound or begun
+    ):
         lock_memory()
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()

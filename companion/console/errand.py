@@ -18,7 +18,16 @@ _GONE_S = 15.0
 _UNSEEN_S = 2.0
 """After a broken connection: a reply that was kept for us has come by then."""
 _LOOK_S = 0.2
+_OVER = frozenset({"standby", "disarmed"})
+"""Phases in which the service flies nothing."""
 _DOWN = frozenset({"land", "abort", "kill", "disarm"})
+
+
+def armed_of(state: State) -> str:
+    """Return whether the motors may turn: the autopilot may still be about to disarm, or be armed by its pilot."""
+    if state.armed and state.phase in _OVER:
+        return "the autopilot is armed, although the service flies nothing"
+    return "armed" if state.armed else "disarmed"
 
 
 class Sent(Enum):
@@ -69,7 +78,7 @@ class Errand:
         age_s = self._console.state_age_s()
         when = "now" if age_s < 1.0 else f"{age_s:.0f} s ago"
         place = "" if state.position_w_m is None else f", {state.position_w_m[2]:.2f} m high"
-        return f"{when}: phase {state.phase}, {'armed' if state.armed else 'disarmed'}{place}"
+        return f"{when}: phase {state.phase}, {armed_of(state)}{place}"
 
     async def _send(self) -> None:
         """Once. What surely never left is sent when there is a connection again."""

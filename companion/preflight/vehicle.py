@@ -34,7 +34,7 @@ def check_link(status: AutopilotStatus, now_s: float, most_s: float) -> Check:
 
 
 def check_ground(status: AutopilotStatus) -> Check:
-    """Whether it stands disarmed: this service does not take over what it did not start."""
+    """Whether it stands disarmed: this service does not take control of what it did not start."""
     if status.in_air is None or math.isinf(status.heartbeat_s):
         todo = "wait until PX4 has started; if it stays so, look at its land detector (LNDMC_*) and at the link"
         return Check("disarmed", False, "the autopilot does not say whether it is armed, or flies", todo)

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from companion.adapters.instance_lock import instance_lock
-from companion.ports import AutopilotError
+from companion.adapters.instance_lock import instance_lock, service_lock
+from companion.ports import AutopilotError, ConfigError
 
 pytestmark = pytest.mark.realtime  # a lock is the whole machine's: not beside the flights
 URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"
@@ -65,4 +65,15 @@ def test_two_spellings_are_one_link(one: str, other: str) -> None:
 )
 def test_another_link_is_another_vehicle(other: str) -> None:
     with instance_lock("udpin://0.0.0.0:34540"), instance_lock(other):
+        pass
+
+
+def test_a_second_service_is_told_who_the_first_is_and_what_to_do() -> None:
+    said = rf"a companion service \(process {os.getpid()}\) runs already on this computer with port 1: stop it first"
+    with service_lock("127.0.0.1", 1, ""), service_lock("127.0.0.1", 1, "dauam/one"):
+        with pytest.raises(ConfigError, match=said), service_lock("127.0.0.1", 1, ""):
+            pass
+        with pytest.raises(ConfigError, match="for vehicle 'dauam/one' at the broker"):
+            service_lock("127.0.0.1", 1, "dauam/one").__enter__()
+    with service_lock("127.0.0.1", 1, ""):
         pass

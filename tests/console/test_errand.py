@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from companion.adapters.mqtt import connection
 from companion.bus.commands import Command
 from companion.bus.telemetry import Answer, Doing, Presence, Reply, State
 from companion.config_operator import OperatorConfig
@@ -176,6 +177,25 @@ async def test_a_broker_that_hangs_or_breaks_off_ends_every_wait_with_a_sentence
         place = OperatorConfig(port=server.sockets[0].getsockname()[1])
         with pytest.raises(NobodyThereError, match=r"does not answer .*, so it is not known whether the service runs"):
             await run(place, Draft("arm"))
+
+
+async def test_a_broker_whose_computer_lost_its_power_is_noticed_by_its_silence(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The connection stays open, as far as TCP tells; a keep-alive passes twice, and the client connects again."""
+    monkeypatch.setattr(connection, "KEEPALIVE_S", 1)
+    with broker() as own:
+        place = OperatorConfig(port=own.port, vehicle=vehicle())
+        async with scripted(own.port, place.vehicle), open_console(place) as console:
+            await console.find()
+            own.hang()
+            try:
+                async with asyncio.timeout(15.0):
+                    while not isinstance(said := await console.next(1.0), Link):
+                        pass
+            finally:
+                own.go_on()
+            assert not said.there
 
 
 async def test_a_connection_that_is_never_made_or_that_fails_oddly_is_no_wait_for_ever(

@@ -63,7 +63,9 @@ async def test_devices_that_come_later_go_and_come_back(tmp_path: Path) -> None:
             assert f"there is no vehicle yet: {waiting.reason}" in ran.err
             async with serving(config, tmp_path / "second") as second:
                 assert await second.ended() == REFUSED
-            assert f"operator.port = {site.place.port}: no broker can begin on it" in second.log
+            already = f"a companion service (process {served.process.pid}) runs already on this computer with port "
+            assert f"{already}{site.place.port}: stop it first" in second.log
+            assert "Foxglove" not in second.log, "it binds nothing before it knows"
             async with mocks(site, NO_ARMS):
                 await seen.well()
                 assert (await site.command("params")).code == 0
@@ -115,7 +117,7 @@ async def test_a_service_killed_in_the_air_leaves_a_record_and_nobody_takes_over
                 await second.says("the vehicle is there")
                 ran = await other.command("arm")
                 assert ran.code == REFUSED, ran.said
-                assert "this service does not take over what it did not start" in ran.err
+                assert "this service does not take control of what it did not start" in ran.err
                 await lands(relay, second, killed_s)
     assert max(relay.setpoints_s()) - killed_s <= SILENT_WITHIN_S
     (path,) = first.records.glob("*.mcap")

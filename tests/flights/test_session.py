@@ -56,7 +56,7 @@ async def the_broker_comes_back_while_it_tracks(
     second = await site.command("goto", "0", "0", "1")
     assert second.code == REFUSED, second.said
     assert "track" in second.err
-    assert "still under way: wait, or say hold" in second.err
+    assert "still under way: wait, or run `companion hold`" in second.err
     ran = await tracking.ended()
     assert ran.code == 0, ran.said
     assert "connected again" in ran.said

@@ -35,7 +35,7 @@ MAX_PACKET_BYTES = 64_000
 """To read more in one go would hold up the flight loop; a command has less."""
 _MAX_OTHER_BYTES = 1024
 """Of a packet that is no message."""
-_KEEPALIVE_S = 5
+KEEPALIVE_S = 5
 """After one and a half of these the broker gives us up and says so to everyone (the last will)."""
 
 _QUIET = logging.getLogger("companion.adapters.mqtt.wire")
@@ -80,7 +80,7 @@ class Connection(aiomqtt.Client):
             properties=_bounds() if version is V5 else None,
             will=reached.will,
             timeout=ANSWER_S,
-            keepalive=_KEEPALIVE_S,
+            keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=waiting,
             logger=_QUIET,
         )

@@ -19,7 +19,7 @@ from companion.adapters.mqtt.return_path import ReturnPath
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.bus.commands import Command
 from companion.bus.intake import Intake, Refusal
-from companion.bus.telemetry import Answer, Happened, Kind, Presence, Reply, State
+from companion.bus.telemetry import Answer, Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
 from companion.ports import Clock, CompanionError
 
@@ -172,7 +172,6 @@ class BusLink:
                 self._take(message)
             elif message.topic.value == self._topics.status and self._rival.note(message):
                 LOG.error("%s", self._rival.sentence)
-                self.tell(Happened(time_s=time.time(), kind=Kind.LOG, text=self._rival.sentence))
 
     def _take(self, message: aiomqtt.Message) -> None:
         if not self._listened.is_set():
