@@ -304,7 +304,9 @@ class _Verbs:
         refused = sum(check.refuses for check in checks)
         if refused:
             raise _NotGoodError(f"{refused} of {len(checks)} checks fail: arming is refused", data)
-        return f"{len(checks)} checks, it may arm", data
+        warned = sum(not check.passed for check in checks)
+        warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
+        return f"it may arm{warnings}", data
 
     async def _arm(self, _: asked.Arm) -> str:
         service = self._service

@@ -80,9 +80,13 @@ async def _is_there(given: Given) -> bool:
 
 
 def show_checks(reply: Reply, console: "Console") -> None:
-    """The list that came with a reply; what an older or newer service says otherwise is left out."""
+    """Print the list that came with a reply, whose own words say what it means.
+
+    What an older or newer service says otherwise is left out.
+    """
     from companion.cli.preflight import show  # noqa: PLC0415 - as above
 
     known = {field.name for field in fields(Check)}
     listed = reply.data.get("checks", ())
-    show([Check(**{name: value for name, value in one.items() if name in known}) for one in listed], console, False)
+    checks = [Check(**{name: value for name, value in one.items() if name in known}) for one in listed]
+    show(checks, console, as_json=False, with_verdict=False)

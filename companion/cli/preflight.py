@@ -148,8 +148,9 @@ def show(
     as_json: bool,
     good: str = "it may arm",
     bad: str = "fail: arming is refused",
+    with_verdict: bool = True,
 ) -> None:
-    """The table, what failed once more at its end, and what it means; or JSON on standard output."""
+    """Print the table, what failed once more at its end, and what it means; or JSON on standard output."""
     if as_json:
         told = (replace(check, todo="") if check.passed else check for check in checks)
         typer.echo(json.dumps([asdict(check) for check in told], indent=2))
@@ -159,6 +160,8 @@ def show(
     if wrong and len(checks) > _GLANCE:
         console.print(Text("\nwhat to do", style="bold"))
         console.print(_table(wrong))
+    if not with_verdict:
+        return
     refused = sum(check.refuses for check in checks)
     warned = sum(not check.passed for check in checks) - refused
     warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""

@@ -67,6 +67,8 @@ def check_priority(seen: MachineSeen, must: bool) -> Check:
     says = f"real-time, {seen.realtime_priority}" if realtime else f"not real-time, nice {seen.nice}"
     todo = (
         "start the service with a real-time priority (systemd: CPUSchedulingPolicy=fifo, CPUSchedulingPriority=50; by "
-        "hand: `sudo chrt -f 50`); where none can be had, [preflight] realtime = false makes this a warning"
+        "hand: `sudo chrt -f 50`)"
     )
+    if must:
+        todo += "; where none can be had, [preflight] realtime = false makes this a warning"
     return Check("real-time priority", realtime or seen.nice <= _NICE, says, todo, must)

@@ -88,15 +88,16 @@ async def test_sigterm_in_the_air_lands_first(tmp_path: Path) -> None:
             await flying(site)
             before = systemd.heard.count("WATCHDOG=1")
             assert before > 1, "the control loop ticks"
-            assert "STATUS=hold" in systemd.heard
+            await served.until(lambda: "STATUS=hold" in systemd.heard)  # ten times a second
             served.process.send_signal(signal.SIGTERM)
             assert await served.ended() == 0
             assert [one.name for one in seen.events if one.kind == "phase"][-2:] == ["land", "disarmed"]
     heard = systemd.heard
     systemd.close()
     assert heard.count("READY=1") == heard.count("STOPPING=1") == 1
-    assert heard.index("READY=1") < heard.index("STOPPING=1") < heard.index("STATUS=land")
-    assert "WATCHDOG=1" in heard[heard.index("STATUS=land") :], "and while it lands"
+    landing = heard.index("STATUS=land: the service was told to end")
+    assert heard.index("READY=1") < heard.index("STOPPING=1") < landing
+    assert "WATCHDOG=1" in heard[landing:], "and while it lands"
 
 
 async def test_a_service_killed_in_the_air_leaves_a_record_and_nobody_takes_over(tmp_path: Path) -> None:

@@ -269,3 +269,11 @@ def test_a_trajectory_that_is_no_number_somewhere_is_not_inside() -> None:
     assert "at 1.0 s" in check.todo
     with pytest.raises(ConfigError, match=r"leads out of the room: x = nan m at 1\.00 s"):
         check_trajectory(Torn(), CONFIG.room, "torn")
+
+
+def test_the_way_to_a_warning_is_told_only_while_it_is_none() -> None:
+    slow = replace(ready(), machine=replace(MACHINE, realtime_priority=0))
+    for realtime in (True, False):
+        (check,) = failed(slow, PreflightConfig(realtime=realtime))
+        assert check.must is realtime
+        assert ("realtime = false" in check.todo) is realtime
