@@ -162,7 +162,7 @@ def test_ctrl_c_before_anything_has_begun_is_a_word(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    for place in ("companion.cli.preflight.settings_of", "companion.cli.commands.run"):
+    for place in ("companion.cli.preflight.vehicle_settings", "companion.cli.commands.run"):
         monkeypatch.setattr(place, interrupted)
         typed = typing("preflight", monkeypatch, capsys)("--out", ".")  # without a word no running service is asked
         assert (typed.code, typed.out, typed.err) == (130, "", "interrupted\n")
