@@ -81,7 +81,7 @@ def state(time_s: float) -> State:
     """Of a vehicle that holds."""
     unknown = dict.fromkeys(State.model_fields)
     known = {"time_s": time_s, "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
-    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": ""}
+    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": "", "warnings": ()}
     return State.model_validate(unknown | known | rest)
 
 
