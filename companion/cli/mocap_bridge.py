@@ -78,15 +78,15 @@ async def _show(bridge: Bridge, write: Callable[[str, str], None]) -> None:
 
 
 def line_of(now: Glance, rate_hz: float) -> str:
-    """How it goes, in one line; `rate_hz` of frames sent."""
+    """Return in one line how it goes, the reason before what a narrow terminal may cut; `rate_hz` of frames sent."""
     if math.isinf(now.age_s):
         age = "none yet"
     else:
         age = f"newest {1e3 * now.age_s:.0f} ms old" if now.age_s < _OLD_S else f"newest {now.age_s:.0f} s old"
     body = "" if now.tracked or math.isinf(now.age_s) else ", body not tracked"
-    trouble = f"; {now.trouble}" if now.trouble else ""
+    trouble = f": {now.trouble}" if now.trouble else ""
     dropped = f"dropped {now.dropped} from QTM, {now.passed_over} for the broker"
-    return f"{rate_hz:5.1f} frames/s, {age}{body}, {dropped}{trouble}"
+    return f"{rate_hz:5.1f} frames/s, {age}{body}{trouble}; {dropped}"
 
 
 class _Writer:

@@ -22,14 +22,14 @@ GOOD = Glance(frames=500, sent=498, age_s=0.004, dropped=2, passed_over=1, track
 @pytest.mark.parametrize(
     ("glance", "line"),
     [
-        (GOOD, "100.0 frames/s, newest 4 ms old, dropped 2 from QTM, 1 for the broker"),
+        (GOOD, "100.0 frames/s, newest 4 ms old; dropped 2 from QTM, 1 for the broker"),
         (
             Glance(0, 0, math.inf, 0, 0, False, "no QTM at here:1"),
-            "100.0 frames/s, none yet, dropped 0 from QTM, 0 for the broker; no QTM at here:1",
+            "100.0 frames/s, none yet: no QTM at here:1; dropped 0 from QTM, 0 for the broker",
         ),
         (
             Glance(9, 9, 12.3, 0, 0, False, ""),
-            "100.0 frames/s, newest 12 s old, body not tracked, dropped 0 from QTM, 0 for the broker",
+            "100.0 frames/s, newest 12 s old, body not tracked; dropped 0 from QTM, 0 for the broker",
         ),
     ],
 )

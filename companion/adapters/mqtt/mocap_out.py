@@ -62,7 +62,7 @@ class MocapOut:
         self.sent = 0
         """Poses that the broker's connection has taken."""
         self.passed_over = 0
-        """Poses in whose place a newer one was sent, or none, because the broker was slow or not there."""
+        """Poses in whose place a newer one was sent, or none, because the broker was slow or not there any more."""
         self.refused: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         """Fails with MocapError when another bridge forwards the same vehicle."""
 
@@ -75,7 +75,7 @@ class MocapOut:
 
     def show(self, pose: MocapPose) -> None:
         """Send it now if that can be, or as soon as it can be and there is nothing newer. Never waits."""
-        if self._newest is not None:
+        if self._newest is not None and self._alone:  # before that none was to be sent
             self.passed_over += 1
         self._newest = pose
         self._shown.set()
