@@ -56,8 +56,9 @@ async def test_devices_that_come_later_go_and_come_back(tmp_path: Path) -> None:
     async with serving(config, tmp_path / "log") as served:
         await served.says("no vehicle: ")
         async with looking_on(site.place, served) as seen:
-            waiting = await seen.phase("waiting")
-            assert "QTM" in waiting.reason
+            await served.until(lambda: bool(seen.states) and "QTM" in seen.state.reason, seen.story)
+            waiting = seen.state
+            assert waiting.phase == "waiting"
             ran = await site.command("arm")
             assert ran.code == REFUSED
             assert f"there is no vehicle yet: {waiting.reason}" in ran.err
