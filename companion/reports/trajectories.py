@@ -49,7 +49,7 @@ def trajectory_name(events: Sequence[RecordedEvent], begin_s: float, otherwise: 
             return ""
         if verb == "track":
             curve = re.search(r"\bcurve=(\w+)", rest)
-            return curve[1] if curve else "waypoints" if "waypoints=" in rest else otherwise
+            return curve[1] if curve else "waypoints"
     return otherwise
 
 

@@ -100,7 +100,7 @@ def test_missing_cycles_end_a_stretch() -> None:
 def test_a_trajectory_is_named_after_the_last_command_before_it() -> None:
     events = [
         RecordedEvent(1.0, "command", "track curve=ellipse laps=2"),
-        RecordedEvent(3.0, "command", "track waypoints=((0.0, 0.0, 0.0, 1.2),) laps=2"),
+        RecordedEvent(3.0, "command", "track laps=2 period_s=15.0 size=1.0"),
         RecordedEvent(5.0, "reply", "track done"),
         RecordedEvent(6.0, "command", "goto x_m=1.0"),
         RecordedEvent(7.0, "command", "arms do=stow"),
