@@ -48,7 +48,7 @@ def read_flight(path: Path) -> FlightRecord:
     except OSError as error:
         raise cannot_read(path, error) from error
     if not magic:
-        raise RecordError(f"{path}: an empty file: no record of a flight was written to it")
+        raise RecordError(f"{path}: an empty file: no record of a flight was written to it, it can be deleted")
     raise RecordError(
         f"{path}: no record of a flight: neither an MCAP file, as serve and demo write it, nor an NPZ file "
         "of simulate or dry-run"
@@ -117,7 +117,8 @@ def _without_a_tick(path: Path, source: McapFile, table: Table, metadata: "_Meta
     if topics and FLIGHT not in topics:
         by = f" of another program, {metadata.library!r}" if metadata.library else ""
         return RecordError(
-            f"{path}: an MCAP file{by}, without a single tick of a flight: its topics are {', '.join(topics[:4])}"
+            f"{path}: an MCAP file{by}, without a single tick of a flight: its topics are {', '.join(topics[:4])}; "
+            "Foxglove opens it"
         )
     why = ": it was cut off before the first one" if source.truncated else ""
     return RecordError(f"{path}: an MCAP file without a single tick of a flight{why}")

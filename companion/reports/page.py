@@ -11,6 +11,7 @@ from companion import __version__
 from companion.reports import words
 from companion.reports.charts import PHASE_SHADES, Chart, Medium
 from companion.reports.compare import overlaid
+from companion.reports.comparison import comparison
 from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
 from companion.reports.html import facts, lead, picture, swatches, table, tables, whole
@@ -49,7 +50,7 @@ def page(chapters: Sequence[Chapter], progress: Progress) -> str:
     charts = overlaid([chapter.flown for chapter in chapters])
     body = [
         facts(listed),
-        table(words.comparison([chapter.numbers for chapter in chapters])),
+        table(comparison([chapter.numbers for chapter in chapters])),
         *(_drawn(chart, progress) for chart in charts),
         *(
             f"<section>\n<h2>{name}: {escape(chapter.flown.name)}</h2>\n{_chapter(chapter, progress)}\n</section>"

@@ -5,10 +5,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from companion.reports.numbers import AXES, Errors, Numbers, TrajectoryNumbers, Triggers
-from companion.reports.tables import BAD, PLAIN, WORDS, Cell, Grid
+from companion.reports.tables import BAD, WORDS, Cell, Grid
 from companion.reports.trajectories import UNNAMED
 
-_NOTHING = "–"
+NOTHING = "–"
 _ALSO_S = 1.0
 """The law's time in the air and the vehicle's differ by less between landing and disarming."""
 
@@ -103,8 +103,8 @@ def trajectory_table(numbers: Numbers) -> Grid | None:
     rows = tuple(
         (
             Cell(f"{number}: {one.name}"), Cell(one.law), Cell(f"{one.begin_s:.1f}"), Cell(f"{one.duration_s:.1f}"),
-            *_error_cells(one.errors), *_share_cells(one.triggers),
-            Cell(_NOTHING) if one.triggers is None else _ms(one.triggers.gap_max_s),
+            *error_cells(one.errors), *share_cells(one.triggers),
+            Cell(NOTHING) if one.triggers is None else ms(one.triggers.gap_max_s),
         )
         for number, one in enumerate(numbers.trajectories, 1)
     )  # fmt: skip
@@ -141,7 +141,7 @@ def trigger_table(numbers: Numbers) -> Grid | None:
     rows = tuple(
         (
             Cell(name), Cell(str(one.cycles)), Cell(str(one.events)), Cell(f"{one.event_share:.1%}"),
-            Cell(f"{one.sent_share:.1%}"), _ms(one.gap_median_s), _ms(one.gap_max_s),
+            Cell(f"{one.sent_share:.1%}"), ms(one.gap_median_s), ms(one.gap_max_s),
         )
         for name, one in found
     )  # fmt: skip
@@ -152,8 +152,9 @@ def trigger_table(numbers: Numbers) -> Grid | None:
     return Grid("Triggers", columns, rows, note)
 
 
-def _ms(value_s: float) -> Cell:
-    return Cell(f"{1e3 * value_s:.1f}" if value_s == value_s else _NOTHING)  # noqa: PLR0124 - NaN
+def ms(value_s: float) -> Cell:
+    """Return a time in ms; a dash for NaN."""
+    return Cell(f"{1e3 * value_s:.1f}" if value_s == value_s else NOTHING)  # noqa: PLR0124 - NaN
 
 
 def latency_table(numbers: Numbers) -> Grid | None:
@@ -161,7 +162,7 @@ def latency_table(numbers: Numbers) -> Grid | None:
     if not numbers.latencies:
         return None
     rows = tuple(
-        (Cell(name), Cell(str(one.count)), _ms(one.median_s), _ms(one.p95_s), _ms(one.max_s))
+        (Cell(name), Cell(str(one.count)), ms(one.median_s), ms(one.p95_s), ms(one.max_s))
         for name, one in numbers.latencies.items()
     )
     return Grid("Latencies in the air (ms)", ("", "cycles", "median", "95 %", "max"), rows, _LATENCIES)
@@ -201,7 +202,7 @@ def reaction_table(numbers: Numbers) -> Grid | None:
     if not numbers.story.reactions:
         return None
     rows = tuple(
-        (Cell(one.reaction, BAD), Cell(f"{one.at_s:.2f}"), Cell(one.cause or _NOTHING), Cell(one.reason, WORDS))
+        (Cell(one.reaction, BAD), Cell(f"{one.at_s:.2f}"), Cell(one.cause or NOTHING), Cell(one.reason, WORDS))
         for one in numbers.story.reactions
     )
     return Grid("Reactions", ("", "s since lift-off", "because of", "why"), rows)
@@ -217,56 +218,21 @@ def said_table(numbers: Numbers) -> Grid | None:
     return Grid("Commands and replies", ("", "s since lift-off", ""), rows)
 
 
-def comparison(flights: Sequence[Numbers]) -> Grid:
-    """A row for each trajectory of each flight; for a flight without one, over all in the air."""
-    columns = (
-        "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "sent", "to setpoint",
-        "faults",
-    )  # fmt: skip
-    rows = tuple(
-        row for letter, one in zip(letters(len(flights)), flights, strict=True) for row in _compared(letter, one)
-    )
-    note = (
-        "Errors in cm, over each trajectory, or over all in the air where none was flown; triggers and setpoints as "
-        "shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many ms, and faults, of "
-        "the whole flight."
-    )
-    return Grid("Beside each other", columns, rows, note)
-
-
 def letters(count: int) -> list[str]:
     """A, B, C, ..., AA: short names of flights."""
     names = [chr(ord("A") + number) for number in range(26)]
     return (names + [first + second for first in names for second in names])[:count]
 
 
-def _compared(letter: str, one: Numbers) -> list[tuple[Cell, ...]]:
-    from_frame = one.latencies.get("frame to setpoint")
-    flight = (
-        Cell(_NOTHING) if from_frame is None else _ms(from_frame.p95_s),
-        Cell(str(len(one.story.faults)), BAD if one.story.reactions else PLAIN),
-    )
-    if not one.trajectories:
-        law = Cell(", ".join(one.laws) or _NOTHING)
-        return [
-            (Cell(letter), law, Cell("flight"), *_error_cells(one.whole), *_share_cells(one.triggers_whole), *flight)
-        ]
-    return [
-        (
-            Cell(f"{letter}{number}" if len(one.trajectories) > 1 else letter), Cell(flown.law or _NOTHING),
-            Cell(flown.name), *_error_cells(flown.errors), *_share_cells(flown.triggers), *flight,
-        )
-        for number, flown in enumerate(one.trajectories, 1)
-    ]  # fmt: skip
-
-
-def _error_cells(errors: Errors | None) -> list[Cell]:
+def error_cells(errors: Errors | None) -> list[Cell]:
+    """Return mean and largest errors, cm: x, y, z and the norm of each."""
     if errors is None:
-        return [Cell(_NOTHING)] * 8
+        return [Cell(NOTHING)] * 8
     return [_cm(value) for value in (*errors.mean_m, *errors.max_m)]
 
 
-def _share_cells(triggers: Triggers | None) -> list[Cell]:
+def share_cells(triggers: Triggers | None) -> list[Cell]:
+    """Return the shares of cycles with a trigger, and with a setpoint sent."""
     if triggers is None:
-        return [Cell(_NOTHING)] * 2
+        return [Cell(NOTHING)] * 2
     return [Cell(f"{triggers.event_share:.0%}"), Cell(f"{triggers.sent_share:.0%}")]

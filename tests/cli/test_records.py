@@ -2,14 +2,20 @@
 
 import csv
 import json
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from companion.adapters.recorder import Recorder
 from companion.cli.commands import app
+from companion.cli.records import _line, _row
+from companion.cli.working import Counted
 from companion.ports import CompanionError
+from companion.records.index import glances
 from companion.records.read import read_flight
 from tests.records.flown import flight
 from tests.records.test_round_trip import written
@@ -55,3 +61,49 @@ def test_what_is_no_record_is_said_and_the_others_are_listed(tmp_path: Path) -> 
     assert "practical" in result.stdout
     for wrong in ([tmp_path / "nowhere"], [tmp_path, "--csv", tmp_path / "out"], [tmp_path / "notes.mcap"]):
         assert isinstance(run(*wrong).exception, CompanionError)
+
+
+def test_a_reason_that_does_not_fit_goes_on_below_and_is_never_cut(tmp_path: Path) -> None:
+    written(tmp_path, flight())
+    (line,) = glances(tmp_path)
+    why = "the pose of motion capture is the same to the last bit for 0.15 s, and PX4 lands"
+    row, widths = _row(replace(line, ended=f"disarmed: {why}")), [24, 6, 6, 9]
+    wrapped = _line(row, widths, room=28).splitlines()
+    assert len(wrapped) > 2
+    assert all(len(one) <= sum(widths) + 2 * 4 + 28 for one in wrapped)
+    assert " ".join(" ".join(wrapped).split()).endswith(why)
+    assert len(_line(row, widths, room=4).splitlines()) == 1, "too narrow to wrap: as the terminal has it"
+
+
+def test_a_long_look_says_on_stderr_that_it_is_at_work(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("companion.cli.working._SHOW_AFTER_S", 0.0)
+    with Counted("records looked into") as progress:
+        for done in range(5):
+            progress(done, 5)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err == "companion: records looked into: 0 of 5 so far; this is kept for the next time\n"
+
+
+def test_the_newest_flight_is_the_last_also_among_files_without_a_date(tmp_path: Path) -> None:
+    (path,) = written(tmp_path, flight())
+    recorder = Recorder()
+    for tick in flight(track_s=0.1):
+        recorder(tick)
+    recorder.write(tmp_path / "virtual-ellipse.npz")
+    os.utime(tmp_path / "virtual-ellipse.npz", (1.6e9, 1.6e9))
+    names = [Path(one["path"]).name for one in json.loads(run(tmp_path, "--json").stdout)]
+    assert names == ["virtual-ellipse.npz", path.name]
+
+
+def test_a_damaged_record_says_so_and_is_reported(tmp_path: Path) -> None:
+    (path,) = written(tmp_path, flight(track_s=1.2))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2] + bytes(9) + data[len(data) // 2 + 9 :])
+    said = CliRunner().invoke(app, ["report", str(path), "--out", str(tmp_path / "page.html")])
+    assert said.exit_code == 0, said.output
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "damaged: " in page
+    assert "cycles are missing" in page

@@ -18,13 +18,14 @@ from companion.ports import ConfigError
 from companion.records.read import RecordError, read_flight
 from companion.reports.charts import Chart, Medium
 from companion.reports.compare import overlaid
+from companion.reports.comparison import comparison
 from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
 from companion.reports.numbers import numbers_of
 from companion.reports.story import Said, story_of
 from companion.reports.summary import summary, verdict
 from companion.reports.tables import BAD
-from companion.reports.words import comparison, error_table, head
+from companion.reports.words import error_table, head
 from companion.supervisor.flight import Fly, Phase
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import LAP, UP, ask, until, wait

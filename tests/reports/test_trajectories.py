@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from companion.records.read import RecordedEvent
 from companion.reports.charts import Medium
 from companion.reports.compare import overlaid
+from companion.reports.comparison import comparison
 from companion.reports.figures import charts_of
 from companion.reports.flown import Flown
 from companion.reports.inside import whole_cycle_bins
@@ -18,7 +19,7 @@ from companion.reports.page import chapter_of, page
 from companion.reports.summary import summary, verdict
 from companion.reports.tables import GOOD
 from companion.reports.trajectories import runs, trajectory_name
-from companion.reports.words import comparison, error_table, head, trajectory_table, trigger_table
+from companion.reports.words import error_table, head, trajectory_table, trigger_table
 from companion.supervisor.flight import Phase
 from companion.tick import Tick
 from companion.types import Array
