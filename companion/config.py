@@ -158,11 +158,12 @@ class CompanionConfig(Section):
         return broker
 
     def flight_rules(self) -> FlightRules:
-        """The phase machine's numbers."""
+        """Return the phase machine's numbers; on the way to a place it is held to what a trajectory is."""
         f, arms = self.flight, self.arms or ArmsConfig()
         return FlightRules(
             hover_thrust=self.vehicle.hover_thrust,
-            climb_speed_mps=f.climb_speed_mps,
+            climb_speed_mps=min(f.climb_speed_mps, self.room.max_speed_mps),
+            climb_accel_mps2=min(FlightRules.climb_accel_mps2, self.room.max_accel_mps2),
             spool_up_s=f.spool_up_s,
             descent_speed_mps=f.descent_speed_mps,
             turn_radps=min(FlightRules.turn_radps, self.room.max_yaw_rate_radps),

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any
 
 from companion.config import CompanionConfig
-from companion.control.reference import Hold, Trajectory
+from companion.control.reference import Hold, Trajectory, minimum_jerk_duration_s
 from companion.flight_loop import FlightLoop
 from companion.ports import Autopilot, AutopilotError, CompanionError, FlightError, MocapError
 from companion.preflight.check import Check, refusal
@@ -219,7 +219,8 @@ class Service:
         vehicle = self.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
         self._ask(TakeOff(height_m), "take off")
-        climb_s = 2.0 * height_m / self._config.flight.climb_speed_mps
+        rules = self._config.flight_rules()
+        climb_s = minimum_jerk_duration_s(height_m, rules.climb_speed_mps, rules.climb_accel_mps2)
         await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
         held_m = self._held_at_m()
         if abs(held_m - height_m) > _SAME_HEIGHT_M:

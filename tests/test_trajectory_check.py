@@ -70,6 +70,13 @@ def test_each_segment_is_looked_at_however_short_it_is() -> None:
     assert np.diff(times_s).min() > 1e-4
 
 
+def test_on_the_way_to_a_place_it_moves_no_faster_than_a_trajectory_may() -> None:
+    careful = CompanionConfig(room=RoomConfig(max_speed_mps=0.2, max_accel_mps2=0.1)).flight_rules()
+    assert (careful.climb_speed_mps, careful.climb_accel_mps2) == (0.2, 0.1)
+    usual = CompanionConfig().flight_rules()
+    assert (usual.climb_speed_mps, usual.climb_accel_mps2) == (0.5, FlightRules.climb_accel_mps2)
+
+
 @pytest.mark.parametrize(("limit", "wanted"), [(0.2, 0.2), (2.5, FlightRules.turn_radps)])
 def test_on_the_way_to_a_place_it_turns_no_faster_than_a_trajectory_may(limit: float, wanted: float) -> None:
     config = CompanionConfig(room=RoomConfig(max_yaw_rate_radps=limit, max_yaw_accel_radps2=limit))
