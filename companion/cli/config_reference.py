@@ -83,7 +83,7 @@ def tables(model: type, names: tuple[str, ...] = ("",)) -> Iterator[Table]:
         if not nested or _collection(field.annotation):
             keys.append(_key(key, field, nested))
     if keys:
-        yield Table(names, " ".join((model.__doc__ or "").split()), tuple(keys))
+        yield Table(names, " ".join((model.__doc__ or "").partition("\n\n")[0].split()), tuple(keys))
     for each, paths in inner.items():
         yield from tables(each, tuple(paths))
 
