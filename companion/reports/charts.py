@@ -50,6 +50,8 @@ _WIDTHS_IN = {
 _LEFT_IN = {Medium.PAGE: 0.74, Medium.PAPER: 0.56}
 """Room for the labels left of axes over time: the same second stands below itself in all figures of a page."""
 _RIGHT_IN = 0.08
+_EARLIEST_S = -5.0
+"""Before lift-off; what was commanded earlier is marked at the left edge."""
 _OVER_TIME = "over time"
 _STYLES: dict[Medium, dict[str, Any]] = {
     Medium.PAGE: {"font.size": 9.0, "axes.titlesize": 9.0, "legend.fontsize": 8.0, "lines.linewidth": 1.1},
@@ -119,12 +121,14 @@ def rows_over_time(figure: Figure, labels: Sequence[str], flown: Flown) -> list[
 
 
 def _shown_s(flown: Flown) -> tuple[float, float]:
-    """From shortly before lift-off until the motors stop; all of it when nothing flew."""
+    """From the first command shortly before lift-off until the motors stop; all of it when nothing flew."""
     if not flown.airborne.any():
         return float(flown.time_s[0]), max(float(flown.time_s[-1]), float(flown.time_s[0]) + 1.0)
     turning = flown.in_the_air | (flown.column("armed") > 0.0)
     last_s = float(flown.time_s[turning][-1])
-    return max(float(flown.time_s[0]), -1.0), min(float(flown.time_s[-1]), last_s + 1.0) + 1e-3
+    told_s = [event.time_s - flown.zero_s - 0.5 for event in flown.record.events if event.kind == "command"]
+    begin_s = max(min([-1.0, *told_s]), _EARLIEST_S, float(flown.time_s[0]))
+    return begin_s, min(float(flown.time_s[-1]), last_s + 1.0) + 1e-3
 
 
 def shade_phases(axes: Axes, flown: Flown) -> None:

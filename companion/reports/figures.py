@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from companion.reports import inside, motion
@@ -26,7 +27,7 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
     charts = [
         Chart("timeline", _TIMELINE, lambda figure: timeline(figure, flown, story), line_in, True, line_in),
     ]
-    if flown.airborne.any() and flown.has("position_w_m"):
+    if np.isfinite(flown.position_w_m[flown.airborne]).any():
         charts += [
             chart("above", _ABOVE if flown.tracked.any() else "The path from above.", motion.above, *_above_in(flown)),
             chart("space", "The path in space.", motion.space, 3.9, False, 3.0),

@@ -15,6 +15,8 @@ from companion.supervisor.flight import Phase
 from companion.types import Array
 
 __all__ = ["Flown", "Mask", "Stretch", "Trajectory"]
+STALE_S = 0.5
+"""Age of a pose from which it does not say any more where the vehicle is."""
 FRAME_TO_SETPOINT = "frame to setpoint"
 
 
@@ -110,6 +112,12 @@ class Flown:
     def runs(self, among: Mask) -> NDArray[np.int_]:
         """Number the stretches of these cycles that have no gap in them, (n,); -1 elsewhere."""
         return runs(among, self.column("tick"))
+
+    @cached_property
+    def position_w_m(self) -> Array:
+        """Where the vehicle was, (n, 3) in W; NaN where that was not known, for want of a fresh pose."""
+        stale = self.column("age_s") > STALE_S
+        return np.where(stale[:, None], np.nan, self.column("position_w_m", 3))
 
     @cached_property
     def reference_w_m(self) -> Array:

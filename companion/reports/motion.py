@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.reports.charts import (
@@ -28,7 +29,7 @@ _PALE: dict[str, Any] = {"color": "0.78", "lw": 0.9}
 def above(figure: Figure, flown: Flown) -> None:
     """The path in the x-y plane; where trajectories were flown, each of them, and the ways between them pale."""
     axes = figure.subplots()
-    where = flown.column("position_w_m", 3)
+    where = flown.position_w_m
     shown = flown.tracked if flown.tracked.any() else flown.airborne
     for mask, values, label, how in (
         (flown.airborne, where, "ways between", _PALE) if flown.tracked.any() else (shown, where, None, _PALE),
@@ -44,7 +45,7 @@ def above(figure: Figure, flown: Flown) -> None:
 
 def above_height_in(flown: Flown, width_in: float, least_in: float, most_in: float) -> float:
     """Return the height of `above` that leaves no white around a path of this shape."""
-    where = flown.column("position_w_m", 3)[flown.airborne]
+    where = flown.position_w_m[flown.airborne]
     (left, right), (low, high) = _limits(where[:, 0]), _limits(where[:, 1])
     return float(np.clip((width_in - 0.75) * (high - low) / (right - left) + 0.85, least_in, most_in))
 
@@ -60,21 +61,23 @@ def space(figure: Figure, flown: Flown) -> None:
     """The path in three dimensions."""
     axes = figure.add_subplot(projection="3d")
     shown = flown.tracked if flown.tracked.any() else flown.airborne
-    where = flown.column("position_w_m", 3)
+    where = flown.position_w_m
     axes.plot(*only(flown.airborne, where).T, **_PALE)
     axes.plot(*only(shown, where).T, color=COLOURS[0])
     axes.plot(*only(shown, flown.reference_w_m).T, **_REFERENCE)
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
-    spans = np.ptp(where[flown.airborne], axis=0)
-    axes.set_box_aspect(np.maximum(spans, 0.35 * max(spans.max(), 1e-3)).tolist(), zoom=0.8)
-    axes.locator_params(nbins=4)
+    spans = np.nan_to_num(np.nanmax(where[flown.airborne], axis=0) - np.nanmin(where[flown.airborne], axis=0))
+    box = np.maximum(spans, 0.35 * max(float(spans.max()), 1e-3))
+    axes.set_box_aspect(box.tolist(), zoom=0.8)
+    for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), box / box.max(), strict=True):
+        axis.set_major_locator(MaxNLocator(nbins=max(1, round(4.0 * share))))  # short axes have room for few numbers
     axes.view_init(elev=28.0, azim=-60.0)
 
 
 def position(figure: Figure, flown: Flown) -> None:
     """Each axis with its reference."""
     rows = rows_over_time(figure, [f"{axis} (m)" for axis in AXES], flown)
-    time, where, wanted = thinned(flown.time_s, flown.column("position_w_m", 3), flown.reference_w_m)
+    time, where, wanted = thinned(flown.time_s, flown.position_w_m, flown.reference_w_m)
     for axis, axes in enumerate(rows):
         axes.plot(time, where[:, axis], color=COLOURS[axis])
         axes.plot(time, wanted[:, axis], **_REFERENCE)

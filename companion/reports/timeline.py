@@ -47,7 +47,6 @@ def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     told = _told(story)
     below = _rows(story)
     height, error, line = rows_over_time(figure, ["height (m)", "error (m)", ""], flown)
-    height.set_xlim(min([height.get_xlim()[0], *(at_s - 0.5 for at_s, _ in told)]), None)
     grid = height.get_gridspec()
     assert grid is not None
     grid.set_height_ratios([_CURVES_IN / 2, _CURVES_IN / 2, _LANE_IN * below])
@@ -83,7 +82,7 @@ def _told(story: Story) -> list[tuple[float, str]]:
 
 
 def _curves(height: Axes, error: Axes, flown: Flown) -> None:
-    time, where, wanted = thinned(flown.time_s, flown.column("position_w_m", 3)[:, 2], flown.reference_w_m[:, 2])
+    time, where, wanted = thinned(flown.time_s, flown.position_w_m[:, 2], flown.reference_w_m[:, 2])
     height.plot(time, wanted, "k--", lw=0.9)
     height.plot(time, where, color=COLOURS[2])
     time, size = thinned(flown.time_s, free_only(flown, flown.distance_m))

@@ -279,6 +279,16 @@ def test_time_in_the_air_counts_the_landing_that_px4_flew(frozen: Recorded) -> N
     assert said == f"{numbers.duration_s:.1f} s, our law in charge for {numbers.law_s:.1f} s of them"
 
 
+def test_no_curve_goes_on_where_nobody_knew_the_place_any_more(frozen: Recorded) -> None:
+    flown = frozen.flown
+    frozen_s = story_of(flown).reactions[0].at_s
+    for name in ("timeline", "position"):
+        axes = _chart(flown, name).figure(Medium.PAGE).axes[0]
+        curves = [np.asarray(line.get_xydata()) for line in axes.get_lines()]
+        last_s = [curve[np.isfinite(curve[:, 1]), 0][-1] for curve in curves if len(curve) > 2]
+        assert max(last_s) < frozen_s + 1.0, "PX4 flies ten more seconds, and motion capture sees none of it"
+
+
 def test_the_verdict_names_the_failsafe_and_its_cause(frozen: Recorded) -> None:
     numbers = numbers_of(frozen.flown)
     said = verdict(numbers)

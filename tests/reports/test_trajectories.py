@@ -156,7 +156,8 @@ def test_the_same_second_stands_at_the_same_place_in_all_figures_over_time(flown
         for chart in charts_of(flown, numbers_of(flown).story):
             if chart.name in OVER_TIME:
                 for axes in chart.figure(medium).axes:
-                    edges.add((round(axes.get_position().x0, 6), round(axes.get_position().x1, 6)))
+                    place, shown_s = axes.get_position(), axes.get_xlim()
+                    edges.add((round(place.x0, 6), round(place.x1, 6), *shown_s))
         assert len(edges) == 1
 
 
