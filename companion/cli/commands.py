@@ -12,6 +12,7 @@ from companion.cli.catalogue import ROOT
 from companion.cli.lazy import SETTINGS, LazyGroup, group_of
 from companion.cli.word_hints import hint_for
 from companion.errors import CompanionError
+from companion.validation_words import plain
 
 
 class _Root(LazyGroup):
@@ -40,6 +41,17 @@ class _Root(LazyGroup):
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
             raise InterruptedError from error
+        except typer.BadParameter as error:
+            _reword(error)
+            raise
+
+
+def _reword(error: typer.BadParameter) -> None:
+    """Say what is wrong with an option's value in the words of all other mistakes; typer hands pydantic's on."""
+    details = getattr(error.__cause__, "errors", list)()
+    said = plain(details[0]) if details else ""
+    if said.startswith("must"):  # and not one of typer's own sentences
+        error.message = f"{said}, not {details[0]['input']}"
 
 
 def _mind_interrupts() -> None:

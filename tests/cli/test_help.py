@@ -123,3 +123,19 @@ def test_completion_offers_names(line: str, offered: set[str]) -> None:
     completing = {"_COMPANION_COMPLETE": "complete_bash", "COMP_WORDS": line, "COMP_CWORD": str(len(words) - 1)}
     shown = CliRunner(env=completing).invoke(app, prog_name="companion").output
     assert {word for word in shown.split() if not word.endswith((".toml", ".csv", "/"))} == offered
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("demo", "--laps", "x"), "Invalid value for '--laps': must be a whole number, not x"),
+        (("simulate", "--demo", "--size", "7"), "Invalid value for '--size': must be at most 3, not 7"),
+        (("takeoff", "--timeout", "nan"), "Invalid value for '--timeout': must be at least 0.1, not nan"),
+        (("goto", "a", "1", "1"), "Invalid value for 'x': must be a number, not a"),
+        (("arms", "grip", "opne"), "'opne' is not one of 'open', 'close'"),
+    ],
+)
+def test_a_wrong_value_of_an_option_is_told_in_plain_words(words: tuple[str, ...], said: str) -> None:
+    ended = typed(*words)
+    assert ended.exit_code == 2
+    assert said in ended.stderr
