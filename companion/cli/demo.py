@@ -19,7 +19,7 @@ from companion.cli.demo_flight import DemoFlight, Flown, fly_demo
 from companion.cli.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.mock_process import MockError, MockPorts, free_ports
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
-from companion.cli.output import check_output, kept
+from companion.cli.output import as_typed, check_output, kept
 from companion.config import CompanionConfig
 from companion.config_arms import Feedforward
 from companion.config_controller import load_controller
@@ -124,6 +124,7 @@ def demo(
             console,
             [(flight.controller.name, result.summary) for flight, result in zip(flights, results, strict=False)],
         )
+    _say_next([result.record for result in results if result.record is not None], console)
     if summary is not None:
         first, *others = [result.as_dict for result in results]
         text = json.dumps(first | ({"compared": others} if others else {}), indent=2)
@@ -170,6 +171,8 @@ class Result:
     """One flight's end, for the exit code, the comparison and the summary file."""
 
     code: int
+    record: Path | None
+    """None when none was written."""
     summary: Summary | None
     as_dict: dict[str, Any]
 
@@ -187,7 +190,15 @@ def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> 
     lost = _keep(flight, flown, console, out) if flown.recorder.flew else ""
     data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary) | {"failure": flown.failure}
     code = 0 if good and not lost else FAILED
-    return Result(INTERRUPTED if flown.interrupted else code, flown.summary, data)
+    return Result(INTERRUPTED if flown.interrupted else code, flown.record, flown.summary, data)
+
+
+def _say_next(records: Sequence[Path], console: Console) -> None:
+    """Tell what can be done with the records: of several flights, all on one page."""
+    if records:
+        flights = " ".join(map(str, records))
+        console.print(f"next: {as_typed()} report {flights}", markup=False, highlight=False, soft_wrap=True)
+        console.print("      or open the record in Foxglove: docs/records.md", markup=False, highlight=False)
 
 
 def _looks_busy(flown: Flown) -> bool:

@@ -58,12 +58,12 @@ def print_report(
 
 def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]) -> None:
     """Several controllers on the same trajectory, with what each saved against the last."""
-    table = Table(title="side by side (m)", title_justify="left")
+    table = Table(title="side by side, errors in cm", title_justify="left")
     for name in ("controller", "mean x", "y", "z", "max x", "y", "z", "updates"):
         table.add_column(name, justify="left" if name == "controller" else "right")
     for name, summary in flights:
         if summary is not None:
-            errors = [f"{value:.4f}" for value in (*summary.mean_error_m, *summary.max_error_m)]
+            errors = [f"{100.0 * value:.2f}" for value in (*summary.mean_error_m, *summary.max_error_m)]
             table.add_row(escape(name), *errors, f"{summary.update_share:.1%}")
     (_, first), (_, last) = flights[0], flights[-1]
     if first is not None and last is not None:
@@ -74,22 +74,28 @@ def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]
 
 def _error_table(controller: LoadedController, summary: Summary) -> Table:
     limits = controller.error_limits
-    table = Table(title=f"tracking error, {escape(controller.name)} (m)", title_justify="left")
-    for name in ("", "x", "y", "z", "limit"):
-        table.add_column(name, justify="right" if name else "left")
+    table = Table(title=f"tracking error, {escape(controller.name)}", title_justify="left")
+    for name in ("cm", "x", "y", "z", "limit"):
+        table.add_column(name, justify="left" if name == "cm" else "right")
     for name, values, limit in (
         ("mean", summary.mean_error_m, limits.mean_m),
         ("RMS", summary.rms_error_m, None),
         ("max", summary.max_error_m, limits.max_m),
     ):
-        cells = [f"{value:.4f}" if limit is None or value <= limit else f"[red]{value:.4f}[/]" for value in values]
-        table.add_row(name, *cells, "" if limit is None else f"{limit:.2f}")
+        cells = [error_cell(value, limit) for value in values]
+        table.add_row(name, *cells, "" if limit is None else f"{100.0 * limit:g}")
     return table
+
+
+def error_cell(error_m: float, limit_m: float | None) -> str:
+    """Return an error in cm for a table; red beyond its limit."""
+    text = f"{100.0 * error_m:.2f}"
+    return text if limit_m is None or error_m <= limit_m else f"[red]{text}[/]"
 
 
 def _timing_table(summary: Summary) -> Table:
     table = Table(
-        title=f"updates sent in {summary.update_share:.1%} of {summary.control_cycles} cycles", title_justify="left"
+        title=f"updates in {summary.update_share:.1%} of {summary.control_cycles} cycles", title_justify="left"
     )
     for name in ("timing (ms)", "median", "p99"):
         table.add_column(name, justify="left" if "(" in name else "right")

@@ -96,7 +96,7 @@ def _table(state: State, style: str) -> Table:
         volts = "" if state.battery_v is None else f", {state.battery_v:.1f} V"
         rows.append(("battery", f"{state.battery:.0%}{volts}"))
     if state.controller:
-        share = "" if state.sent_share is None else f", {state.sent_share:.0%} of its cycles send"
+        share = "" if state.sent_share is None else f", updates in {state.sent_share:.0%} of its cycles"
         rows.append(("controller", f"{state.controller}{share}"))
     if state.arms is not None:
         rows.append(("arms", state.arms))

@@ -1,6 +1,8 @@
 """Where results go, tried before the work that makes them."""
 
 import contextlib
+import shutil
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -62,6 +64,15 @@ def kept(path: Path, write: Callable[[Path], None]) -> str:
             path.unlink(missing_ok=True)
         return str(_refused(path, error))
     return ""
+
+
+def as_typed() -> str:
+    """Return how this shell calls `companion`: by its name where that is found, else by the way that was typed."""
+    called, found = Path(sys.argv[0]), shutil.which("companion")
+    if called.name != "companion" or not called.exists() or (found and called.samefile(found)):
+        return "companion"
+    here = Path.cwd()
+    return str(called.relative_to(here) if called.is_relative_to(here) else called)
 
 
 def _refused(path: Path, error: OSError) -> ConfigError:

@@ -78,14 +78,15 @@ class FlightDisplay:
         tick = self.story.last
         if tick is None or tick.flight.phase is Phase.STANDBY:
             return Text(f"  {self._doing} ({time.monotonic() - self._since_s:.0f} s)", no_wrap=True)
-        parts = [f"{self._title}  {self.story.clock(tick.time_s):>8}  {tick.flight.phase:<9}"]
+        parts = [f"{self.story.clock(tick.time_s):>8}  {tick.flight.phase:<7}"]
         if tick.arms is not None:
-            parts.append(f"arms {tick.arms.phase:<8}")
+            parts.append(f"arms {tick.arms.phase:<7}")
         error = _error_w_m(tick)
         if error is not None:
             parts.append("error " + " ".join(f"{100.0 * value:+5.1f}" for value in error) + " cm")
             parts.append(f"updates {sum(self._sent) / len(self._sent):4.0%}")
-        return Text("  ".join(parts), no_wrap=True)
+        parts.append(self._title)  # last: where the terminal ends, this may be cut
+        return Text("  ".join(parts), no_wrap=True, overflow="ellipsis")
 
 
 def _error_w_m(tick: Tick) -> Array | None:

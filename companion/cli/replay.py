@@ -118,7 +118,7 @@ def _show(done: "Replayed", dropped: int, controller: str | None, console: "Cons
     was, now = (100.0 * count / done.flown for count in done.events)
     what = "the record's law" if controller is None else controller
     console.print(
-        f"cycles worth sending: {was:.1f} % in the record, {now:.1f} % by {what}", markup=False, highlight=False
+        f"updates: {was:.1f} % of the cycles in the record, {now:.1f} % by {what}", markup=False, highlight=False
     )
     if dropped:
         console.print(f"{dropped} ticks are missing in the record: what the law remembered of them is not known")

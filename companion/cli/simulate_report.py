@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from companion.cli.flight_report import error_cell
 from companion.config_controller import LoadedController
 from companion.experiments.metrics import LOST_M, Score, score
 from companion.experiments.scene import Scene
@@ -71,7 +72,7 @@ def print_flights(flights: Flights, console: Console) -> None:
     sent, events = (float(np.mean([getattr(one, name) for one in scores])) for name in ("update_share", "event_share"))
     console.print(_table(flights))
     for line in (
-        f"updates sent in {sent:.1%} of the cycles, events in {events:.1%}",
+        f"updates in {sent:.1%} of the cycles; the law's trigger fired in {events:.1%}",
         f"{flights.flown_s:.0f} s of flight in {flights.loop_s:.2f} s: {times:.0f} times faster than real time, "
         f"{flights.flown_s / flights.total_s:.0f} times with all preparation",
         _verdict(flights),
@@ -91,10 +92,10 @@ def _verdict(flights: Flights) -> str:
 def _table(flights: Flights) -> Table:
     limits, seeds = flights.controller.error_limits, flights.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    title = escape(f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which} (m)")
+    title = escape(f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which}")
     table = Table(title=title, title_justify="left")
-    for name in ("", "x", "y", "z", "limit"):
-        table.add_column(name, justify="right" if name else "left")
+    for name in ("cm", "x", "y", "z", "limit"):
+        table.add_column(name, justify="left" if name == "cm" else "right")
     mean, largest = (
         np.array([getattr(one, name) for one in flights.scores]) for name in ("mean_error_m", "max_error_m")
     )
@@ -102,8 +103,8 @@ def _table(flights: Flights) -> Table:
     if len(seeds) > 1:
         rows.insert(1, ("worst flight's mean", mean.max(axis=0), limits.mean_m))
     for name, values, limit in rows:
-        cells = [f"{value:.4f}" if value <= limit else f"[red]{value:.4f}[/]" for value in values]
-        table.add_row(name, *cells, f"{limit:.2f}")
+        cells = [error_cell(value, limit) for value in values]
+        table.add_row(name, *cells, f"{100.0 * limit:g}")
     return table
 
 

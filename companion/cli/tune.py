@@ -45,6 +45,8 @@ from companion.ports import ConfigError
 from companion.types import Array
 
 _CHECK_VEHICLES = (2, 6)
+_YARDSTICK = "practical"
+"""What a search is compared with unless --start names another law: the one that flies."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +105,7 @@ def tune(
     """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
 
     Every generation flies new seeds. The centres of the search are then checked on seeds and curves that no search
-    flew, and the best of them is written.
+    flew, beside the law that they are to be better than (--start, else practical), and the best of them is written.
     """
     console = Console()
     plan = _plan(generations, population, weights, seed, experiments, bandwidths)
@@ -113,13 +115,14 @@ def tune(
     try:
         with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
             centres = _search(plan, begin, pool, told, console, out)
-            checked = _check(centres, plan, pool)
+            yardstick = Centre(shares_of(_from_file(start or _YARDSTICK)), 0.0, 0)
+            *checked, known = _check([*centres, yardstick], plan, pool)
     except KeyboardInterrupt:
         kept = f"; their centres are in {out / 'generations.json'}" if told else ""
         console.print(f"interrupted after {len(told)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
     best = best_of(checked)
-    _print(console, checked, best)
+    _print(console, checked, best, known, start or _YARDSTICK)
     _draw([generation for generation, _ in told], checked, best, out / "front.png")
     if best is None:
         console.print(
@@ -138,7 +141,8 @@ def tune(
         }
         asked |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
         title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
-        write.write_text(controller_toml(best.values, title, "the ET-NN law, tuned", _command(asked)), encoding="utf-8")
+        says = f"the ET-NN law of {write.name}, found by companion tune"
+        write.write_text(controller_toml(best.values, title, says, _command(asked)), encoding="utf-8")
         console.print(f"wrote [bold]{escape(str(write))}[/]")
 
 
@@ -236,22 +240,31 @@ def elsewhere(scene: Scene) -> Scene:
     return replace(scene, trajectory=kind(centre, axes, LapTiming(period_s, 1, 4.0)))
 
 
-def _print(console: Console, checked: Sequence[Checked], best: Checked | None) -> None:
+def verdict(best: Checked, known: Checked, name: str) -> str:
+    """Return whether the best of a search is better than a law that is known, `name`."""
+    numbers = f"(worst case {best.worst_m * 1e3:.0f} mm, {name} {known.worst_m * 1e3:.0f} mm)"
+    if best.distance < known.distance:
+        return f"the best of this search is better than {name} {numbers}"
+    return f"the best of this search is NOT better than {name} {numbers}: search longer before you fly it"
+
+
+def _print(console: Console, checked: Sequence[Checked], best: Checked | None, known: Checked, name: str) -> None:
     table = Table(title="checked on seeds and curves that no search flew")
-    for name in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
-        table.add_column(name, justify="right")
+    for title in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
+        table.add_column(title, justify="right")
     front = front_of([one.point for one in checked])
-    for one in checked:
+    for one in (*checked, known):
         table.add_row(
-            f"{one.centre.weight:g}",
-            str(one.centre.generation),
+            *(("", "") if one is known else (f"{one.centre.weight:g}", str(one.centre.generation))),
             f"{one.error_m * 1e3:.1f}",
             f"{one.other_m * 1e3:.1f}",
             f"{one.worst_m * 1e3:.1f}",
             f"{one.update_share:.1%}",
-            "best" if one is best else "front" if one.point in front else "",
+            escape(name) if one is known else "best" if one is best else "front" if one.point in front else "",
         )
     console.print(table)
+    if best is not None:
+        console.print(verdict(best, known, name), highlight=False, markup=False, soft_wrap=True)
 
 
 def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked | None, path: Path) -> None:

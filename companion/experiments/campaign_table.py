@@ -160,7 +160,8 @@ def _outcome(flown: Flown, whole: Flown) -> str:
     error = "The error hardly changes" if abs(ratio - 1.0) <= 0.05 else f"The error is {ratio:.2f} times as large"
     before, after = whole.update_share, flown.update_share
     same = abs(after - before) <= 0.1 * before
-    return f"{error}; {'about as many' if same else f'{after:.1%} instead of {before:.1%} of the'} cycles send."
+    updates = "about as many updates" if same else f"updates in {after:.1%} instead of {before:.1%} of the cycles"
+    return f"{error}; {updates}."
 
 
 def _lost(flown: Flown) -> str:

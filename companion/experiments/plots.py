@@ -70,16 +70,16 @@ def _words(axes: Axes, summary: Summary | None) -> None:
         axes.text(0.0, 0.9, "no trajectory was tracked", va="top", family="monospace", fontsize=10)
         return
     rows = [
-        "error (m)        x       y       z",
+        "error (cm)       x       y       z",
         *(
-            f"{name:<10}" + "".join(f"{value:8.4f}" for value in values)
+            f"{name:<10}" + "".join(f" {100.0 * value:7.2f}" for value in values)
             for name, values in (
                 ("mean", summary.mean_error_m),
                 ("rms", summary.rms_error_m),
                 ("max", summary.max_error_m),
             )
         ),
-        f"updates sent in {summary.update_share:.1%} of {summary.control_cycles} cycles",
+        f"updates in {summary.update_share:.1%} of {summary.control_cycles} cycles",
     ]
     axes.text(0.0, 0.95, "\n".join(rows), va="top", family="monospace", fontsize=10)
 

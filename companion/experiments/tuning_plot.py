@@ -31,7 +31,9 @@ def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Poin
     if best is not None:
         axes.scatter([100.0 * best[0]], [1e3 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
     axes.plot(100.0 * UPDATES, 1e3 * ERROR_M, "*", ms=12, color="0.5", label="reached for")
-    axes.set(xlabel="cycles that send (%)", ylabel="mean error of vehicles as told (mm)", xscale="log", yscale="log")
+    axes.set(
+        xlabel="updates (% of the cycles)", ylabel="mean error of vehicles as told (mm)", xscale="log", yscale="log"
+    )
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}")

@@ -2,17 +2,23 @@
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from companion.adapters.recorder import Recorder
+from companion.cli.demo import _say_next
 from companion.cli.flight_report import print_report
 from companion.cli.output import kept
+from companion.cli.progress import FlightDisplay
 from companion.config_controller import ErrorLimits, LoadedController, load_controller
 from companion.control.controller import VehicleModel
 from companion.experiments.summary import Spread, Summary
+from companion.supervisor.flight import Phase
+from companion.types import Reference
 from tests.adapters.test_recorder import tick
 from tests.cli.typed import disk_full_after, typing
 
@@ -25,6 +31,29 @@ def report(controller: LoadedController, summary: Summary | None, failure: str =
     print_report(console, controller, summary, failure, False)
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
+
+
+def test_the_live_line_tells_error_and_updates_in_a_narrow_terminal() -> None:
+    display = FlightDisplay(Console(file=io.StringIO(), width=80), "figure8", "practical")
+    at = Reference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
+    for number, phase in enumerate([Phase.TAKEOFF, *[Phase.HOLD] * 4]):
+        one = tick(number, seen=True)
+        display.take(replace(one, flight=replace(one.flight, phase=phase), reference=at))
+    line = display._line()
+    assert "error +400.0  +0.0 +100.0 cm  updates" in line.plain[:80]
+    assert "figure8, practical" in line.plain
+    assert line.overflow == "ellipsis"
+
+
+def test_what_can_be_done_next_is_said_of_all_flights_together() -> None:
+    console = Console(file=io.StringIO(), width=80)
+    _say_next([Path("flights/a.mcap"), Path("flights/b.mcap")], console)
+    _say_next([], console)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().splitlines() == [
+        "next: companion report flights/a.mcap flights/b.mcap",
+        "      or open the record in Foxglove: docs/records.md",
+    ]
 
 
 def test_an_unstable_controller_is_taken_when_asked_for(

@@ -58,7 +58,9 @@ def read(path: Path) -> dict[str, Any]:
 def test_a_flight_is_reported_drawn_and_recorded(typed: Type, tmp_path: Path) -> None:
     ran = typed(short(tmp_path, "swing"), "--out", tmp_path / "out", "--summary", tmp_path / "numbers" / "s.json")
     assert ran.code == 0, ran.out + ran.err
-    assert "tracking error, short, etnn, seed 1 (m)" in ran.out
+    assert "tracking error, short, etnn, seed 1" in ran.out
+    assert "│ mean │" in ran.out
+    assert "┃ cm   ┃" in ran.out
     assert "times faster than real time" in ran.out
     assert "inside the error limits" in ran.out
     data, record = read(tmp_path / "numbers" / "s.json"), np.load(tmp_path / "out" / "virtual-short-etnn-seed1.npz")

@@ -29,9 +29,12 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
         path = tmp_path / f"{name}.toml"
         ran = _tune(tmp_path, "--write", str(path), "--summary", str(tmp_path / f"{name}.json"))
         assert ran.exit_code == 0, ran.output
-        assert "best" in ran.output
+        assert "the best of this search is " in ran.output
+        assert "better than practical (worst case " in ran.output
+        assert f'description = "the ET-NN law of {name}.toml' in path.read_text(encoding="utf-8")
         load_controller(str(path), VehicleModel(), 0.01)
-        written.append([line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")])
+        lines = path.read_text(encoding="utf-8").splitlines()
+        written.append([line for line in lines if not line.startswith(("#", "description"))])
     assert written[0] == written[1]
     numbers = json.loads((tmp_path / "first.json").read_text(encoding="utf-8"))
     assert numbers["checked"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}

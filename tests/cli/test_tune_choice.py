@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from companion.cli.tune import Checked, best_of, elsewhere
+from companion.cli.tune import Checked, best_of, elsewhere, verdict
 from companion.experiments.gain_space import START, shares_of
 from companion.experiments.scene import load_scene
 from companion.experiments.search import Centre
@@ -24,6 +24,14 @@ def test_what_lost_a_vehicle_or_would_be_refused_is_never_written() -> None:
     assert best_of([lost, refused]) is None
     held = _checked(0.05, 0.2)
     assert best_of([lost, held, refused]) is held
+
+
+def test_a_search_is_told_whether_it_is_better_than_what_flies() -> None:
+    flies, better, worse = _checked(0.012, 0.05), _checked(0.011, 0.05), _checked(0.02, 0.2, worst_m=0.304)
+    assert verdict(better, flies, "practical") == (
+        "the best of this search is better than practical (worst case 100 mm, practical 100 mm)"
+    )
+    assert "NOT better than practical (worst case 304 mm" in verdict(worse, flies, "practical")
 
 
 def test_the_check_flies_curves_that_no_search_has_flown() -> None:

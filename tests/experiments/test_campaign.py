@@ -132,7 +132,7 @@ def test_an_ablation_says_what_was_left_out_and_what_it_cost() -> None:
     lost = flown([[9.0, 9.0, 9.0], [0.1, 0.1, 0.1]], without=Ablation.PREDICTION, share=0.5, diverged=1)
     grid = ablation_grid(whole, [worse, lost])
     assert [cell.text for cell in grid.rows[1][:5]] == ["without network", "0.1000", "2.00", "0.240", "5.0%"]
-    assert grid.rows[1][5].text.endswith("The error is 2.00 times as large; about as many cycles send.")
+    assert grid.rows[1][5].text.endswith("The error is 2.00 times as large; about as many updates.")
     assert [cell.text for cell in grid.rows[2][:2]] == ["without prediction", "lost 1 of 2"]
     assert grid.rows[2][5].text.endswith("It diverges: lost 1 of 2.")
     assert "what it means" not in grid.narrow.columns
