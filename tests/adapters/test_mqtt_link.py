@@ -26,10 +26,12 @@ from tests.adapters.mqtt_rig import (
     until,
 )
 from tests.adapters.qtm_scripts import Silent, listening
+from tests.beside import Beside
 from tests.broker import BrokerProcess, broker
 from tests.mosquitto import mosquitto, needs_mosquitto
 
 pytestmark = pytest.mark.realtime
+beside = Beside(at_once=4)
 
 BLOCKED_S = 0.5
 """Every time-out of the link is longer: a loop that waited one out would show."""
@@ -166,6 +168,7 @@ async def test_everyone_sees_whether_the_vehicle_listens(served: Served) -> None
         await afterwards.hears(TOPICS.status, online=False)
 
 
+@beside
 async def test_events_wait_for_a_broker_and_of_states_only_the_newest_does() -> None:
     process = BrokerProcess()
     try:
@@ -224,6 +227,7 @@ async def test_what_cannot_be_said_does_no_harm(served: Served) -> None:
         assert link.age_s() == 0.0
 
 
+@beside
 async def test_a_broker_that_comes_late_goes_and_comes_back() -> None:
     vehicle, process = Vehicle(), BrokerProcess()
     try:
@@ -242,6 +246,7 @@ async def test_a_broker_that_comes_late_goes_and_comes_back() -> None:
         process.stop()
 
 
+@beside
 async def test_a_broker_that_hangs_is_as_good_as_gone() -> None:
     vehicle = Vehicle()
     with broker() as process:
@@ -257,6 +262,7 @@ async def test_a_broker_that_hangs_is_as_good_as_gone() -> None:
             assert longest_s[0] < BLOCKED_S
 
 
+@beside
 async def test_a_server_that_says_nothing_costs_nothing_and_leaves_nothing() -> None:
     open_before = open_files()
     async with listening(Silent) as port:

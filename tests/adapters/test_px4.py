@@ -15,10 +15,13 @@ from companion.control_stage import idle_setpoint
 from companion.ports import AutopilotError
 from companion.types import AttitudeThrust, FlightMode
 from tests.adapters.px4_rig import START_NED_M, linked, see, standing_off_the_origin, until_armable
+from tests.beside import Beside
 
 pytestmark = pytest.mark.realtime
+beside = Beside(at_once=4)
 
 
+@beside
 async def test_a_pose_in_w_arrives_in_the_autopilots_frame() -> None:
     async with linked() as (autopilot, mock):
         await see(autopilot, (0.8, 0.5, 0.0), 1.0, 2.0)
@@ -28,6 +31,7 @@ async def test_a_pose_in_w_arrives_in_the_autopilots_frame() -> None:
         assert float(yaw_of(autopilot.status().q_w_flu_wxyz)) == pytest.approx(1.0, abs=0.05), "left is positive in W"
 
 
+@beside
 async def test_offboard_and_armed_count_when_the_heartbeat_shows_them() -> None:
     async with linked() as (autopilot, mock):
         await until_armable(autopilot)
@@ -39,6 +43,7 @@ async def test_offboard_and_armed_count_when_the_heartbeat_shows_them() -> None:
         assert not autopilot.status().armed
 
 
+@beside
 async def test_a_refusal_is_told_in_the_autopilots_own_words() -> None:
     async with linked(arm_timeout_s=0.0001) as (autopilot, _):
         await asyncio.sleep(2.0)  # texts are held back for 1.5 s after boot, and until a ground station is heard
@@ -46,6 +51,7 @@ async def test_a_refusal_is_told_in_the_autopilots_own_words() -> None:
             await autopilot.arm()  # in Hold and without a position
 
 
+@beside
 async def test_a_setpoint_leaning_forward_brings_the_nose_down_at_the_autopilot() -> None:
     async with linked() as (autopilot, mock):
         await until_armable(autopilot)
@@ -58,6 +64,7 @@ async def test_a_setpoint_leaning_forward_brings_the_nose_down_at_the_autopilot(
         assert pitch_deg == pytest.approx(-10.0, abs=0.01)
 
 
+@beside
 async def test_an_autopilot_that_falls_silent_ends_every_wait() -> None:
     mock, url = standing_off_the_origin()
     px4 = Px4Config(url=url, answer_timeout_s=1.0, arm_timeout_s=1.0)

@@ -17,9 +17,11 @@ from companion.control_stage import idle_setpoint
 from companion.types import AttitudeThrust, FlightMode
 from mock_autopilot.simulator import Simulator
 from tests.adapters.px4_rig import linked, see, standing_off_the_origin, until_armable
+from tests.beside import Beside
 from tests.mavlink_relay import Relay
 
 pytestmark = pytest.mark.realtime
+beside = Beside(at_once=4)
 
 PATIENCE_S = 10.0
 
@@ -47,6 +49,7 @@ async def arrived_in(relay: Relay, for_s: float) -> int:
     return len(relay.setpoints_s()) - before
 
 
+@beside
 async def test_a_stopped_stream_is_silent_commands_no_mode_and_can_begin_again() -> None:
     async with relayed() as (autopilot, _, relay):
         await until_armable(autopilot)
@@ -72,6 +75,7 @@ def modes_asked(relay: Relay) -> int:
     return sum(p.kind == "COMMAND_LONG" and p.message.command == 176 for p in relay.from_client)
 
 
+@beside
 async def test_a_change_of_mode_is_known_before_the_next_heartbeat() -> None:
     async with linked() as (autopilot, mock):
         assert autopilot.warnings == ()
@@ -84,6 +88,7 @@ async def test_a_change_of_mode_is_known_before_the_next_heartbeat() -> None:
         assert autopilot.status().heartbeat_s == before_s
 
 
+@beside
 async def test_an_autopilot_that_refuses_current_mode_is_told_of_and_heard_by_its_heartbeat() -> None:
     simulator, url = standing_off_the_origin()
     del simulator.links[0].streams._streams[436]
@@ -95,6 +100,7 @@ async def test_an_autopilot_that_refuses_current_mode_is_told_of_and_heard_by_it
         await until(lambda: autopilot.status().mode is FlightMode.LAND)
 
 
+@beside
 async def test_the_autopilots_age_and_its_reboot_show() -> None:
     simulator, url = standing_off_the_origin(ports := free_ports())
     await simulator.__aenter__()
@@ -114,6 +120,7 @@ async def test_the_autopilots_age_and_its_reboot_show() -> None:
             await until(lambda: rebooted.links[0].streams.interval_us(436) == 50_000)
 
 
+@beside
 async def test_an_attitude_that_stays_away_is_no_fresh_one_although_heartbeats_come() -> None:
     async with linked() as (autopilot, mock):
         await until(lambda: math.isfinite(autopilot.status().attitude_s))
@@ -125,6 +132,7 @@ async def test_an_attitude_that_stays_away_is_no_fresh_one_although_heartbeats_c
         assert autopilot.status().attitude_s == last_s < autopilot.status().heard_s
 
 
+@beside
 async def test_parameters_and_the_autopilots_own_position() -> None:
     async with linked() as (autopilot, _):
         assert not autopilot.local().vision_fused
@@ -139,6 +147,7 @@ async def test_parameters_and_the_autopilots_own_position() -> None:
         assert max(time.monotonic() - local.time_s, 0.0) < 1.0
 
 
+@beside
 async def test_kill_stops_the_motors_of_a_vehicle_that_refuses_to_disarm() -> None:
     async with linked() as (autopilot, mock):
         await until_armable(autopilot)
