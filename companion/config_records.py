@@ -12,7 +12,9 @@ class RecordsConfig(Section):
     keep_mb: float = Field(
         20_000.0, gt=0.0, le=1e8, description="largest size of all records together; the oldest flights go first, MB"
     )
-    keep_days: float = Field(365.0, gt=0.0, le=1e5, description="age at which records are deleted, days")
+    keep_days: float = Field(
+        365.0, gt=0.0, le=1e5, description="age at which records are deleted, but never the ten newest, days"
+    )
     min_free_mb: float = Field(
         200.0, ge=0.0, le=1e7, description="least free space on the disk; with less nothing is written, MB"
     )

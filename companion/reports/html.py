@@ -59,7 +59,7 @@ def picture(subject: str, caption: str, png: bytes, *, wide: bool = False) -> st
     data, words = base64.b64encode(png).decode("ascii"), escape(caption)
     image = f'<img alt="{escape(subject)}: {words}" src="data:image/png;base64,{data}">'
     image = f"<div class=scroll>{image}</div>" if wide else image
-    return f"<figure>{image}<figcaption>{words}</figcaption></figure>"
+    return f"<figure class=picture>{image}<figcaption>{words}</figcaption></figure>"
 
 
 _STYLE = """
@@ -82,6 +82,8 @@ th:first-child, td:first-child { text-align: left; white-space: pre-wrap; min-wi
 th { vertical-align: bottom; } td:nth-child(n+2) { white-space: nowrap; }
 th.words:nth-child(n+2), td.words:nth-child(n+2) { text-align: left; white-space: normal; width: 45%; }
 .scroll { overflow-x: auto; }
+body { counter-reset: picture; }
+.picture figcaption::before { counter-increment: picture; content: "Figure " counter(picture) ". "; }
 .verdict { font-size: 1.1rem; font-weight: 600; margin-bottom: .4rem; }
 .swatches { font-size: .82rem; color: #555; } .swatches span { padding: .1rem .5rem; color: #1b1b1b; }
 .good { color: #00704a; } .bad { color: #a8320a; } .faint { color: #777; }
