@@ -174,8 +174,6 @@ class BusLink:
                 LOG.error("%s", self._rival.sentence)
 
     def _take(self, message: aiomqtt.Message) -> None:
-        if not self._listened.is_set():
-            return None  # nobody knows of us yet: it is meant for another
         payload = message.payload if isinstance(message.payload, bytes) else b""
         path = ReturnPath.of(message, self._topics)
         if message.retain:
@@ -206,8 +204,8 @@ class BusLink:
 
     def _refuse(self, path: ReturnPath, refusal: Refusal) -> None:
         """Without waiting: the next command may be an abort."""
-        if len(self._replies) >= _WAITING:
-            return  # a flood; what fits in says enough
+        if not self._listened.is_set() or len(self._replies) >= _WAITING:
+            return  # nobody knows of us yet, so that another was meant; or a flood: what fits in says enough
         LOG.warning("a command is refused: %r", refusal.reason)  # %r: it may hold what the sender wrote
         reply = Reply(id=refusal.id, answer=Answer.REFUSED, time_s=time.time(), text=refusal.reason)
         self._answer(path.named(refusal.reply_to), reply)
