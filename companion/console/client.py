@@ -3,8 +3,6 @@
 import asyncio
 import contextlib
 import secrets
-import socket
-import ssl
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -12,16 +10,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import aiomqtt
-from aiomqtt.exceptions import MqttConnectError
 from pydantic import BaseModel, ValidationError
 
-from companion.adapters.mqtt.certificates import certificate_fault
-from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
+from companion.adapters.mqtt.connection import V5, V311
+from companion.adapters.mqtt.reconnector import Reconnector, reason_of
 from companion.bus.telemetry import Happened, Presence, Reply, State
 from companion.config_operator import OperatorConfig
 from companion.console.ending import end
-from companion.console.line import ForbiddenError, Line, NotSentError, is_forbidden
+from companion.console.line import ForbiddenError, Line, NotSentError
 from companion.console.place import url_of
+from companion.console.refused import may_be_chance, refused_connection
 from companion.console.runs import Runs
 from companion.console.trouble import NobodyThereError
 from companion.errors import ConfigError
@@ -38,11 +36,11 @@ _STATE_S = 2.0
 _CATCH_UP_S = 5.0
 """After a flood so long at most is waited for a state that has not waited in the broker."""
 _HERE = frozenset({"127.0.0.1", "::1", "localhost"})
-"""There the service's embedded broker is, which knows no MQTT 5, and takes a second to show it; whichever broker it is,
-a connection to it does not break without it, so that nothing need be kept for us.
+"""There the service's embedded broker is, which knows no MQTT 5; whichever broker it is, a connection to it does not
+break without it, so that nothing need be kept for us.
 """
 _TRIES = 3
-_FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.2, 2.0
+"""Of the first connection."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +75,8 @@ class Console:
     def __init__(self, place: OperatorConfig) -> None:
         self._place, self._topics = place, place.topics
         self._client = f"console-{secrets.token_hex(6)}"
-        self._version = V311 if place.host in _HERE else V5
+        self._reconnector = Reconnector(V311 if place.host in _HERE else V5, self._lost)
+        self._tries = 0
         self._said: asyncio.Queue[Said] = asyncio.Queue()
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._line: Line | None = None
@@ -186,33 +185,14 @@ class Console:
         return True
 
     async def keep(self) -> None:
-        """Connect, again and again, until cancelled; what the first time fails with is told by `connected`."""
-        pause_s, tries = _FIRST_PAUSE_S, 0
-        while True:
-            try:
-                await self._follow()
-            except (ConfigError, aiomqtt.MqttError, OSError, ValueError) as error:
-                if self._tries_older(error):
-                    continue
-                tries += 1
-                if not self._first.done() and (tries == _TRIES or not _may_be_chance(error)):
-                    self._first.set_exception(self._sentence(error))
-                    return
-                pause_s = _FIRST_PAUSE_S if self._line is not None else min(2.0 * pause_s, _LONGEST_PAUSE_S)
-                self._broken(error)
-            await asyncio.sleep(pause_s)
+        """Connect, again and again, until cancelled; what the first connection fails with is told by `connected`."""
+        await self._reconnector.keep(self._follow)
 
-    def _tries_older(self, error: Exception) -> bool:
-        """Whether to try 3.1.1 at once; a broker that was met before is not tried with another version."""
-        older = self._version is V5 and not self._first.done()
-        older = older and (knows_no_mqtt5(error) or isinstance(error, UnansweredError))
-        self._version = V311 if older else self._version
-        return older
-
-    async def _follow(self) -> None:
+    async def _follow(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
-        async with Line(self._place, self._client, self._version, self._first.done()) as line:
+        async with Line(self._place, self._client, version, self._first.done()) as line:
             await line.follow(self._topics, self._client)
+            self._reconnector.heard()
             self._line = line
             if self._first.done():
                 self._said.put_nowait(Link(True))
@@ -225,10 +205,14 @@ class Console:
                 line.farewell()
                 raise
 
-    def _broken(self, error: Exception) -> None:
+    def _lost(self, error: Exception) -> None:
+        """Raise what the first connection fails with, as a sentence; tell of one that broke later."""
+        self._tries += 1
+        if not self._first.done() and (self._tries == _TRIES or not may_be_chance(error)):
+            raise refused_connection(error, self._place)
         if self._line is not None:
             self._line = None
-            self._said.put_nowait(Link(False, f"the connection to {url_of(self._place)} broke: {_why(error)}"))
+            self._said.put_nowait(Link(False, f"no connection to {url_of(self._place)} any more: {reason_of(error)}"))
 
     def _read(self, message: aiomqtt.Message) -> None:
         """What is none of the service's words is nothing to us."""
@@ -257,39 +241,3 @@ class Console:
             return  # of another run: two services have this vehicle's name
         if isinstance(said, Presence | State | Happened | Reply):
             self._said.put_nowait(said)
-
-    def _sentence(self, error: Exception) -> Exception:
-        url = url_of(self._place)
-        if isinstance(error, ForbiddenError):
-            return ConfigError(f"{url} {error}")
-        if isinstance(error, ConfigError):
-            return error
-        if is_forbidden(error):
-            return ConfigError(f"{url} does not let us in: give --broker mqtt://USER@HOST and --password-file")
-        if isinstance(error, ssl.SSLError):
-            return ConfigError(f"{url}: {certificate_fault(error)}")
-        if isinstance(error, ConnectionRefusedError | socket.gaierror):
-            return NobodyThereError(
-                f"nobody there: no broker at {url} ({_why(error)}): neither `companion serve` with a broker of its own "
-                "nor another broker runs there"
-            )
-        return NobodyThereError(
-            f"nobody there: the broker at {url} does not answer ({_why(error)}), so it is not known whether the "
-            "service runs: look at the broker; the pilot's remote control works without it"
-        )
-
-
-def _may_be_chance(error: Exception) -> bool:
-    """Return whether the next attempt may succeed: the broker accepted the connection, and then was silent."""
-    return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
-
-
-def _why(error: Exception) -> str:
-    cause = error.__cause__ if isinstance(error.__cause__, Exception) else error
-    if isinstance(cause, ssl.SSLError):
-        return certificate_fault(cause)
-    if isinstance(cause, OSError) and cause.strerror:
-        return cause.strerror
-    if isinstance(cause, aiomqtt.MqttCodeError) and not isinstance(cause, MqttConnectError):
-        return "broken off"
-    return str(cause) or type(cause).__name__

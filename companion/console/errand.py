@@ -16,7 +16,9 @@ _ANSWER_S = 8.0
 _GONE_S = 15.0
 """So long neither broker nor service is heard, and nobody will hear how it ended."""
 _UNSEEN_S = 2.0
-"""After a broken connection: a reply that was kept for us has come by then."""
+"""After a broken connection, and after the end of what was commanded: a reply has come by then."""
+_AT_ONCE_S = 15.0
+"""What no state names while it is carried out (hold, resume and the like) has ended within this."""
 _LOOK_S = 0.2
 _OVER = frozenset({"standby", "disarmed"})
 """Phases in which the service flies nothing."""
@@ -49,6 +51,10 @@ class Errand:
         self._begun_s = self._heard_s = self._back_s = 0.0
         self._broke = False
         """Since the command was sent: then its end may have been said without us."""
+        self._over_s = math.inf
+        """Since when the states say that it is carried out no longer."""
+        self._named = False
+        """A state has said that it is carried out."""
 
     async def said(self) -> AsyncIterator[Said]:
         """Send it and yield until the reply that ends it.
@@ -107,6 +113,7 @@ class Errand:
             self._broke, self._back_s = True, now_s
         elif isinstance(said, State) and said.session == self._session:
             self._heard_s = now_s
+            self._named = self._named or (said.doing is not None and said.doing.id == self._draft.id)
         elif isinstance(said, Reply) and said.id == self._draft.id:
             self._heard_s, self.sent = now_s, Sent.YES
             self.accepted = self.accepted or said.answer is not Answer.REFUSED
@@ -126,8 +133,15 @@ class Errand:
         """As `_lost`, while there is a connection."""
         if not self.accepted and now_s - max(self._begun_s, self._back_s) > _ANSWER_S:
             return f"no answer within {_ANSWER_S:g} s, {self._reached()}"
-        if self.accepted and self._broke and now_s - self._back_s > _UNSEEN_S and self._over():
+        if not self.accepted or not self._over():
+            self._over_s = math.inf
+            return ""
+        if self._broke and now_s - self._back_s > _UNSEEN_S:
             return "it ended while the connection was broken, and it is not known how"
+        self._over_s = min(self._over_s, now_s)
+        shown = self._named or self._draft.verb in _DOWN
+        if now_s - self._over_s > (_UNSEEN_S if shown else _AT_ONCE_S):
+            return "it is not carried out any more, and how it ended was not heard"
         return ""
 
     def _reached(self) -> str:
@@ -142,4 +156,7 @@ class Errand:
             return False
         if self._draft.verb in _DOWN:
             return not state.armed
-        return state.doing is None or state.doing.id != self._draft.id
+        if state.doing is None:
+            return True
+        beside = self._draft.verb == "arms" and state.doing.verb != "arms"  # a state names the flight's command first
+        return not beside and state.doing.id != self._draft.id

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from companion.adapters.mqtt import again, connection, link
+from companion.adapters.mqtt import connection, link, reconnector
 from tests.adapters.bad_bytes import bad_stream, nothing_escapes
 from tests.adapters.mqtt_rig import TOPICS, Vehicle, command, linked, ticking, until
 from tests.adapters.qtm_scripts import listening
@@ -153,8 +153,8 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody waits long for a broker that will not answer."""
     monkeypatch.setattr(connection, "ANSWER_S", 0.1)
     monkeypatch.setattr(link, "_BEAT_S", 0.05)
-    monkeypatch.setattr(again, "_FIRST_PAUSE_S", 0.01)
-    monkeypatch.setattr(again, "_LONGEST_PAUSE_S", 0.02)
+    monkeypatch.setattr(reconnector, "_FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(reconnector, "_LONGEST_PAUSE_S", 0.02)
 
 
 def sayings(packets: tuple[bytes, ...], connack: bytes, suback: bytes) -> st.SearchStrategy[list[bytes]]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import aiomqtt
 
+from companion.adapters.mqtt.connection import Connection
 from companion.bus.commands import Command
 from companion.bus.intake import Intake, Refusal
 from companion.bus.telemetry import Answer, Doing, Happened, Kind, Presence, Reply, State
@@ -20,6 +21,16 @@ _PATIENCE_S = 30.0
 
 Answers = AsyncIterator[tuple[Answer, str]]
 Script = Callable[["ScriptedService", Command], Answers]
+
+
+class Client(aiomqtt.Client):
+    """One whose tasks end when they are cancelled once.
+
+    aiomqtt waits with wait_for, which on Python 3.11 loses a cancellation that comes together with the answer; a
+    TaskGroup cancels its tasks once only, and then waits for them for ever.
+    """
+
+    _wait_for = Connection._wait_for
 
 
 async def done(service: "ScriptedService", command: Command) -> Answers:
@@ -61,7 +72,7 @@ class ScriptedService:
         """Connected, and again when that breaks."""
         while True:
             with suppress(aiomqtt.MqttError, ExceptionGroup):
-                async with aiomqtt.Client("127.0.0.1", self._port, timeout=1.0) as client:
+                async with Client("127.0.0.1", self._port, timeout=1.0) as client:
                     await self._serve(client)
             await asyncio.sleep(0.1)
 

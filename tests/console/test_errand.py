@@ -11,7 +11,7 @@ from companion.adapters.mqtt import connection
 from companion.bus.commands import Command
 from companion.bus.telemetry import Answer, Doing, Presence, Reply, State
 from companion.config_operator import OperatorConfig
-from companion.console import client
+from companion.console import client, errand
 from companion.console.client import Console, Link, open_console
 from companion.console.draft import Draft
 from companion.console.errand import Errand
@@ -107,6 +107,40 @@ async def test_an_end_that_was_said_while_the_connection_was_broken_is_not_waite
 
             with pytest.raises(LostError, match=r"ended while the connection was broken.* hold, disarmed, 1\.20 m"):
                 await follow()
+
+
+async def test_an_answer_that_was_lost_is_not_waited_for_for_ever(shared_broker: BrokerProcess) -> None:
+    async def forgets(service: ScriptedService, command: Command) -> Answers:
+        service.doing = Doing(id=command.id, verb=command.verb)
+        yield Answer.ACCEPTED, ""
+        await asyncio.sleep(0.5)
+        service.doing = None
+
+    place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
+    async with scripted(place.port, place.vehicle, forgets):
+        with pytest.raises(
+            LostError, match=r"goto: it is not carried out any more, and how it ended was not heard; now"
+        ):
+            await run(place, Draft("goto", x_m=0.0, y_m=0.0, z_m=1.0))
+
+
+async def test_arms_that_move_beside_the_flights_command_are_waited_for(
+    shared_broker: BrokerProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(errand, "_AT_ONCE_S", 0.2)
+    monkeypatch.setattr(errand, "_UNSEEN_S", 0.2)
+
+    async def plays(service: ScriptedService, command: Command) -> Answers:
+        service.doing = Doing(id=command.id, verb=command.verb)
+        yield Answer.ACCEPTED, ""
+        await asyncio.sleep(0.2)
+        service.doing = Doing(id="another", verb="goto")
+        await asyncio.sleep(1.0)
+        yield Answer.DONE, "played"
+
+    place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
+    async with scripted(place.port, place.vehicle, plays):
+        assert answers(await run(place, Draft("arms", do="stow"))) == [Answer.ACCEPTED, Answer.DONE]
 
 
 async def test_a_service_that_was_restarted_knows_nothing_of_the_command(shared_broker: BrokerProcess) -> None:

@@ -11,10 +11,10 @@ import aiomqtt
 from pydantic import BaseModel
 
 from companion import __version__
-from companion.adapters.mqtt.again import Again
 from companion.adapters.mqtt.connection import V5, V311, Connection
 from companion.adapters.mqtt.outbox import Letter, Outbox
 from companion.adapters.mqtt.reached import reached
+from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.adapters.mqtt.return_path import ReturnPath
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.bus.commands import Command
@@ -80,7 +80,7 @@ class BusLink:
         self._listened = asyncio.Event()
         if config.embedded:  # the broker has just begun with us
             self._listened.set()
-        self._again = Again(f"the operator's broker {self._where}", V311 if config.embedded else V5)
+        self._broker_link = LoggedReconnector(f"the operator's broker {self._where}", V311 if config.embedded else V5)
         self._events, self._replies = Outbox(_EVENTS), Outbox(_REPLIES)
         self._state: State | None = None
         self._shown = asyncio.Event()
@@ -91,7 +91,7 @@ class BusLink:
 
     def age_s(self) -> float:
         """Since the broker last answered, s; 0 while it does."""
-        return 0.0 if self._again.there else self._clock.now_s() - self._heard_s
+        return 0.0 if self._broker_link.there else self._clock.now_s() - self._heard_s
 
     def rival(self) -> str:
         """Return what is wrong when another service has this vehicle's name; empty when none is heard."""
@@ -115,12 +115,12 @@ class BusLink:
     async def last_words(self) -> None:
         """Wait until all is said that can be said soon."""
         with suppress(TimeoutError):
-            async with asyncio.timeout(_LAST_WORDS_S if self._again.there else 0.0):
+            async with asyncio.timeout(_LAST_WORDS_S if self._broker_link.there else 0.0):
                 await asyncio.gather(self._replies.empty(), self._events.empty())
 
     async def keep(self) -> None:
         """Connect, again and again, until cancelled."""
-        await self._again.keep(self._connected)
+        await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
@@ -240,4 +240,4 @@ class BusLink:
 
     def _heard(self) -> None:
         self._heard_s = self._clock.now_s()
-        self._again.heard()
+        self._broker_link.heard()

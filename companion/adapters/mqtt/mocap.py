@@ -11,9 +11,9 @@ import numpy as np
 import paho.mqtt.client as paho
 from pydantic import ValidationError
 
-from companion.adapters.mqtt.again import Again
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reached import reached
+from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_mocap import MocapConfig
 from companion.config_operator import OperatorConfig
@@ -61,17 +61,17 @@ class MqttMocap(NewestFrame):
         self._broker = broker
         self._pose_topic, self._bridge_topic = topics.mocap, topics.mocap_bridge
         self._reached = reached(broker, None)
-        self._again = Again(f"motion capture's broker {broker.host}:{broker.port}")
+        self._broker_link = LoggedReconnector(f"motion capture's broker {broker.host}:{broker.port}")
         self._bridge: BridgePresence | None = None
 
     @property
     def listens(self) -> bool:
         """Whether the broker would hand on to us what the bridge says now."""
-        return self._again.there
+        return self._broker_link.there
 
     async def keep(self) -> None:
         """Listen, again and again, until cancelled."""
-        await self._again.keep(self._connected)
+        await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
@@ -79,7 +79,7 @@ class MqttMocap(NewestFrame):
             await feed.follow(self._bridge_topic)
             await feed.follow(self._pose_topic)
             while True:
-                self._again.heard()
+                self._broker_link.heard()
                 received = self.counts.received
                 await feed.lost_within(_PROBE_S)
                 if self.counts.received == received:
@@ -134,7 +134,7 @@ class MqttMocap(NewestFrame):
         """The sentence for no first frame: what is known of the way it should have come."""
         b, bridge = self._broker, self._bridge
         if not self.listens:
-            why = self._again.why or "it does not answer"
+            why = self._broker_link.why or "it does not answer"
             correct = f"start it, or correct host and port in [{b.table}]"
             return f"no broker for motion capture at {b.host}:{b.port} ({why}): {correct}"
         start = "start `companion mocap-bridge` on the workstation"

@@ -13,9 +13,9 @@ import aiomqtt
 import paho.mqtt.client as paho
 from pydantic import ValidationError
 
-from companion.adapters.mqtt.again import Again
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reached import reached
+from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.bus.mocap import BridgePresence, MocapPose
 from companion.config_operator import OperatorConfig
 from companion.ports import MocapError
@@ -55,7 +55,7 @@ class MocapOut:
         )
         gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
         self._reached = reached(broker, aiomqtt.Will(self._topics.mocap_bridge, gone, qos=1, retain=True))
-        self._again = Again(f"the broker {self._where}")
+        self._broker_link = LoggedReconnector(f"the broker {self._where}")
         self._alone = self._echoed = False
         self._newest: MocapPose | None = None
         self._shown, self._answers = asyncio.Event(), asyncio.Event()
@@ -69,9 +69,9 @@ class MocapOut:
     @property
     def why(self) -> str:
         """Why nothing is sent; empty while it is."""
-        if self._again.there:
+        if self._broker_link.there:
             return "" if self._alone else "listens whether another bridge is at work"
-        return f"no broker at {self._where}" + (f": {self._again.why}" if self._again.why else "")
+        return f"no broker at {self._where}" + (f": {self._broker_link.why}" if self._broker_link.why else "")
 
     def show(self, pose: MocapPose) -> None:
         """Send it now if that can be, or as soon as it can be and there is nothing newer. Never waits."""
@@ -86,12 +86,12 @@ class MocapOut:
 
     async def keep(self) -> None:
         """Connect, again and again, until cancelled."""
-        await self._again.keep(self._connected)
+        await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         async with Feed(self._reached, version, self._on_message) as feed:
             await feed.follow(self._topics.mocap_bridge)
-            self._again.heard()
+            self._broker_link.heard()
             self._answers.clear()
             if not self._alone:  # once in a run: later the vehicle may fly by our frames
                 await feed.lost_within(_LISTEN_S)
@@ -116,7 +116,7 @@ class MocapOut:
             finally:
                 slow.cancel()
             self._answers.set()
-            self._again.heard()
+            self._broker_link.heard()
             await feed.lost_within(_BEAT_S)
 
     async def _say_newest(self, feed: Feed) -> None:
