@@ -27,7 +27,7 @@ from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_servos import SimulatedServos
 from tests.flights.test_simulated_arms import ARMS, mock_arms
 
-BOOTED_S = 10.0
+BOOTED_S = 4.0
 """By then the mock's PX4 lets itself be armed."""
 
 
