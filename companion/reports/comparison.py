@@ -10,16 +10,16 @@ from companion.reports.words import NOTHING, error_cells, letters, ms, share_cel
 def comparison(flights: Sequence[Numbers]) -> Grid:
     """A row for each trajectory of each flight; for a flight without one, over all in the air."""
     columns = (
-        "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "sent", "to setpoint",
+        "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "updates", "to setpoint",
         "faults",
     )  # fmt: skip
     rows = tuple(
         row for letter, one in zip(letters(len(flights)), flights, strict=True) for row in _compared(letter, one)
     )
     note = (
-        "Errors in cm, over each trajectory, or over all in the air where none was flown; triggers and setpoints as "
-        "shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many ms, and faults, of "
-        "the whole flight."
+        "Errors in cm, over each trajectory, or over all in the air where none was flown; triggers, and updates "
+        "(setpoints sent), as shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many "
+        "ms, and faults, of the whole flight."
     )
     return Grid("Beside each other", columns, rows, note)
 

@@ -31,7 +31,7 @@ def summary(numbers: Numbers) -> list[str]:
         return []
     lines = [_flown(numbers)]
     if (triggers := numbers.triggers_whole) is not None:
-        says = [f"{triggers.sent_share:.0%} of {triggers.cycles} cycles sent a setpoint"]
+        says = [f"Updates in {triggers.sent_share:.0%} of {triggers.cycles} cycles"]
         if math.isfinite(triggers.gap_max_s):
             says.append(f"the longest time between two triggers was {1e3 * triggers.gap_max_s:.0f} ms")
         if (from_frame := numbers.latencies.get("frame to setpoint")) is not None:

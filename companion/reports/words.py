@@ -97,7 +97,7 @@ def trajectory_table(numbers: Numbers) -> Grid | None:
     if len(numbers.trajectories) < 2:
         return None
     columns = (
-        "", "law", "from (s)", "for (s)", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "sent",
+        "", "law", "from (s)", "for (s)", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "updates",
         "longest gap (ms)",
     )  # fmt: skip
     rows = tuple(
@@ -109,8 +109,8 @@ def trajectory_table(numbers: Numbers) -> Grid | None:
         for number, one in enumerate(numbers.trajectories, 1)
     )  # fmt: skip
     note = (
-        "Errors in cm; triggers and setpoints sent as shares of the trajectory's cycles; longest time between two "
-        "triggers within the trajectory."
+        "Errors in cm; triggers, and updates (setpoints sent), as shares of the trajectory's cycles; longest time "
+        "between two triggers within the trajectory."
     )
     return Grid("Trajectories", columns, rows, note)
 
@@ -137,7 +137,7 @@ def trigger_table(numbers: Numbers) -> Grid | None:
     found: list[tuple[str, Triggers]] = [(name, triggers) for name, triggers in all_of_it if triggers is not None]
     if not found:
         return None
-    columns = ("", "cycles", "triggers", "share", "setpoints sent", "median gap (ms)", "longest gap (ms)")
+    columns = ("", "cycles", "triggers", "share", "updates", "median gap (ms)", "longest gap (ms)")
     rows = tuple(
         (
             Cell(name), Cell(str(one.cycles)), Cell(str(one.events)), Cell(f"{one.event_share:.1%}"),
@@ -146,8 +146,8 @@ def trigger_table(numbers: Numbers) -> Grid | None:
         for name, one in found
     )  # fmt: skip
     note = (
-        "Gaps are times between two triggers of the same stretch. More setpoints than triggers: the gate goes on "
-        "towards the wanted one as fast as it may."
+        "Gaps are times between two triggers of the same stretch. Updates: share of cycles that sent a setpoint; more "
+        "of them than triggers: the gate goes on towards the wanted setpoint as fast as it may."
     )
     return Grid("Triggers", columns, rows, note)
 
