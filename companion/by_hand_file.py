@@ -46,10 +46,11 @@ def write_kept(wanted: PreflightConfig, kept: Kept) -> Path:
 def check_can_keep(wanted: PreflightConfig) -> None:
     """Raise ConfigError, with the command that can, when this user cannot write there; for before the carrying."""
     path = kept_file(wanted)
-    folder = next(one for one in path.parents if one.exists())
-    if os.access(path if path.exists() else folder, os.W_OK) and os.access(folder, os.X_OK):
+    folder = next(one for one in path.parents if os.path.lexists(one))
+    may_enter = os.access(folder, os.X_OK)  # one that it may not: what is in there cannot be seen either
+    if may_enter and os.access(path if os.path.lexists(path) else folder, os.W_OK):
         return
-    if folder != path.parent:
+    if may_enter and folder != path.parent:
         raise ConfigError(
             f"cannot keep that the vehicle was carried in {path} (preflight.state_folder): {path.parent} is not there "
             f"and cannot be made by this user; run this on the vehicle, or give another folder"

@@ -66,6 +66,8 @@ def preflight(
     settings = vehicle_settings(config)
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
+    if by_hand:
+        check_can_keep(settings.preflight)
     check_output(out, None)
     console = Console(stderr=as_json)
     try:
@@ -126,9 +128,8 @@ def _refuse(command: Command, _: object) -> None:
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:
     """Have the vehicle carried, and keep that it was if all is right.
 
-    Raises FlightError while it is armed, and ConfigError where that could not be kept.
+    `check_can_keep` comes before. FlightError while it is armed.
     """
-    check_can_keep(config.preflight)
     async with open_onlooker(config, out, forward_vision=True) as (running, _):
         await settle(running, config.preflight)
         if running.autopilot.status().armed:
