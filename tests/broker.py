@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from companion.adapters.broker.server import EmbeddedBroker
+from tests.ports import free_port
 from tests.warm import Begun, begin
 
 _PATIENCE_S = 15.0
@@ -20,9 +21,7 @@ class BrokerProcess:
     """Begun by `broker`; always on the same port."""
 
     def __init__(self) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port: int = free.getsockname()[1]
+        self.port: int = free_port()
         self._process: Begun | None = None
 
     def start(self) -> None:

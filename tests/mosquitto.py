@@ -12,6 +12,7 @@ from pathlib import Path
 
 from companion.config_operator import OperatorConfig
 from tests.packages import find_program, needs
+from tests.ports import free_port
 
 EXAMPLES = Path(__file__).parents[1] / "config" / "mosquitto"
 FAR = "127.0.0.2"
@@ -134,11 +135,3 @@ def make_certificates(folder: Path, *names: str) -> None:
     script = EXAMPLES / "make-certificates.sh"
     made = subprocess.run([script, folder, *names], capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stdout + made.stderr
-
-
-def free_port() -> int:
-    """Of TCP; nobody uses it at this moment."""
-    with socket.socket() as free:
-        free.bind((FAR, 0))
-        port: int = free.getsockname()[1]
-        return port

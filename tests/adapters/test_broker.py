@@ -13,7 +13,7 @@ import pytest
 from companion.adapters.broker import open_broker, process
 from companion.config_operator import OperatorConfig
 from companion.ports import ConfigError
-from tests.mosquitto import free_port
+from tests.ports import free_port
 
 PATIENCE_S = 40.0
 

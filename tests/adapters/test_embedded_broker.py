@@ -19,6 +19,7 @@ from companion.console.draft import Draft
 from companion.console.errand import Errand
 from tests.broker import BrokerProcess, broker
 from tests.console.scripted import Answers, ScriptedService, scripted
+from tests.ports import free_port
 
 _PATIENCE_S = 30.0
 _V5 = aiomqtt.ProtocolVersion.V5
@@ -149,9 +150,7 @@ async def test_who_connects_again_under_its_name_takes_the_place_of_its_earlier_
 
 
 def test_the_process_ends_with_its_standard_input() -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     child = subprocess.Popen(
         [sys.executable, "-m", "companion.adapters.broker", "127.0.0.1", str(port)],
         stdin=subprocess.PIPE,

@@ -15,7 +15,7 @@ from companion.cli.mock_process import MockPorts, free_ports
 from companion.config_operator import OperatorConfig
 from companion.console.client import Link, open_console
 from tests.flights.command import ROOT, Ran, Running, mock_config, run, start
-from tests.mosquitto import free_port
+from tests.ports import free_port
 from tests.warm import mock_process
 
 T = TypeVar("T")
