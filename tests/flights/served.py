@@ -167,9 +167,16 @@ class Served:
 
     def broker(self) -> int:
         """The process of its embedded broker."""
+        return self._child(b"companion.adapters.broker")
+
+    def writer(self) -> int:
+        """The process that writes its records."""
+        return self._child(b"companion.records.writer")
+
+    def _child(self, module: bytes) -> int:
         children = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text().split()
         told = {int(one): Path(f"/proc/{one}/cmdline").read_bytes() for one in children}
-        (found,) = [one for one, line in told.items() if b"companion.adapters.broker" in line]
+        (found,) = [one for one, line in told.items() if module in line]
         return found
 
 

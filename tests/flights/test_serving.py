@@ -1,6 +1,7 @@
 """The service as it is begun, waits, loses its devices, is ended and is killed: real processes, real time."""
 
 import asyncio
+import os
 import signal
 import socket
 import time
@@ -78,7 +79,7 @@ async def test_devices_that_come_later_go_and_come_back(tmp_path: Path) -> None:
         assert await served.ended() == 0
 
 
-async def test_sigterm_in_the_air_lands_first(tmp_path: Path) -> None:
+async def test_an_operator_is_told_that_a_flight_is_not_recorded_and_sigterm_lands_first(tmp_path: Path) -> None:
     site = Site.embedded(tmp_path)
     systemd = Listening(tmp_path)
     told = {"NOTIFY_SOCKET": systemd.address, "WATCHDOG_USEC": "2000000"}
@@ -90,6 +91,10 @@ async def test_sigterm_in_the_air_lands_first(tmp_path: Path) -> None:
             before = systemd.heard.count("WATCHDOG=1")
             assert before > 1, "the control loop ticks"
             await served.until(lambda: "STATUS=hold" in systemd.heard)  # ten times a second
+            assert seen.state.warnings == ()
+            os.kill(served.writer(), signal.SIGKILL)
+            await served.until(lambda: any("not recorded" in one for one in seen.state.warnings), seen.story)
+            assert any(one.kind == "log" and "not recorded" in one.text for one in seen.events), seen.story()
             served.process.send_signal(signal.SIGTERM)
             assert await served.ended() == 0
             assert [one.name for one in seen.events if one.kind == "phase"][-2:] == ["land", "disarmed"]
