@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from enum import Enum
+from struct import Struct
 
 from mock_autopilot.dynamixel_tables import Model, Register
 
@@ -18,6 +19,12 @@ class Refusal(Enum):
     SHUT_DOWN = "torque stays off until a reboot"
 
 
+def _number(register: Register) -> Struct:
+    """As which it is kept: a driver's cycle reads hundreds."""
+    code = {1: "b", 2: "h", 4: "i"}[register.size]
+    return Struct("<" + (code if register.signed else code.upper()))
+
+
 class ControlTable:
     """Bytes of one servo's table; names are those of dynamixel_tables."""
 
@@ -25,14 +32,15 @@ class ControlTable:
         self.model = model
         self.bytes = bytearray(model.size)
         self._at = {register.address: register for register in model.registers}
+        self._kept = {register.name: (register.address, _number(register)) for register in model.registers}
         for register in model.registers:
             self.put(register.name, register.default)
 
     def get(self, name: str) -> int:
         """Value of a register."""
-        register = self.model.by_name[name]
-        raw = self.bytes[register.address : register.end]
-        return int.from_bytes(raw, "little", signed=register.signed)
+        address, number = self._kept[name]
+        value: int = number.unpack_from(self.bytes, address)[0]
+        return value
 
     def put(self, name: str, value: int) -> None:
         """Set a register from inside the servo: no range, no lock."""

@@ -67,7 +67,7 @@ def one(name: str, fault: dict[str, Any], joint: str, words: str, *, real: bool 
 
 
 ROWS = [
-    one("a servo does not answer", {"kind": "missing", "id": 6}, "left.elbow_pitch", "not answered", real=True),
+    one("a servo does not answer", {"kind": "missing", "id": 6}, "left.elbow_pitch", "not answered"),
     one("a servo is overloaded", {"kind": "overload", "id": 6}, "left.elbow_pitch", "overloaded"),
     one("a claw is overloaded", {"kind": "overload", "id": 4}, "right.claw", "overloaded"),
     one("a servo is too hot", {"kind": "hot", "id": 1}, "right.shoulder_pitch", "overheating"),
@@ -80,7 +80,7 @@ ROWS = [
         "not answered",
     ),
     one("every answer of a servo is broken", {"kind": "corrupt", "id": 7}, "left.elbow_roll", "not answered"),
-    Row("the bus falls silent", {"kind": "silent_bus"}, LANDS, "not answered", JOINT_NAMES, 0, real=True),
+    Row("the bus falls silent", {"kind": "silent_bus"}, LANDS, "not answered", JOINT_NAMES, 0),
     Row("the adapter is pulled", {"kind": "port_gone"}, LANDS, r"^the arms. port .* is gone", (), 0, real=True),
     Row("answers are late for a moment", {"kind": "late", "id": 5, "for_s": 0.1}, FLIES_ON, "", (), JOINT_COUNT),
     Row(
