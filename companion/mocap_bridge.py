@@ -98,12 +98,12 @@ class Bridge:
     async def _forward(self, source: QualisysSource, out: MocapOut) -> None:
         while True:
             if not await source.wait_frame(_SILENT_S):
-                self._say("QTM sends no frames: is the capture stopped, or the network cut?", out)
+                self._say(_why_silent(self._config, source), out)
                 continue
             frame = source.latest()
             assert frame is not None
             self._estimate = estimator.step(self._estimate, frame, self._params)
-            out.show(pose_of(frame, self._estimate))
+            out.show(pose_of(self._config.body, frame, self._estimate))
             self._frames += 1
             if self._trouble:
                 self._say("", out)
@@ -113,11 +113,15 @@ class Bridge:
         out.say_trouble(trouble)
 
 
-def pose_of(frame: MocapFrame, estimate: EstimatorState) -> MocapPose:
-    """As it goes over the bus; `estimate` after this frame, whose velocity counts only if it took the frame."""
+def pose_of(body: str, frame: MocapFrame, estimate: EstimatorState) -> MocapPose:
+    """Return a frame as it goes over the bus.
+
+    `estimate` is the one after this frame; its velocity counts only if it took the frame.
+    """
     vehicle = estimate.vehicle if estimate.verdict in _USABLE else None
     a, b, c = frame.rotation_w_b.tolist()
     return MocapPose(
+        body=body,
         frame=frame.frame,
         stamp_s=frame.stamp_s,
         position_w_m=_vector(frame.position_w_m) if frame.tracked else None,
@@ -128,6 +132,12 @@ def pose_of(frame: MocapFrame, estimate: EstimatorState) -> MocapPose:
     )
 
 
+def _why_silent(config: MocapConfig, source: QualisysSource) -> str:
+    if source.trouble:
+        return f"QTM at {config.host}:{config.port} {source.trouble}"
+    return "QTM sends no frames: is the capture stopped, or the network cut?"
+
+
 def _vector(of: Array) -> Vector:
     x, y, z = of.tolist()
     return x, y, z
@@ -135,4 +145,4 @@ def _vector(of: Array) -> Vector:
 
 def _dropped_by(source: QualisysSource) -> int:
     counts = source.counts
-    return counts.lost + counts.late + counts.malformed
+    return counts.lost + counts.late + counts.malformed + counts.doubted

@@ -16,6 +16,8 @@ class MocapPose(BaseModel):
 
     model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
 
+    body: Annotated[str, Field(min_length=1, max_length=256)]
+    """QTM's name of the body, as the bridge's configuration has it: a service takes no other than its own."""
     frame: _Count
     """QTM's number."""
     stamp_s: Annotated[float, Field(ge=-1e13, le=1e13)]

@@ -17,6 +17,7 @@ from companion.config_mocap import MocapBrokerConfig
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.mocap_bridge import pose_of
+from companion.newest_frame import MocapCounts
 from companion.types import MocapFrame
 from tests.adapters.bad_bytes import one_bad
 from tests.adapters.qualisys_rig import ManualClock
@@ -35,6 +36,7 @@ def message(payload: bytes, topic: str = TOPIC, retain: bool = False) -> paho.MQ
 
 def fields(**changes: Any) -> dict[str, Any]:
     good = {
+        "body": "dauam",
         "frame": 7,
         "stamp_s": 1.5,
         "position_w_m": [1.0, 2.0, 3.0],
@@ -47,7 +49,7 @@ def fields(**changes: Any) -> dict[str, Any]:
 
 
 def source_of() -> MqttMocap:
-    return MqttMocap(MocapBrokerConfig(), ManualClock())
+    return MqttMocap(MocapBrokerConfig(), ManualClock(), "dauam")
 
 
 def hear(source: MqttMocap, said: object) -> None:
@@ -96,7 +98,8 @@ def test_a_field_of_any_value_is_taken_rightly_or_refused(name: str, value: obje
     source = source_of()
     hear(source, fields(**{name: value}))
     frame = source.latest()
-    assert (frame is None) == (source.counts.malformed == 1)
+    assert (frame is None) == (source.counts.malformed == 1 or source.counts.doubted == 1)
+    assert source.counts.doubted == 0 or name == "body"
     if frame is not None:
         assert frame.tracked or name in {"position_w_m", "rotation_w_b"}
         estimator.step(EstimatorState(), frame, EstimatorParams())
@@ -137,6 +140,19 @@ def test_other_topics_and_retained_poses_are_not_heard() -> None:
     assert (source.latest(), source.counts.malformed) == (None, 0)
 
 
+def test_another_bodys_pose_is_not_ours(caplog: pytest.LogCaptureFixture) -> None:
+    """A bridge that was started with another vehicle's body, and writes to our topic."""
+    source = source_of()
+    hear(source, fields())
+    for number in (8, 9):
+        hear(source, fields(body="leader", frame=number, stamp_s=0.01 * number + 2.0))
+    assert source.counts == MocapCounts(received=1, doubted=2)
+    sentence = "forwards the body 'leader', and mocap.body here is 'dauam': give both the same"
+    assert caplog.text.count(sentence) == 1
+    hear(source, fields(frame=10, stamp_s=3.0))
+    assert source.counts.received == 2
+
+
 _NUMBER = st.floats(-1e6, 1e6)
 
 
@@ -157,7 +173,7 @@ def test_a_frame_comes_out_of_the_message_as_it_went_in(
     residual_m = math.nan if how == "no residual" else values[12]
     sent = MocapFrame(number, stamp_us * 1e-6, 5.0, position, rotation, residual_m, 3)
     source = source_of()
-    source.on_message(message(pose_of(sent, EstimatorState()).model_dump_json().encode()))
+    source.on_message(message(pose_of("dauam", sent, EstimatorState()).model_dump_json().encode()))
     got = source.latest()
     assert got is not None
     assert (got.frame, got.stamp_s, got.received_s, got.late) == (number, sent.stamp_s, 100.0, 3)
@@ -175,7 +191,7 @@ def test_the_velocity_is_told_only_with_a_frame_that_was_believed() -> None:
         place = np.array([x_m, 0.0, 1.0]) + rng.normal(0.0, 1e-5, 3)
         frame = MocapFrame(number, 0.01 * number, 0.01 * number, place, np.eye(3), 0.0)
         state = estimator.step(state, frame, params)
-        return pose_of(frame, state)
+        return pose_of("dauam", frame, state)
 
     poses = [say(number, 0.01 * number) for number in range(60)]
     assert poses[-1].velocity_w_mps is not None

@@ -119,6 +119,7 @@ class TestMqttMocap(MocapContract):
 
 def pose(number: int, stamp_s: float) -> bytes:
     here = MocapPose(
+        body="dauam",
         frame=number,
         stamp_s=stamp_s,
         position_w_m=(0.0, 0.0, 1.0),

@@ -5,6 +5,7 @@ import logging
 import math
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 
 import aiomqtt
 import numpy as np
@@ -40,7 +41,7 @@ async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Cl
     raised: a message that nobody can read is dropped, and a lost broker or bridge is silence, for whoever waits for
     frames to judge, while the broker is looked for again in the background.
     """
-    source = MqttMocap(broker, clock)
+    source = MqttMocap(broker, clock, config.body)
     keeping = asyncio.create_task(source.keep(), name="companion.mqtt_mocap")
     try:
         if not await source.wait_unseen(config.first_frame_timeout_s):
@@ -55,10 +56,12 @@ async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Cl
 class MqttMocap(NewestFrame):
     """`ports.MocapSource`: the newest frame that the bridge has forwarded. Made by `open_mqtt_mocap`."""
 
-    def __init__(self, broker: OperatorConfig, clock: Clock) -> None:
+    def __init__(self, broker: OperatorConfig, clock: Clock, body: str) -> None:
         topics = broker.topics
         super().__init__(f"the mocap bridge (topic {topics.mocap} at {broker.host}:{broker.port})", clock)
-        self._broker = broker
+        self._broker, self._body = broker, body
+        self._foreign = ""
+        """Another body that the bridge forwards."""
         self._pose_topic, self._bridge_topic = topics.mocap, topics.mocap_bridge
         self._reached = reached(broker, None)
         self._broker_link = LoggedReconnector(f"motion capture's broker {broker.host}:{broker.port}")
@@ -109,15 +112,32 @@ class MqttMocap(NewestFrame):
         return self._take(pose, received_s)
 
     def _take(self, pose: MocapPose, received_s: float) -> None:
+        if pose.body != self._body:
+            return self._on_foreign(pose.body)
+        self._foreign = ""
         if self.is_overtaken(pose.frame, pose.stamp_s):
-            return
+            return None
         position_w_m: Array = _UNTRACKED_M
         rotation_w_b: Array = _UNTRACKED
         if pose.position_w_m is not None and pose.rotation_w_b is not None:
             position_w_m, rotation_w_b = np.array(pose.position_w_m), np.array(pose.rotation_w_b).reshape(3, 3)
         residual_m = math.nan if pose.residual_m is None else pose.residual_m
         late = pose.late + self.counts.late
-        self.put(MocapFrame(pose.frame, pose.stamp_s, received_s, position_w_m, rotation_w_b, residual_m, late))
+        return self.put(MocapFrame(pose.frame, pose.stamp_s, received_s, position_w_m, rotation_w_b, residual_m, late))
+
+    def _on_foreign(self, body: str) -> None:
+        """Believe no pose of another body: a bridge with another vehicle's configuration and our topics."""
+        self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
+        if body != self._foreign:
+            self._foreign = body
+            LOG.error("no frames are believed: %s", self._foreign_body())
+
+    def _foreign_body(self) -> str:
+        host = self._bridge.host if self._bridge is not None else "?"
+        return (
+            f"the mocap bridge on {host!r} forwards the body {self._foreign!r}, and mocap.body here is {self._body!r}: "
+            "give both the same"
+        )
 
     def _on_bridge(self, payload: bytes | bytearray) -> None:
         try:
@@ -143,6 +163,8 @@ class MqttMocap(NewestFrame):
                 f"no frames on topic {self._pose_topic} at {b.host}:{b.port}, and no mocap bridge was ever there: "
                 f"{start}, with the same prefix and vehicle, and let its user write there"
             )
+        if self._foreign:
+            return self._foreign_body()
         if not bridge.online:
             return f"no frames on topic {self._pose_topic}: the mocap bridge on {bridge.host!r} has ended: {start}"
         if bridge.trouble:
