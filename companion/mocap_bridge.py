@@ -19,6 +19,7 @@ LOG = logging.getLogger(__name__)
 _AGAIN_S = 1.0
 """Between two attempts to find QTM and the body."""
 _SILENT_S = 0.5
+_SILENT = "QTM sends no frames: is the capture stopped, or the network cut?"
 _USABLE = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 
@@ -98,7 +99,7 @@ class Bridge:
     async def _forward(self, source: QualisysSource, out: MocapOut) -> None:
         while True:
             if not await source.wait_frame(_SILENT_S):
-                self._say(_why_silent(self._config, source), out)
+                self._say(source.why_silent() or _SILENT, out)
                 continue
             frame = source.latest()
             assert frame is not None
@@ -130,12 +131,6 @@ def pose_of(body: str, frame: MocapFrame, estimate: EstimatorState) -> MocapPose
         residual_m=frame.residual_m if abs(frame.residual_m) < float("inf") else None,
         late=frame.late,
     )
-
-
-def _why_silent(config: MocapConfig, source: QualisysSource) -> str:
-    if source.trouble:
-        return f"QTM at {config.host}:{config.port} {source.trouble}"
-    return "QTM sends no frames: is the capture stopped, or the network cut?"
 
 
 def _vector(of: Array) -> Vector:

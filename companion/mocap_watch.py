@@ -57,6 +57,7 @@ class MocapWatch:
             ages_s[int(_OFTEN * len(ages_s))] if ages_s else math.inf,
             median(self._delays_s),
             median(self._residuals_m),
+            "" if self.frames else self._mocap.why_silent(),
         )
 
 

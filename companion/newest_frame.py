@@ -73,6 +73,10 @@ class NewestFrame:
             raise MocapError(self._failure)
         return self._unseen
 
+    def why_silent(self) -> str:
+        """Return why no frames come: here that is not known."""
+        return ""
+
     def is_overtaken(self, number: int, stamp_s: float) -> bool:
         """Whether a newer frame, or the same, is here already; that is counted.
 

@@ -43,6 +43,9 @@ class MocapSource(Protocol):
         Raises MocapError when the connection is lost.
         """
 
+    def why_silent(self) -> str:
+        """Return the sentence that says why no frames come, as far as it is known; empty when it is not."""
+
 
 class Autopilot(Protocol):
     """The flight controller in offboard mode."""

@@ -51,6 +51,9 @@ class Insisting(SimulatedAutopilot):
 class Paced(SimulatedMocap):
     """Lets simulated time pass no faster than real: a verb's wait of a second is no minute of flight then."""
 
+    def why_silent(self) -> str:
+        return ""
+
     async def wait_frame(self, timeout_s: float) -> bool:
         await asyncio.sleep(0.01)
         return await super().wait_frame(timeout_s)

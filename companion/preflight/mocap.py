@@ -26,6 +26,8 @@ class MocapSeen:
     """Median from capture to arrival, as far as the clocks tell; NaN without a pose."""
     residual_m: float
     """Median marker residual; NaN when it is not reported."""
+    why_silent: str = ""
+    """Why no frames came, if none did and that is known."""
 
     @property
     def rate_hz(self) -> float:
@@ -39,7 +41,7 @@ def check_body(seen: MocapSeen) -> Check:
     todo = (
         f"is {seen.body!r} in the volume, are its markers uncovered and the cameras calibrated?"
         if seen.frames
-        else "no frame came: is QTM measuring, and its real-time output on?"
+        else seen.why_silent or "no frame came: is QTM measuring, and its real-time output on?"
     )
     return Check("body seen", share >= _SEEN, f"{seen.body!r} in {share:.0%} of {seen.frames} frames", todo)
 

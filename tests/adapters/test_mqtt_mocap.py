@@ -280,7 +280,7 @@ async def test_a_labs_broker_with_tls_and_passwords_lets_poses_of_the_bridge_alo
             config = MocapConfig(source="mqtt", first_frame_timeout_s=ARRIVES_S)
             async with open_mqtt_mocap(config, vehicle, CLOCK) as source:
                 assert await source.wait_frame(ARRIVES_S)
-        source = MqttMocap(vehicle, CLOCK)
+        source = MqttMocap(vehicle, CLOCK, "dauam")
         listening = asyncio.create_task(source.keep())
         try:
             await until(lambda: source.listens)

@@ -90,6 +90,9 @@ class Scripted:
     def latest(self) -> MocapFrame | None:
         return self.frame
 
+    def why_silent(self) -> str:
+        return ""
+
     async def wait_frame(self, timeout_s: float) -> bool:
         raise NotImplementedError
 

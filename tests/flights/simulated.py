@@ -130,6 +130,9 @@ class SimulatedMocap:
             self._last = self._room.frame
         return self._last
 
+    def why_silent(self) -> str:
+        return ""
+
     async def wait_frame(self, timeout_s: float) -> bool:
         await asyncio.sleep(0)
         if self._room.now_s() > self.lost_at_s:

@@ -61,6 +61,9 @@ class Scripted:
     def latest(self) -> MocapFrame | None:
         return self.frame
 
+    def why_silent(self) -> str:
+        return ""
+
     async def wait_frame(self, timeout_s: float) -> bool:  # noqa: ARG002
         raise AssertionError("the loop waits for frames; whoever looks on must not take them away")
 

@@ -151,7 +151,7 @@ class MqttMocap(NewestFrame):
             LOG.error("the mocap bridge on %r has no frames: %r", now.host, now.trouble)
 
     def why_silent(self) -> str:
-        """The sentence for no first frame: what is known of the way it should have come."""
+        """Return the sentence for no frames: what is known of the way they should have come."""
         b, bridge = self._broker, self._bridge
         if not self.listens:
             why = self._broker_link.why or "it does not answer"

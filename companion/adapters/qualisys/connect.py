@@ -32,7 +32,7 @@ async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[Qual
     async with AsyncExitStack() as connection:
         link = await connection.enter_async_context(_streaming(config, source, source.fail))
         if source.trouble:
-            raise MocapError(f"QTM at {where(config)} {source.trouble}")
+            raise MocapError(source.why_silent())
         if not await source.wait_unseen(config.first_frame_timeout_s):
             raise MocapError(_no_frames(config, source))
         link.on_failure, link.on_broken = LOG.debug, source.on_malformed
@@ -147,7 +147,7 @@ def _start_stream(link: Link, source: QualisysSource, datagrams: asyncio.Datagra
 
 def _no_frames(config: MocapConfig, source: QualisysSource) -> str:
     if source.trouble:
-        return f"QTM at {where(config)} {source.trouble}"
+        return source.why_silent()
     if source.stray:
         return (
             f"frames come from {source.stray}, not from mocap.host {config.host}: give mocap.host the address that QTM "

@@ -46,6 +46,12 @@ class QualisysSource(NewestFrame):
         """Why no frame is believed, as the end of a sentence that begins with 'QTM at ...'; empty while frames are."""
         return self._objection or self._misfit
 
+    def why_silent(self) -> str:
+        """Return why no frames come, as a sentence; empty when it is not known."""
+        if self.trouble:
+            return f"{self._where} {self.trouble}"
+        return f"frames come from {self.stray}, not from {self._where}" if self.stray else ""
+
     def take_bodies(self, bodies: tuple[RigidBody, ...]) -> str:
         """Take QTM's list of bodies as just read; returns why ours cannot be flown by, empty when it can."""
         if bodies != self._bodies or self.list_wanted.is_set():

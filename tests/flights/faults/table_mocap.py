@@ -2,7 +2,8 @@
 
 from companion.supervisor.faults import Fault
 from tests.flights.faults import acts
-from tests.flights.faults.rows import BRISK, RULES, End, Row, When, within
+from tests.flights.faults.rows import RULES, End, Row, When, within
+from tests.flights.simulated import BRISK
 
 PX4, OURS, ON = End.HANDED_OVER, End.LANDED, End.FLIES_ON
 TEN_FRAMES_S = 0.10
