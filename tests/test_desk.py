@@ -23,6 +23,8 @@ from tests.flights.simulated import Room
 from tests.flights.test_simulated_arms import ARMS, mock_arms
 from tests.test_service import BOOTED_S, Served, served
 
+pytestmark = pytest.mark.slow
+
 SESSION = "0123456789abcdef"
 BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.6, spool_up_s=0.5, settle_s=0.2)
 ARMED = "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"

@@ -17,6 +17,8 @@ from companion.serving import lives
 from companion.supervisor.flight import Phase
 from tests.test_desk import Operated, flying, operated
 
+pytestmark = pytest.mark.slow
+
 BADLY = {Answer.FAILED, Answer.REFUSED}
 GOTO: dict[str, Any] = {"x_m": 0.4, "y_m": 0.0, "z_m": 0.8}
 SWINGING: dict[str, Any] = {"curve": "ellipse", "laps": 1, "period_s": 5.0, "size": 0.5, "arms": "swing"}

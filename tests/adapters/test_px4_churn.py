@@ -12,6 +12,8 @@ from companion.ports import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, acknowledgement
 from tests.adapters.px4_churn import churn
 
+pytestmark = pytest.mark.slow
+
 
 def test_no_cycle_of_opening_and_closing_ends_the_process() -> None:
     done = churn(cycles=12, seed=3, jobs=4)

@@ -14,6 +14,8 @@ from tests.experiments.short_experiments import short_experiment
 from tests.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
+pytestmark = pytest.mark.slow
+
 PRACTICAL = ROOT / "config" / "controllers" / "practical.toml"
 
 

@@ -14,6 +14,8 @@ from tests.cli.typed import Type, typing
 from tests.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
+pytestmark = pytest.mark.slow
+
 SHORT = """
 title = "a short one"
 settle_s = 1.0

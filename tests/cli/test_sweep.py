@@ -15,6 +15,8 @@ from tests.experiments.sweep_rig import short_experiment
 from tests.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(autouse=True)
 def _short(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,8 @@ from companion.control.controller import VehicleModel
 from companion.ports import ConfigError
 from tests.experiments.short_experiments import short_experiment
 
+pytestmark = pytest.mark.slow
+
 
 def _tune(folder: Path, *arguments: str) -> Result:
     experiment = short_experiment(folder / "short.toml")

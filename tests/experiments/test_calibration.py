@@ -15,6 +15,8 @@ from companion.experiments.simulation import simulate
 from mock_autopilot.config import MockConfig
 from mock_autopilot.disturbance import Forces, Sinusoid
 
+pytestmark = pytest.mark.slow
+
 OTHER_SEEDS = (1, 2, 3)
 FORCES = Forces(
     (0.4, -0.3, 0.0), (Sinusoid((1.4, 0.0, 0.0), 9.0), Sinusoid((0.0, 1.1, 0.5), 13.0, 1.0)), (0.2, 0.2, 0.2)

@@ -16,6 +16,8 @@ from companion.experiments.paper_table import PAPER, beside_paper, reduced_perce
 from companion.types import Array
 from tests.experiments.short_experiments import short_experiment
 
+pytestmark = pytest.mark.slow
+
 
 def flown(
     mean_m: list[list[float]],

@@ -22,6 +22,8 @@ from companion.types import Array
 from mock_autopilot.plant import PlantParams
 from tests.experiments.short_experiments import short_experiment
 
+pytestmark = pytest.mark.slow
+
 PLANT = PlantParams(mass_kg=5.0, viscous_npm=(0.5, 0.5, 1.0), quadratic_npm2=(0.2, 0.2, 0.4), coulomb_n=(0.5, 0.5, 0.5))
 
 

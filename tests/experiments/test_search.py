@@ -26,6 +26,8 @@ from companion.experiments.sweep_vehicles import Drawn, draw
 from companion.experiments.tuning import WORST_M, Marks, Trial, drawn_vehicles, evaluate, shortened
 from tests.experiments.scenes import CENTRE, PUSHED, scene
 
+pytestmark = pytest.mark.slow
+
 SHORT = scene(Ellipse(CENTRE, (0.4, 0.3), LapTiming(4.0, 1, 1.0)), settle_s=1.0, disturbance=PUSHED)
 POINT = shares_of(START)
 

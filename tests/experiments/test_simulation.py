@@ -23,6 +23,8 @@ from companion.experiments.virtual_world import VirtualVehicle
 from tests.experiments.scenes import CENTRE, PUSHED, QUIET, law_for, scene
 from tests.flights.command import ROOT
 
+pytestmark = pytest.mark.slow
+
 STANDING = Hold(CENTRE, duration_s=2.0)
 SECOND = 100
 

@@ -7,6 +7,8 @@ from companion.experiments.simulation import Trace
 from companion.experiments.sweep import ERROR, Batch, Sweep, fly, joined, results
 from tests.experiments.sweep_rig import short_experiment
 
+pytestmark = pytest.mark.slow
+
 NOMINAL_RADPS = 12.0
 
 

@@ -13,6 +13,8 @@ from companion.experiments.sweep_run import Parts, run, write_part
 from companion.ports import CompanionError, ConfigError
 from tests.experiments.sweep_rig import short_sweep
 
+pytestmark = pytest.mark.slow
+
 
 def test_what_is_finished_is_taken_up_and_the_rest_is_flown(tmp_path: Path) -> None:
     sweep, folder, told = short_sweep(tmp_path), tmp_path / "parts", list[float]()

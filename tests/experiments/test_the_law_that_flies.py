@@ -13,6 +13,8 @@ from companion.experiments.scene import load_scene
 from companion.experiments.search import CHECK_SEED
 from companion.experiments.simulation import simulate
 
+pytestmark = pytest.mark.slow
+
 SEEDS = (1, 2)
 
 

@@ -14,6 +14,8 @@ import pytest
 from companion.experiments.workers import in_parallel, workers
 from companion.ports import CompanionError
 
+pytestmark = pytest.mark.slow
+
 ADVICE = "try fewer"
 
 

@@ -17,6 +17,8 @@ from tests.flights.simulated import BRISK, Flight
 from tests.flights.test_simulated_arms import ARMS, LAP, error_w_m, lap, mock_arms
 from tests.mock_autopilot.bench import NO_GPS
 
+pytestmark = pytest.mark.slow
+
 SETTLE_S = 0.5
 SEEDS = list(range(8))
 

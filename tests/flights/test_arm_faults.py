@@ -36,6 +36,8 @@ from tests.flights.test_simulated_arms import mock_arms, play, swing, torque
 from tests.flights.test_simulated_flights import ARM, DOWN, ask, until, wait
 from tests.warm import mock_process
 
+pytestmark = pytest.mark.slow
+
 HEIGHT_M = 0.5
 SILENT_S, TOO_LATE_S = 0.5, 0.8
 """0.2 on a vehicle; here the mocks share a busy computer with us, and an answer that is to be late must be later."""

@@ -3,11 +3,15 @@
 import multiprocessing
 import re
 
+import pytest
+
 from companion.supervisor.faults import TABLE, Fault
 from tests.flights.faults.report import FLOWN, PAGE, RECOGNISED, flown, part, recognised
 from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.table_real import REAL
 from tests.flights.faults.virtual import fly_named
+
+pytestmark = pytest.mark.slow
 
 HERE = (
     Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_FROZEN, Fault.MOCAP_JUMPED, Fault.MOCAP_SLOW,

@@ -2,7 +2,11 @@
 
 import multiprocessing
 
+import pytest
+
 from tests.flights.faults.schedules import faults_of, fly_schedule
+
+pytestmark = pytest.mark.slow
 
 SEEDS = range(12)
 

@@ -9,6 +9,8 @@ from companion.supervisor.flight import Phase
 from tests.flights.simulated import Flight, FlightTimeoutError, fly
 from tests.flights.test_simulated_flights import UP, until, wait
 
+pytestmark = pytest.mark.slow
+
 PROMPTLY_S = 20.0
 """Of real time; the flight itself takes three on any computer."""
 

@@ -25,6 +25,8 @@ from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
 
+pytestmark = pytest.mark.slow
+
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
 ARMS = ArmsConfig()
 STEP_RAD = 3.0 * 0.01

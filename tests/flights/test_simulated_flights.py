@@ -16,6 +16,8 @@ from companion.supervisor.flight import Fly, HandOver, Land, Phase, Prepare, Req
 from companion.types import Array, FlightMode
 from tests.flights.simulated import BRISK, Flight, Step, fly
 
+pytestmark = pytest.mark.slow
+
 MODEL = VehicleModel()
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1))
 

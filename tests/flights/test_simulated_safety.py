@@ -22,6 +22,8 @@ from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, LAP, UP, ask, until, wait
 
+pytestmark = pytest.mark.slow
+
 
 def do(act: Callable[[Flight], object]) -> Step:
     def step(flight: Flight) -> bool:

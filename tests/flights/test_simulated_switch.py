@@ -13,6 +13,8 @@ from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
 from tests.flights.test_simulated_flights import UP, ask, until, wait
 
+pytestmark = pytest.mark.slow
+
 CONFIG = CompanionConfig()
 LAPS = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=3))
 WIND_W_N = (3.0, -2.0, 0.0)

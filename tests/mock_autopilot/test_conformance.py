@@ -7,6 +7,8 @@ import pytest
 from tests.mock_autopilot.conformance import DOCUMENT, FACTS, SECTIONS, document
 from tests.mock_autopilot.fact import Fact, Value
 
+pytestmark = pytest.mark.slow
+
 
 @cache
 def _measured(fact: Fact) -> Value:

@@ -1,11 +1,14 @@
 """Faults in whole flights in simulated time: scripted, ordered by the flight's script, and the same again."""
 
 import numpy as np
+import pytest
 
 from companion.supervisor.flight import Phase
 from companion.types import FlightMode
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import UP, wait
+
+pytestmark = pytest.mark.slow
 
 
 def _inject(flight: Flight) -> bool:

@@ -28,6 +28,8 @@ from companion.supervisor.flight import Phase
 from tests.records.flown import flight
 from tests.records.test_round_trip import written
 
+pytestmark = pytest.mark.slow
+
 MOST_BYTES = 50_000_000
 HEAD = struct.Struct("<BQ")
 

@@ -26,6 +26,8 @@ from tests.flights.command import ROOT
 from tests.records.flown import flight
 from tests.records.writer_process import wait_until_it_reads
 
+pytestmark = pytest.mark.slow
+
 
 @contextmanager
 def recording(folder: Path, **config: Any) -> Iterator[RecordSink]:

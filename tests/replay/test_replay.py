@@ -26,6 +26,8 @@ from tests.flights.test_simulated_safety import do
 from tests.records.flown import flight as standing
 from tests.records.test_round_trip import written
 
+pytestmark = pytest.mark.slow
+
 CONFIG = CompanionConfig()
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), (0.5, 0.3), LapTiming(6.0, 1))
 

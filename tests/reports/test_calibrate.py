@@ -27,6 +27,8 @@ from tests.flights.simulated import Flight, Step, fly
 from tests.flights.test_simulated_flights import UP, ask, until, wait
 from tests.reports.recorded import recorded
 
+pytestmark = pytest.mark.slow
+
 HOVER_S = 14.0
 WEIGHT_N = 4.85 * 9.80665
 HEIGHTS_M = (1.2, 1.9, 0.9, 1.9, 0.9, 1.9, 0.9)

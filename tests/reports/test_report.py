@@ -31,6 +31,8 @@ from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import LAP, UP, ask, until, wait
 from tests.reports.recorded import recorded
 
+pytestmark = pytest.mark.slow
+
 DRAWN = ("timeline", "above", "space", "position", "errors", "command", "events", "gaps", "friction", "weights")
 
 

@@ -25,6 +25,8 @@ from companion.tick import Tick
 from companion.types import Array
 from tests.reports.session import Session, session
 
+pytestmark = pytest.mark.slow
+
 OVER_TIME = ("timeline", "position", "errors", "command", "events", "friction", "weights", "signals", "thrust")
 
 
