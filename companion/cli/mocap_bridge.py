@@ -15,9 +15,11 @@ import uvloop
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.systemd import logging_to
 from companion.cli.options import VehicleConfigFile, vehicle_settings
+from companion.config_places import vehicle_config_path
 from companion.mocap_bridge import Bridge, Glance
 from companion.ports import ConfigError
 
+LOG = logging.getLogger("companion.mocap_bridge")
 _SHOWN_S = 1.0
 _LOGGED = 60
 """So many seconds a line has to be worth, where lines are kept."""
@@ -35,14 +37,16 @@ def mocap_bridge(
     broker while they are not there. Exit code 0 after Ctrl-C or SIGTERM, 2 for a configuration that cannot be used or
     when another bridge forwards this vehicle.
     """
-    settings = vehicle_settings(config)
+    settings = vehicle_settings(config, logs=True)
     if settings.mocap.source != "mqtt":
         raise ConfigError(
+            f"{config or vehicle_config_path()}: "
             'mocap.source = "qualisys": the service with this configuration listens to QTM and to no bridge; give '
             'source = "mqtt" in [mocap], here and there'
         )
     bridge = Bridge(settings.mocap, settings.mocap_broker(), MonotonicClock())
     with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
+        LOG.info("configuration %s", config or vehicle_config_path())
         uvloop.run(_until_told(bridge))
 
 

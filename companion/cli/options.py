@@ -44,13 +44,14 @@ def settings_of(given: Path | None, usual: str) -> CompanionConfig:
     return _settings(given or default_config_path(usual))
 
 
-def vehicle_settings(given: Path | None) -> CompanionConfig:
+def vehicle_settings(given: Path | None, logs: bool = False) -> CompanionConfig:
     """Return the configuration of a vehicle, and say on standard error which file it is if none was given.
 
-    Without one it is the vehicle's own where the service is installed, else config/lab.toml. Raises ConfigError.
+    Without one it is the vehicle's own where the service is installed, else config/lab.toml. A command that `logs` says
+    it in its log instead. Raises ConfigError.
     """
     path = given or vehicle_config_path()
-    if given is None:
+    if given is None and not logs:
         typer.echo(f"companion: configuration {path}", err=True)
     return _settings(path)
 

@@ -20,7 +20,10 @@ from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFi
 from companion.config import CompanionConfig
 from companion.config_controller import controller_text, load_controller
 from companion.config_operator import OperatorConfig
+from companion.config_places import vehicle_config_path
 from companion.serving import Serving, serve
+
+LOG = logging.getLogger("companion.serve")
 
 
 def serve_command(
@@ -35,7 +38,7 @@ def serve_command(
     Waits for motion capture and autopilot while they are not there. Exit code 0 after SIGTERM or Ctrl-C, 2 for a
     configuration or broker that cannot be used.
     """
-    settings = vehicle_settings(config)
+    settings = vehicle_settings(config, logs=True)
     name = controller or settings.control.controller
     law = load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable)
     notifier = Notifier.from_environment()
@@ -45,6 +48,7 @@ def serve_command(
         logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO),
         service_lock(place.host, place.port, vehicle),  # before anything is bound or begun
     ):
+        LOG.info("configuration %s", config or vehicle_config_path())
         lock_memory()
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()
