@@ -48,7 +48,7 @@ class _Root(LazyGroup):
 
 def _reword(error: typer.BadParameter) -> None:
     """Say what is wrong with an option's value in the words of all other mistakes; typer hands pydantic's on."""
-    details = getattr(error.__cause__, "errors", list)()
+    details: list[Any] = getattr(error.__cause__, "errors", list)()
     said = plain(details[0]) if details else ""
     if said.startswith("must"):  # and not one of typer's own sentences
         error.message = f"{said}, not {details[0]['input']}"
