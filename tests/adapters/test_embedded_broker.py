@@ -22,6 +22,7 @@ from tests.console.scripted import Answers, ScriptedService, scripted
 from tests.ports import free_port
 
 _PATIENCE_S = 30.0
+_CONNACK, _PINGREQ, _PINGRESP, _DISCONNECT = b"\x20\x02\x00\x00", b"\xc0\x00", b"\xd0\x00", b"\xe0\x00"
 _V5 = aiomqtt.ProtocolVersion.V5
 
 
@@ -135,18 +136,41 @@ async def test_the_last_will_of_a_client_that_falls_silent_or_goes_at_once_is_pu
             assert await following(reader) == ("will", b"gone")
 
 
+def ends(wire: socket.socket) -> bool:
+    try:
+        return wire.recv(100) == b""
+    except ConnectionResetError:
+        return True
+
+
 async def test_who_connects_again_under_its_name_takes_the_place_of_its_earlier_connection(
     served: BrokerProcess,
 ) -> None:
     with connect(served.port, 0, b"same") as earlier:
+        earlier.settimeout(_PATIENCE_S)
+        assert await asyncio.to_thread(earlier.recv, 100) == _CONNACK
         async with client(served.port, identifier="same") as now:
+            assert await asyncio.to_thread(ends, earlier)
             await now.subscribe("to/same", qos=1)
             async with client(served.port) as sender:
                 await sender.publish("to/same", b"you", qos=1)
             assert await following(now) == ("to/same", b"you")
-            earlier.settimeout(_PATIENCE_S)
-            assert await asyncio.to_thread(earlier.recv, 100) in {b"\x20\x02\x00\x00", b""}
-            assert await asyncio.to_thread(earlier.recv, 100) == b""
+
+
+async def test_of_two_connections_under_one_name_at_one_moment_one_stays(served: BrokerProcess) -> None:
+    for number in range(20):
+        wires = []
+        for _ in range(2):
+            wire = connect(served.port, 0, b"both%d" % number)
+            wires.append(await asyncio.open_connection(sock=wire))
+        reading = [asyncio.create_task(reader.read(-1)) for reader, _ in wires]
+        ended, (stays,) = await asyncio.wait(reading, timeout=_PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
+        assert len(ended) == 1
+        _, writer = wires[reading.index(stays)]
+        writer.write(_PINGREQ + _DISCONNECT)
+        assert (await asyncio.wait_for(stays, _PATIENCE_S)).endswith(_PINGRESP)
+        for _, writer in wires:
+            writer.close()
 
 
 def test_the_process_ends_with_its_standard_input() -> None:

@@ -47,6 +47,8 @@ class EmbeddedBroker(Broker):  # type: ignore[misc] # amqtt has no types
             }
         )
         self._subscriptions = _SnapshotDict()
+        self._newest: dict[str, Any] = {}
+        """Each client's newest connection, as its StreamWriterAdapter, from its CONNECT to its end."""
 
     @property
     def broadcasts(self) -> bool:
@@ -70,10 +72,17 @@ class EmbeddedBroker(Broker):  # type: ignore[misc] # amqtt has no types
             writer.close()
             asyncio.get_running_loop().call_later(_CLOSE_S, writer.transport.abort)
 
-    async def _initialize_client_session(self, reader: Any, *rest: Any) -> tuple[Any, Any]:
-        """Do as amqtt, and give up a client that is silent for longer than its keep-alive (MQTT-3.1.2-24)."""
-        handler, session = await super()._initialize_client_session(reader, *rest)
+    async def _initialize_client_session(self, reader: Any, writer: Any, *rest: Any) -> tuple[Any, Any]:
+        """Do as amqtt, and give up a client that is silent for longer than its keep-alive (MQTT-3.1.2-24).
+
+        A client's earlier connection, also one that has just come, makes room for this one (MQTT-3.1.4-2): it is cut,
+        which ends it as if the client had gone.
+        """
+        handler, session = await super()._initialize_client_session(reader, writer, *rest)
         handler.handle_read_timeout = reader.feed_eof
+        earlier, self._newest[session.client_id] = self._newest.get(session.client_id), writer
+        if earlier is not None:
+            earlier._writer.transport.abort()
         return handler, session
 
     async def _client_message_loop(self, client_session: Any, handler: Any) -> None:
@@ -100,6 +109,8 @@ class EmbeddedBroker(Broker):  # type: ignore[misc] # amqtt has no types
             gone.cancel()
             gone = _done(None)
         await self._handle_disconnect(client_session, handler, gone)
+        if self._newest.get(client_session.client_id) is handler.writer:
+            del self._newest[client_session.client_id]
         for failed in results:
             if isinstance(failed, Exception):
                 raise failed
@@ -113,13 +124,6 @@ class EmbeddedBroker(Broker):  # type: ignore[misc] # amqtt has no types
         kept = [one for topic, one in self._retained_messages.items() if self._matches(topic, topic_filter)]
         sending = (handler.mqtt_publish(one.topic, one.data, min(qos, one.qos or qos), retain=True) for one in kept)
         await asyncio.gather(*sending, return_exceptions=True)  # fails when the client goes: its loop sees that
-
-    async def _delete_session(self, client_id: str) -> None:
-        """Forget a client's earlier session and close its connection, if there is one (MQTT-3.1.4-2)."""
-        _, handler = self._sessions.get(client_id, (None, None))
-        await super()._delete_session(client_id)
-        if handler is not None:
-            await self._stop_handler(handler)
 
     async def _cleanup_session(self, client_id: str) -> None:
         """Clear away a session whose client is gone, but not one that the client has taken up meanwhile."""
