@@ -14,12 +14,14 @@ import multiprocessing
 import os
 import runpy
 import signal
+import subprocess
 import sys
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from multiprocessing.context import ForkServerProcess
 from multiprocessing.reduction import DupFd
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, Any
 from unittest.mock import patch
 
@@ -73,6 +75,22 @@ def _become(
 def _written(number: int) -> IO[str]:
     """As with PYTHONUNBUFFERED."""
     return io.TextIOWrapper(io.FileIO(number, "w", closefd=False), encoding="utf-8", write_through=True)
+
+
+def run(module: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """`python -m MODULE WORDS` to its end, and what it said."""
+    with (
+        TemporaryFile("w+", encoding="utf-8") as out,
+        TemporaryFile("w+", encoding="utf-8") as err,
+        Path(os.devnull).open() as nothing,
+    ):
+        begun = begin(module, *words, streams=(nothing.fileno(), out.fileno(), err.fileno()))
+        begun.join()
+        for file in (out, err):
+            file.seek(0)
+        said, complained = out.read(), err.read()
+    assert begun.exitcode is not None
+    return subprocess.CompletedProcess([module, *words], begun.exitcode, said, complained)
 
 
 class Warm(asyncio.subprocess.Process):

@@ -2,8 +2,6 @@
 
 import asyncio
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +18,7 @@ from companion.records.read import FlightRecord, read_flight
 from companion.replay.laws import config_of, law_of, laws_of
 from companion.replay.rerun import Replayed, replay
 from companion.supervisor.flight import Fly, Phase
+from tests import warm
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
 from tests.flights.test_simulated_safety import do
@@ -101,15 +100,10 @@ def test_other_gains_are_compared_with_what_flew(record: FlightRecord, tmp_path:
 
 
 def test_the_command_says_identical_and_ends_with_0(path: Path) -> None:
-    ran = subprocess.run(
-        [sys.executable, "-m", "companion.cli.main", "replay", str(path)], capture_output=True, text=True, check=False
-    )
+    ran = warm.run("companion.cli.main", "replay", str(path))
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.startswith("identical to the last bit")
-    told = subprocess.run(
-        [sys.executable, "-m", "companion.cli.main", "replay", str(path), "--controller", "pid", "--json"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    told = warm.run("companion.cli.main", "replay", str(path), "--controller", "pid", "--json")
     assert told.returncode == 0
     numbers = json.loads(told.stdout)
     assert numbers["sent_again"] == numbers["flown"], "pid sends in every cycle"
@@ -122,8 +116,7 @@ def test_a_flight_in_which_no_law_ran_has_nothing_to_compare(record: FlightRecor
     (path,) = written(tmp_path, ticks, begin)
     assert "event" not in read_flight(path).columns
     for command in ("replay", "calibrate"):
-        line = [sys.executable, "-m", "companion.cli.main", command, str(path)]
-        ran = subprocess.run(line, capture_output=True, text=True, check=False)
+        ran = warm.run("companion.cli.main", command, str(path))
         assert ran.returncode == {"replay": 2, "calibrate": 1}[command], ran.stderr
         assert f"{path}: the law was never in charge in this flight: nothing to" in ran.stderr
         assert "Traceback" not in ran.stderr
