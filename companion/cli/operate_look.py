@@ -64,10 +64,11 @@ def panel(console: client.Console) -> RenderableType:
     head = f"{console.where}"
     if not console.linked:
         warning = f"no connection to the broker for {age_s:.0f} s"
-    elif presence is not None and not presence.online:
-        warning = f"the service does not run; last heard {age_s:.0f} s ago"
-    elif age_s > _SILENT_S:
-        warning = f"nothing heard for {age_s:.0f} s"
+    elif age_s > _SILENT_S:  # a status alone may be anybody's
+        gone = presence is not None and not presence.online
+        warning = (
+            f"the service does not run; last heard {age_s:.0f} s ago" if gone else f"nothing heard for {age_s:.0f} s"
+        )
     else:
         waited_s = console.state_waited_s()
         warning = (
