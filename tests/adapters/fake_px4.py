@@ -10,7 +10,7 @@ from typing import Any
 os.environ.setdefault("MAVLINK20", "1")
 from pymavlink.dialects.v20 import common as mavlink
 
-_ON_GROUND = 1
+_ON_GROUND, _IN_AIR = 1, 2
 _OFFBOARD = 6 << 16
 _HOLD = 4 << 16 | 3 << 24
 _FLOOD = 200
@@ -33,7 +33,7 @@ class FakePx4:
         self.armed, self.mode = False, _HOLD
         self.to_send: list[Any] = []
         """Messages to send once, and soon."""
-        self.repeated: list[Any] = [mavlink.MAVLink_extended_sys_state_message(0, _ON_GROUND)]
+        self.repeated: list[Any] = [extended_sys_state(in_air=False)]
         """Messages that go out ten times a second."""
         self.commands: list[Any] = []
         """COMMAND_LONGs that came."""
@@ -134,6 +134,11 @@ def _free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
+
+
+def extended_sys_state(*, in_air: bool) -> Any:
+    """EXTENDED_SYS_STATE: the land detector's."""
+    return mavlink.MAVLink_extended_sys_state_message(0, _IN_AIR if in_air else _ON_GROUND)
 
 
 def acknowledgement(command: int, target: tuple[int, int]) -> Any:

@@ -1,6 +1,7 @@
 """Who is on the link: other autopilots, several batteries, and texts of any bytes; against a fake PX4 over UDP."""
 
 import asyncio
+import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Any
@@ -11,14 +12,15 @@ from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
 from companion.config_px4 import Px4Config
 from companion.ports import AutopilotError
-from tests.adapters.fake_px4 import FakePx4, battery, text
+from tests.adapters.fake_px4 import FakePx4, battery, extended_sys_state, text
 
 ARDUPILOT = 3
 
 
 @asynccontextmanager
 async def linked(fake: FakePx4, **changes: Any) -> AsyncIterator[Px4]:
-    config = Px4Config(**{"url": fake.url, "connect_timeout_s": 5.0, "answer_timeout_s": 2.0} | changes)
+    fields = {"url": fake.url, "connect_timeout_s": 5.0, "answer_timeout_s": 2.0} | changes
+    config = Px4Config.model_validate(fields)
     async with open_px4(config, MonotonicClock()) as px4:
         yield px4
 
@@ -69,7 +71,8 @@ async def test_the_configured_system_is_flown_also_when_another_is_heard_first()
     with FakePx4(system=2) as other, FakePx4(other.port, system=1):
         async with linked(other, system_id=1) as px4:
             assert px4.status().system_id == 1
-            await until(lambda: px4.status().strangers == ("system 2 (PX4)",))
+            host, port = other.address
+            await until(lambda: px4.status().strangers == (f"system 2 (PX4 at {host}:{port})",))
 
 
 async def test_a_configured_system_that_is_not_there_is_told_with_those_that_are() -> None:
@@ -77,3 +80,56 @@ async def test_a_configured_system_that_is_not_there_is_told_with_those_that_are
     with FakePx4(system=2) as fake, pytest.raises(AutopilotError, match=says):
         async with linked(fake, system_id=7, connect_timeout_s=2.0):
             pass
+
+
+async def test_a_second_autopilot_of_the_same_number_is_named_and_not_listened_to() -> None:
+    with FakePx4() as ours:
+        async with linked(ours) as px4:
+            await until(lambda: px4.status().in_air is False)
+            with FakePx4(ours.port) as other:
+                other.armed = True
+                other.repeated = [extended_sys_state(in_air=True), battery(0, 5, 9.0)]
+                host, port = other.address
+                await until(lambda: px4.status().strangers == (f"system 1 (PX4 at {host}:{port})",))
+                await asyncio.sleep(1.0)
+                status = px4.status()
+                assert (status.armed, status.in_air, status.batteries) == (False, False, ())
+                assert other.commands == [], "and is told nothing"
+            await until(lambda: px4.status().strangers == ())
+
+
+async def test_an_autopilot_that_comes_back_from_another_port_is_heard_again() -> None:
+    with FakePx4() as fake:
+        async with linked(fake) as px4:
+            before = fake.address
+            fake.kill()
+            heard_s = px4.status().heard_s
+            fake.start()
+            assert fake.address != before
+            await until(lambda: px4.status().heard_s > heard_s)
+            await px4.arm()
+
+
+async def test_no_program_can_take_the_port_over_while_it_is_in_use() -> None:
+    with FakePx4() as fake:
+        async with linked(fake):
+            for option in (socket.SO_REUSEADDR, 0):
+                with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as thief:
+                    if option:
+                        thief.setsockopt(socket.SOL_SOCKET, option, 1)
+                    with pytest.raises(OSError, match="Address already in use"):
+                        thief.bind(("127.0.0.1", fake.port))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as next_one:
+            next_one.bind(("127.0.0.1", fake.port))
+
+
+async def test_a_kernel_that_does_not_filter_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(92, "Protocol not available")
+
+    monkeypatch.setattr("companion.adapters.px4.sender_filter._set_program", refused)
+    with FakePx4() as fake:
+        async with linked(fake) as px4:
+            [warning] = px4.warnings
+            assert "frames of every sender" in warning
+            assert "Protocol not available" in warning

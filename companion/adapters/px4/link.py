@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, closing
 from typing import Any
 
 from mavsdk.autopilot import Autopilot
@@ -11,11 +11,12 @@ from mavsdk.connection_result import ConnectionResult
 from mavsdk.mavsdk import Configuration, Mavsdk
 
 from companion.adapters.px4.autopilot import Px4
+from companion.adapters.px4.doorkeeper import Doorkeeper
 from companion.adapters.px4.native_log import take_native_log
 from companion.config_px4 import Px4Config
 from companion.ports import AutopilotError, Clock
 
-_LOOK_S, _LOOK_AGAIN_S = 0.02, 1.0
+_LOOK_S, _LOOK_AGAIN_S = 0.02, 0.2
 _ADVICE = {
     ConnectionResult.BIND_ERROR: "is another program using that port?",
     ConnectionResult.CONNECTION_URL_INVALID: (
@@ -45,39 +46,46 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
         result = mavsdk.add_any_connection(config.url)
         if result != ConnectionResult.SUCCESS:
             raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
-        system = await _autopilot(mavsdk, config, clock)
-        px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
-        looking = asyncio.create_task(_watch_strangers(mavsdk, system.get_system_id(), px4), name="companion.px4.look")
-        try:
-            await px4.ask_for_messages()
-            yield px4
-        finally:
-            looking.cancel()
-            await asyncio.gather(looking, px4.close(), return_exceptions=True)
+        with closing(Doorkeeper(config, clock)) as door:
+            system = await _autopilot(mavsdk, door, config, clock)
+            px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
+            looking = asyncio.create_task(_watch_strangers(mavsdk, door, px4), name="companion.px4.look")
+            try:
+                await px4.ask_for_messages()
+                px4.warnings += (door.warning,) if door.warning else ()
+                yield px4
+            finally:
+                looking.cancel()
+                await asyncio.gather(looking, px4.close(), return_exceptions=True)
     finally:
         _destroy(mavsdk, configuration)
 
 
-async def _autopilot(mavsdk: Mavsdk, config: Px4Config, clock: Clock) -> Any:
+async def _autopilot(mavsdk: Mavsdk, door: Doorkeeper, config: Px4Config, clock: Clock) -> Any:
     """Return the system that is flown: the configured one, or the first autopilot heard."""
     end_s = clock.now_s() + config.connect_timeout_s
     while True:
+        door.look()
         systems = _autopilots(mavsdk)
         for system in systems:
             if config.system_id in {None, system.get_system_id()}:
                 _require_px4(system, config)
                 return system
         if clock.now_s() > end_s:
-            raise AutopilotError(_not_heard(config, [system.get_system_id() for system in systems]))
+            heard = {system.get_system_id() for system in systems} | set(door.strangers())
+            raise AutopilotError(_not_heard(config, sorted(heard)))
         await asyncio.sleep(_LOOK_S)
 
 
-async def _watch_strangers(mavsdk: Mavsdk, ours: int, px4: Px4) -> None:
-    """Keep the list of the other autopilots that can be heard on the link."""
+async def _watch_strangers(mavsdk: Mavsdk, door: Doorkeeper, px4: Px4) -> None:
+    """Keep the list of the other autopilots: behind the sender that is listened to (a router), and at the door."""
     while True:
-        others = [system for system in _autopilots(mavsdk) if system.get_system_id() != ours]
-        px4.strangers = tuple(
-            f"system {system.get_system_id()} ({_NAMES.get(system.autopilot_type(), 'unknown')})" for system in others
+        door.heard_s = px4.status().heard_s
+        door.look()
+        behind = [system for system in _autopilots(mavsdk) if system.get_system_id() != px4.status().system_id]
+        px4.strangers = (
+            *(f"system {one.get_system_id()} ({_NAMES.get(one.autopilot_type(), 'unknown')})" for one in behind),
+            *(words for found in door.strangers().values() for words in found),
         )
         await asyncio.sleep(_LOOK_AGAIN_S)
 
