@@ -1,5 +1,6 @@
 """Two services of one vehicle's name on one broker: both say so, whichever was first."""
 
+import asyncio
 import logging
 import re
 from collections.abc import Iterator
@@ -8,6 +9,8 @@ from contextlib import AsyncExitStack
 import pytest
 
 from companion.adapters.mqtt import BusLink, open_bus
+from companion.adapters.mqtt import link as link_module
+from companion.adapters.mqtt.rival import Rival
 from companion.config_operator import OperatorConfig
 from tests.adapters.mqtt_rig import CLOCK, TOPICS, Vehicle, operating, until
 from tests.broker import BrokerProcess, broker
@@ -63,3 +66,19 @@ async def test_without_a_broker_nobody_is_waited_for_long() -> None:
     async with open_bus(config, CLOCK, "e" * 16, Vehicle().on_command) as link:
         await link.listened(0.1)
         assert link.rival() == ""
+
+
+async def test_a_broker_that_keeps_our_own_status_from_us_is_told(
+    served: BrokerProcess, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """mosquitto refuses no subscription that its list of topics forbids: only nothing comes."""
+    monkeypatch.setattr(link_module, "_BEAT_S", 0.01)
+    async with AsyncExitStack() as ends:
+        link = await opened(ends, served.port, "f")
+        await until(lambda: link.age_s() == 0.0)
+        await asyncio.sleep(0.5)
+        assert "would not be noticed" not in caplog.text
+    monkeypatch.setattr(Rival, "note", lambda *_: False)
+    async with AsyncExitStack() as ends:
+        await opened(ends, served.port, "f")
+        await until(lambda: "would not be noticed" in caplog.text)

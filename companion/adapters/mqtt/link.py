@@ -1,6 +1,7 @@
 """Commands in; replies, events, state and presence out: over a broker that may be gone at any time."""
 
 import asyncio
+import itertools
 import logging
 import socket
 import time
@@ -27,6 +28,8 @@ LOG = logging.getLogger(__name__)
 
 _BEAT_S = 0.5
 """With the time-out of an answer, a broker that hangs is noticed after 1.5 s."""
+_ECHO_BEATS = 10
+"""Within so many the first comes back to us, too, if the broker lets us read there."""
 _LAST_WORDS_S = 0.5
 _WAITING = 64
 """Commands that wait to be read, and refusals to be said; what is more is lost."""
@@ -87,7 +90,7 @@ class BusLink:
         self._heard_s = clock.now_s()
         self._objection = ""
         self._deaf = False
-        """The broker does not let us read our own status."""
+        """It was told that the broker does not let us read our own status."""
 
     def age_s(self) -> float:
         """Since the broker last answered, s; 0 while it does."""
@@ -126,7 +129,7 @@ class BusLink:
         """One connection, until it breaks; raises whatever broke it."""
         async with Connection(self._reached, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
-            await self._watch_status(broker)
+            await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._listen(broker), name="companion.bus.listen")
                 if not self._listened.is_set():  # once in a run: later the vehicle may fly
@@ -137,29 +140,29 @@ class BusLink:
                 group.create_task(self._say(broker, self._events), name="companion.bus.events")
                 group.create_task(self._say_state(broker), name="companion.bus.state")
 
-    async def _watch_status(self, broker: Connection) -> None:
-        """Listen for another service of this name, where the broker lets us."""
-        granted = await broker.subscribe(self._topics.status, qos=0)
-        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted) and not self._deaf:
-            self._deaf = True
-            LOG.warning(
-                "the broker %s does not let us read %s: another service with this vehicle's name would not be noticed",
-                self._where,
-                self._topics.status,
-            )
-
     async def _beat(self, broker: Connection) -> None:
         """Have a broker prove that it is there. TCP alone would not show one that hangs.
 
         The presence again and again: the last will of a connection that broke may come after the next one's first.
         """
         online = self._presence.model_dump_json().encode()
-        while True:
+        for beat in itertools.count():
             await broker.publish(self._topics.status, online, qos=1, retain=True)
             broker.check()
             self._heard()
             self._tell_objection(broker.objection)
+            if beat == _ECHO_BEATS:
+                self._tell_deaf()
             await asyncio.sleep(_BEAT_S)
+
+    def _tell_deaf(self) -> None:
+        if not self._rival.echoed and not self._deaf:
+            self._deaf = True
+            LOG.warning(
+                "the broker %s does not let us read %s: another service with this vehicle's name would not be noticed",
+                self._where,
+                self._topics.status,
+            )
 
     def _tell_objection(self, why: str) -> None:
         if why and why != self._objection:

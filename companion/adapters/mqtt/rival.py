@@ -22,6 +22,8 @@ class Rival:
         self._own, self._topic, self._where, self._clock = own, topic, where, clock
         self._presence: Presence | None = None
         self._heard_s = float("-inf")
+        self.echoed = False
+        """We were heard ourselves: the broker lets us read what a service says of itself."""
 
     def note(self, message: aiomqtt.Message) -> bool:
         """Take a message of the status topic; return whether it is of another service not heard before.
@@ -34,6 +36,7 @@ class Rival:
             said = Presence.model_validate_json(message.payload)
         except ValidationError:
             return False
+        self.echoed = self.echoed or said.session == self._own.session
         if not said.online or said.session in {"", self._own.session}:
             return False
         new = not self.sentence or self._presence is None or self._presence.session != said.session
