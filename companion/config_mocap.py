@@ -2,9 +2,18 @@
 
 from typing import ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from companion.config_operator import OperatorConfig
+
+_OTHER_PORTS = {
+    22221: "telnet",
+    22222: "version 1.0 of its protocol",
+    22224: "big endian",
+    22225: "OSC",
+    22226: "being discovered",
+}
+"""QTM's, with its usual base port 22222 (QTM RT protocol, "IP port numbers")."""
 
 
 class MocapBrokerConfig(OperatorConfig):
@@ -54,6 +63,16 @@ class MocapConfig(BaseModel):
         le=0.5,
         description="Known time from capture to arrival here; measure it once per room.",
     )
+
+    @field_validator("port")
+    @classmethod
+    def _little_endian(cls, port: int) -> int:
+        if port in _OTHER_PORTS:
+            raise ValueError(
+                f"{port} is QTM's port for {_OTHER_PORTS[port]}: give the one for little endian, 22223, or with "
+                "another base port that plus 1"
+            )
+        return port
 
     @model_validator(mode="after")
     def _together(self) -> "MocapConfig":

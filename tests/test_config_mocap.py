@@ -47,6 +47,8 @@ def test_the_operators_broker_is_used_unless_there_is_another() -> None:
             {"mocap": {"source": "mqtt", "broker": {"host": "room"}}, "operator": {"vehicle": "dauam-1"}},
             "mocap.broker: its topics begin with dauam/v1/vehicle, those of [operator] with dauam/v1/dauam-1",
         ),
+        ({"mocap": {"port": 22222}}, "mocap.port = 22222: 22222 is QTM's port for version 1.0 of its protocol"),
+        ({"mocap": {"port": 22224}}, "QTM's port for big endian: give the one for little endian, 22223"),
         ({"mocap": {"source": "vicon"}}, "mocap.source = 'vicon': must be 'qualisys' or 'mqtt'"),
         ({"mocap": {"source": "mqtt", "broker": {"hots": "room"}}}, "mocap.broker.hots: unknown key"),
     ],
