@@ -50,6 +50,14 @@ def begin(
     return process
 
 
+@atexit.register
+def _end_all() -> None:
+    """Leave no process of a failed test behind, for which multiprocessing would wait."""
+    for left in multiprocessing.active_children():
+        if isinstance(left, ForkServerProcess):
+            left.kill()
+
+
 def _become(
     module: str, words: tuple[str, ...], streams: tuple[Any, ...], environment: dict[str, str], folder: str, new: bool
 ) -> None:
