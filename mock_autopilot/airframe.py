@@ -1,6 +1,7 @@
 """What passes between the autopilot and the airframe: what is felt, what is asked."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mock_autopilot.estimator import Motion
 from mock_autopilot.quaternion import Array
@@ -17,8 +18,7 @@ class Demand:
     motors_on: bool
 
 
-@dataclass(frozen=True)
-class Felt:
+class Felt(NamedTuple):
     """The truth the sensors see, relative to the start position; world NED, body FRD."""
 
     motion: Motion

@@ -7,7 +7,7 @@ Recorded behaviour: docs/px4-conformance.md, section h.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,8 +45,7 @@ FARTHEST_M = 1e5
 """Positions beyond (and NaN) are no positions."""
 
 
-@dataclass(frozen=True)
-class Motion:
+class Motion(NamedTuple):
     """What the inertial sensors feel: truth in the world frame, relative to the start position."""
 
     position_ned_m: tuple[float, float, float]

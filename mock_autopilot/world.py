@@ -109,8 +109,9 @@ class World:
         """Let time pass in steps of STEP_S, as far as whole steps reach; never backwards."""
         while (self._steps + 1) * STEP_S <= to_s + 1e-9:
             self._step()
+            truth = self.truth
             for observer in self.observers:
-                observer(self.truth)
+                observer(truth)
 
     def _step(self) -> None:
         self._steps += 1
