@@ -120,7 +120,7 @@ def test_what_arms_give_the_vehicle_over_a_whole_swing_is_nothing() -> None:
     arms = arms_on(forth)
     impulse = sum(arms.step(hovering(), STEP_S).force_ned_n[0] * STEP_S for _ in range(round(back / STEP_S)))
     end = later(forth, back)
-    stopping = arms_on(replace(end, accel=(-8.0, 5.0, -3.0)))
+    stopping = arms_on(end._replace(accel=(-8.0, 5.0, -3.0)))
     impulse += sum(stopping.step(hovering(), STEP_S).force_ned_n[0] * STEP_S for _ in range(round(back / STEP_S)))
     assert impulse == pytest.approx(0.0, abs=2e-3)
 
