@@ -51,6 +51,7 @@ class MinimumJerk:
     end_yaw_rad: float = 0.0
     start_velocity_w_mps: Array = field(default_factory=lambda: np.zeros(3))
     start_acceleration_w_mps2: Array = field(default_factory=lambda: np.zeros(3))
+    start_yaw_rate_radps: float = 0.0
 
     def at(self, time_s: float) -> Reference:
         """The point of the fifth-order polynomial at `time_s`."""
@@ -71,7 +72,8 @@ class MinimumJerk:
 
         begun = self.start_velocity_w_mps, self.start_acceleration_w_mps2
         position, velocity, acceleration = all_by_axis(moved, self.start_w_m, self.end_w_m, *begun)
-        return Reference(position, velocity, acceleration, self.start_yaw_rad + share * float(turn))
+        yaw_rad = self.start_yaw_rad + share * float(turn) + p_v * self.start_yaw_rate_radps
+        return Reference(position, velocity, acceleration, yaw_rad)
 
     def _run_out(self, x: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Quintics, and their derivatives, that begin with a velocity or an acceleration of 1 and end with nothing.
@@ -198,6 +200,7 @@ class Descent:
     yaw_rad: float
     ease_s: float = 1.5
     duration_s: float = float("inf")
+    yaw_rate_radps: float = 0.0
 
     def at(self, time_s: float) -> Reference:
         """Blend from the velocity at the start to straight down, with a minimum-jerk share of the rate."""
@@ -209,4 +212,5 @@ class Descent:
         down = np.array([0.0, 0.0, -self.speed_mps])
         position = self.start_w_m + down * eased + self.velocity_w_mps * (t - eased)
         velocity = down * share + self.velocity_w_mps * (1.0 - share)
-        return Reference(position, velocity, (down - self.velocity_w_mps) * bend, self.yaw_rad)
+        yaw_rad = self.yaw_rad + self.yaw_rate_radps * (t - eased)
+        return Reference(position, velocity, (down - self.velocity_w_mps) * bend, yaw_rad)

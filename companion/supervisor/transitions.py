@@ -14,6 +14,7 @@ _LEAVING = 4.0
 """Minimum jerk from a speed v to a place anywhere near peaks at 3.9 v/T."""
 _STOPPING = 1.5
 """Minimum jerk from a speed v to rest v T/2 further on peaks at 1.5 v/T."""
+_BACK_S = 0.01
 _LEAST_STOP_S = 0.8
 """The vehicle tilts first: less would be a jerk, and more leads further than the fence counts on."""
 
@@ -26,6 +27,12 @@ def reference_at(flight: Flight, time_s: float) -> Reference:
             return leg.trajectory.at(time_s - start_s)
         start_s += leg.trajectory.duration_s
     return flight.legs[-1].trajectory.at(time_s - start_s)
+
+
+def turning_radps(flight: Flight, time_s: float) -> float:
+    """Return how fast the reference's heading turns at a time (s): a reference itself does not tell."""
+    before, now = (reference_at(flight, time_s - back_s).yaw_rad for back_s in (_BACK_S, 0.0))
+    return math.remainder(now - before, math.tau) / _BACK_S
 
 
 def enter(flight: Flight, phase: Phase, facts: Facts, **changes: object) -> Flight:
@@ -57,7 +64,9 @@ def approach(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> F
     distance = float(np.linalg.norm(start.position_w_m - now.position_w_m))
     stop_s = _LEAVING * float(np.linalg.norm(now.velocity_w_mps)) / rules.climb_accel_mps2
     turn_rad = abs((start.yaw_rad - now.yaw_rad + np.pi) % (2.0 * np.pi) - np.pi)
-    least_s = minimum_jerk_duration_s(float(turn_rad), rules.turn_radps, rules.turn_accel_radps2, max(1.0, stop_s))
+    turning = turning_radps(flight, facts.time_s)
+    stop_s = max(1.0, stop_s, _LEAVING * abs(turning) / rules.turn_accel_radps2)
+    least_s = minimum_jerk_duration_s(float(turn_rad), rules.turn_radps, rules.turn_accel_radps2, stop_s)
     way = MinimumJerk(
         now.position_w_m,
         start.position_w_m,
@@ -66,6 +75,7 @@ def approach(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> F
         start.yaw_rad,
         now.velocity_w_mps,
         now.acceleration_w_mps2,
+        turning,
     )
     legs = (
         Leg(Phase.HOLD, way),
@@ -79,7 +89,8 @@ def approach(flight: Flight, wanted: Fly, facts: Facts, rules: FlightRules) -> F
 
 def brake(flight: Flight, facts: Facts, rules: FlightRules, phase: Phase) -> Flight:
     """Come to rest on the reference's way, and hover."""
-    return _rest(flight, facts, rules, phase, reference_at(flight, facts.time_s))
+    now, turning = reference_at(flight, facts.time_s), turning_radps(flight, facts.time_s)
+    return _rest(flight, facts, rules, phase, now, turning)
 
 
 def resume(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
@@ -88,13 +99,15 @@ def resume(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     return _rest(replace(flight, airborne=True, yaw_rad=facts.yaw_rad), facts, rules, Phase.HOLD, now)
 
 
-def _rest(flight: Flight, facts: Facts, rules: FlightRules, phase: Phase, now: Reference) -> Flight:
+def _rest(
+    flight: Flight, facts: Facts, rules: FlightRules, phase: Phase, now: Reference, turning_radps: float = 0.0
+) -> Flight:
     stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
     end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
-    stop = MinimumJerk(
-        now.position_w_m, end, stop_s, now.yaw_rad, now.yaw_rad, now.velocity_w_mps, now.acceleration_w_mps2
-    )
-    legs = (Leg(phase, stop), Leg(phase, Hold(end, now.yaw_rad)))
+    end_yaw_rad = now.yaw_rad + 0.5 * stop_s * turning_radps
+    begun = now.velocity_w_mps, now.acceleration_w_mps2, turning_radps
+    stop = MinimumJerk(now.position_w_m, end, stop_s, now.yaw_rad, end_yaw_rad, *begun)
+    legs = (Leg(phase, stop), Leg(phase, Hold(end, end_yaw_rad)))
     return enter(replace(flight, legs=legs, leg_start_s=facts.time_s), phase, facts)
 
 
@@ -108,7 +121,8 @@ def land(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 def descend(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     """Straight down from where the reference is."""
     now = reference_at(flight, facts.time_s)
-    down = Descent(now.position_w_m, now.velocity_w_mps, rules.descent_speed_mps, now.yaw_rad)
+    turning = turning_radps(flight, facts.time_s)
+    down = Descent(now.position_w_m, now.velocity_w_mps, rules.descent_speed_mps, now.yaw_rad, yaw_rate_radps=turning)
     height_m = abs(float(now.position_w_m[2]) - ground_z_m(flight))
     due_s = facts.time_s + height_m / rules.descent_speed_mps
     legs = (Leg(Phase.LAND, down),)

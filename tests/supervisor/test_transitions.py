@@ -102,6 +102,21 @@ def test_a_small_turn_is_not_begun_with_a_jerk() -> None:
     assert accels.max() == pytest.approx(RULES.turn_accel_radps2, rel=0.01)
 
 
+@pytest.mark.parametrize("order", [Brake(), Land(), Fly(Hold(GROUND + np.array([0.0, 0.0, 1.0]), -1.0), 1.0)])
+def test_a_heading_that_turns_comes_to_rest_as_the_place_does(order: Brake | Land | Fly) -> None:
+    flight, time_s = STATES["hovering"]
+    here = reference_at(flight, time_s).position_w_m
+    turning = MinimumJerk(here, here, 4.0, 3.0, 3.0 + 2.0)
+    flight = replace(flight, legs=(Leg(Phase.TRACK, turning),), leg_start_s=time_s - 2.0)
+    before = np.array([reference_at(flight, time_s - 0.01 * n).yaw_rad for n in (2, 1, 0)])
+    flown = request(flight, order, on_reference(flight, time_s), RULES)
+    after = np.array([reference_at(flown, time_s + 0.01 * n).yaw_rad for n in range(1, 800)])
+    rates = np.diff(np.unwrap(np.concatenate((before, after)))) / 0.01
+    assert rates[0] == pytest.approx(1.875 * 2.0 / 4.0, rel=0.01), "it turned"
+    assert np.abs(np.diff(rates)).max() < 0.03, "3 rad/s^2 at the most"
+    assert rates[-1] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     """Straight back from 0.5 m/s, to where it is now: within the acceleration of a climb."""
     flight, time_s = STATES["hovering"]
