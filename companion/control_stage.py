@@ -78,7 +78,7 @@ class ControlStage:
         self._countered_w_mps2, self._switching = _NOTHING, None
 
     def switch(self, controller: Controller) -> None:
-        """Another law from the next cycle on, without a bump.
+        """Another law from the next cycle on, without a jump of the setpoint.
 
         It begins with nothing learnt, so what it wants first is not what was sent last. The difference is added to its
         command and fades out within SWITCH_S.

@@ -108,7 +108,7 @@ class FlightLoop:
         return True
 
     def switch(self, controller: Controller, name: str) -> None:
-        """Another control law from the next cycle on, in the air too, without a bump."""
+        """Another control law from the next cycle on, in the air too, without a jump of the setpoint."""
         LOG.info("control law %s -> %s", self.law_name, name)
         self._stage.switch(controller)
         self.law_name = name

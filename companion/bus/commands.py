@@ -119,7 +119,7 @@ class Arms(_Command):
 
 
 class SwitchController(_Command):
-    """Another law from now on, in the air too, without a bump."""
+    """Another law from now on, in the air too: the setpoint does not jump, the position can move by 0.3 m."""
 
     verb: Literal["controller"]
     name: str = Field(pattern=r"^[a-z0-9_-]{1,64}$", description="a name of config/controllers/, or etnn, pid")

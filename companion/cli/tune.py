@@ -116,14 +116,16 @@ def tune(
         with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
             centres = _search(plan, begin, pool, told, console, out)
             yardstick = Centre(shares_of(_from_file(start or _YARDSTICK)), 0.0, 0)
-            *checked, known = _check([*centres, yardstick], plan, pool)
+            with console.status("checking on seeds and curves that no search flew"):
+                *checked, known = _check([*centres, yardstick], plan, pool)
     except KeyboardInterrupt:
         kept = f"; their centres are in {out / 'generations.json'}" if told else ""
         console.print(f"interrupted after {len(told)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
     best = best_of(checked)
     _print(console, checked, best, known, start or _YARDSTICK)
-    _draw([generation for generation, _ in told], checked, best, out / "front.png")
+    with console.status("drawing"):
+        _draw([generation for generation, _ in told], checked, best, out / "front.png")
     if best is None:
         console.print(
             "[red]no centre held every vehicle[/]: nothing is written; search longer, or from a better --start"
