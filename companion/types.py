@@ -111,7 +111,7 @@ class AutopilotStatus:
     q_w_flu_wxyz: Array
     """The autopilot's own attitude estimate, already in our frames."""
     last_text: str
-    """The newest STATUSTEXT."""
+    """The newest STATUSTEXT; empty before the first, and when what it says was denied has come to pass."""
     heard_s: float = -math.inf
     """Arrival of the newest message of any kind on our monotonic clock; -inf before the first."""
     attitude_s: float = -math.inf

@@ -60,6 +60,22 @@ async def test_a_long_text_whose_end_is_lost_is_told_without_it() -> None:
             await until(lambda: px4.status().last_text == "x" * 50)
 
 
+async def test_a_denial_is_forgotten_when_it_has_come_to_pass() -> None:
+    with FakePx4() as fake:
+        fake.armed = True
+        async with linked(fake) as px4:
+            await until(lambda: px4.status().armed)
+            fake.to_send.append(text(b"Disarming denied: not landed"))
+            await until(lambda: px4.status().last_text == "Disarming denied: not landed")
+            fake.armed = False
+            await until(lambda: not px4.status().armed)
+            assert px4.status().last_text == ""
+            fake.to_send.append(text(b"Disarmed by landing"))
+            await until(lambda: px4.status().last_text == "Disarmed by landing")
+            await px4.arm()
+            assert px4.status().last_text == "Disarmed by landing"
+
+
 async def test_another_autopilot_than_px4_is_named_at_once() -> None:
     says = "is not PX4 but ArduPilot: this service flies PX4 alone"
     with FakePx4(autopilot=ARDUPILOT) as fake, pytest.raises(AutopilotError, match=says):

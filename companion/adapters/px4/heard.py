@@ -29,6 +29,8 @@ A recorded PX4 v1.17 shows 229 without vision, 495 on the ground and 367 in the 
 """
 _LANDED_UNKNOWN, _ON_GROUND = 0, 1
 """MAV_LANDED_STATE; the others are in the air, taking off and landing."""
+_DENIED = "denied"
+"""In PX4's words for an arming or disarming that it refuses."""
 _LAST_PIECE_S = 0.5
 """The pieces of a long text come at once: later than this, the rest was lost."""
 
@@ -122,6 +124,8 @@ class Px4Heard:
 
     def _on_heartbeat(self, armed: bool, mode: FlightMode) -> None:
         now_s = self._clock.now_s()
+        if armed != self.status.armed and _DENIED in self.status.last_text.lower():
+            self._update(last_text="")  # "Disarming denied: not landed" is over once it is disarmed
         self._update(armed=armed, mode=mode, heartbeat_s=now_s, heard_s=now_s)
         self._mode_s = now_s
         self._give_up_pieces()
