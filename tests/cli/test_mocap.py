@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.cli.mock_process import free_ports
 from companion.estimation.estimator import EstimatorState
 from companion.mocap_watch import MocapWatch
 from companion.onlooker import DevicesMissingError
@@ -22,7 +23,7 @@ def configured(folder: Path, server: QualisysServer) -> Path:
     """A configuration whose autopilot is not there."""
     path = folder / "companion.toml"
     path.write_text(
-        f'[mocap]\nport = {server.port}\n[px4]\nurl = "udpin://127.0.0.1:0"\nconnect_timeout_s = 0.2\n'
+        f'[mocap]\nport = {server.port}\n[px4]\nurl = "udpin://127.0.0.1:{free_ports().client}"\nconnect_timeout_s = 0.2\n'
         "[preflight]\nrealtime = false\n"
     )
     return path
