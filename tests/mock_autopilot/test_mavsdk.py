@@ -149,3 +149,19 @@ def test_the_example_flies_and_lands() -> None:
         flight = subprocess.run(program, capture_output=True, text=True, timeout=90.0, check=False)
     assert flight.returncode == 0, flight.stderr
     assert "landed and disarmed" in flight.stdout
+
+
+def test_the_global_origin_that_is_set_is_answered_with_the_same_place() -> None:
+    with running(*NO_GPS) as mock:
+        pilot = Pilot(mock)
+        pilot.action.set_gps_global_origin(-33.8567, 151.215, 20.5)  # ActionError after a second without that answer
+        origin = pilot.telemetry.get_gps_global_origin()
+        pilot.close()
+    assert (origin.latitude_deg, origin.longitude_deg) == pytest.approx((-33.8567, 151.215), abs=1e-7)
+    assert origin.altitude_m == pytest.approx(20.5, abs=1e-3)
+
+
+def test_streams_that_a_simulated_px4_grants_may_be_asked_for(pilot: Pilot) -> None:
+    pilot.telemetry.set_rate_rc_status(2.0)
+    pilot.telemetry.set_rate_ground_truth(10.0)  # TelemetryError when it is refused
+    _wait(lambda: pilot.telemetry.ground_truth().latitude_deg > 47.0, "ground truth")
