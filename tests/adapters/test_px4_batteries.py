@@ -73,7 +73,8 @@ LONG = "x" * 50
     ],
 )
 def test_a_long_text_is_put_together_from_its_pieces(pieces: list[tuple[int, str]], texts: list[str]) -> None:
-    waiting, whole = TextPieces(), []
+    waiting = TextPieces()
+    whole: list[str] = []
     for id_, piece in pieces:
         waiting, new = waiting.add(id_, piece)
         whole += new

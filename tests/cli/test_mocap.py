@@ -22,9 +22,9 @@ from tests.flights.command import run, start
 def configured(folder: Path, server: QualisysServer) -> Path:
     """A configuration whose autopilot is not there."""
     path = folder / "companion.toml"
+    url = f"udpin://127.0.0.1:{free_ports().client}"
     path.write_text(
-        f'[mocap]\nport = {server.port}\n[px4]\nurl = "udpin://127.0.0.1:{free_ports().client}"\nconnect_timeout_s = 0.2\n'
-        "[preflight]\nrealtime = false\n"
+        f'[mocap]\nport = {server.port}\n[px4]\nurl = "{url}"\nconnect_timeout_s = 0.2\n[preflight]\nrealtime = false\n'
     )
     return path
 
