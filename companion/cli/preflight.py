@@ -40,6 +40,8 @@ from companion.trajectory_files import Curve, trajectory_named
 _PARAMETER = re.compile(r"[A-Z0-9]+(?:_[A-Z0-9]+)+")
 """Names of checks that are one parameter each."""
 CARRIED = "carried by hand: passed. Nothing else was looked at: `companion preflight` says whether it may arm"
+_LISTEN_S = 3.0
+"""The broker is waited for so long: its link first listens for another service of this vehicle's name."""
 _FEW = 3
 _GLANCE = 12
 """A longer list says at its end once more what is wrong."""
@@ -118,6 +120,7 @@ async def _broker(config: CompanionConfig) -> AsyncIterator[Callable[[], float]]
         yield lambda: 0.0
         return
     async with open_bus(config.operator, MonotonicClock(), secrets.token_hex(8), _refuse) as link:
+        await link.listened(_LISTEN_S)
         yield link.age_s
 
 

@@ -114,7 +114,7 @@ class TestMqttMocap(MocapContract):
         await until(lambda: rig.source.counts.malformed == 6)
         told = [record.getMessage() for record in caplog.records if record.levelno == logging.WARNING]
         assert len(told) == 1
-        assert "sent what is no pose (: Invalid JSON" in told[0]
+        assert "sent what is no pose (: invalid JSON" in told[0]
 
 
 def pose(number: int, stamp_s: float) -> bytes:

@@ -130,7 +130,6 @@ class BusLink:
         async with Connection(self._reached, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
             await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
-            self._heard()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._listen(broker), name="companion.bus.listen")
                 if not self._listened.is_set():  # once in a run: later the vehicle may fly
