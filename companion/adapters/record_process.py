@@ -34,6 +34,8 @@ _AGAIN_S = 5.0
 _ON_GROUND = frozenset({Phase.STANDBY, Phase.DISARMED})
 """Phases in which a process may be started from the control loop: it takes milliseconds."""
 _CLOSING_S = 10.0
+_ENDING_S = 1.0
+"""Of a killed writer."""
 
 
 class RecordSink:
@@ -53,6 +55,8 @@ class RecordSink:
         self._started_s = 0.0
         self._link: socket.socket | None = None
         self._writer: subprocess.Popen[bytes] | None = None
+        self._gone: list[subprocess.Popen[bytes]] = []
+        """Writers that were given up and may still be ending."""
         self.dropped = 0
         """Rows that the writer did not get."""
         self.trouble = ""
@@ -147,11 +151,15 @@ class RecordSink:
             except subprocess.TimeoutExpired:
                 self._warn(f"process {self._writer.pid} is still writing the record of the flight")
         self._listen()
+        self._reap(_ENDING_S)
         if self._link is not None:
             self._link.close()
             self._link = None
 
     def _start_writer(self) -> None:
+        if self._writer is not None:
+            self._gone.append(self._writer)
+            self._reap()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER)
@@ -198,7 +206,15 @@ class RecordSink:
             self._link.close()
         self._link = None
         if self._writer is not None:
-            self._writer.poll()  # it leaves no zombie
+            self._writer.kill()  # it may only have closed its end
+            self._writer.poll()
+
+    def _reap(self, wait_s: float = 0.0) -> None:
+        """Take note of the end of writers that were given up: they leave no zombies."""
+        for writer in self._gone:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                writer.wait(wait_s)
+        self._gone = [writer for writer in self._gone if writer.returncode is None]
 
     def _listen(self) -> None:
         """What the writer has to say."""
