@@ -21,6 +21,7 @@ def test_no_cycle_of_opening_and_closing_ends_the_process() -> None:
     assert done.outcomes["closed"] > 5, "most of them connected"
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("leaves_after_s", [0.0, 0.3])
 async def test_an_unanswered_command_does_not_hold_up_the_end_of_the_link(leaves_after_s: float) -> None:
     with FakePx4() as fake:
