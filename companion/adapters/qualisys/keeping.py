@@ -5,7 +5,7 @@ import logging
 
 from qtm_rt.protocol import QRTCommandException
 
-from companion.adapters.qualisys.bodies import rigid_bodies
+from companion.adapters.qualisys.bodies import RigidBody, rigid_bodies
 from companion.adapters.qualisys.dial import text
 from companion.adapters.qualisys.link import Link
 from companion.adapters.qualisys.packets import MalformedError
@@ -27,12 +27,15 @@ async def keep_bodies_current(link: Link, source: QualisysSource, answer_s: floa
 
     A QTM that does not answer within `answer_s` while frames wait to be believed ends the link.
     """
-    pause_s = _FIRST_PAUSE_S
+    pause_s, read = _FIRST_PAUSE_S, b""
+    bodies: tuple[RigidBody, ...] = ()
     while not link.closed.done():
         wanted = await _wanted(source)
         doubts = source.doubts
         try:
-            bodies = rigid_bodies(await _answer(link, source, answer_s))
+            xml = await _answer(link, source, answer_s)
+            if xml != read:  # or every second a list of many bodies would hold up the control loop
+                bodies, read = rigid_bodies(xml), xml
         except (QRTCommandException, MalformedError) as error:
             LOG.debug("QTM's list of rigid bodies cannot be read: %s", text(error))
         except ConnectionError:
