@@ -1,7 +1,8 @@
-"""All tests in two processes side by side: `python -m tests [OPTIONS] [ARGUMENTS OF PYTEST]`.
+"""All tests in three processes side by side: `python -m tests [OPTIONS] [ARGUMENTS OF PYTEST]`.
 
-One process runs what is bound to the wall clock, one test after the other. The other runs the rest at the lowest
-priority, in the time that the first leaves: on two cores no vehicle falls because another one is being simulated.
+Two run what is bound to the wall clock, one test after the other: flights, and links to devices that mostly wait. The
+third runs the rest at the lowest priority, in the time that they leave: on two cores no vehicle falls because another
+one is being simulated.
 """
 
 import argparse
@@ -11,8 +12,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
 from xml.etree import ElementTree
 
 from tests import packages
@@ -20,7 +21,7 @@ from tests import packages
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
 _LOWEST_PRIORITY = ("nice", "-n", "19")
-_HALVES = ("realtime", "not realtime")
+_FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"
 
 
 def main(arguments: list[str]) -> int:
@@ -45,36 +46,49 @@ def main(arguments: list[str]) -> int:
 
 def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
-    clock, simulated = (_pytest(half + only, folder, rest) for half in _HALVES)
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as output:
-        other = subprocess.Popen([*_LOWEST_PRIORITY, *simulated], stdout=output, stderr=output)
-        try:
-            first = subprocess.run(clock, check=False).returncode
-            print("waiting for the tests in simulated time ...", flush=True)
-            codes = {first, other.wait()}
-        finally:
-            other.terminate()
-            other.wait()
-            _show(output)
+    links = _Beside([], _pytest(_LINKS, only, folder, rest))
+    simulated = _Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, rest))
+    try:
+        codes = {subprocess.run(_pytest(_FLIGHTS, only, folder, rest), check=False).returncode}
+        print("waiting for the tests of links, and those in simulated time ...", flush=True)
+        codes |= {links.wait(), simulated.wait()}
+    finally:
+        links.end()
+        simulated.end()
     _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
     codes = {code for code in codes if code != _NO_TESTS} or {_NO_TESTS}
     return next((code for code in codes if code), 0)
 
 
-def _pytest(which: str, folder: Path, rest: list[str]) -> list[str]:
+class _Beside:
+    """A run of pytest whose output is shown when it has ended."""
+
+    def __init__(self, prefix: Sequence[str], command: list[str]) -> None:
+        self._output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed by end()
+        self._process = subprocess.Popen([*prefix, *command], stdout=self._output, stderr=self._output)
+
+    def wait(self) -> int:
+        """Return its exit code."""
+        return self._process.wait()
+
+    def end(self) -> None:
+        """End it where it still runs, and print all that it said."""
+        self._process.terminate()
+        self._process.wait()
+        with self._output:
+            self._output.seek(0)
+            sys.stdout.write(self._output.read())
+            sys.stdout.flush()
+
+
+def _pytest(which: str, only: str, folder: Path, rest: list[str]) -> list[str]:
     name = which.replace(" ", "-")
-    results = ["-o", f"cache_dir=.pytest_cache/{name}", f"--junitxml={folder / name}.xml"]
-    return [sys.executable, "-m", "pytest", "-q", "-m", which, *results, *rest]
-
-
-def _show(output: IO[str]) -> None:
-    output.seek(0)
-    sys.stdout.write(output.read())
-    sys.stdout.flush()
+    results = ["-o", f"cache_dir=.pytest_cache/{name}", f"--junitxml={folder / name}.xml", "--durations=10"]
+    return [sys.executable, "-m", "pytest", "-q", "-m", which + only, *results, *rest]
 
 
 def _summarise(results: list[Path], took_s: float) -> None:
-    """Print how many tests were skipped for want of which packages, and one closing line for both halves."""
+    """Print how many tests were skipped for want of which packages, and one closing line for all."""
     count: Counter[str] = Counter()
     wanting: Counter[str] = Counter()
     for case in (case for path in results for case in ElementTree.parse(path).iter("testcase")):
@@ -87,7 +101,7 @@ def _summarise(results: list[Path], took_s: float) -> None:
         each = ", ".join(f"{tests} for want of {package}" for package, tests in sorted(wanting.items()))
         print(f"skipped: {each}")
         print(f"to run them, too: sudo apt-get install {' '.join(sorted(wanting))}   (Debian, Ubuntu)")
-    print(f"both halves together took {took_s / 60.0:.1f} minutes")
+    print(f"all tests together took {took_s / 60.0:.1f} minutes")
     print(f"{count['passed']} passed, {count['failed']} failed, {count['skipped']} skipped", flush=True)
 
 

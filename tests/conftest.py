@@ -22,6 +22,13 @@ hypothesis.settings.register_profile("fuzz", deadline=None, print_blob=True, max
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what is under tests/flights, so that `make test` can run it beside the other real-time tests."""
+    for item in items:
+        if "flights" in item.path.parts:
+            item.add_marker("flight")
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """Skip a test whose programs are not installed; in CI, where they must be, fail it."""
     programs = tuple(name for mark in item.iter_markers("needs") for name in mark.args)

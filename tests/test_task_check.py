@@ -18,7 +18,8 @@ def test_a_task_left_running_fails_its_test(pytester: pytest.Pytester, request: 
             await asyncio.create_task(asyncio.sleep(0))
         """
     )
-    options = ("-o", "asyncio_mode=auto", "-o", "asyncio_default_fixture_loop_scope=function")
+    options = ["-o", "asyncio_mode=auto", "-o", "asyncio_default_fixture_loop_scope=function"]
+    options += ["-o", f"pythonpath={request.config.rootpath}"]
     result = pytester.runpytest_subprocess(*options)
     result.assert_outcomes(passed=2, errors=1)
     result.stdout.fnmatch_lines(["*tasks outlived the test: forgotten*"])
