@@ -1,7 +1,7 @@
-"""All tests in three processes side by side: `python -m tests [OPTIONS] [ARGUMENTS OF PYTEST]`.
+"""All tests, several processes side by side: `python -m tests [OPTIONS] [ARGUMENTS OF PYTEST]`.
 
 Two run what is bound to the wall clock, one test after the other: flights, and links to devices that mostly wait. The
-third runs the rest at the lowest priority, in the time that they leave: on two cores no vehicle falls because another
+others run the rest at the lowest priority, in the time that those leave: on two cores no vehicle falls because another
 one is being simulated.
 """
 
@@ -21,6 +21,8 @@ from tests import packages
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
 _LOWEST_PRIORITY = ("nice", "-n", "19")
+_EVERY_CORE = ("-n", "logical", "--dist", "loadfile")
+"""A process for each core, a file of tests in one of them: flights that are shared are flown once."""
 _FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"
 
 
@@ -47,7 +49,7 @@ def main(arguments: list[str]) -> int:
 def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
     links = _Beside([], _pytest(_LINKS, only, folder, rest))
-    simulated = _Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, rest))
+    simulated = _Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest]))
     try:
         codes = {subprocess.run(_pytest(_FLIGHTS, only, folder, rest), check=False).returncode}
         print("waiting for the tests of links, and those in simulated time ...", flush=True)
