@@ -29,6 +29,7 @@ def test_nothing_selected_is_no_success() -> None:
 
 
 def test_every_program_is_missing_where_they_are_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(HIDE, raising=False)
     assert find_program("sh") is not None
     monkeypatch.setenv(HIDE, "1")
     assert find_program("sh") is None
