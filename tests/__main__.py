@@ -21,8 +21,8 @@ from tests import packages
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
 _LOWEST_PRIORITY = ("nice", "-n", "19")
-_EVERY_CORE = ("-n", "logical", "--dist", "loadfile")
-"""A process for each core, a file of tests in one of them: flights that are shared are flown once."""
+_EVERY_CORE = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "loadfile")
+"""A process for each core, and one for when others wait; a file of tests in one of them: it shares its flights."""
 _FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"
 
 

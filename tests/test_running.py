@@ -10,7 +10,8 @@ from tests.packages import HIDE, PACKAGES, find_program, missing_packages
 
 def run(*arguments: str) -> tuple[int, list[str]]:
     """Return exit code and lines of `python -m tests`."""
-    done = subprocess.run([sys.executable, "-m", "tests", *arguments], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "tests", *arguments, "-n", "0"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     return done.returncode, done.stdout.splitlines()
 
 
