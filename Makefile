@@ -40,11 +40,11 @@ uninstall:
 demo: venv
 	@$(BIN)/companion demo $(ARGS)
 
-# Two processes: one for all that runs against the wall clock, the other, in what time that leaves, for the rest.
+# What runs against the wall clock first; all else in the time that it leaves (tests/__main__.py).
 test: venv
 	@$(BIN)/python -m tests $(ARGS)
 
-# What the daily loop needs, in under 90 seconds: lint, types, and the tests that neither wait nor fly for long.
+# For the daily loop: lint, types, and the tests that neither wait nor fly for long.
 check: venv
 	@$(MAKE) --no-print-directory -j2 --output-sync=target lint quick
 
