@@ -49,7 +49,7 @@ check: venv
 	@$(MAKE) --no-print-directory -j2 --output-sync=target lint quick
 
 quick: venv
-	@$(BIN)/python -m pytest -q -m "not realtime and not slow" $(ARGS)
+	@$(BIN)/python -m pytest -q -n logical --dist loadfile -m "not realtime and not slow" $(ARGS)
 
 fuzz: venv
 	@$(BIN)/python -m tests.fuzz $(ARGS)
