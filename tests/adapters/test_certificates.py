@@ -17,6 +17,12 @@ from companion.console.client import open_console
 from companion.ports import ConfigError
 from tests.adapters.mqtt_rig import CLOCK, SESSION, Vehicle, until
 
+_CA_USAGE = ("-addext", "keyUsage=critical,keyCertSign,cRLSign")
+"""Python 3.13 asks for it, and for the server's key identifiers (ssl.VERIFY_X509_STRICT)."""
+_SERVER = """subjectAltName=DNS:localhost,IP:127.0.0.1
+subjectKeyIdentifier=hash
+authorityKeyIdentifier=keyid
+"""
 _CA_CONFIG = """[ca]
 default_ca = one
 [one]
@@ -44,9 +50,9 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
         subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True)
 
     key = ["-newkey", "rsa:2048", "-nodes", "-keyout"]
-    openssl("req", "-x509", *key, "ca.key", "-out", "ca.crt", "-days", "3650", "-subj", "/CN=lab")
+    openssl("req", "-x509", *key, "ca.key", "-out", "ca.crt", "-days", "3650", "-subj", "/CN=lab", *_CA_USAGE)
     (folder / "ca.cnf").write_text(_CA_CONFIG)
-    (folder / "names").write_text("subjectAltName=DNS:localhost,IP:127.0.0.1\n")
+    (folder / "names").write_text(_SERVER)
     openssl("req", *key, "server.key", "-out", "server.csr", "-subj", "/CN=localhost")
     for name, (first, last) in _YEARS.items():
         (folder / "index").write_text("")
