@@ -48,6 +48,8 @@ def main(arguments: list[str]) -> int:
 
 def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
+    # pytest keeps the modules that it has rewritten, where it may: the processes at low priority find them ready.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     links = _Beside([], _pytest(_LINKS, only, folder, rest))
     simulated = _Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest]))
     try:

@@ -22,6 +22,8 @@ from companion.types import MocapFrame
 from tests.adapters.bad_bytes import one_bad
 from tests.adapters.qualisys_rig import ManualClock
 
+pytestmark = pytest.mark.slow
+
 TOPIC = MocapBrokerConfig().topics.mocap
 LEVEL = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _FIRST_MOST = 10

@@ -15,6 +15,8 @@ from companion.config_operator import OperatorConfig
 from companion.ports import ConfigError
 from tests.ports import free_port
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_S = 40.0
 
 

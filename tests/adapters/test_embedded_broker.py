@@ -21,6 +21,8 @@ from tests.broker import BrokerProcess, broker
 from tests.console.scripted import Answers, ScriptedService, scripted
 from tests.ports import free_port
 
+pytestmark = pytest.mark.slow
+
 _PATIENCE_S = 30.0
 _CONNACK, _PINGREQ, _PINGRESP, _DISCONNECT = b"\x20\x02\x00\x00", b"\xc0\x00", b"\xd0\x00", b"\xe0\x00"
 _V5 = aiomqtt.ProtocolVersion.V5

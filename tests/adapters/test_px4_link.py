@@ -14,6 +14,8 @@ from companion.config_px4 import Px4Config
 from companion.ports import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, battery, extended_sys_state, text
 
+pytestmark = pytest.mark.slow
+
 ARDUPILOT = 3
 
 

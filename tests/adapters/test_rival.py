@@ -15,6 +15,8 @@ from companion.config_operator import OperatorConfig
 from tests.adapters.mqtt_rig import CLOCK, TOPICS, Vehicle, operating, until
 from tests.broker import BrokerProcess, broker
 
+pytestmark = pytest.mark.slow
+
 _SENTENCE = (
     r"another service has this vehicle's name \(dauam/v1/vehicle at 127.0.0.1:\d+\): on \S+, version .* stop one"
 )

@@ -26,7 +26,7 @@ from tests.mosquitto import EXAMPLES, FAR, USERS, Lab, lab, make_certificates, m
 from tests.packages import needs
 from tests.units.tools import said
 
-pytestmark = needs_mosquitto
+pytestmark = [needs_mosquitto, pytest.mark.slow]
 
 TOPICS = {name: Topics("dauam", name) for name in ("dauam-1", "dauam-2")}
 PARTS = ("command", "state", "event", "status", "mocap", "mocap/bridge", "reply/anna-1")

@@ -18,6 +18,8 @@ from mock_autopilot.qualisys import QualisysServer
 from tests.adapters.qualisys_rig import capturing, serving
 from tests.flights.command import run, start
 
+pytestmark = pytest.mark.slow
+
 
 def configured(folder: Path, server: QualisysServer) -> Path:
     """A configuration whose autopilot is not there."""

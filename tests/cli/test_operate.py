@@ -19,6 +19,8 @@ from tests.cli.typed import typing
 from tests.console.scripted import Answers, ScriptedService, scripted
 from tests.flights.command import Ran, run, start
 
+pytestmark = pytest.mark.slow
+
 _NUMBER = itertools.count()
 _SLOW = frozenset({"arm", "takeoff", "goto", "track", "land"})
 

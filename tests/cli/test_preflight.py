@@ -32,6 +32,8 @@ from tests.flights.command import run, start
 from tests.mavlink_relay import Relay
 from tests.preflight.rig import room
 
+pytestmark = pytest.mark.slow
+
 TIMED = {"mocap rate", "mocap age", "vision delay"}
 """Checks that a computer busy with other tests may fail."""
 

@@ -20,6 +20,8 @@ from companion.ports import ConfigError
 from tests.broker import BrokerProcess, broker
 from tests.console.scripted import Answers, ScriptedService, scripted
 
+pytestmark = pytest.mark.slow
+
 _NUMBER = itertools.count()
 
 
