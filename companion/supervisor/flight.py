@@ -75,6 +75,10 @@ class FlightRules:
     touchdown_m: float = 0.06
     touchdown_speed_mps: float = 0.06
     touchdown_s: float = 0.3
+    disarm_wait_unknown_s: float = 1.2
+    """From touchdown until disarming is asked for where PX4's land detector is not heard: it takes 0.8 s and more."""
+    disarm_wait_in_air_s: float = 2.5
+    """The same while it says that the vehicle flies, and PX4 would deny it; the slowest recorded needed 2.35 s."""
     stuck_below_m: float = 0.4
     """The reference is so far below a vehicle that does not move: it stands on something, hanging arms or a crate."""
     stuck_s: float = 1.5
@@ -82,6 +86,11 @@ class FlightRules:
     """Share of hover thrust: who stands on something and should go on down winds it down below, who flies cannot."""
     disarm_again_s: float = 12.0
     """Ask again when the autopilot is still armed; longer than one attempt takes."""
+    disarm_shows_s: float = 2.5
+    """A vehicle that PX4 has landed shows OFFBOARD again when it disarms; the armed bit follows within two HEARTBEATs.
+
+    PX4 v1.17: CURRENT_MODE tells the mode within 27 ms, HEARTBEAT the armed bit up to 1 s later.
+    """
     land_again_s: float = 2.0
     """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
     kill_again_s: float = 0.3
@@ -205,6 +214,10 @@ class Flight:
     touched_down: bool = False
     theirs: bool = False
     """Handed over, and flown in a mode since that is neither ours nor PX4's landing: a pilot's, as are the motors."""
+    left_offboard: bool = False
+    """Handed over, and shown in another mode than OFFBOARD since: PX4 has begun to land, or a pilot has taken it."""
+    offboard_again_s: float = math.inf
+    """When it stood on the ground and showed OFFBOARD again after that; infinite while it does not."""
     disarm_asked_s: float | None = None
     """When the autopilot was last asked to disarm after touchdown."""
     asked_again_s: float = 0.0
@@ -238,6 +251,6 @@ class Flight:
 
     @property
     def landing_asked_s(self) -> float:
-        """When the autopilot was told to land; infinite when it was not, or when we have let go."""
+        """When the autopilot was told to land; infinite when it was not, has begun to, or when we have let go."""
         asked = self.phase is Phase.HANDED_OVER and self.level is Reaction.AUTOPILOT_LAND
-        return self.since_s if asked else math.inf
+        return self.since_s if asked and not self.left_offboard else math.inf

@@ -158,8 +158,10 @@ def strongest(flight: Flight, facts: Facts, rules: FlightRules) -> tuple[Event |
 
 def _is_a_pilots(flight: Flight, facts: Facts) -> bool:
     """Not in OFFBOARD, which nobody flies, nor in PX4's landing, unless a pilot had the vehicle before."""
-    if flight.phase not in {Phase.HANDED_OVER, Phase.RESUME} or facts.mode is FlightMode.OFFBOARD:
+    if flight.phase not in {Phase.HANDED_OVER, Phase.RESUME}:
         return False
+    if facts.mode is FlightMode.OFFBOARD:
+        return flight.theirs and facts.in_air is False  # landed and disarmed, see _handed_over
     return facts.mode is not FlightMode.LAND or flight.theirs or flight.cause is Fault.MODE_CHANGED
 
 
@@ -231,10 +233,7 @@ def _stowing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
 
 def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     if flight.touched_down:
-        since_s = flight.since_s if flight.disarm_asked_s is None else flight.disarm_asked_s
-        wait_s = rules.touchdown_s if flight.disarm_asked_s is None else rules.disarm_again_s
-        due = facts.time_s - since_s > wait_s
-        return replace(flight, action=Action.DISARM, disarm_asked_s=facts.time_s) if due else flight
+        return _stopping(flight, facts, rules)
     low = facts.position_w_m[2] - ground_z_m(flight) < rules.touchdown_m
     slow = abs(float(facts.velocity_w_mps[2])) < rules.touchdown_speed_mps
     below_m = float(facts.position_w_m[2] - reference_at(flight, facts.time_s).position_w_m[2])
@@ -250,6 +249,17 @@ def _landing(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     )
 
 
+def _stopping(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
+    """Ask to disarm when PX4 grants it: it refuses ("not landed") until its land detector has seen the landing."""
+    if flight.disarm_asked_s is not None:
+        due = facts.time_s - flight.disarm_asked_s > rules.disarm_again_s
+    else:
+        unknown_s, in_air_s = rules.disarm_wait_unknown_s, rules.disarm_wait_in_air_s
+        wait_s = {None: unknown_s, True: in_air_s, False: rules.touchdown_s}[facts.in_air]
+        due = facts.time_s - flight.since_s > wait_s
+    return replace(flight, action=Action.DISARM, disarm_asked_s=facts.time_s) if due else flight
+
+
 def _rests_on_something(facts: Facts, rules: FlightRules) -> bool:
     """A vehicle that stays where it is in the air needs its hover thrust for that."""
     return facts.in_air is False or facts.thrust < rules.stuck_thrust * rules.hover_thrust
@@ -261,9 +271,20 @@ def _handed_over(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
         return over(flight, facts)
     if not flight.theirs and _is_a_pilots(flight, facts):
         flight = replace(flight, theirs=True)
-    if facts.mode is not FlightMode.OFFBOARD or facts.time_s - flight.asked_again_s < rules.land_again_s:
+    if facts.mode is not FlightMode.OFFBOARD:
+        return replace(flight, left_offboard=True, offboard_again_s=math.inf)
+    flight = _back_in_offboard(flight, facts)
+    disarms = 0.0 <= facts.time_s - flight.offboard_again_s < rules.disarm_shows_s
+    if disarms or facts.time_s - flight.asked_again_s < rules.land_again_s:
         return flight
     return replace(flight, action=Action.AUTOPILOT_LAND, asked_again_s=facts.time_s)
+
+
+def _back_in_offboard(flight: Flight, facts: Facts) -> Flight:
+    """Note since when a vehicle that has been landed shows OFFBOARD again: PX4 falls back to it when it disarms."""
+    landed = flight.left_offboard and facts.in_air is False
+    again_s = min(flight.offboard_again_s, facts.time_s) if landed else math.inf
+    return replace(flight, offboard_again_s=again_s)
 
 
 def _resuming(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

@@ -272,10 +272,10 @@ def test_whatever_ends_a_preparation_does_not_keep_a_landed_vehicle_from_being_d
     for state in ("touched down", "stopping"):
         flight, time_s = STATES[state]
         asked_s = []
-        for n in range(1, 100):
+        for n in range(1, 200):
             flight = advance(flight, facts(time_s + n * DT_S, 0.0, fault), RULES)
             asked_s += [n * DT_S] if flight.action is Action.DISARM else []
-        assert asked_s == pytest.approx([RULES.touchdown_s], abs=3 * DT_S)
+        assert asked_s == pytest.approx([RULES.disarm_wait_unknown_s], abs=3 * DT_S)
 
 
 @pytest.mark.parametrize("state", ON_THE_GROUND)

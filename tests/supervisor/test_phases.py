@@ -467,7 +467,7 @@ def test_no_lift_off_of_a_vehicle_that_stands_ends_the_attempt_with_a_sentence()
     assert flight.phase is Phase.LAND
     assert flight.touched_down
     assert flight.reason == "no lift-off at thrust 0.62: check vehicle.hover_thrust, propellers and battery"
-    flight = advance(flight, facts(time_s + 0.4), RULES)
+    flight = advance(flight, replace(facts(time_s + 0.4), in_air=False), RULES)
     assert flight.action is Action.DISARM
     over = advance(flight, facts(time_s + 0.5, armed=False), RULES)
     assert over.phase is Phase.DISARMED
@@ -479,8 +479,8 @@ def test_asked_to_land_on_the_ground_the_motors_stop_and_disarming_goes_on(state
     flight, time_s = STATES[state]
     after = request(flight, Land(), facts(time_s, 0.0), RULES)
     assert (after.phase, after.touched_down, after.airborne) == (Phase.LAND, True, False)
-    asked = [advance(after, facts(time_s + later_s), RULES).action for later_s in (0.1, 0.5)]
-    assert asked == [None, Action.DISARM]
+    stands = [replace(facts(time_s + later_s), in_air=False) for later_s in (0.1, 0.5)]
+    assert [advance(after, seen, RULES).action for seen in stands] == [None, Action.DISARM]
 
 
 # --- whole flights ---

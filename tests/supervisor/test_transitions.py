@@ -330,7 +330,7 @@ def test_what_ends_the_waiting_for_the_arms(later_s: float, change: dict[str, st
 # --- touchdown ---
 
 
-@pytest.mark.parametrize("rules", [RULES, replace(RULES, touchdown_s=2.0)])
+@pytest.mark.parametrize("rules", [RULES, replace(RULES, disarm_wait_unknown_s=2.0)])
 def test_touchdown_asks_to_disarm_and_again_when_it_stays_armed(rules: FlightRules) -> None:
     flight, time_s = STATES["touched down"]
     assert (flight.phase, flight.airborne, flight.still_since_s, flight.yaw_rad) == (Phase.LAND, False, None, 0.3)
@@ -338,7 +338,7 @@ def test_touchdown_asks_to_disarm_and_again_when_it_stays_armed(rules: FlightRul
     for n in range(1, 2700):
         flight = advance(flight, facts(time_s + n * DT_S), rules)
         asked_s += [n * DT_S] if flight.action is Action.DISARM else []
-    first_s = rules.touchdown_s
+    first_s = rules.disarm_wait_unknown_s
     again_s = [first_s + k * rules.disarm_again_s for k in range(1 + int((26.9 - first_s) / rules.disarm_again_s))]
     assert asked_s == pytest.approx(again_s, abs=4 * DT_S)
     over = advance(flight, facts(time_s + 30.0, armed=False), rules)
