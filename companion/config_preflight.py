@@ -55,6 +55,7 @@ class RecommendedConfig(Section):
     at_least: float | None = Field(None, description="condition: this value or more")
     at_most: float | None = Field(None, description="condition: this value or less")
     reboot: bool = Field(False, description="PX4 takes it only after a restart")
+    optional: bool = Field(False, description="a PX4 that does not have the parameter is right as it is")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -23,6 +23,8 @@ class Recommended:
     at_most: float = math.inf
     reboot: bool = False
     """It counts only after a restart of PX4."""
+    optional: bool = False
+    """A PX4 that does not have it (another release, or built without that sensor) is right as it is."""
 
     def accepts(self, value: float) -> bool:
         """Whether the value meets every condition."""
@@ -50,11 +52,16 @@ class Recommended:
 
 
 def check_parameters(wanted: Iterable[Recommended], found: Mapping[str, float]) -> tuple[Check, ...]:
-    """One check a parameter; one that the autopilot did not tell fails."""
-    return tuple(_check(one, found.get(one.name, math.nan)) for one in wanted)
+    """Return one check a parameter; one that the autopilot did not tell fails, unless it need not have it.
+
+    An autopilot that tells none at all is not heard rather than without parameters.
+    """
+    return tuple(_check(one, found.get(one.name, math.nan), heard=bool(found)) for one in wanted)
 
 
-def _check(one: Recommended, value: float) -> Check:
+def _check(one: Recommended, value: float, heard: bool) -> Check:
+    if math.isnan(value) and one.optional and heard:
+        return Check(one.name, True, "this PX4 does not have it", "", one.must)
     if math.isnan(value):
         todo = f"is this PX4 older than v1.15, or the link bad? It should be {one.wanted}: {one.why}"
         return Check(one.name, False, "the autopilot does not tell it", todo, one.must)

@@ -18,11 +18,12 @@ from companion.by_hand_file import check_can_keep, kept_file, read_kept, write_k
 from companion.cli.mock_process import free_ports
 from companion.cli.preflight import CARRIED, carry_and_keep, show
 from companion.config import load_config
-from companion.config_preflight import PreflightConfig
+from companion.config_preflight import PreflightConfig, load_recommended
 from companion.errors import ConfigError
 from companion.preflight.by_hand import Kept, Move, check_kept
 from companion.preflight.check import Check
 from mock_autopilot.dynamixel_packets import Instruction, Packet
+from mock_autopilot.params import ParamTable
 from mock_autopilot.simulator import Simulator
 from mock_autopilot.truth import Truth
 from mock_autopilot.world import World
@@ -51,6 +52,23 @@ async def test_the_list_against_the_mock_names_the_one_parameter_that_is_wrong(t
     assert checks["COM_OF_LOSS_T"]["todo"].startswith("set it to 0.5: ")
     for name in ("heading agrees", "vision fused", "battery", "fence around the trajectory"):
         assert checks[name]["passed"], checks[name]
+
+
+@pytest.mark.realtime
+async def test_every_wrong_default_of_px4_is_named_with_the_value_to_set(tmp_path: Path) -> None:
+    """A vehicle as it comes out of the box."""
+    own = ParamTable()
+    wrong = {one.name: one for one in load_recommended("recommended") if not one.accepts(own[one.name])}
+    bare = room(tmp_path, params={param.name: param.value for param in own if param.name != "SIM_BAT_DRAIN"})
+    async with bare.mock:
+        ran = await run("preflight", "--json", "--config", bare.config, "--out", tmp_path)
+    assert ran.code == 1, ran.said
+    checks = {check["name"]: check for check in json.loads(ran.out)}
+    named = {name for name, check in checks.items() if own.find(name) is not None and not check["passed"]}
+    assert named == set(wrong)
+    for name, one in wrong.items():
+        assert checks[name]["says"] == f"is {own[name]:g}, should be {one.wanted}"
+        assert checks[name]["todo"].startswith(f"set it to {one.set_to:g}")
 
 
 def test_every_device_that_is_missing_has_its_line_and_says_what_to_do(

@@ -32,8 +32,8 @@ def test_the_demos_vehicle_has_all_that_is_recommended() -> None:
 
 
 def test_a_px4_as_it_comes_out_of_the_box_is_refused_for_what_would_hurt_indoors() -> None:
-    failed = {check.name for check in check_parameters(LIST.values(), of_the_mock({})) if check.refuses}
-    assert failed == {
+    checks = check_parameters(LIST.values(), of_the_mock({}))
+    assert {check.name for check in checks if check.refuses} == {
         "COM_OF_LOSS_T",
         "COM_OBL_RC_ACT",
         "COM_RC_OVERRIDE",
@@ -41,9 +41,53 @@ def test_a_px4_as_it_comes_out_of_the_box_is_refused_for_what_would_hurt_indoors
         "COM_LOW_BAT_ACT",
         "EKF2_EV_CTRL",
         "EKF2_HGT_REF",
+        "EKF2_RNG_CTRL",
+        "EKF2_EVP_NOISE",
+        "EKF2_EVA_NOISE",
         "EKF2_GPS_CTRL",
         "EKF2_MAG_TYPE",
     }
+    assert {check.name for check in checks if not check.passed and not check.refuses} == {
+        "COM_RC_IN_MODE",
+        "RC_MAP_FLTMODE",
+        "RC_MAP_KILL_SW",
+        "RTL_RETURN_ALT",
+        "EKF2_OF_CTRL",
+        "SYS_HAS_GPS",
+        "SYS_HAS_MAG",
+        "SENS_IMU_AUTOCAL",
+        "MPC_XY_VEL_MAX",
+        "MPC_Z_VEL_MAX_UP",
+        "MPC_Z_VEL_MAX_DN",
+    }
+
+
+def wrong_value(one: Recommended) -> float:
+    """Return PX4's own value where that is wrong, else one that its condition excludes."""
+    tried = (ParamTable()[one.name], one.at_most + 1.0, one.at_least - 1.0, max(one.one_of, default=0.0) + 1.0, 0.0)
+    return next(value for value in tried if math.isfinite(value) and not one.accepts(value))
+
+
+@pytest.mark.parametrize("name", LIST)
+def test_each_wrong_value_is_named_with_the_value_to_set_and_why(name: str) -> None:
+    one = LIST[name]
+    checks = check_parameters(LIST.values(), {wanted.name: wanted.set_to for wanted in LIST.values()} | {
+        name: wrong_value(one)
+    })  # fmt: skip
+    [check] = [check for check in checks if not check.passed]
+    assert (check.name, check.must) == (name, one.must)
+    assert check.says == f"is {wrong_value(one):g}, should be {one.wanted}"
+    assert check.todo == f"set it to {one.set_to:g}{' and reboot PX4' if one.reboot else ''}: {one.why}"
+
+
+def test_a_px4_without_a_sensor_or_of_another_release_is_right_without_its_parameter() -> None:
+    found = {one.name: one.set_to for one in LIST.values() if not one.optional}
+    assert {"EKF2_RNG_CTRL", "EKF2_OF_CTRL", "EKF2_MAG_TYPE"} <= set(LIST) - set(found)
+    checks = check_parameters(LIST.values(), found)
+    assert [check.name for check in checks if not check.passed] == []
+    assert {check.says for check in checks if check.name not in found} == {"this PX4 does not have it"}
+    silent = check_parameters(LIST.values(), {})
+    assert not any(check.passed for check in silent), "who tells nothing at all is not heard"
 
 
 @pytest.mark.parametrize(
@@ -98,11 +142,14 @@ def test_an_unknown_list_names_where_lists_are() -> None:
         load_recommended("nowhere")
 
 
+def row(one: Recommended) -> str:
+    """Return the line of docs/preflight.md."""
+    accepted = f"{one.wanted}{'; or missing' if one.optional else ''}{'; then reboot' if one.reboot else ''}"
+    before = f"| `{one.name}` | {ParamTable()[one.name]:.4g} | {one.set_to:g} | {accepted} "
+    return f"{before}| {'must' if one.must else 'should'} | {one.why} |"
+
+
 def test_the_documentation_prints_this_very_list() -> None:
     text = (ROOT / "docs" / "preflight.md").read_text(encoding="utf-8")
-    rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("|") == 6]
-    assert rows == [
-        f"| `{one.name}` | {one.set_to:g} | {one.wanted}{'; then reboot' if one.reboot else ''} "
-        f"| {'must' if one.must else 'should'} | {one.why} |"
-        for one in LIST.values()
-    ]
+    rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("|") == 7]
+    assert rows == [row(one) for one in LIST.values()]
