@@ -132,7 +132,7 @@ def load_controller(
         return LoadedController(name, etnn_law(file, vehicle, period_s), file.error_limits, file.description)
     if law == "pid":
         pid = validate(PidFile, data, path)
-        return LoadedController(name, Pid(pid.gains, vehicle), pid.error_limits, pid.description)
+        return LoadedController(name, Pid(pid.gains), pid.error_limits, pid.description)
     if is_law_file(law):
         own = validate(OwnLawFile, data, path)
         made = own_law(own.law, own.gains, path, vehicle, period_s)

@@ -1,7 +1,7 @@
 """From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
 
 from dataclasses import replace
-from math import cos, inf, pi
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel, within_tilt
 from companion.control.components import anywhere, chosen, column, parts
-from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
+from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.frames import quat_from_yaw
 from companion.control.guard import Guard
+from companion.control.law_switch import LawSwitch
 from companion.control.limits import Gated, Limits, gate
 from companion.control.values import value
 from companion.types import Array, AttitudeThrust, Reference, VehicleState
 
 YAW_STEP_RAD = 0.02
 """The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
-SWITCH_S = 3.0
-"""How long another law takes to have the vehicle to itself; PID's integrators need so much."""
 _NOTHING = np.zeros(3)
 Mask = NDArray[np.bool_]
 
@@ -62,7 +62,10 @@ class ControlStage:
         self._yaw_rad: Any = 0.0
         self._countered_w_mps2 = _NOTHING
         """The part of what was sent that only counters the arms."""
-        self._switching: _Switching | None = None
+        self._disturbance: Disturbance | None = None
+        self._switched = False
+        """Another law was given the vehicle, and has not begun."""
+        self._switching: LawSwitch | None = None
         self.sent = idle_setpoint(np.zeros(lead))
         """The last setpoint that went out; whoever sends sets it."""
         self._warm_up()
@@ -75,18 +78,15 @@ class ControlStage:
     def forget(self) -> None:
         """The next `fly` begins with nothing learnt: at lift-off."""
         self._memory, self._decided, self._wanted = None, None, None
-        self._countered_w_mps2, self._switching = _NOTHING, None
+        self._countered_w_mps2, self._disturbance = _NOTHING, None
+        self._switched, self._switching = False, None
 
     def switch(self, controller: Controller) -> None:
-        """Another law from the next cycle on, without a jump of the setpoint.
-
-        It begins with nothing learnt, so what it wants first is not what was sent last. The difference is added to its
-        command and fades out within SWITCH_S.
-        """
+        """Fly another law from the next cycle on: no setpoint jumps, and it knows the disturbance (`LawSwitch`)."""
         self.settle()
         self._controller = controller
         self._halves = controller if isinstance(controller, TwoHalves) else None
-        self._memory, self._decided, self._switching = None, None, _Switching()
+        self._memory, self._decided, self._switched = None, None, True
 
     def settle(self) -> dict[str, Array]:
         """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
@@ -99,12 +99,24 @@ class ControlStage:
     def _decide(self, now: ControlInput) -> ControlOutput:
         self.settle()
         if self._memory is None:
-            self._memory = self._controller.initial(now)
+            self._memory = self._begin(now)
         if self._halves is not None:
             self._decided, output = self._halves.decide(self._memory, now)
         else:
             self._memory, output = self._controller.step(self._memory, now)
         return output
+
+    def _begin(self, now: ControlInput) -> Any:
+        """Return the law's first memory: nothing learnt at lift-off, the known disturbance after a switch."""
+        if not self._switched:
+            return self._controller.initial(now)
+        self._switched = False
+        known = _NOTHING if self._disturbance is None else self._disturbance.accel_w_mps2
+        if isinstance(self._controller, SeededLaw):
+            self._switching = LawSwitch(_NOTHING)
+            return self._controller.initial_with(now, known)
+        self._switching = LawSwitch(known)
+        return self._controller.initial(now)
 
     def _warm_up(self) -> None:
         """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
@@ -150,7 +162,10 @@ class ControlStage:
         begun = self._memory is None
         output = self._decide(now)
         if self._switching is not None:
-            output, self._switching = self._switching.blended(output, accel_of_setpoint(self.sent, self._model), dt_s)
+            output, after = self._switching.blend(output, now)
+            self._switching = None if after.over else after
+        before = no_disturbance(now) if self._disturbance is None else self._disturbance
+        self._disturbance = estimate_disturbance(before, now)
         self._wanted = self._latest(output, ahead.yaw_rad)
         return Asked(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s), now, begun)
 
@@ -173,25 +188,6 @@ class ControlStage:
         self._yaw_rad = chosen(fresh, yaw_rad, self._yaw_rad)
         q = chosen(column(fresh), new.q_w_flu_wxyz, held.q_w_flu_wxyz)
         return AttitudeThrust(q, chosen(fresh, new.thrust, held.thrust))
-
-
-@value
-class _Switching:
-    """Between two laws: what the new one's first command lacked of the last that was sent."""
-
-    gone_s: float = 0.0
-    gap_w_mps2: Array | None = None
-
-    def blended(
-        self, output: ControlOutput, sent_accel_w_mps2: Array, dt_s: float
-    ) -> "tuple[ControlOutput, _Switching | None]":
-        """The command with what is left of the gap, always worth sending; and the state for the next cycle."""
-        gap = sent_accel_w_mps2 - output.accel_w_mps2 if self.gap_w_mps2 is None else self.gap_w_mps2
-        left = 0.5 + 0.5 * cos(pi * min(self.gone_s / SWITCH_S, 1.0))
-        accel = output.accel_w_mps2 + left * gap
-        gone_s = self.gone_s + dt_s
-        after = _Switching(gone_s, gap) if gone_s < SWITCH_S else None
-        return ControlOutput(accel, np.ones_like(output.event), output.signals), after
 
 
 def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:

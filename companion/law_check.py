@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
 from companion.ports import ConfigError
 from companion.types import Array, Reference
 
@@ -27,6 +27,7 @@ _AGE_S = np.array([[0.012], [0.016]])
 _SENT_MPS2 = np.array([[0.3, -0.1, 0.2], [-0.4, 0.6, -0.3]])
 _TARGET_M, _TARGET_MPS, _TARGET_MPS2 = np.array([0.0, 0.0, 1.2]), np.array([0.3, 0.2, 0.0]), np.array([0.1, -0.2, 0.0])
 _KNOWN_MPS2 = np.array([0.02, -0.05, 0.03])
+_DISTURBANCE_MPS2 = np.array([0.6, -0.4, 0.1])
 
 
 @dataclass(frozen=True)
@@ -142,6 +143,10 @@ def _tried(law: Any, file: LawFile, seen: list[ControlInput]) -> list[ControlOut
             )
     if isinstance(law, TwoHalves):
         _check_halves(law, file, memories[-1], seen[-1], outputs[-1])
+    if isinstance(law, SeededLaw):
+        disturbance = _frozen(np.broadcast_to(_DISTURBANCE_MPS2, shape))
+        memory = file.call(f".initial_with{of}", law.initial_with, seen[0], disturbance)
+        _stepped(law, file, memory, seen[0], f" after .initial_with{of}")
     return outputs
 
 

@@ -1,6 +1,5 @@
 """What follows an operator's order, for whoever gave it and waits: each returns when it is done, FlightError if not."""
 
-from companion.control_stage import SWITCH_S
 from companion.ports import FlightError
 from companion.service_verbs import Service, ended_by
 from companion.supervisor.faults import Reaction
@@ -8,6 +7,8 @@ from companion.supervisor.flight import Land, Phase
 
 _STOP_S = 10.0
 """Braking takes 2 s."""
+WATCHED_S = 3.0
+"""So long a flight under another law is watched before it is called good: what swings shows by then."""
 
 
 async def stand_still(service: Service) -> None:
@@ -56,9 +57,9 @@ async def disarmed(service: Service, timeout_s: float) -> None:
 
 
 async def switched(service: Service) -> None:
-    """After another law was given the vehicle: until it has it to itself."""
+    """Wait for WATCHED_S after another law was given the vehicle; FlightError when the flight ends meanwhile."""
     if service.loop.flight.airborne:
-        await service.until(lambda: not service.loop.flight.airborne, SWITCH_S)
+        await service.until(lambda: not service.loop.flight.airborne, WATCHED_S)
         if not service.loop.flight.airborne or service.loop.flight.level >= Reaction.LAND:
             raise FlightError(ended_by(service.loop.flight))
 

@@ -212,7 +212,7 @@ def test_a_file_from_a_windows_editor_is_read(tmp_path: Path, before: bytes, end
     path, law = tmp_path / "mine.toml", tmp_path / "law.toml"
     path.write_bytes(before + end.join([b"[vehicle]", b"mass_kg = 5.5", b""]))
     assert load_config(path).vehicle.mass_kg == 5.5
-    law.write_bytes(before + end.join([b'law = "pid"', b"gains.kp = [7.0, 7.0, 9.0]", b""]))
+    law.write_bytes(before + end.join([b'law = "pid"', b"gains.kp_per_s2 = [1.4, 1.4, 1.9]", b""]))
     assert load_controller(str(law), VEHICLE, 0.01).name == str(law)
 
 
@@ -294,9 +294,10 @@ def test_the_set_that_flies_and_the_baseline_load() -> None:
     assert controller_path("etnn") == controller_path("practical"), "the name of the law is the set that flies"
     pid = load_controller("pid", VEHICLE, 0.01)
     assert isinstance(pid.law, Pid)
-    np.testing.assert_array_equal(pid.law.gains.kp, [8.0, 8.0, 10.0])
-    np.testing.assert_array_equal(pid.law.gains.ki, [1.5, 1.5, 8.0])
-    np.testing.assert_array_equal(pid.law.gains.kd, [10.0, 10.0, 13.0])
+    gains = pid.law.gains
+    np.testing.assert_allclose(4.85 * gains.kp_per_s2, [8.0, 8.0, 10.0], rtol=1e-4)
+    np.testing.assert_allclose(4.85 * gains.ki_per_s3, [1.5, 1.5, 8.0], rtol=1e-4)
+    np.testing.assert_allclose(4.85 * gains.kd_per_s, [10.0, 10.0, 13.0], rtol=1e-4)
 
 
 def test_the_papers_file_loads_when_the_caller_allows_it() -> None:
@@ -372,7 +373,7 @@ def test_an_unknown_controller_names_those_there_are() -> None:
         ('law = "etnn"\n[gains]\nk = "x"', "gains.k = 'x': must be a list of numbers, not 'x'"),
         ('law = "etnn"\nalow_unstable = true', "alow_unstable: unknown key, did you mean 'allow_unstable'?"),
         ('law = "etnn"\n[prediction]\nenabled = 1', "prediction.enabled = 1: must be true or false"),
-        ('law = "pid"\n[gains]\nkpp = 1', "gains.kpp: unknown key, did you mean 'kp'?"),
+        ('law = "pid"\n[gains]\nkp_per_s = 1', "gains.kp_per_s: unknown key, did you mean 'kp_per_s2'?"),
     ],
 )
 def test_a_mistake_in_a_controller_file_is_one_sentence(tmp_path: Path, text: str, said: str) -> None:

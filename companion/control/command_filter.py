@@ -10,6 +10,9 @@ from companion.control.switching import fractional_factor, squared, switch_facto
 from companion.control.values import value
 from companion.types import Array
 
+_ROUNDS = 20
+"""Of the fixed point at which the compensation is at rest."""
+
 
 @value
 class FilterState:
@@ -25,6 +28,31 @@ def at_lift_off(alpha1: Array) -> FilterState:
     """The initial conditions of eq. cmd-filter: chi(0) = alpha_1(0), xi(0) = 0; the compensation starts at 0."""
     zero = np.zeros_like(alpha1)
     return FilterState(alpha1, zero, zero, zero)
+
+
+def compensation_at_rest(f_hat: Array, gains: EtnnGains) -> tuple[Array, Array]:
+    """Return iota_1 (m) and iota_2 (m/s), each (..., 3), as eq. iota-dyn settles under a constant f_hat.
+
+    chi = alpha_1, iota_2 = a_1 iota_1 and f_hat = iota_1 + a_2 iota_2; a_1 and a_2 depend on them: some rounds.
+    """
+    if gains.compensation == 0.0:
+        nothing = np.zeros_like(f_hat)
+        return nothing, nothing
+    iota1 = iota2 = 0.01 * f_hat
+    for _ in range(_ROUNDS):
+        (squared_1, theta_1), (squared_2, power_2) = _theta(iota1, gains), _power(iota2, gains)
+        a1 = gains.c1 * squared_1 + gains.k + gains.k1 * theta_1
+        a2 = gains.c2 * squared_2 + gains.k2 * power_2
+        iota1 = 0.5 * (iota1 + f_hat / (1.0 + a1 * a2))
+        iota2 = a1 * iota1
+    return iota1, iota2
+
+
+def in_motion(alpha1: Array, accel_mps2: Array, iota1: Array, iota2: Array, gains: EtnnGains) -> FilterState:
+    """Return the filter as it follows an alpha_1 that changes by `accel_mps2`: that is xi, and chi is late."""
+    lag_s = gains.rho * gains.filter_eps / gains.zeta
+    xi = accel_mps2 + np.zeros_like(alpha1)
+    return FilterState(alpha1 - lag_s * xi, xi, iota1, iota2)
 
 
 def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnGains) -> Array:

@@ -71,6 +71,15 @@ class Controller(Protocol):
 
 
 @runtime_checkable
+class SeededLaw(Protocol):
+    """A law that can take over in the air with what is known, so that it need not learn the wind anew."""
+
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Any:
+        """Memory for a vehicle that flies: `known_disturbance_w_mps2` (..., 3) is what pushes it besides its rotors and
+        its arms, and what the law that flew until now has countered."""
+
+
+@runtime_checkable
 class TwoHalves(Protocol):
     """A law whose cycle can be cut in two, so that the setpoint need not wait for the book-keeping.
 

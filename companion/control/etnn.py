@@ -57,6 +57,25 @@ class Etnn:
         network = nn.initial_network(self.gains, lead)
         return EtnnMemory(cf.at_lift_off(alpha1), network, et.initial_trigger(self.gains, lead), predictor)
 
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> EtnnMemory:
+        """Return the memory of a law that has flown here for long: disturbance learnt, filter and compensation at rest.
+
+        The observer has the whole disturbance; what is not taken off as a push, the bias of the network's output has:
+        f_hat, from which u -> -f_hat follows once iota_1 and iota_2 have settled.
+        """
+        g, start = self.gains, self.initial(now)
+        known = known_disturbance_w_mps2 + np.zeros_like(now.position_w_m)
+        left, predictor = known, start.predictor
+        if self.predictor is not None and predictor is not None:
+            predictor = self.predictor.knowing(predictor, known)
+            left = known * (1.0 - g.push_share) if np.any(self.predictor.observer_radps) else known
+        state, _ = self._state(EtnnMemory(start.filter, start.network, start.trigger, predictor), now)
+        iota1, iota2 = cf.compensation_at_rest(left, g)
+        y1 = state.position_w_m - now.reference.position_w_m - iota1
+        alpha1 = cf.virtual_control_1(now.reference.velocity_w_mps, y1, iota1, g)
+        filtered = cf.in_motion(alpha1, now.reference.acceleration_w_mps2, iota1, iota2, g)
+        return EtnnMemory(filtered, nn.with_bias(start.network, left, g), start.trigger, predictor)
+
     def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
         """One cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
         decided, output = self.decide(memory, now)

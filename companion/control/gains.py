@@ -120,10 +120,26 @@ def _require_diagonal(name: str, value: Array, size: int, zero_ok: bool = False)
         raise ValueError(f"{name} must be {size} positive numbers, not {value.tolist()}")
 
 
-class PidGains(Gains):
-    """The paper's baseline; printed without gravity, which it needs."""
+_OF_A_MASS = {"kp": "kp_per_s2", "ki": "ki_per_s3", "kd": "kd_per_s", "integral_max_n": "integral_max_mps2"}
+"""Keys of gains in newtons, as files had them before, and what they are called now that a mass makes no difference."""
 
-    kp: Diagonal = _diag(8.0, 8.0, 10.0, note="proportional gain of the position error, N/m")
-    ki: Diagonal = _diag(1.5, 1.5, 8.0, note="gain of the integrated position error, N/(m s)")
-    kd: Diagonal = _diag(10.0, 10.0, 13.0, note="gain of the velocity error, N/(m/s)")
-    integral_max_n: Positive = Field(15.0, description="limit of the integral's force per axis, N")
+
+class PidGains(Gains):
+    """The paper's baseline, per kilogram; its print divided by the 4.85 kg of its vehicle."""
+
+    kp_per_s2: Diagonal = _diag(1.6495, 1.6495, 2.0619, note="acceleration per position error, 1/s^2")
+    ki_per_s3: Diagonal = _diag(0.30928, 0.30928, 1.6495, note="acceleration per integrated position error, 1/s^3")
+    kd_per_s: Diagonal = _diag(2.0619, 2.0619, 2.6804, note="acceleration per velocity error, 1/s")
+    integral_max_mps2: Positive = Field(3.0928, description="limit of the integral's acceleration per axis, m/s^2")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_gains_in_newtons(cls, data: Any) -> Any:
+        old = [key for key in _OF_A_MASS if isinstance(data, dict) and key in data]
+        if old:
+            new = ", ".join(_OF_A_MASS[key] for key in old)
+            raise ValueError(
+                f"{', '.join(old)}: gains in newtons fly one mass only; divide them by the mass (kg) of the vehicle "
+                f"they were chosen for and call them {new}"
+            )
+        return data

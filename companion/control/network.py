@@ -30,6 +30,14 @@ def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkStat
     return NetworkState(np.broadcast_to(v0, (*lead, *v0.shape)), np.broadcast_to(v1, (*lead, *v1.shape)))
 
 
+def with_bias(state: NetworkState, f_hat: Array, gains: EtnnGains) -> NetworkState:
+    """Return the network whose output is `f_hat` (m/s^2), (..., 3), whatever its input, within the ball of V_1."""
+    v1 = np.zeros((*f_hat.shape[:-1], *state.v1.shape[-2:]))
+    size = np.sqrt(np.vecdot(f_hat, f_hat))[..., None]
+    v1[..., -1, :] = f_hat * np.minimum(1.0, gains.v1_max / np.maximum(size, 1e-300))
+    return NetworkState(state.v0, v1)
+
+
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
     """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
     x_d = _with_one(velocity_ref)

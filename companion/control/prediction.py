@@ -10,7 +10,7 @@ prediction is wrong by half the push times the horizon squared, and the law hold
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -74,6 +74,12 @@ class Predictor:
         drives = np.repeat(first.sent_accel_w_mps2[..., None], self._weights.drives.shape[-1], axis=-1)
         thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
         return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
+
+    def knowing(self, memory: PredictorMemory, push_w_mps2: Array) -> PredictorMemory:
+        """Return the memory with a push (m/s^2), (..., 3) in W, known already; unchanged without an observer."""
+        if not np.any(self.observer_radps):
+            return memory
+        return replace(memory, observed=replace(memory.observed, push=push_w_mps2))
 
     def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
         """The state then, and the memory with the newest command."""

@@ -165,8 +165,8 @@ class _Flying:
         """The law begins anew where it did: with nothing learnt, or in another one's place."""
         if not tick.begun:
             return
-        switched = self._airborne and self._law not in {None, tick.law}
-        if self._other is None and tick.law != self._law:
+        switched = self._airborne and self._law is not None  # also to the law of the same name, loaded again
+        if self._other is None and (switched or tick.law != self._law):
             self._stage.switch(self._laws[tick.law])
         if not switched:
             self._stage.forget()

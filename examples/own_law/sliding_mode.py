@@ -54,6 +54,13 @@ class SlidingMode:
         nothing = np.zeros_like(first.position_w_m)
         return SlidingModeMemory(nothing, nothing + np.inf, self.predictor.initial(first))
 
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> SlidingModeMemory:
+        """Taking over in the air: the integral that counters a known disturbance, inside the layer."""
+        g, start = self.gains, self.initial(now)
+        gain = g.reach_mps2 / g.layer_mps * g.bandwidth_radps**2
+        integral = np.clip(known_disturbance_w_mps2, -0.8 * g.reach_mps2, 0.8 * g.reach_mps2) / gain
+        return SlidingModeMemory(start.integral_m_s + integral, start.sent_mps2, start.predictor)
+
     def step(self, memory: SlidingModeMemory, now: ControlInput) -> tuple[SlidingModeMemory, ControlOutput]:
         """One cycle; the integral stands still outside the layer, where it would only wind up."""
         g, reference, w = self.gains, now.reference, self.gains.bandwidth_radps

@@ -32,9 +32,14 @@ def test_what_departs_from_the_print_is_off_by_default() -> None:
 
 def test_the_baselines_defaults_are_the_papers() -> None:
     gains = PidGains()
-    np.testing.assert_array_equal(gains.kp, [8.0, 8.0, 10.0])
-    np.testing.assert_array_equal(gains.ki, [1.5, 1.5, 8.0])
-    np.testing.assert_array_equal(gains.kd, [10.0, 10.0, 13.0])
+    np.testing.assert_allclose(4.85 * gains.kp_per_s2, [8.0, 8.0, 10.0], rtol=1e-4)
+    np.testing.assert_allclose(4.85 * gains.ki_per_s3, [1.5, 1.5, 8.0], rtol=1e-4)
+    np.testing.assert_allclose(4.85 * gains.kd_per_s, [10.0, 10.0, 13.0], rtol=1e-4)
+
+
+def test_gains_in_newtons_are_refused_and_never_taken_for_others() -> None:
+    with pytest.raises(ValidationError, match=r"kp, integral_max_n: .* divide .* kp_per_s2, integral_max_mps2"):
+        PidGains.model_validate({"kp": [8.0, 8.0, 10.0], "integral_max_n": 15.0})
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.control.attitude import ThrustModel, force_of_accel
-from companion.control.controller import ControlInput, VehicleModel
+from companion.control.controller import ControlInput
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
 from companion.types import Array, Reference
 
-LAW = Pid(PidGains(), VehicleModel())
+LAW = Pid(PidGains())
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 VECTOR = st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3)
 
@@ -34,11 +34,13 @@ def test_the_force_is_the_papers_formula_plus_the_weight(
         PidMemory(np.array(integral)), seen(np.array(position), np.array(velocity), np.array(accel), dt_s=0.02)
     )
     kp, ki, kd = (8.0, 8.0, 10.0), (1.5, 1.5, 8.0), (10.0, 10.0, 13.0)
-    grown = [integral[j] + ki[j] * position[j] * 0.02 for j in range(3)]
-    expected = [-kp[j] * position[j] - grown[j] - kd[j] * velocity[j] + 4.85 * accel[j] for j in range(3)]
-    expected[2] += 4.85 * 9.8
-    np.testing.assert_allclose(memory.integral_n, grown, atol=1e-12)
-    np.testing.assert_allclose(force_of_accel(out.accel_w_mps2, ThrustModel()), expected, atol=1e-9)
+    grown_n = [4.85 * integral[j] + ki[j] * position[j] * 0.02 for j in range(3)]
+    expected_n = [-kp[j] * position[j] - grown_n[j] - kd[j] * velocity[j] + 4.85 * accel[j] for j in range(3)]
+    expected_n[2] += 4.85 * 9.8
+    np.testing.assert_allclose(4.85 * memory.integral_mps2, grown_n, atol=1e-6)
+    np.testing.assert_allclose(
+        force_of_accel(out.accel_w_mps2, ThrustModel()), expected_n, atol=1e-3
+    )  # 5 digits in gains
     assert out.event == 1.0, "the baseline sends every cycle"
 
 
@@ -47,5 +49,12 @@ def test_the_integral_stops_at_its_limit() -> None:
     memory = LAW.initial(far)
     for _ in range(300):
         memory, _ = LAW.step(memory, far)
-    np.testing.assert_allclose(memory.integral_n, [15.0, -15.0, 0.0])
+    np.testing.assert_allclose(4.85 * memory.integral_mps2, [15.0, -15.0, 0.0], rtol=1e-4)
     assert LAW.preview_s == 0.0
+
+
+def test_seeded_with_a_disturbance_it_counters_it_at_once_as_far_as_its_integral_may() -> None:
+    still = seen(np.zeros(3), np.zeros(3))
+    known = np.array([0.7, -0.4, 5.0])
+    _, out = LAW.step(LAW.initial_with(still, known), still)
+    np.testing.assert_allclose(out.accel_w_mps2, [-0.7, 0.4, -LAW.gains.integral_max_mps2])

@@ -1,17 +1,25 @@
-"""Another law takes over in the air: nothing jumps, and after a while the new one has the vehicle to itself."""
+"""Another law takes over in the air: nothing jumps, it knows the disturbance, and soon it has the vehicle to itself."""
 
 from typing import Any
 
 import numpy as np
+import pytest
 
 from companion.control.attitude import ThrustModel, accel_of_setpoint
-from companion.control.controller import ControlInput, ControlOutput
+from companion.control.controller import ControlInput, ControlOutput, SeededLaw, VehicleModel
+from companion.control.etnn import Etnn
+from companion.control.gains import EtnnGains, PidGains
+from companion.control.law_switch import BLEND_S, HELD_S
 from companion.control.limits import Limits
-from companion.control_stage import SWITCH_S, Asked, ControlStage
+from companion.control.pid import Pid
+from companion.control.prediction import Predictor
+from companion.control_stage import Asked, ControlStage
 from companion.types import Array, Reference, VehicleState
 
 MODEL = ThrustModel(4.85, 9.8, 0.5, 0.0)
 DT_S = 0.01
+LIMITS = Limits(0.5, 0.05, 0.9, 6.0, 5.0)
+WIND_W_MPS2 = np.array([0.6, -0.4, 0.1])
 
 
 class Constant:
@@ -19,7 +27,7 @@ class Constant:
 
     preview_s = 0.0
 
-    def __init__(self, accel_w_mps2: tuple[float, float, float]) -> None:
+    def __init__(self, accel_w_mps2: Any) -> None:
         self.accel_w_mps2 = np.array(accel_w_mps2)
 
     def initial(self, first: ControlInput) -> Any:  # noqa: ARG002
@@ -29,12 +37,28 @@ class Constant:
         return memory + 1, ControlOutput(self.accel_w_mps2, np.array([float(memory == 0)]), {})
 
 
+class Seeded(Constant):
+    """It counters what it is told."""
+
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Any:  # noqa: ARG002
+        self.accel_w_mps2 = -known_disturbance_w_mps2
+        return 0
+
+
+class Observing(Constant):
+    """It finds the wind by itself within a second."""
+
+    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:  # noqa: ARG002
+        return memory + 1, ControlOutput(-min(DT_S * memory, 1.0) * WIND_W_MPS2, np.array([1.0]), {})
+
+
 def fly(stage: ControlStage, cycles: int) -> list[Asked]:
+    """Fly at rest, as by a vehicle whose rotors and wind are in balance."""
     zero = np.zeros(3)
     reference = Reference(zero, zero, zero, 0.0)
     flown = []
     for cycle in range(cycles):
-        vehicle = VehicleState(DT_S * cycle, zero, zero, np.array([1.0, 0.0, 0.0, 0.0]), zero)
+        vehicle = VehicleState(DT_S * cycle, zero, zero, stage.sent.q_w_flu_wxyz, zero)
         asked = stage.fly(vehicle, 0.01, reference, DT_S)
         stage.sent = asked.gated.setpoint
         flown.append(asked)
@@ -45,32 +69,82 @@ def sent_w_mps2(asked: Asked) -> Array:
     return accel_of_setpoint(asked.gated.setpoint, MODEL)
 
 
-def switched() -> tuple[Asked, list[Asked]]:
-    limits = Limits(0.5, 0.05, 0.9, 6.0, 5.0)
-    stage = ControlStage(Constant((1.0, -0.5, 0.4)), MODEL, limits)
-    last = fly(stage, 200)[-1]
-    stage.switch(Constant((-1.0, 0.5, 0.0)))
-    return last, fly(stage, int(1.5 * SWITCH_S / DT_S))
+def switched(law: Any, cycles: int) -> tuple[Asked, list[Asked]]:
+    """From a law that counters the wind to `law`: the last cycle before, and the cycles after."""
+    stage = ControlStage(Constant(-WIND_W_MPS2), MODEL, LIMITS)
+    last = fly(stage, 800)[-1]
+    stage.switch(law)
+    return last, fly(stage, cycles)
 
 
-def test_the_first_command_of_the_new_law_is_the_last_of_the_old_one() -> None:
-    last, after = switched()
+@pytest.mark.parametrize("law", [Constant((-1.0, 0.5, 0.0)), Seeded((0.0, 0.0, 0.0))], ids=["unseeded", "seeded"])
+def test_the_first_command_of_the_new_law_is_the_last_of_the_old_one(law: Any) -> None:
+    last, after = switched(law, 2)
     assert after[0].begun
     np.testing.assert_allclose(sent_w_mps2(after[0]), sent_w_mps2(last), atol=1e-9)
 
 
-def test_between_them_the_command_moves_in_one_direction_and_slowly() -> None:
-    _, after = switched()
+def test_a_seeded_law_counters_at_once_what_the_old_one_did() -> None:
+    assert isinstance(Seeded(np.zeros(3)), SeededLaw)
+    assert not isinstance(Constant(np.zeros(3)), SeededLaw)
+    _, after = switched(Seeded(np.zeros(3)), round(2.0 * BLEND_S / DT_S))
+    for asked in after:
+        np.testing.assert_allclose(sent_w_mps2(asked), -WIND_W_MPS2, atol=2e-3)
+    done = round(BLEND_S / DT_S)
+    assert all(asked.output.event.all() for asked in after[:done])
+    assert not after[done + 1].output.event.any(), "and then its own word on what is worth sending"
+
+
+CALM = EtnnGains.model_validate(
+    {"power_regularisation": 0.02, "boundary_layer_mps": 0.8, "gamma_v0": [4.0] * 4, "gamma_v1": [4.0] * 5}
+)
+
+
+@pytest.mark.parametrize("law", [Pid(PidGains()), Etnn(CALM)], ids=["pid", "etnn"])
+def test_the_laws_that_are_shipped_counter_it_as_well(law: Any) -> None:
+    _, after = switched(law, 50)
+    for asked in after:
+        np.testing.assert_allclose(
+            sent_w_mps2(asked), -WIND_W_MPS2, atol=0.05
+        )  # ETNN: sigma, below which it sends none
+
+
+def test_with_an_observer_the_law_shares_it_between_push_and_network() -> None:
+    vehicle = VehicleModel(mocap_age_s=0.01)
+    gains = CALM.model_copy(update={"push_share": 0.8})
+    law = Etnn(gains, Predictor(vehicle, DT_S, 0.1, 0.1, observer_radps=7.0))
+    _, after = switched(law, 1)
+    signals = after[0].output.signals
+    np.testing.assert_allclose(signals["u_bar"], -WIND_W_MPS2, atol=0.1)
+    np.testing.assert_allclose(signals["push"], WIND_W_MPS2, atol=0.1)
+
+
+def test_what_an_unseeded_law_does_not_know_is_held_for_it_and_fades_slowly() -> None:
+    _, after = switched(Constant(np.zeros(3)), round(1.1 * HELD_S / DT_S))
     sent = np.array([sent_w_mps2(asked) for asked in after])
+    np.testing.assert_allclose(sent[round(BLEND_S / DT_S)], -WIND_W_MPS2, atol=0.02)
     steps = np.diff(sent, axis=0)
-    assert (steps[:, 0] <= 1e-9).all()
-    fastest = 0.5 * np.pi / SWITCH_S * 2.0 * DT_S  # of a cosine that falls by 2 m/s^2
-    assert np.abs(steps[:, 0]).max() < 1.05 * fastest
+    assert (steps[:, 0] >= -1e-9).all(), "in one direction"
+    assert np.abs(steps[:, 0]).max() < 0.025 * 0.6, "by a fiftieth of it at most, and no more often"
+    assert sum(asked.output.event.any() for asked in after) < BLEND_S / DT_S + 55
+    np.testing.assert_allclose(sent[-1], np.zeros(3), atol=1e-5)
+    assert not after[-1].output.event.any()
 
 
-def test_in_the_end_the_new_law_has_the_vehicle_to_itself() -> None:
-    _, after = switched()
-    done = int(SWITCH_S / DT_S)
-    np.testing.assert_allclose(sent_w_mps2(after[done + 1]), [-1.0, 0.5, 0.0], atol=1e-9)
-    assert not after[done + 1].output.event.any(), "and its own word on what is worth sending"
-    assert all(asked.output.event.all() for asked in after[: done - 1])
+def test_a_law_that_finds_the_wind_by_itself_is_not_helped_any_longer() -> None:
+    _, after = switched(Observing(np.zeros(3)), 400)
+    sent = np.array([sent_w_mps2(asked) for asked in after])
+    np.testing.assert_allclose(sent[-1], -WIND_W_MPS2, atol=0.02)
+    most = np.linalg.norm(sent, axis=1).max() / np.linalg.norm(WIND_W_MPS2)
+    assert most < 1.5, "twice would be both all the time"
+
+
+def test_at_lift_off_nothing_is_known_and_a_switch_on_the_ground_is_no_switch() -> None:
+    stage = ControlStage(Constant(-WIND_W_MPS2), MODEL, LIMITS)
+    fly(stage, 800)
+    law = Seeded((0.3, 0.0, 0.0))
+    stage.switch(law)
+    stage.forget()
+    after = fly(stage, 30)
+    np.testing.assert_array_equal(law.accel_w_mps2, [0.3, 0.0, 0.0])
+    np.testing.assert_allclose(after[-1].output.accel_w_mps2, [0.3, 0.0, 0.0])

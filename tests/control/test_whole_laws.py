@@ -24,7 +24,7 @@ LAWS: list[Controller] = [
     Etnn(EtnnGains()),
     Etnn(DEPARTED),
     Etnn(DEPARTED, PREDICTOR),
-    Pid(PidGains(), VEHICLE),
+    Pid(PidGains()),
 ]
 NAMES = ["printed", "with departures", "with prediction", "pid"]
 
@@ -106,7 +106,7 @@ def test_two_hundred_cycles_of_the_printed_law_are_those_written_out_by_hand() -
     assert events > 100, "the state jumps by 10 cm a cycle here: most cycles are events"
 
 
-@pytest.mark.parametrize("law", [Etnn(EtnnGains()), Pid(PidGains(), VehicleModel())], ids=["etnn", "pid"])
+@pytest.mark.parametrize("law", [Etnn(EtnnGains()), Pid(PidGains())], ids=["etnn", "pid"])
 def test_what_the_arms_are_known_to_do_is_taken_off_the_command(law: Controller) -> None:
     now, pushed_mps2 = inputs((), 1)[0], np.array([0.3, -0.2, 0.1])
     _, calm = law.step(law.initial(now), now)

@@ -195,9 +195,7 @@ class _Broken(Pid):
 
 
 async def test_a_law_that_raises_makes_the_autopilot_land_with_its_vision() -> None:
-    flight = await fly(
-        [*UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=_Broken(PidGains(), MODEL)
-    )
+    flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=_Broken(PidGains()))
     assert flight.loop.flight.reason == "the control law failed: ZeroDivisionError: a mistake in somebody's law"
     assert flight.autopilot.land_calls == 1
     drift_m = np.linalg.norm(flight.truths_w_m[-1][:2])
@@ -278,13 +276,13 @@ class _Lost(Pid):
 
 
 async def test_a_law_that_gives_no_number_any_more_is_handed_over() -> None:
-    flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), wait(1.0)], controller=_Lost(PidGains(), MODEL))
+    flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), wait(1.0)], controller=_Lost(PidGains()))
     assert "no finite command" in flight.loop.flight.reason
     assert flight.autopilot.land_calls == 1
 
 
 async def test_nan_never_leaves_the_gate() -> None:
-    flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains(), MODEL))
+    flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains()))
     assert any(tick.gated is not None and bool(tick.gated.not_finite) for tick in flight.ticks)
     for _, setpoint in flight.autopilot.setpoints:
         assert np.isfinite(setpoint.q_w_flu_wxyz).all()

@@ -11,7 +11,7 @@ from typing import Any, Never
 import numpy as np
 import pytest
 
-from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.controller import ControlInput, ControlOutput
 from companion.control.frames import up_axis
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
@@ -199,7 +199,7 @@ class _TwoHalves(Pid):
 
 
 async def test_a_law_whose_second_half_raises_makes_the_autopilot_land_with_its_vision() -> None:
-    law = _TwoHalves(PidGains(), VehicleModel())
+    law = _TwoHalves(PidGains())
     flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=law)
     assert flight.loop.flight.reason == "the control law failed: ZeroDivisionError: a mistake in the second half"
     assert flight.autopilot.land_calls == 1

@@ -89,8 +89,8 @@ def test_another_law_brings_its_own_signals_in_the_same_flight(tmp_path: Path) -
     _, record = flown(tmp_path, controllers=("practical", "pid"))
     columns = record.columns
     pid = (columns["law_name"] == "pid") & (columns["phase"] == "track")
-    assert np.isfinite(columns["law_integral_n"][pid]).all()
-    assert np.isnan(columns["law_integral_n"][~pid]).all()
+    assert np.isfinite(columns["law_integral_mps2"][pid]).all()
+    assert np.isnan(columns["law_integral_mps2"][~pid]).all()
     assert np.isfinite(columns["law_x1"][columns["phase"] == "track"]).all()
     assert np.isnan(columns["law_v0"][pid]).all()
 

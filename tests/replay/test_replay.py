@@ -38,8 +38,9 @@ def to_pid(flight: Flight) -> None:
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With another law from the middle of the lap on."""
-    script = [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(2.0), do(to_pid), wait(4.0), *DOWN]
+    """With another law from the middle of the lap on, which is then loaded again."""
+    laps = [until(Phase.TRACK), wait(2.0), do(to_pid), wait(1.0), do(to_pid), wait(3.0)]
+    script = [*UP, ask(Fly(LAP, 0.5)), *laps, *DOWN]
     flight = asyncio.run(fly(script))
     ticks = [replace(tick, law=tick.law or "etnn") for tick in flight.ticks]
     laws = {name: controller_path(name).read_text(encoding="utf-8") for name in ("etnn", "pid")}
@@ -62,7 +63,7 @@ def test_it_is_identical_to_the_last_bit_also_where_another_law_took_over(record
     done = again(record)
     assert done.identical, [one for one in done.apart.values() if one.differ]
     assert done.flown > 1000
-    for name in ("command", "setpoint attitude", "setpoint thrust", "law f_hat", "law integral_n", "law kappa"):
+    for name in ("command", "setpoint attitude", "setpoint thrust", "law f_hat", "law integral_mps2", "law kappa"):
         assert done.apart[name].compared > 300, name
     assert done.apart["estimate velocity_w_mps"].compared > 1000
     assert done.events[0] == done.events[1] > 0

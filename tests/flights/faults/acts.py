@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.controller import ControlInput, ControlOutput
 from companion.control.frames import flip_yz
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
@@ -98,12 +98,12 @@ class _GivesNan(Pid):
 
 def law_raises(flight: Flight) -> None:
     """From now on; flown with "pid"."""
-    flight.loop._stage._controller = _Raises(PidGains(), VehicleModel())
+    flight.loop._stage._controller = _Raises(PidGains())
 
 
 def law_gives_nan(flight: Flight) -> None:
     """From now on; flown with "pid"."""
-    flight.loop._stage._controller = _GivesNan(PidGains(), VehicleModel())
+    flight.loop._stage._controller = _GivesNan(PidGains())
 
 
 def disk_full(flight: Flight) -> None:
