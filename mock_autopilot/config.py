@@ -18,6 +18,7 @@ from pydantic import (
 
 from mock_autopilot.arm_bodies import ArmBodies
 from mock_autopilot.arms import JOINT_COUNT, Assembly
+from mock_autopilot.attitude_error import AttitudeErrorParams, AttitudeErrorSource
 from mock_autopilot.config_words import sentence
 from mock_autopilot.disturbance import Forces, Sinusoid
 from mock_autopilot.dynamixel_config import DynamixelConfig
@@ -119,6 +120,31 @@ class DisturbanceConfig(_Strict):
         return Forces(self.constant_ned_n, self.sinusoids, self.noise_n, self.noise_time_s)
 
 
+class EstimatorConfig(_Strict):
+    """What the autopilot's estimator gets wrong, as recorded from PX4 (docs/px4-conformance.md)."""
+
+    attitude_error_source: AttitudeErrorSource = Field(
+        "random",
+        description="Where the error of the autopilot's roll and pitch comes from: random, a walk of given size and"
+        " time, or a flight recorded from PX4, begun anywhere in it.",
+    )
+    attitude_error_rad: float | None = Field(
+        None,
+        ge=0.0,
+        le=0.2,
+        description="RMS error of roll and of pitch; left out: 0.021 if random (1.2 degrees), or as recorded; 0: none.",
+    )
+    attitude_error_time_s: float = Field(
+        5.0, ge=0.1, le=1000.0, description="Correlation time (1/e) of the random error."
+    )
+
+    def attitude_error(self) -> AttitudeErrorParams:
+        """Return them as the world uses them."""
+        return AttitudeErrorParams(
+            source=self.attitude_error_source, size_rad=self.attitude_error_rad, time_s=self.attitude_error_time_s
+        )
+
+
 class ArmsConfig(_Strict):
     """Two arms with their servos; a vehicle without them unless enabled."""
 
@@ -185,6 +211,7 @@ class MockConfig(_Strict):
         default_factory=PlantParams
     )
     disturbance: DisturbanceConfig = Field(default_factory=DisturbanceConfig)
+    estimator: EstimatorConfig = Field(default_factory=lambda: EstimatorConfig.model_validate({}))
     arms: ArmsConfig = Field(default_factory=lambda: ArmsConfig.model_validate({}))
     px4: Px4Config = Field(default_factory=Px4Config)
     mavlink: LinkConfig = Field(default_factory=LinkConfig)

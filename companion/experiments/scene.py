@@ -113,6 +113,7 @@ class Scene:
             m.qualisys.noise_m,
             m.qualisys.noise_rad,
             m.disturbance.forces(),
+            attitude_error=m.estimator.attitude_error(),
             arms=self._carried,
         )
 

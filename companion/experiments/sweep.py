@@ -96,6 +96,8 @@ def _parameters(batch: Batch, drawn: Drawn, true: VirtualVehicle, scene: Scene) 
         "setpoint_delay_s": drawn.setpoint_delay_s,
         "disturbance_scale": drawn.disturbance_scale,
         "noise_scale": drawn.noise_scale,
+        "attitude_error_rad": drawn.attitude_error_rad * true.attitude_error.present,
+        "attitude_error_time_s": drawn.attitude_error_time_s,
         "offset_w_m": true.offset_w_m,
         "offset_m": np.sqrt((true.offset_w_m**2).sum(axis=-1)),
         "unseen_s": true.unseen.sum(axis=0) * scene.period_s,

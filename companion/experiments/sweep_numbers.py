@@ -19,6 +19,8 @@ PARAMETERS = {
     "disturbance_scale": "disturbance (×)",
     "offset_m": "offset at the start (m)",
     "noise_scale": "motion capture's noise (×)",
+    "attitude_error_rad": "error of the autopilot's horizon (rad)",
+    "attitude_error_time_s": "its correlation time (s)",
     "unseen_s": "not seen, altogether (s)",
     "experiment": "experiment",
 }

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from companion.experiments.scene import Scene
 from companion.experiments.virtual_world import STEP_S, VirtualVehicle
 from companion.types import Array
+from mock_autopilot.attitude_error import AttitudeErrorParams
 from mock_autopilot.plant import GRAVITY_MPS2, thrust_of_signal
 
 Range = tuple[float, float]
@@ -32,6 +33,10 @@ OFFSET_M: Range = (0.0, 0.5)
 DROPOUTS = 6
 """Times that motion capture loses the vehicle in one flight, at most."""
 DROPOUT_S: Range = (0.01, 0.1)
+ATTITUDE_ERROR_RAD: Range = (0.005, 0.035)
+"""RMS error of the autopilot's roll and pitch: 0.3 to 2 degrees."""
+ATTITUDE_ERROR_TIME_S: Range = (1.0, 20.0)
+"""Its correlation time."""
 CLEAR_M = 0.5
 """A flight that would begin lower than this begins above the trajectory's start instead of below it."""
 
@@ -60,16 +65,18 @@ class Drawn:
     """Length of each drop-out, (N, DROPOUTS); 0 for one that does not happen."""
     dropout_begin: Array
     """When in its own part of the flight each begins, 0..1, (N, DROPOUTS)."""
+    attitude_error_rad: Array
+    attitude_error_time_s: Array
 
 
 def draw(seed: int, indices: Sequence[int]) -> Drawn:
     """The vehicles of these indices: independent, uniform in the ranges above."""
     sequences = [np.random.SeedSequence(seed, spawn_key=(index,)).spawn(2) for index in indices]
-    u = np.array([np.random.default_rng(own).random(_SINGLE + 2 * DROPOUTS) for own, _ in sequences])
+    u = np.array([np.random.default_rng(own).random(_SINGLE + 2 * DROPOUTS + 2) for own, _ in sequences])
     first, last = DELAY_STEPS
     delay_s = STEP_S * (first + np.floor(u[:, 3:5] * (last - first + 1)))
     happens = np.arange(DROPOUTS) < np.floor(u[:, 10:_SINGLE] * (DROPOUTS + 1))
-    length, begin = u[:, _SINGLE : _SINGLE + DROPOUTS], u[:, _SINGLE + DROPOUTS :]
+    length, begin = (u[:, _SINGLE + part * DROPOUTS :][:, :DROPOUTS] for part in range(2))
     return Drawn(
         np.array([flight.generate_state(1, np.uint64)[0] for _, flight in sequences]),
         _between(MASS_SHARE, u[:, 0]),
@@ -82,6 +89,8 @@ def draw(seed: int, indices: Sequence[int]) -> Drawn:
         _offset_w_m(u[:, 7:10]),
         np.where(happens, _between(DROPOUT_S, length), 0.0),
         begin,
+        _between(ATTITUDE_ERROR_RAD, u[:, -2]),
+        _between(ATTITUDE_ERROR_TIME_S, u[:, -1]),
     )
 
 
@@ -134,9 +143,17 @@ def vehicles(scene: Scene, drawn: Drawn, cycles: int) -> VirtualVehicle:
         noise_m=base.noise_m * drawn.noise_scale,
         noise_rad=base.noise_rad * drawn.noise_scale,
         force_scale=drawn.disturbance_scale,
+        attitude_error=_attitude_error(base.attitude_error, drawn),
         offset_w_m=_off_the_floor(drawn.offset_w_m, float(scene.trajectory.at(0.0).position_w_m[2])),
         unseen=unseen(drawn, cycles, scene.period_s),
     )
+
+
+def _attitude_error(base: AttitudeErrorParams, drawn: Drawn) -> AttitudeErrorParams:
+    """Return a random error for each vehicle, unless the scene's horizon is perfect."""
+    if not base.present:
+        return base
+    return AttitudeErrorParams(size_rad=drawn.attitude_error_rad, time_s=drawn.attitude_error_time_s)
 
 
 def _off_the_floor(offset_w_m: Array, height_m: float) -> Array:

@@ -109,8 +109,10 @@ def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
     one, nothing = np.ones(count), np.zeros((count, DROPOUTS))
     vehicle = scene.vehicle()
     mocap_s, setpoint_s = one * vehicle.mocap_delay_s, one * vehicle.attitude_delay_s
-    offset_w_m = np.zeros((count, 3))
-    return Drawn(flight_seed, one, one, one, mocap_s, setpoint_s, one, one, offset_w_m, nothing, nothing)
+    offset_w_m, horizon = np.zeros((count, 3)), vehicle.attitude_error
+    error_rad, error_time_s = one * horizon.rms_rad, one * horizon.time_s
+    told = (flight_seed, one, one, one, mocap_s, setpoint_s, one, one, offset_w_m, nothing, nothing)
+    return Drawn(*told, error_rad, error_time_s)
 
 
 def _tiled(drawn: Drawn, sets: int) -> Drawn:

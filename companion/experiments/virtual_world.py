@@ -17,6 +17,7 @@ from companion.types import Array, AttitudeThrust
 from mock_autopilot import plant
 from mock_autopilot.arm_table import ArmTable
 from mock_autopilot.arms import Coupling
+from mock_autopilot.attitude_error import PERFECT_HORIZON, SAMPLE_HZ, AttitudeErrorParams, AttitudeErrorSamples
 from mock_autopilot.disturbance import Forces, force_series
 from mock_autopilot.plant import GRAVITY_MPS2, PlantParams, PlantState
 
@@ -56,6 +57,10 @@ class VirtualVehicle:
     forces: Forces = field(default_factory=Forces)
     """What pushes from outside, NED."""
     force_scale: Each = 1.0
+    attitude_error: AttitudeErrorParams = PERFECT_HORIZON
+    """How far the autopilot's horizon is off: it flies in that horizon, and reports it."""
+    report_delay_s: Each = 0.02
+    """Age of the autopilot's attitude when it arrives, waiting for the next message included."""
     arms: Carried | None = None
     offset_w_m: Array = field(default_factory=lambda: np.zeros(3))
     """How far from the trajectory's start the flight begins, (..., 3) in W."""
@@ -65,11 +70,18 @@ class VirtualVehicle:
 
 @value
 class Look:
-    """What motion capture delivers in one cycle: (..., 3), (..., 4), and which vehicles it delivers at all, (...,)."""
+    """What motion capture delivers in one cycle: (..., 3), (..., 4), and which vehicles it delivers at all, (...,).
+
+    Beside it the attitude that the autopilot reports, wherever motion capture is.
+    """
 
     position_w_m: Array
     q_w_flu_wxyz: Array
     fresh: NDArray[np.bool_]
+    autopilot_q_w_flu_wxyz: Array
+    """As the autopilot believed it `autopilot_age_s` ago, (..., 4)."""
+    autopilot_age_s: Array
+    """() if all are as old, or (...,)."""
 
 
 class VirtualWorld:
@@ -80,6 +92,7 @@ class VirtualWorld:
         self._per_cycle = round(period_s / STEP_S)
         self._steps = 0
         self._all = np.ones(self._lead, dtype=bool)
+        self._report_age_s = np.asarray(_steps(vehicle.report_delay_s) * STEP_S)
         self._draw(seeds, cycles)
         self._body = self._begun(start_w_m + vehicle.offset_w_m)
 
@@ -92,6 +105,8 @@ class VirtualWorld:
             _steps(v.mocap_delay_s),
             _steps(v.attitude_delay_s),
             _steps(v.thrust_delay_s),
+            _steps(v.report_delay_s),
+            self._attitude_error_rad,
             None if arms is None else Coupling(arms.table.at(0), v.plant.mass_kg, arms.inertia_kgm2, arms.trim_s),
             STEP_S,
         )
@@ -100,7 +115,7 @@ class VirtualWorld:
     def _draw(self, seeds: Sequence[int], cycles: int) -> None:
         """All that is random, each vehicle from its own seed."""
         v, steps = self._vehicle, cycles * self._per_cycle
-        eyes, forces = zip(*(np.random.SeedSequence(seed).spawn(2) for seed in seeds), strict=True)
+        eyes, forces, horizons = zip(*(np.random.SeedSequence(seed).spawn(3) for seed in seeds), strict=True)
         noise = np.stack([np.random.default_rng(eye).standard_normal((cycles, 6)) for eye in eyes], axis=1)
         noise = noise.reshape(cycles, *self._lead, 6)
         self._offsets_m = noise[..., :3] * np.asarray(v.noise_m)[..., None]
@@ -109,6 +124,14 @@ class VirtualWorld:
         series = force_series(v.forces, rngs, STEP_S, steps).reshape(steps, *self._lead, 3)
         self.force_ned_n = series * np.asarray(v.force_scale)[..., None]
         """Of each step, (steps, ..., 3)."""
+        self._attitude_error_rad = self._horizon([np.random.default_rng(horizon) for horizon in horizons], steps)
+
+    def _horizon(self, rngs: Sequence[np.random.Generator], steps: int) -> Array | None:
+        """Return each vehicle's error of roll and pitch (rad), (samples, ..., 2); None where all are perfect."""
+        if not self._vehicle.attitude_error.present:
+            return None
+        samples = AttitudeErrorSamples(self._vehicle.attitude_error, rngs, self._lead)
+        return samples.more(int(steps * STEP_S * SAMPLE_HZ) + 3)
 
     @property
     def cycle(self) -> int:
@@ -129,7 +152,8 @@ class VirtualWorld:
         """The frame that arrives now."""
         cycle, unseen = self.cycle, self._vehicle.unseen
         position, q = self._body.seen(self._offsets_m[cycle], self._turns[cycle])
-        return Look(position, q, self._all if unseen is None else ~unseen[cycle])
+        fresh = self._all if unseen is None else ~unseen[cycle]
+        return Look(position, q, fresh, self._body.reported(), self._report_age_s)
 
     def advance(self, setpoint: AttitudeThrust) -> None:
         """Let one control cycle pass under a setpoint that is sent now."""

@@ -1,5 +1,6 @@
 """Short flights in virtual time, for the tests that need one."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,11 +26,31 @@ PUSHED: dict[str, Any] = {
 QUIET: dict[str, Any] = {"noise_m": 0.0, "noise_rad": 0.0}
 
 
+PERFECT_HORIZON: dict[str, Any] = {"attitude_error_rad": 0.0}
+
+
 def scene(trajectory: Trajectory = LAP, arms: str = "off", settle_s: float = 1.0, **mock: Any) -> Scene:
-    """The vehicle that both sides take for granted when they are told nothing; `mock` are tables of its file."""
+    """The vehicle that both sides take for granted when they are told nothing; `mock` are tables of its file.
+
+    The autopilot's horizon is perfect unless `mock` has an estimator: what a law or the physics does is to be seen.
+    """
     companion = CompanionConfig(arms=ArmsConfig())
     plan = planned_arms(arms, companion, trajectory.duration_s + settle_s)
-    return Scene("short", "a short flight", trajectory, settle_s, plan, companion, MockConfig.from_dict(mock))
+    return Scene(
+        "short",
+        "a short flight",
+        trajectory,
+        settle_s,
+        plan,
+        companion,
+        MockConfig.from_dict({"estimator": PERFECT_HORIZON} | mock),
+    )
+
+
+def perfect_horizon(flown: Scene) -> Scene:
+    """Return the scene with an autopilot whose horizon does not err."""
+    estimator = flown.mock.estimator.model_copy(update=PERFECT_HORIZON)
+    return replace(flown, mock=flown.mock.model_copy(update={"estimator": estimator}))
 
 
 def law_for(flown: Scene, name: str = "etnn", allow_unstable: bool = False) -> LoadedController:

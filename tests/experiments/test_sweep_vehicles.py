@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.sweep_vehicles import DROPOUTS, Drawn, draw, unseen, vehicles
+from mock_autopilot.config import EstimatorConfig
 from mock_autopilot.plant import GRAVITY_MPS2, PlantParams, thrust_of_signal
 from tests.experiments.sweep_rig import short_experiment
 
@@ -103,6 +104,8 @@ def test_the_ranges_are_used_to_their_ends_and_evenly() -> None:
         (drawn.bandwidth_share, 0.7, 1.3),
         (drawn.disturbance_scale, 0.5, 1.5),
         (drawn.noise_scale, 0.5, 3.0),
+        (drawn.attitude_error_rad, 0.005, 0.035),
+        (drawn.attitude_error_time_s, 1.0, 20.0),
         (np.linalg.norm(drawn.offset_w_m, axis=-1), 0.0, 0.5),
     ):
         counts, _ = np.histogram(values, bins=10, range=(low, high))
@@ -114,6 +117,15 @@ def test_the_ranges_are_used_to_their_ends_and_evenly() -> None:
         assert np.abs(counts - 4000 / 7).max() < 5.0 * np.sqrt(4000 / 7)
     assert np.abs(drawn.offset_w_m.mean(axis=0)).max() < 5.0 * 0.17 / np.sqrt(4000)  # 0.5/3: deviation of an axis
     assert np.abs(np.corrcoef(drawn.mocap_delay_s, drawn.setpoint_delay_s)[0, 1]) < 5.0 / np.sqrt(4000)
+
+
+def test_a_scene_with_a_perfect_horizon_keeps_it(scene: Scene) -> None:
+    drawn = draw(5, range(3))
+    true = vehicles(scene, drawn, CYCLES).attitude_error
+    assert np.array_equal(np.asarray(true.size_rad), drawn.attitude_error_rad)
+    assert np.array_equal(np.asarray(true.time_s), drawn.attitude_error_time_s)
+    mock = scene.mock.model_copy(update={"estimator": EstimatorConfig(attitude_error_rad=0.0)})
+    assert not vehicles(replace(scene, mock=mock), drawn, CYCLES).attitude_error.present
 
 
 def test_the_hover_signal_carries_the_weight_whatever_the_motors_curve(scene: Scene) -> None:

@@ -12,6 +12,7 @@ from companion.control.frames import flip_quat, flip_yz, quat_from_rotation_vect
 from companion.experiments import virtual_world
 from companion.experiments.virtual_world import STEP_S, VirtualVehicle, VirtualWorld
 from companion.types import Array, AttitudeThrust
+from mock_autopilot.attitude_error import AttitudeErrorParams, AttitudeErrorSource
 from mock_autopilot.disturbance import Forces
 from mock_autopilot.plant import PlantParams
 
@@ -141,6 +142,59 @@ def test_a_flight_begins_where_its_offset_says() -> None:
     offsets = np.array([[0.1, -0.2, 0.3], [0.0, 0.0, 0.0]])
     world = world_of(replace(STILL, offset_w_m=offsets), 1, (2,))
     assert world.look().position_w_m == pytest.approx(START + offsets, abs=1e-15)
+
+
+def test_the_autopilot_holds_the_setpoint_in_its_own_horizon_and_reports_that() -> None:
+    """Told to be level it believes to be; the truth leans by the error, and the vehicle is pushed that way."""
+    vehicle = replace(STILL, attitude_error=AttitudeErrorParams(size_rad=0.03, time_s=1000.0))
+    world = world_of(vehicle, 201)
+    for _ in range(200):
+        world.advance(HOVER)
+    look, true = world.look(), world.state
+    error_roll, error_pitch = -2.0 * true.q_ned_frd_wxyz[1:3]
+    assert look.autopilot_q_w_flu_wxyz == pytest.approx(LEVEL, abs=1e-3)
+    assert max(abs(error_roll), abs(error_pitch)) > 0.01
+    north, east, _ = true.velocity_ned_mps
+    assert (np.sign(north), np.sign(east)) == (np.sign(error_pitch), -np.sign(error_roll))
+
+
+@settings(max_examples=10)
+@given(DELAYS)
+def test_the_autopilots_attitude_arrives_late_and_says_how_old_it_is(delay_s: float) -> None:
+    cycles, delay = 30, round(delay_s / STEP_S)
+    world = world_of(replace(STILL, report_delay_s=delay_s), cycles)
+    truths = []
+    for cycle in range(cycles):
+        truths.append(flip_quat(world.state.q_ned_frd_wxyz).tolist())
+        look = world.look()
+        assert look.autopilot_q_w_flu_wxyz.tolist() == truths[max(cycle - delay, 0)]
+        assert float(look.autopilot_age_s) == delay_s
+        world.advance(LEAN)
+
+
+@pytest.mark.parametrize("source", ["random", "px4-b"])
+def test_a_horizon_errs_alike_alone_and_in_a_batch(source: AttitudeErrorSource) -> None:
+    sizes_rad, times_s, late_s = np.array([0.01, 0.0, 0.03]), np.array([1.0, 5.0, 20.0]), np.array([0.0, 0.02, 0.05])
+
+    def erring(size_rad: Any, time_s: Any, report_s: Any) -> VirtualVehicle:
+        params = AttitudeErrorParams(source=source, size_rad=size_rad, time_s=time_s)
+        return replace(STILL, attitude_error=params, report_delay_s=report_s)
+
+    batch = world_of(erring(sizes_rad, times_s, late_s), 120, (3,), seed=7)
+    alone = [
+        world_of(erring(*own), 120, seed=7 + k) for k, own in enumerate(zip(sizes_rad, times_s, late_s, strict=True))
+    ]
+    perfect = world_of(STILL, 120, seed=8)
+    for _ in range(120):
+        together = batch.look()
+        for k, world in enumerate(alone):
+            assert together.autopilot_q_w_flu_wxyz[k] == pytest.approx(world.look().autopilot_q_w_flu_wxyz, abs=1e-12)
+            assert batch.state.position_ned_m[k] == pytest.approx(world.state.position_ned_m, abs=1e-12)
+            world.advance(LEAN)
+        batch.advance(spread(LEAN, 3))
+        perfect.advance(LEAN)
+    assert state_bytes(alone[1]) == state_bytes(perfect), "a horizon without error changes nothing, to the last bit"
+    assert together.autopilot_age_s.tolist() == late_s.tolist()
 
 
 def _swerving(step_s: float, monkeypatch: pytest.MonkeyPatch) -> Array:

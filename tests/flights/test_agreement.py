@@ -13,6 +13,7 @@ from companion.experiments.mission import stacked
 from companion.experiments.simulation import simulate
 from companion.supervisor.flight import Phase
 from mock_autopilot.config import MockConfig
+from tests.experiments.scenes import PERFECT_HORIZON
 from tests.flights.simulated import BRISK, Flight
 from tests.flights.test_simulated_arms import ARMS, LAP, error_w_m, lap, mock_arms
 from tests.mock_autopilot.bench import NO_GPS
@@ -26,7 +27,12 @@ SEEDS = list(range(8))
 def simulated() -> Score:
     """The same lap for each seed, by the same law with the same arms; no disturbance there, and none here."""
     config = CompanionConfig(arms=ARMS, flight=BRISK.model_copy(update={"settle_s": SETTLE_S}))
-    mock = {"plant": {"mass_kg": 4.85, "max_thrust_n": 95.1}, "px4": {"params": NO_GPS}, "arms": mock_arms()}
+    mock = {
+        "plant": {"mass_kg": 4.85, "max_thrust_n": 95.1},
+        "estimator": PERFECT_HORIZON,
+        "px4": {"params": NO_GPS},
+        "arms": mock_arms(),
+    }
     scene = replace(demo_scene("lap", LAP, "swing", config, MockConfig.from_dict(mock)), link_s=0.0)
     controller = load_controller("etnn", config.vehicle_model(), scene.period_s)
     mission = stacked([scene.mission(controller.law.preview_s)] * len(SEEDS))
