@@ -6,8 +6,11 @@ from collections.abc import Callable
 
 
 def printable(text: str) -> str:
-    """Replace what a terminal or a log would obey instead of showing it (control characters, escape sequences)."""
-    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text).strip()
+    """Replace what a terminal or a log would obey instead of showing it (control characters, escape sequences).
+
+    Blanks around it are cut off before: PX4 ends its texts with a tab.
+    """
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text.strip())
 
 
 class LineLimit:
