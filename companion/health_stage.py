@@ -128,7 +128,7 @@ def facts_of(
     thrust: float = math.nan,
 ) -> Facts:
     """What the phase machine goes by; nowhere, as NaN, before the first pose. `thrust` (0..1) is the last one sent."""
-    of_autopilot = (status.in_air, thrust)
+    of_autopilot = (status.in_air, status.failsafe, thrust)
     of_arms = (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
     if vehicle is None:
         nowhere = np.full(3, np.nan)

@@ -126,6 +126,8 @@ class AutopilotStatus:
     """The autopilot's number in MAVLink (MAV_SYS_ID); 0 while it is not known."""
     strangers: tuple[str, ...] = ()
     """Other autopilots heard on this link, each in a few words."""
+    failsafe: bool = False
+    """It flies another mode than the chosen one: its failsafe, not a pilot, has taken the vehicle."""
 
     @property
     def battery_name(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from mcap.records import Message
 
 EVENTS = "/event"
-_FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs")
+_FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs", "failsafe")
 
 
 @dataclass(frozen=True)

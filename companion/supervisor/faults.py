@@ -204,8 +204,8 @@ TABLE: tuple[Row, ...] = (
         "neither law nor guard kept it in",
         _PX4, _PX4, _STOP),
     Row(Fault.ROOM_LEFT, "{beyond_m} m beyond the fence, and still armed",
-        "the net is next; falling here is better than flying on there; in any mode but OFFBOARD and PX4's landing the "
-        "motors are a pilot's",
+        "the net is next; falling here is better than flying on there; in any mode but OFFBOARD, PX4's landing and its "
+        "failsafes the motors are a pilot's",
         _OFF, _OFF, _STOP, _OFF),
     Row(Fault.THRUST_SATURATED, "thrust at its upper limit for {saturated_s} s",
         "no reserve against a disturbance: weak battery, too heavy, a motor gone",

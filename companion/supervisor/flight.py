@@ -129,6 +129,8 @@ class Facts:
     """What is wrong now, in the order of faults.TABLE, see health.assess."""
     in_air: bool | None = None
     """What the autopilot's own land detector says; None when it is not known."""
+    failsafe: bool = False
+    """The autopilot's failsafe has chosen its mode."""
     thrust: float = math.nan
     """Of the last setpoint that left, 0..1; NaN when it is not known."""
 

@@ -70,7 +70,8 @@ def _of_link(memory: AutopilotHealth, now: Observed, rules: SafetyRules) -> list
     if now.commanded and not status.armed:
         events.append(Event(Fault.AUTOPILOT_DISARMED, "the autopilot disarmed without our asking"))
     if now.commanded and status.mode is not FlightMode.OFFBOARD:
-        events.append(Event(Fault.MODE_CHANGED, f"the autopilot shows mode {status.mode.value}, not offboard"))
+        who = "the autopilot's own failsafe has chosen" if status.failsafe else "the autopilot shows"
+        events.append(Event(Fault.MODE_CHANGED, f"{who} mode {status.mode.value}, not offboard"))
     if asked_s > rules.land_refused_s:
         text = f"the autopilot still shows offboard {asked_s:.1f} s after it was told to land"
         events.append(Event(Fault.LAND_REFUSED, text))

@@ -157,9 +157,11 @@ def strongest(flight: Flight, facts: Facts, rules: FlightRules) -> tuple[Event |
 
 
 def _is_a_pilots(flight: Flight, facts: Facts) -> bool:
-    """Not in OFFBOARD, which nobody flies, nor in PX4's landing, unless a pilot had the vehicle before."""
+    """Not in OFFBOARD, which nobody flies, nor in PX4's landing or failsafe, unless a pilot had the vehicle before."""
     if flight.phase not in {Phase.HANDED_OVER, Phase.RESUME}:
         return False
+    if facts.failsafe:
+        return flight.theirs
     if facts.mode is FlightMode.OFFBOARD:
         return flight.theirs and facts.in_air is False  # landed and disarmed, see _handed_over
     return facts.mode is not FlightMode.LAND or flight.theirs or flight.cause is Fault.MODE_CHANGED

@@ -75,6 +75,7 @@ def some_facts(draw: st.DrawFn) -> Facts:
         cannot_stow=draw(st.sampled_from(["", "", "a cable"])),
         events=draw(quiet | quiet | events),
         in_air=draw(st.sampled_from((None, False, True))),
+        failsafe=draw(st.booleans()),
         thrust=draw(st.sampled_from([0.1, 0.5, 0.5, float("nan")])),
     )
 

@@ -91,9 +91,17 @@ class Px4Direct:
 
         self.on("HEARTBEAT", heard)
 
-    def on_current_mode(self, take: Callable[[FlightMode], None]) -> None:
-        """Have `take` called with the mode PX4 is really in, also when a failsafe has replaced the chosen one."""
-        self.on("CURRENT_MODE", lambda fields: take(flight_mode(fields["custom_mode"])))
+    def on_current_mode(self, take: Callable[[FlightMode, bool], None]) -> None:
+        """Have `take` called with the mode PX4 is really in, and whether a failsafe has chosen it.
+
+        An intended mode of 0 is none.
+        """
+
+        def heard(fields: dict[str, Any]) -> None:
+            flown, chosen = fields["custom_mode"], fields["intended_custom_mode"]
+            take(flight_mode(flown), chosen not in {0, flown})
+
+        self.on("CURRENT_MODE", heard)
 
     def kill(self) -> None:
         """Send "motors off, in the air, too" once and at once, beside an ARM or DISARM that is not answered yet."""

@@ -130,9 +130,9 @@ class Px4Heard:
         self._mode_s = now_s
         self._give_up_pieces()
 
-    def _on_current_mode(self, mode: FlightMode) -> None:
+    def _on_current_mode(self, mode: FlightMode, failsafe: bool) -> None:
         now_s = self._clock.now_s()
-        self._update(mode=mode, heard_s=now_s)
+        self._update(mode=mode, failsafe=failsafe, heard_s=now_s)
         self._mode_s = now_s
 
     def _on_attitude(self, fields: dict[str, Any]) -> None:

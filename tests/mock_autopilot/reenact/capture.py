@@ -23,6 +23,9 @@ from tests.mock_autopilot.reenact.tlog import Decoder, Frame, TlogError, read
 PX4 = 1
 STREAMED = {"SET_ATTITUDE_TARGET", "VISION_POSITION_ESTIMATE", "MANUAL_CONTROL", "PING", "TIMESYNC"}
 """Inputs kept as numbers, or left out: PING and TIMESYNC change nothing."""
+TOLD = {
+    "HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "BATTERY_STATUS", "STATUSTEXT", "ESTIMATOR_STATUS",
+}  # fmt: skip
 BOOT_FIRST_HEARTBEAT_S = (0.9, 1.2)
 DEAD_AFTER_S = 1.0
 """PX4 that streams is never silent for so long."""
@@ -94,6 +97,7 @@ def _session(name: str, messages: Messages, gcs: Messages) -> Session:
         poses=poses,
         sticks=sticks,
         events=sorted(events, key=lambda event: event.at_s),
+        told=_told(ours),
         inferred=inferred,
         cuts=[],
     )
@@ -118,6 +122,15 @@ def _rare(link: str, sent: Messages) -> list[SentFrame]:
         SentFrame(at_s=at_s, link=link, raw=frame.raw)
         for at_s, frame, message in sent
         if message is not None and message.get_type() not in STREAMED
+    ]
+
+
+def _told(ours: Messages) -> list[SentFrame]:
+    """Keep what tells PX4's state."""
+    return [
+        SentFrame(at_s=at_s, link=ONBOARD, raw=frame.raw)
+        for at_s, frame, message in ours
+        if message is not None and message.get_type() in TOLD
     ]
 
 

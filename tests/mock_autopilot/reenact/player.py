@@ -11,7 +11,7 @@ from mock_autopilot.config import LinkConfig, MockConfig
 from mock_autopilot.faults import Fault
 from mock_autopilot.frames import messages_in
 from mock_autopilot.mavlink import MavlinkLink
-from mock_autopilot.streams import TICK_S
+from mock_autopilot.streams import DEFAULTS, TICK_S
 from mock_autopilot.world import World
 from tests.mock_autopilot.bench import SIH_PLANT
 from tests.mock_autopilot.reenact.events import READERS, Event, EventReader
@@ -70,6 +70,13 @@ class _WireLink(MavlinkLink):
         self._clock = world
         self.heard: list[Event] = []
         super().__init__(LinkConfig.model_validate({}), world, faulty=name == ONBOARD)
+
+    def _boot(self) -> None:
+        """Stream only what tells events: the rest is not looked at."""
+        super()._boot()
+        for stream in DEFAULTS:
+            if mavlink.mavlink_map[stream.id].msgname not in READERS:
+                self.streams.set_interval(stream.id, -1.0, 0.0)
 
     def _packed(self, message: Any) -> Any:
         return super()._packed(message) if message.get_type() in READERS else b""

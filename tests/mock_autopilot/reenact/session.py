@@ -77,6 +77,8 @@ class Session:
     poses: list[Pose]
     sticks: list[Sticks]
     events: list[Event]
+    told: list[SentFrame]
+    """PX4's state as it told it to the companion, for whoever wants to read it as the companion does."""
     inferred: list[str]
     """Inputs that no log shows and only PX4's reaction tells."""
     cuts: list[Cut]
@@ -95,12 +97,12 @@ def load(path: Path) -> Session:
 
 def _packed(session: Session) -> dict[str, Any]:
     plain = {key: getattr(session, key) for key in PLAIN}
-    frames = [(one.at_s, one.link, one.raw) for one in session.frames]
     return {
         **plain,
         "cuts": [asdict(cut) for cut in session.cuts],
         "events": [[round(e.at_s, 3), e.link, e.channel, e.what] for e in session.events],
-        "frames": [[round(at_s, 3), link, raw.hex()] for at_s, link, raw in frames],
+        "frames": [[round(one.at_s, 3), one.link, one.raw.hex()] for one in session.frames],
+        "told": [[round(one.at_s, 3), one.link, one.raw.hex()] for one in session.told],
         "setpoints": _columns(
             [(s.at_s * MS, *(ANGLE * q for q in s.q_wxyz), ANGLE * s.thrust) for s in session.setpoints]
         ),
@@ -120,7 +122,8 @@ def _unpacked(values: dict[str, Any]) -> Session:
         events=[
             Event(at_s=at_s, link=link, channel=channel, what=what) for at_s, link, channel, what in values["events"]
         ],
-        frames=[SentFrame(at_s=at_s, link=link, raw=bytes.fromhex(raw)) for at_s, link, raw in values["frames"]],
+        frames=[_frame(*one) for one in values["frames"]],
+        told=[_frame(*one) for one in values["told"]],
         setpoints=[
             Setpoint(at_s=t / MS, q_wxyz=(w / ANGLE, x / ANGLE, y / ANGLE, z / ANGLE), thrust=thrust / ANGLE)
             for t, w, x, y, z, thrust in _rows(values["setpoints"])
@@ -128,6 +131,10 @@ def _unpacked(values: dict[str, Any]) -> Session:
         poses=[Pose(at_s=t / MS, position_m=(x / MS, y / MS, z / MS)) for t, x, y, z in _rows(values["poses"])],
         sticks=[Sticks(at_s=t / MS, x=x, y=y, z=z, r=r, buttons=b) for t, x, y, z, r, b in _rows(values["sticks"])],
     )
+
+
+def _frame(at_s: float, link: str, raw: str) -> SentFrame:
+    return SentFrame(at_s=at_s, link=link, raw=bytes.fromhex(raw))
 
 
 def _columns(rows: list[tuple[float, ...]]) -> list[list[int]]:

@@ -59,6 +59,7 @@ def _without(session: Session, cut: Cut) -> Session:
         session,
         ends_at_s=session.ends_at_s - cut.for_s,
         frames=_spliced(session.frames, cut),
+        told=_spliced(session.told, cut),
         setpoints=_spliced(session.setpoints, cut),
         poses=_spliced(session.poses, cut),
         sticks=_spliced(session.sticks, cut),
