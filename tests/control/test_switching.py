@@ -104,7 +104,7 @@ CALM = EtnnGains.model_validate(
 def test_the_laws_that_are_shipped_counter_it_as_well(law: Any) -> None:
     _, after = switched(law, 30)
     for asked in after:
-        np.testing.assert_allclose(sent_w_mps2(asked), -WIND_W_MPS2, atol=0.05)  # ETNN: iota_1, where it would drift to
+        np.testing.assert_allclose(sent_w_mps2(asked), -WIND_W_MPS2, atol=0.07)  # ETNN: it would drift to iota_1 first
 
 
 def test_with_an_observer_the_law_shares_it_between_push_and_network() -> None:
