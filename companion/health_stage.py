@@ -128,11 +128,26 @@ def facts_of(
     thrust: float = math.nan,
 ) -> Facts:
     """What the phase machine goes by; nowhere, as NaN, before the first pose. `thrust` (0..1) is the last one sent."""
-    of_autopilot = (status.in_air, status.failsafe, thrust)
-    of_arms = (True, "", "") if arms is None else (arms.stowed, arms.fault, arms.state.no_way)
     if vehicle is None:
         nowhere = np.full(3, np.nan)
-        return Facts(now_s, nowhere, nowhere, 0.0, status.armed, status.mode, *of_arms, events, *of_autopilot)
-    yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
-    position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
-    return Facts(now_s, position, velocity, yaw_rad, status.armed, status.mode, *of_arms, events, *of_autopilot)
+        position, velocity, yaw_rad = nowhere, nowhere, 0.0
+    else:
+        position, velocity = vehicle.position_w_m, vehicle.velocity_w_mps
+        yaw_rad = float(yaw_of(vehicle.q_w_flu_wxyz))
+    return Facts(
+        time_s=now_s,
+        position_w_m=position,
+        velocity_w_mps=velocity,
+        yaw_rad=yaw_rad,
+        armed=status.armed,
+        mode=status.mode,
+        arms_stowed=arms is None or arms.stowed,
+        arm_fault="" if arms is None else arms.fault,
+        cannot_stow="" if arms is None else arms.state.no_way,
+        events=events,
+        in_air=status.in_air,
+        failsafe=status.failsafe,
+        text=status.last_text,
+        text_s=status.text_s,
+        thrust=thrust,
+    )

@@ -112,6 +112,8 @@ class AutopilotStatus:
     """The autopilot's own attitude estimate, already in our frames."""
     last_text: str
     """The newest STATUSTEXT; empty before the first, and when what it says was denied has come to pass."""
+    text_s: float = -math.inf
+    """Arrival of `last_text` on our monotonic clock; -inf before the first."""
     heard_s: float = -math.inf
     """Arrival of the newest message of any kind on our monotonic clock; -inf before the first."""
     attitude_s: float = -math.inf
@@ -128,6 +130,10 @@ class AutopilotStatus:
     """Other autopilots heard on this link, each in a few words."""
     failsafe: bool = False
     """It flies another mode than the chosen one: its failsafe, not a pilot, has taken the vehicle."""
+
+    def said_since(self, time_s: float) -> str:
+        """Return the newest STATUSTEXT if it came at `time_s` or later on our clock, else nothing."""
+        return self.last_text if self.text_s >= time_s else ""
 
     @property
     def battery_name(self) -> str:

@@ -131,6 +131,10 @@ class Facts:
     """What the autopilot's own land detector says; None when it is not known."""
     failsafe: bool = False
     """The autopilot's failsafe has chosen its mode."""
+    text: str = ""
+    """The autopilot's newest sentence."""
+    text_s: float = -math.inf
+    """When it came; -inf before the first."""
     thrust: float = math.nan
     """Of the last setpoint that left, 0..1; NaN when it is not known."""
 

@@ -11,6 +11,8 @@ from companion.types import AutopilotStatus, FlightMode
 
 BOOT_BACK_S = 1.0
 """Messages that overtake each other take the time since boot back by less."""
+SAID_S = 1.2
+"""The autopilot gives its reason before it shows the change: HEARTBEAT's armed bit follows up to a second later."""
 BATTERY_S = 0.5
 """One bad sample is not an empty battery."""
 
@@ -68,11 +70,18 @@ def _of_link(memory: AutopilotHealth, now: Observed, rules: SafetyRules) -> list
     if memory.reboot:
         events.append(Event(Fault.AUTOPILOT_REBOOTED, memory.reboot))
     if now.commanded and not status.armed:
-        events.append(Event(Fault.AUTOPILOT_DISARMED, "the autopilot disarmed without our asking"))
+        events.append(Event(Fault.AUTOPILOT_DISARMED, f"the autopilot disarmed without our asking{_said(now)}"))
     if now.commanded and status.mode is not FlightMode.OFFBOARD:
         who = "the autopilot's own failsafe has chosen" if status.failsafe else "the autopilot shows"
-        events.append(Event(Fault.MODE_CHANGED, f"{who} mode {status.mode.value}, not offboard"))
+        text = f"{who} mode {status.mode.value}, not offboard{_said(now)}"
+        events.append(Event(Fault.MODE_CHANGED, text))
     if asked_s > rules.land_refused_s:
         text = f"the autopilot still shows offboard {asked_s:.1f} s after it was told to land"
         events.append(Event(Fault.LAND_REFUSED, text))
     return events
+
+
+def _said(now: Observed) -> str:
+    """Return the autopilot's own words about what it has just done, for the end of a sentence."""
+    said = now.autopilot.said_since(now.time_s - SAID_S)
+    return f": {said}" if said else ""

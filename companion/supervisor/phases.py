@@ -295,7 +295,8 @@ def _resuming(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:
     if facts.armed and facts.time_s - flight.since_s < rules.resume_s:
         return flight
     why = "the autopilot did not show OFFBOARD" if facts.armed else "the vehicle was disarmed"
-    return replace(give_back(flight, facts), reason=why)
+    said = f": {facts.text}" if facts.text and facts.text_s >= flight.since_s else ""
+    return replace(give_back(flight, facts), reason=f"{why}{said}")
 
 
 def _terminated(flight: Flight, facts: Facts, rules: FlightRules) -> Flight:

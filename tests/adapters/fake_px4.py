@@ -37,6 +37,8 @@ class FakePx4:
         """Messages that go out ten times a second."""
         self.commands: list[Any] = []
         """COMMAND_LONGs that came."""
+        self.denials: dict[int, bytes] = {}
+        """Commands, by number, that it refuses (TEMPORARILY_REJECTED), and what it says of each."""
         self._ends = False
         self._thread: threading.Thread | None = None
         self.start()
@@ -120,6 +122,10 @@ class FakePx4:
     def _obey(self, command: Any) -> None:
         self.commands.append(command)
         if self._random.random() >= self.answers:
+            return
+        if command.command in self.denials:
+            self.to_send.append(mavlink.MAVLink_command_ack_message(command.command, 1, 0, 0, 245, 190))
+            self.to_send.append(text(self.denials[command.command]))
             return
         if command.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
             self.armed = command.param1 == 1.0

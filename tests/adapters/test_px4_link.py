@@ -1,6 +1,7 @@
 """Who is on the link: other autopilots, several batteries, and texts of any bytes; against a fake PX4 over UDP."""
 
 import asyncio
+import logging
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -11,12 +12,15 @@ import pytest
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
 from companion.config_px4 import Px4Config
+from companion.control_stage import idle_setpoint
 from companion.ports import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, battery, extended_sys_state, text
 
 pytestmark = pytest.mark.slow
 
 ARDUPILOT = 3
+ARM_DISARM, NAV_LAND = 400, 21
+"""MAV_CMD."""
 
 
 @asynccontextmanager
@@ -76,6 +80,52 @@ async def test_a_denial_is_forgotten_when_it_has_come_to_pass() -> None:
             await until(lambda: px4.status().last_text == "Disarmed by landing")
             await px4.arm()
             assert px4.status().last_text == "Disarmed by landing"
+
+
+_DENIED = b"Arming denied: Resolve health failures first"
+_REASON = b"Preflight Fail: heading estimate invalid"
+
+
+async def test_what_it_says_when_the_setpoints_begin_is_part_of_its_refusal_to_arm(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    with FakePx4() as fake, caplog.at_level(logging.INFO, logger="companion.adapters.px4.heard"):
+        fake.denials[ARM_DISARM] = _DENIED
+        async with linked(fake, arm_timeout_s=0.0001) as px4:
+            fake.to_send.append(text(b"GPS lost"))
+            await until(lambda: px4.status().last_text == "GPS lost")
+            px4.send_setpoint(idle_setpoint(0.0))
+            fake.to_send.append(text(_REASON))
+            await until(lambda: px4.status().last_text == _REASON.decode())
+            said = f"refused to arm: {_REASON.decode()}; {_DENIED.decode()}$"
+            with pytest.raises(AutopilotError, match=said):
+                await px4.arm()
+            px4.stop_stream()
+            with pytest.raises(AutopilotError, match=f"refused to arm: {_DENIED.decode()}$"):
+                await px4.arm()
+    told = [record.getMessage() for record in caplog.records]
+    assert [f"the autopilot says: {words}" for words in ("GPS lost", _REASON.decode(), _DENIED.decode())] == told[:3]
+
+
+async def test_in_the_air_only_what_it_says_after_a_command_is_its_reason() -> None:
+    with FakePx4() as fake:
+        fake.armed, fake.denials[NAV_LAND] = True, b"Landing is currently not available"
+        async with linked(fake) as px4:
+            px4.send_setpoint(idle_setpoint(0.0))
+            fake.to_send.append(text(b"Takeoff detected"))
+            await until(lambda: px4.status().armed and bool(px4.status().last_text))
+            with pytest.raises(AutopilotError, match=r"refused to land: Landing is currently not available$"):
+                await px4.land()
+
+
+async def test_what_it_says_instead_of_an_answer_is_told() -> None:
+    with FakePx4(answers=0.0) as fake:
+        async with linked(fake, answer_timeout_s=0.5) as px4:
+            telling = asyncio.create_task(px4.land())
+            await until(lambda: any(command.command == NAV_LAND for command in fake.commands))
+            fake.to_send.append(text(b"Parameters are being saved"))
+            with pytest.raises(AutopilotError, match=r"did not answer .* land: Parameters are being saved$"):
+                await telling
 
 
 async def test_another_autopilot_than_px4_is_named_at_once() -> None:

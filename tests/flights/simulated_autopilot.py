@@ -89,7 +89,8 @@ class SimulatedAutopilot:
 
     def _on_text(self, sent: Sent) -> dict[str, Any]:
         text = sent.message.text if isinstance(sent.message.text, str) else sent.message.text.decode()
-        return {"last_text": (self._status.last_text if sent.message.chunk_seq else "") + text.strip()}
+        whole = (self._status.last_text if sent.message.chunk_seq else "") + text.strip()
+        return {"last_text": whole, "text_s": sent.time_s}
 
     def _ask_for_modes(self) -> None:
         self.command(511, CURRENT_MODE, MODE_EVERY_US)

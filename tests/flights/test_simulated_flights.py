@@ -174,7 +174,7 @@ async def test_silent_mocap_on_the_ground_disarms() -> None:
 async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
     flight = await fly([*UP, wait(1.0), command(21), until(Phase.HANDED_OVER), wait(3.0)])
     over_s = flight.loop.flight.since_s
-    assert flight.loop.flight.reason == "the autopilot shows mode land, not offboard"
+    assert flight.loop.flight.reason == "the autopilot shows mode land, not offboard: Landing at current position"
     assert all(at_s <= over_s for at_s, _ in flight.autopilot.setpoints), "it fought the pilot"
     assert not flight.loop.ask(Fly(LAP, 1.0)), "nothing but a new beginning is accepted"
 
@@ -182,7 +182,7 @@ async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
 async def test_a_kill_ends_the_flight() -> None:
     low = [*UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.25)]  # higher, and it hits the floor before
     flight = await fly([*low, command(400, 0.0, 21196.0), until(Phase.DISARMED)])  # the HEARTBEAT tells of the kill
-    assert flight.loop.flight.reason == "the autopilot disarmed without our asking"
+    assert flight.loop.flight.reason == "the autopilot disarmed without our asking: Disarmed by external command"
 
 
 class _Broken(Pid):

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from companion.supervisor.faults import Event, Fault
+from companion.supervisor.health_autopilot import SAID_S
 from companion.supervisor.observed import Observed
 from companion.types import BatteryReading, FlightMode
 from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_status
@@ -61,6 +62,18 @@ def test_disarmed_or_in_another_mode_while_commanded() -> None:
     by_pilot = with_status(healthy(0), mode=FlightMode.POSITION)
     assert watched([by_pilot]) == [(Event(Fault.MODE_CHANGED, "the autopilot shows mode position, not offboard"),)]
     assert watched([replace(by_pilot, commanded=False)]) == [()]
+
+
+def test_what_the_autopilot_has_just_said_of_a_change_is_told_with_it() -> None:
+    now = healthy(0)
+    for changes, text in (
+        ({"armed": False}, "the autopilot disarmed without our asking"),
+        ({"mode": FlightMode.LAND}, "the autopilot shows mode land, not offboard"),
+    ):
+        said = with_status(now, last_text="Failsafe activated", text_s=now.time_s - SAID_S, **changes)
+        assert [event.text for event in watched([said])[0]] == [f"{text}: Failsafe activated"]
+        old = with_status(said, text_s=now.time_s - SAID_S - 0.01)
+        assert [event.text for event in watched([old])[0]] == [text], "long ago, and of something else"
 
 
 def test_a_landing_that_is_refused() -> None:

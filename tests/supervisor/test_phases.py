@@ -259,6 +259,12 @@ def test_resume_is_given_up_when_offboard_does_not_show() -> None:
     assert end_of(flight) == (Phase.HANDED_OVER, None)
     assert time_s - begun_s == pytest.approx(RULES.resume_s, abs=2 * DT_S)
     assert (flight.level, flight.reason) == (Reaction.LET_GO, "the autopilot did not show OFFBOARD")
+    said = replace(
+        facts(time_s, 1.0, mode=FlightMode.POSITION), text="Switching to Offboard is currently not available"
+    )
+    for text_s, words in ((begun_s, f": {said.text}"), (begun_s - 0.01, "")):
+        late = advance(resuming()[0], replace(said, text_s=text_s), RULES)
+        assert late.reason == f"the autopilot did not show OFFBOARD{words}"
     just = replace(resuming()[0], since_s=8.0)
     assert advance(just, facts(8.0 + RULES.resume_s, 1.0, mode=FlightMode.POSITION), RULES).phase is Phase.HANDED_OVER
     late = advance(flight, facts(time_s + DT_S, 1.0), RULES)

@@ -58,6 +58,8 @@ class Px4:
         self._heard = Px4Heard(system, self._direct, clock, config.battery_id, self._ask_again)
         self._told: Attitude | None = None
         """The setpoint that MAVSDK repeats; None while nothing leaves."""
+        self._stream_begun_s = math.inf
+        """When the first setpoint of this stream left: PX4 begins to say then what keeps it from arming."""
         self._asking: set[asyncio.Task[Any]] = set()
         self.strangers: tuple[str, ...] = ()
         """Other autopilots on the link, each in a few words."""
@@ -126,6 +128,8 @@ class Px4:
             self._offboard.set_attitude(told := Attitude(roll, pitch, yaw, float(setpoint.thrust)))
         except MavsdkError as error:
             raise AutopilotError(f"setpoint not sent: {error}") from error
+        if self._told is None:
+            self._stream_begun_s = self._clock.now_s()
         self._told = told
 
     def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
@@ -143,7 +147,7 @@ class Px4:
 
         MAVSDK repeats setpoints of one kind at a time: one of another kind, with nothing in it, replaces the attitude.
         """
-        self._told = None
+        self._told, self._stream_begun_s = None, math.inf
         self._offboard.set_actuator_control(ActuatorControl([]))
 
     async def start_offboard(self) -> None:
@@ -190,7 +194,8 @@ class Px4:
         while self._heard.armed_since(since_s) is not False:
             self._direct.kill()
             if self._clock.now_s() - since_s > self._config.answer_timeout_s:
-                raise AutopilotError("the autopilot was told to stop the motors but does not show it: look at the link")
+                said = await self._reason("look at the link", since_s)
+                raise AutopilotError(f"the autopilot was told to stop the motors but does not show it: {said}")
             await asyncio.sleep(_KILL_AGAIN_S)
 
     async def _call(self, what: str, since_s: float, command: int, *params: float | None) -> None:
@@ -198,7 +203,10 @@ class Px4:
         try:
             answer = await self._commands.send(command, *params, timeout_s=self._config.answer_timeout_s)
         except TimeoutError as error:
-            raise AutopilotError(f"the autopilot did not answer the command to {what}") from error
+            said = "; ".join(self._words(since_s))
+            raise AutopilotError(
+                f"the autopilot did not answer the command to {what}{f': {said}' if said else ''}"
+            ) from error
         if answer is not MavResult.ACCEPTED:
             raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(answer.words, since_s)}")
 
@@ -222,10 +230,19 @@ class Px4:
             await asyncio.sleep(_POLL_S)
 
     async def _reason(self, result: str, since_s: float) -> str:
-        """The autopilot's own words, which may come a little after its refusal; `result` if it gives none."""
+        """Return the autopilot's own words, which may come a little after its refusal; `result` if it gives none."""
         for _ in range(round(_WORDS_S / _POLL_S)):
             if self._heard.texts_since(since_s):
                 break
             await asyncio.sleep(_POLL_S)
-        words = list(dict.fromkeys(self._heard.texts_since(since_s)))
-        return "; ".join(words) or result
+        return "; ".join(self._words(since_s)) or result
+
+    def _words(self, since_s: float) -> list[str]:
+        """Return what the autopilot has said since a command, each sentence once, and since this stream began.
+
+        PX4 names what is wrong ("Preflight Fail: ...") when the setpoints begin, before it is asked to arm; its refusal
+        says only that something is. In the air the stream has begun long ago: there, the command alone counts.
+        """
+        on_the_ground = not self._heard.status.armed
+        begun_s = min(since_s, self._stream_begun_s) if on_the_ground else since_s
+        return list(dict.fromkeys(self._heard.texts_since(begun_s)))

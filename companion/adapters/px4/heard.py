@@ -5,9 +5,11 @@ are taken by message and not by MAVSDK's Telemetry: that takes the newest batter
 text that is no UTF-8 and prints its bytes, and asks for HOME_POSITION for ever.
 """
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,9 +18,11 @@ from companion.adapters.px4.batteries import flight_battery, merged, reading
 from companion.adapters.px4.direct import Px4Direct
 from companion.adapters.px4.texts import TextPieces
 from companion.control.frames import flip_quat, flip_yz
-from companion.log_lines import printable
+from companion.log_lines import LineLimit, printable
 from companion.ports import Clock
 from companion.types import Array, AutopilotStatus, BatteryReading, FlightMode
+
+LOG = logging.getLogger(__name__)
 
 _TEXTS = 50
 """STATUSTEXTs that are kept."""
@@ -93,6 +97,7 @@ class Px4Heard:
         self._mode_s = -math.inf
         self._texts: list[tuple[float, str]] = []
         self._pieces, self._pieces_s = TextPieces(), -math.inf
+        self._lines = LineLimit()
         self._subscribe()
 
     def mode_since(self, since_s: float) -> FlightMode | None:
@@ -172,8 +177,10 @@ class Px4Heard:
 
     def _keep_texts(self, texts: tuple[str, ...]) -> None:
         for text in filter(None, map(printable, texts)):
-            self._texts = [*self._texts[1 - _TEXTS :], (self._clock.now_s(), text)]
-            self._update(last_text=text)
+            now_s = self._clock.now_s()
+            self._texts = [*self._texts[1 - _TEXTS :], (now_s, text)]
+            self._update(last_text=text, text_s=now_s)
+            self._lines.log(partial(LOG.info, "the autopilot says: %s%s", text))
 
 
 def _floats(fields: dict[str, Any], *names: str) -> Array:
