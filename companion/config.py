@@ -16,6 +16,7 @@ from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
 from companion.control.guard import Guard, most_braking_mps2
+from companion.control.horizon_correction import HorizonRules
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
 
@@ -84,6 +85,30 @@ class ControlConfig(Section):
 
     rate_hz: float = Field(100.0, ge=20.0, le=500.0, description="control cycles a second")
     controller: str = Field("etnn", description="law to fly: a name in config/controllers/, or a TOML file")
+    horizon_correction: bool = Field(
+        True, description="turn setpoints back by how far the autopilot's horizon is off motion capture's"
+    )
+    horizon_time_constant_s: float = Field(
+        HorizonRules.time_constant_s,
+        ge=0.2,
+        le=20.0,
+        description="low pass of the difference between the two horizons, s",
+    )
+    horizon_cap_rad: float = Field(
+        HorizonRules.cap_rad,
+        ge=0.0,
+        le=0.15,
+        description="largest correction of the horizon, rad; at most 0.4 of safety.tilt_apart_rad counts",
+    )
+
+    def horizon_rules(self, tilt_apart_rad: float) -> HorizonRules:
+        """Return the correction's settings; it ends well before attitudes count as disagreeing."""
+        return HorizonRules(
+            enabled=self.horizon_correction,
+            time_constant_s=self.horizon_time_constant_s,
+            cap_rad=min(self.horizon_cap_rad, 0.4 * tilt_apart_rad),
+            apart_rad=0.5 * tilt_apart_rad,
+        )
 
 
 class FlightConfig(Section):

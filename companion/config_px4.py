@@ -34,6 +34,12 @@ class Px4Config(Section):
     arm_timeout_s: float = Field(
         15.0, gt=0.0, le=120.0, description="time for which arming is asked for again while PX4 refuses, s"
     )
+    attitude_delay_s: float = Field(
+        0.002,
+        ge=0.0,
+        le=0.1,
+        description="from the instant of PX4's attitude to its arrival, s; a serial line may take 0.005",
+    )
     vision_rate_hz: float = Field(
         50.0, ge=0.0, le=100.0, description="rate at which PX4 is sent the mocap pose; 0: never"
     )

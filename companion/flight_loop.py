@@ -11,6 +11,7 @@ from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.frames import yaw_of
 from companion.control.guard import SINKING
+from companion.control.limits import Gated
 from companion.control_stage import idle_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
@@ -24,6 +25,7 @@ from companion.supervisor.flight import COMMANDED, STREAMING, Facts, Flight, Han
 from companion.tick import Tick, TickSink
 from companion.tick_timer import TickTimer
 from companion.types import FlightMode, MocapFrame
+from companion.wire_stage import Wire
 
 __all__ = ["Devices", "FlightLoop"]
 
@@ -44,6 +46,7 @@ class FlightLoop:
         stages = stages_of(devices, controller, config)
         self._rules, self._safety, self._stage = stages.rules, stages.safety, stages.control
         self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
+        self._horizon = stages.horizon
         self.arms = stages.arms
         """The arms' part; None for a vehicle without."""
         self._events: tuple[Event, ...] = ()
@@ -170,7 +173,7 @@ class FlightLoop:
         stage = self._flight.stage
         self._enter(phases.advance(self._flight, self._facts(now_s), self._rules))
         asked, gated = self._law.control(self._flight, self._estimate, now_s)
-        sent_s = self._stream.send(gated.setpoint) if gated is not None else math.nan
+        wire, sent_s = self._send(gated, now_s)
         self._keep_or_end_stream(now_s)
         late_signals = self._law.settle()
         self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
@@ -193,9 +196,18 @@ class FlightLoop:
                 self._frame if math.isfinite(frame_received_s) else None,
                 self._estimate,
                 self.law_name,
+                wire,
                 stage,
             )
         )
+
+    def _send(self, gated: Gated | None, now_s: float) -> tuple[Wire | None, float]:
+        """Send this cycle's setpoint with the autopilot's horizon corrected; when it had left (s), or NaN."""
+        if gated is None:
+            return None, math.nan
+        status, setpoint = self._autopilot.status(), gated.setpoint
+        wire = self._horizon.correct(setpoint, self._estimate, status, self._events, self._flight, now_s)
+        return wire, self._stream.send(setpoint, None if wire is None else wire.setpoint)
 
     def _read(self) -> float:
         """Feed the newest frame to the estimator; its arrival (s), or NaN when there is no new one."""
@@ -226,6 +238,7 @@ class FlightLoop:
             self._law.at_max_thrust,
             self._law.fault,
             self.arms.fault if self.arms is not None else "",
+            self._horizon.fault,
         )
         self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
         if unsent is not None:
@@ -271,6 +284,7 @@ class FlightLoop:
             if flight.phase is Phase.RESUME:  # MAVSDK asks for no OFFBOARD before it has a setpoint
                 self._stream.send(idle_setpoint(flight.yaw_rad, thrust))
             self._law.trust()
+            self._horizon.reset()
             self._vision.trusted = True
         elif flight.phase is Phase.HANDED_OVER and before.phase in COMMANDED:
             self._leave_level(before)

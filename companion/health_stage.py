@@ -50,6 +50,7 @@ class Cycle:
     at_max_thrust: bool
     law_fault: str
     arm_fault: str
+    horizon_fault: str = ""
 
 
 class HealthStage:
@@ -98,6 +99,7 @@ class HealthStage:
             held_by_fault_since_s=flight.held_by_fault_since_s,
             land_asked_s=flight.landing_asked_s if offboard else math.inf,
             arm_fault=cycle.arm_fault,
+            horizon_fault=cycle.horizon_fault,
             operator_age_s=operator.age_s() if operator is not None else 0.0,
             disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
         )

@@ -7,12 +7,14 @@ from companion.config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control_stage import ControlStage
 from companion.health_stage import HealthStage, Sides
+from companion.horizon_stage import HorizonStage
 from companion.law_stage import LawStage
 from companion.ports import ArmBus, Autopilot, Clock, DeadMan, MocapSource
 from companion.setpoint_stream import SetpointStream
 from companion.supervisor.flight import FlightRules
 from companion.supervisor.safety import SafetyRules
 from companion.vision_stage import VisionStage
+from companion.wire_stage import WireStage
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Stages:
     law: LawStage
     health: HealthStage
     stream: SetpointStream
+    horizon: HorizonStage
     vision: VisionStage
 
 
@@ -47,6 +50,8 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
     rules, safety = config.flight_rules(), config.safety.rules()
     model, limits, fence = config.vehicle.thrust_model(), config.limits.limits(), config.fence.fence()
     control = ControlStage(controller, model, limits, guard=config.guard())
+    stream = SetpointStream(devices.autopilot, devices.dead_man, devices.clock, control, safety.not_followed_s)
+    horizon = config.control.horizon_rules(safety.tilt_apart_rad)
     arms = None
     if devices.arms is not None and config.arms is not None:
         arms = ArmStage(devices.arms, config.arms, config.vehicle_model(), config.airframe(), period_s)
@@ -57,6 +62,9 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
         arms,
         LawStage(control, arms, rules, safety, limits.max_thrust, period_s),
         HealthStage(safety, fence, devices.sides),
-        SetpointStream(devices.autopilot, devices.dead_man, devices.clock, control, safety.not_followed_s),
+        stream,
+        HorizonStage(
+            WireStage(horizon, limits), stream, safety, horizon.cap_rad, config.px4.attitude_delay_s, period_s
+        ),
         VisionStage(devices.autopilot, config.px4.vision_rate_hz, period_s),
     )

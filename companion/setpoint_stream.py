@@ -22,29 +22,40 @@ class SetpointStream:
         self._unsent_since_s, self._why_unsent = math.inf, ""
         self.on = False
         """The autopilot gets a setpoint of ours again and again."""
+        self.wire = stage.sent
+        """The setpoint that left last: the law's, with the autopilot's horizon corrected."""
 
     @property
     def sent(self) -> AttitudeThrust | None:
-        """What the autopilot is told now; None while nothing leaves."""
+        """The law's setpoint that the autopilot is told now, what the vehicle is to do; None while nothing leaves."""
         return self._stage.sent if self.on else None
+
+    @property
+    def law_sent(self) -> AttitudeThrust:
+        """The law's setpoint that left last, or that the stream began with."""
+        return self._stage.sent
 
     def begin(self, at: AttitudeThrust) -> None:
         """A new stream, whose first setpoint is limited as if `at` had left before it; an earlier one ends."""
         if self.on:
             self.stop()
-        self._stage.sent = at
+        self._stage.sent = self.wire = at
 
-    def send(self, setpoint: AttitudeThrust) -> float:
-        """Send it unless the autopilot has it; when it had left (s), or NaN. One that cannot be sent is not `sent`."""
-        if self.on and same_setpoint(setpoint, self._stage.sent):
-            self._unsent_since_s = math.inf
+    def send(self, setpoint: AttitudeThrust, wire: AttitudeThrust | None = None) -> float:
+        """Send it unless the autopilot has it; when it had left (s), or NaN. One that cannot be sent is not `sent`.
+
+        `wire` is what leaves in its place, with the autopilot's horizon corrected; None: itself.
+        """
+        wire = setpoint if wire is None else wire
+        if self.on and same_setpoint(wire, self.wire):
+            self._stage.sent, self._unsent_since_s = setpoint, math.inf
             return math.nan
         try:
-            self._autopilot.send_setpoint(setpoint)
+            self._autopilot.send_setpoint(wire)
         except Exception as error:
             self._fail(error)
             return math.nan
-        self._stage.sent, self.on, self._unsent_since_s = setpoint, True, math.inf
+        self._stage.sent, self.wire, self.on, self._unsent_since_s = setpoint, wire, True, math.inf
         return self._clock.now_s()
 
     def _fail(self, error: Exception) -> None:

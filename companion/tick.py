@@ -10,6 +10,7 @@ from companion.estimation.state import EstimatorState
 from companion.supervisor.faults import Event, Stage
 from companion.supervisor.flight import Flight
 from companion.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
+from companion.wire_stage import Wire
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,8 @@ class Tick:
     """All that the estimator knows after it."""
     law: str = ""
     """Name of the control law."""
+    wire: Wire | None = None
+    """What left in place of the law's setpoint, and the correction of the autopilot's horizon."""
     stage: Stage = Stage.GROUND
     """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from companion.control.controller import ControlInput
+from companion.control.horizon_correction import HorizonInput
 from companion.estimation.state import EstimatorState
 from companion.records.errors import RecordError
 from companion.records.exact import of_json
@@ -29,6 +30,22 @@ _OF_A_LAW = (
     "given_known_accel_w_mps2",
 )  # fmt: skip
 """Columns besides, once a law was in charge."""
+
+_HORIZON = ("horizon_off_roll_rad", "horizon_off_pitch_rad", "horizon_roll_rad", "horizon_pitch_rad")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedWire:
+    """What left in place of the law's setpoint, and what it was made of."""
+
+    setpoint: AttitudeThrust
+    last_q_w_flu_wxyz: Array
+    is_new: bool
+    seen: HorizonInput
+    error_rad: Array
+    """Roll and pitch of the slow difference, then those of the correction, (4,)."""
+    dt_s: float
+    begun: bool
 
 
 @dataclass(frozen=True)
@@ -54,6 +71,8 @@ class RecordedTick:
     setpoint: AttitudeThrust | None
     """After the gate."""
     sent_s: float
+    wire: RecordedWire | None = None
+    """Also in cycles in which it was as before and did not leave again; None in an old record."""
 
 
 @dataclass(frozen=True)
@@ -144,6 +163,28 @@ class FlightRecord:
             {name: c[f"law_{name}"][row] for name in names if not np.isnan(c[f"law_{name}"][row]).all()},
             AttitudeThrust(c["setpoint_q_w_flu_wxyz"][row], np.asarray(c["setpoint_thrust"][row])) if sent else None,
             float(c["sent_s"][row]),
+            self._wire(row) if "wire_thrust" in c and np.isfinite(c["wire_thrust"][row]) else None,
+        )
+
+    def _wire(self, row: int) -> RecordedWire:
+        c = self.columns
+        seen = HorizonInput(
+            c["q_w_flu_wxyz"][row],
+            c["rate_flu_radps"][row],
+            float(c["age_s"][row]),
+            c["horizon_autopilot_q_w_flu_wxyz"][row],
+            float(c["horizon_autopilot_age_s"][row]),
+            bool(c["horizon_trusted"][row]),
+            bool(c["horizon_flying"][row]),
+        )
+        return RecordedWire(
+            setpoint=AttitudeThrust(c["wire_q_w_flu_wxyz"][row], np.asarray(c["wire_thrust"][row])),
+            last_q_w_flu_wxyz=c["wire_last_q_w_flu_wxyz"][row],
+            is_new=bool(c["wire_is_new"][row]),
+            seen=seen,
+            error_rad=np.array([float(c[name][row]) for name in _HORIZON]),
+            dt_s=float(c["horizon_dt_s"][row]),
+            begun=bool(c["horizon_begun"][row]),
         )
 
     def _frame(self, row: int) -> MocapFrame:

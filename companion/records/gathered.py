@@ -60,6 +60,13 @@ _GATED = {
         "setpoint_q_w_flu_wxyz",
     )
 }
+_WIRE = {
+    "/horizon": (
+        "wire_thrust wire_is_new horizon_off_roll_rad horizon_off_pitch_rad horizon_roll_rad horizon_pitch_rad "
+        "horizon_autopilot_age_s horizon_trusted horizon_flying horizon_dt_s horizon_begun",
+        "wire_q_w_flu_wxyz wire_last_q_w_flu_wxyz horizon_autopilot_q_w_flu_wxyz",
+    )
+}
 _ARMS = {
     "/arms": (
         "arm_bus_cycles arm_bus_cycle_s arm_bad_packets",
@@ -135,6 +142,14 @@ def gathered(tick: Tick) -> Values:
             gated.fence_cut,
         )  # fmt: skip
         arrays.append(gated.setpoint.q_w_flu_wxyz)
+    if (wire := tick.wire) is not None:
+        parts.append(_WIRE)
+        horizon, seen = wire.horizon, wire.seen
+        numbers += (
+            wire.setpoint.thrust, wire.is_new, horizon.off_x, horizon.off_y, horizon.x, horizon.y,
+            seen.autopilot_age_s, seen.trusted, seen.flying, wire.dt_s, wire.begun,
+        )  # fmt: skip
+        arrays += (wire.setpoint.q_w_flu_wxyz, wire.last.q_w_flu_wxyz, seen.autopilot_q_w_flu_wxyz)
     if tick.arms is not None:
         _gather_arms(tick, parts, numbers, arrays)
     return Values(parts, numbers, arrays)

@@ -19,7 +19,8 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.records.errors import RecordError
 from companion.records.read import FlightRecord, RecordedTick
-from companion.types import Array, VehicleState
+from companion.types import Array, AttitudeThrust, VehicleState
+from companion.wire_stage import WireStage
 
 
 @dataclass
@@ -95,11 +96,14 @@ def replay(
     begin_s = float(record.columns["time_s"][0])
     estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
     flying = _Flying(record.path, config, laws, other)
+    sending = _Sending(config)
     for row, tick in enumerate(record.ticks()):
         done.ticks += 1
         if row > 0 and other is None:
             estimating.step(row, tick, done, tick.time_s - begin_s)
         flying.step(tick, done, tick.time_s - begin_s)
+        if other is None:
+            sending.step(tick, done, tick.time_s - begin_s)
     return done
 
 
@@ -124,6 +128,27 @@ class _Estimating:
             ("rate_flu_radps", vehicle.rate_flu_radps),
         ):
             done.compare(f"estimate {name}", self._columns[name][row], again, at_s)
+
+
+class _Sending:
+    """What the law wanted, after the gate, to what left: with the autopilot's horizon corrected."""
+
+    def __init__(self, config: CompanionConfig) -> None:
+        rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
+        self._stage = WireStage(rules, config.limits.limits())
+
+    def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        wire, setpoint = tick.wire, tick.setpoint
+        if wire is None or setpoint is None:
+            return
+        if wire.begun:
+            self._stage.reset()
+        last = AttitudeThrust(wire.last_q_w_flu_wxyz, setpoint.thrust)
+        again = self._stage.put(setpoint, wire.is_new, last, wire.seen, wire.dt_s)
+        done.compare("sent attitude", wire.setpoint.q_w_flu_wxyz, again.setpoint.q_w_flu_wxyz, at_s)
+        done.compare("sent thrust", wire.setpoint.thrust, again.setpoint.thrust, at_s)
+        h = again.horizon
+        done.compare("horizon", wire.error_rad, np.array([float(v) for v in (h.off_x, h.off_y, h.x, h.y)]), at_s)
 
 
 class _Flying:

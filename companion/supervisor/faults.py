@@ -63,6 +63,7 @@ class Fault(StrEnum):
     ATTITUDE_DISAGREES = "attitudes disagree"
     HORIZON_WRONG = "autopilot's horizon wrong"
     HORIZON_LOST = "horizon wrong and fence near"
+    HORIZON_CAPPED = "horizon correction at its limit"
     HEADING_DISAGREES = "headings disagree"
     SETPOINT_NOT_FOLLOWED = "setpoint not followed"
     TRACKING_ERROR = "tracking error"
@@ -182,6 +183,11 @@ TABLE: tuple[Row, ...] = (
     Row(Fault.HORIZON_LOST, "the autopilot's horizon wrong, and the predicted stopping point outside the fence",
         "our landing does not hold it, and PX4's would not: falling here is better than flying on into the net",
         _OFF, _OFF, _STOP),
+    Row(Fault.HORIZON_CAPPED, "the slow part of motion capture's tilt less the autopilot's above [control] "
+        "horizon_cap_rad for {horizon_capped_s} s",
+        "one of the two errs by more than PX4 in a sound flight: what is left pushes the vehicle, and the law counters "
+        "it; a rigid body defined tilted, or an accelerometer to calibrate; see docs/horizon.md",
+        _NOTE, _NOTE, _NOTE),
     Row(Fault.HEADING_DISAGREES, "headings {heading_apart_rad} rad apart for {apart_s} s",
         "every correction goes sideways: the toilet bowl",
         _PX4, _PX4, _STOP),

@@ -44,6 +44,8 @@ def look_at_flight(memory: FlightHealth, now: Observed, rules: SafetyRules) -> t
         events.append(Event(Fault.LOOP_LATE, text))
     if now.arm_fault:
         events.append(Event(Fault.ARMS, now.arm_fault))
+    if now.horizon_fault:
+        events.append(Event(Fault.HORIZON_CAPPED, now.horizon_fault))
     return memory, events + _of_times(now, rules)
 
 

@@ -60,6 +60,8 @@ class Observed:
     """When PX4 was first told to land and still shows OFFBOARD; infinite when it was not or obeyed."""
     arm_fault: str
     """What is wrong with the arms; empty when nothing is."""
+    horizon_fault: str
+    """How far the horizons are apart beyond what is corrected; empty when they are not."""
     operator_age_s: float
     """Since the broker was last there; 0 when none is configured."""
     disk_free_mb: float

@@ -37,6 +37,8 @@ class SafetyRules:
     land_refused_s: float = 3.0
     battery_low: float = 0.25
     battery_critical: float = 0.12
+    horizon_capped_s: float = 2.0
+    """PX4's recorded errors were beyond the cap for no second."""
     landing_s: float = 15.0
     hold_s: float = 30.0
     operator_gone_s: float = 2.0

@@ -74,6 +74,7 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
         held_by_fault_since_s=math.inf,
         land_asked_s=math.inf,
         arm_fault="",
+        horizon_fault="",
         operator_age_s=0.0,
         disk_free_mb=1e4,
     )

@@ -140,6 +140,7 @@ def test_a_stream_to_an_autopilot_that_is_gone_or_somebody_elses_ends_in_every_s
         (Fault.MOCAP_LATE, Reaction.NOTE),
         (Fault.MOCAP_DEGRADED, Reaction.NOTE),
         (Fault.LAND_REFUSED, Reaction.NOTE),
+        (Fault.HORIZON_CAPPED, Reaction.NOTE),
         (Fault.OPERATOR_GONE, Reaction.NOTE),
         (Fault.DISK_FULL, Reaction.NOTE),
         (Fault.OFFBOARD_REFUSED, Reaction.NOTE),
@@ -167,7 +168,7 @@ def test_what_does_not_hinder_a_take_off() -> None:
     assert {row.fault for row in TABLE if row.ground is Reaction.NOTE} == {
         Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.FENCE_NEAR,
         Fault.THRUST_SATURATED, Fault.AUTOPILOT_DISARMED, Fault.LAND_REFUSED, Fault.LANDING_TOO_LONG,
-        Fault.HOLD_TOO_LONG,
+        Fault.HOLD_TOO_LONG, Fault.HORIZON_CAPPED,
     }  # fmt: skip
 
 

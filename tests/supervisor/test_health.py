@@ -184,6 +184,7 @@ GARBAGE = st.builds(
     held_by_fault_since_s=ANY,
     land_asked_s=ANY,
     arm_fault=st.sampled_from(["", "no"]),
+    horizon_fault=st.sampled_from(["", "no"]),
     operator_age_s=ANY,
     disk_free_mb=ANY,
 )

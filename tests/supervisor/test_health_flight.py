@@ -32,6 +32,12 @@ def test_a_law_that_failed_and_arms_with_a_fault_say_why() -> None:
     ]
 
 
+def test_horizons_further_apart_than_corrected_say_so() -> None:
+    assert watched([replace(healthy(0), horizon_fault="6 degrees off")]) == [
+        (Event(Fault.HORIZON_CAPPED, "6 degrees off"),)
+    ]
+
+
 def late(cycle: int, late_s: float) -> Observed:
     return replace(healthy(cycle), late_s=late_s)
 

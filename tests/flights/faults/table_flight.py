@@ -103,6 +103,10 @@ HORIZON = (
     *(Row(Fault.HORIZON_LOST, f"off by {off_rad} rad",
         (f"autopilot wrong (attitude off) by {off_rad} rad",), OFF, within(RULES.apart_s, 3.0), when)
       for off_rad, when in ((0.6, When.HOVER), (0.6, When.TRACK), (0.6, When.TAKEOFF), (-0.8, When.TRACK))),
+    Row(Fault.HORIZON_CAPPED, "off by 0.11 rad, which is corrected in part",
+        ("autopilot wrong (attitude off) by 0.11 rad",), ON, within(RULES.horizon_capped_s, 1.0)),
+    Row(Fault.HORIZON_CAPPED, "off by 0.18 rad, which is not corrected",
+        ("autopilot wrong (attitude off) by 0.18 rad",), ON, within(RULES.horizon_capped_s, 1.0), When.TRACK),
     Row(Fault.ATTITUDE_DISAGREES, "the autopilot's horizon is off by 0.4 rad", ("autopilot wrong (attitude off)",),
         End.NOT_STARTED, within(RULES.apart_s), When.GROUND),
     *(Row(Fault.ATTITUDE_DISAGREES, "the marker plate slips by 0.4 rad in a second", (bit_by_bit(PLATE_SLIPS, 0.05),),

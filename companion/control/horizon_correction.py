@@ -1,0 +1,166 @@
+"""Correction of the autopilot's horizon by motion capture's. Pure; one vehicle, or a batch over leading axes.
+
+PX4 holds the attitude it is sent by its own horizon, which is off by a degree or so, slowly: a push of g times the
+error. Motion capture sees the true attitude. The tilt between the two, headings made equal and both taken at one
+instant, passes a first-order low pass; its inverse goes into the setpoint, bounded in size and in rate. It is kept in
+the vehicle's levelled axes (x forward, y left), in which an accelerometer's bias stands still while the vehicle turns.
+
+Motion capture may be wrong, too. So nothing is corrected while the two disagree by more than `apart_rad`, and for a
+while after that, and a correction that is given up fades at the same bounded rate.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from companion.control.components import at_least, at_most, chosen, column, joined, maths, parts
+from companion.control.frames import quat_conjugate, quat_from_rotation_vector, quat_multiply, yaw_of
+from companion.control.values import value
+from companion.types import Array, AttitudeThrust
+
+SOUND_S = 0.5
+"""Time for which the two horizons must have agreed before one corrects the other: many times an outlier's length."""
+HELD_S = 0.25
+"""Time without a comparison for which the correction stays; PX4 lands when motion capture is silent for that long."""
+_LARGEST_TURN_S = 0.06
+"""Longest time over which the body rates carry an attitude: 10 rad/s^2 over it is 0.02 rad."""
+_STEP_RAD = 0.004
+"""Change of the correction that is worth a setpoint of its own: a push of 0.04 m/s^2."""
+_TINY = 1e-12
+
+
+@dataclass(frozen=True, kw_only=True)
+class HorizonRules:
+    """Settings; the configuration's [control] table fills them in."""
+
+    enabled: bool = True
+    """False: the difference is measured and recorded, and corrects nothing."""
+    time_constant_s: float = 0.5
+    """Of the low pass."""
+    cap_rad: float = 0.0873
+    """Largest correction; PX4 v1.17 in flight was off by up to 0.083 rad."""
+    apart_rad: float = 0.125
+    """Difference from which neither horizon is believed: half of what is *attitudes disagree*."""
+    rate_radps: float = 0.15
+    """Largest rate of change of the correction, to and fro: twice what recorded errors change by at most."""
+
+
+@value
+class HorizonInput:
+    """Both attitudes as known in one cycle, (..., 4); ages and `trusted` are single, or (...,)."""
+
+    q_w_flu_wxyz: Array
+    """Motion capture's."""
+    rate_flu_radps: Array
+    age_s: Any
+    autopilot_q_w_flu_wxyz: Array
+    autopilot_age_s: Any
+    """Since the instant of the autopilot's attitude; infinite before the first."""
+    trusted: Any
+    """Nothing speaks against motion capture, or for a lasting disagreement."""
+    flying: Any
+    """The law flies; on the ground the horizons are compared and nothing is corrected."""
+
+
+@value
+class Horizon:
+    """What is remembered: x (roll) and y (pitch) in the vehicle's levelled axes, rad; each a float or (...,)."""
+
+    off_x: Any = 0.0
+    """Slow part of the true attitude less the autopilot's."""
+    off_y: Any = 0.0
+    x: Any = 0.0
+    """What is corrected: a setpoint is turned back by it."""
+    y: Any = 0.0
+    unseen_s: Any = math.inf
+    """Since the last comparison."""
+    sound_s: Any = 0.0
+    """How long they have agreed."""
+
+    @property
+    def off_rad(self) -> Any:
+        """Size of the slow part."""
+        return _size(self.off_x, self.off_y)
+
+
+def no_horizon(lead: tuple[int, ...] = ()) -> Horizon:
+    """Return the beginning, of one vehicle or of a batch of this shape."""
+    if not lead:
+        return Horizon()
+    zero = np.zeros(lead)
+    return Horizon(zero, zero, zero, zero, np.full(lead, math.inf), zero)
+
+
+def tilt_between(seen: HorizonInput) -> tuple[Any, Any]:
+    """Return the tilt of the true attitude against the autopilot's (x, y; rad) at the instant of the latter.
+
+    The turn from one attitude to the other is split into one about the vertical, the headings' difference, and the
+    remaining one about a horizontal axis.
+    """
+    ahead_s = at_most(at_least(seen.age_s - seen.autopilot_age_s, -_LARGEST_TURN_S), _LARGEST_TURN_S)
+    turn = quat_from_rotation_vector(np.asarray(seen.rate_flu_radps * column(ahead_s)))
+    then = quat_multiply(seen.q_w_flu_wxyz, turn)
+    w, x, y, z = parts(quat_multiply(then, quat_conjugate(seen.autopilot_q_w_flu_wxyz)))
+    m = maths(w)
+    upright = at_least(m.sqrt(w * w + z * z), _TINY)
+    lean = at_least(m.sqrt(x * x + y * y), _TINY)
+    share = 2.0 * m.atan2(lean, upright) / (lean * upright)
+    return _turned(share * (x * w - y * z), share * (y * w + x * z), yaw_of(then), -1.0)
+
+
+def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) -> Horizon:
+    """Take in one cycle, `dt_s` after the last."""
+    x, y = tilt_between(seen)
+    tilt_rad = _size(x, y)
+    apart_s = abs(seen.age_s - seen.autopilot_age_s)
+    known = (apart_s <= _LARGEST_TURN_S) & maths(tilt_rad).isfinite(tilt_rad)
+    left = chosen(before.unseen_s > HELD_S, 0.0, math.exp(-dt_s / rules.time_constant_s))
+    off_x = chosen(known, x + left * (before.off_x - x), before.off_x)
+    off_y = chosen(known, y + left * (before.off_y - y), before.off_y)
+    unseen_s = chosen(known, 0.0, before.unseen_s + dt_s)
+    doubtful = (known & (tilt_rad > rules.apart_rad)) | _not(seen.trusted)
+    sound_s = chosen(doubtful, 0.0, before.sound_s + dt_s)
+    used = (sound_s >= SOUND_S) & (unseen_s <= HELD_S) & seen.flying & rules.enabled
+    share = chosen(used, _share(_size(off_x, off_y), rules.cap_rad), 0.0)
+    to_x, to_y = share * off_x - before.x, share * off_y - before.y
+    part = _share(_size(to_x, to_y), rules.rate_radps * dt_s)
+    return Horizon(off_x, off_y, before.x + part * to_x, before.y + part * to_y, unseen_s, sound_s)
+
+
+def correction_of(horizon: Horizon, q_w_flu_wxyz: Array) -> Array:
+    """Return the turn in W, (..., 4), with which a setpoint for a vehicle at this attitude is multiplied from left."""
+    x, y = _turned(horizon.x, horizon.y, yaw_of(q_w_flu_wxyz), 1.0)
+    return quat_from_rotation_vector(joined(-x, -y, 0.0 * x))
+
+
+def corrected(setpoint: AttitudeThrust, turn_w: Array) -> AttitudeThrust:
+    """Return the setpoint by which the autopilot, going by its own horizon, gives the vehicle `setpoint`'s attitude."""
+    return AttitudeThrust(quat_multiply(turn_w, setpoint.q_w_flu_wxyz), setpoint.thrust)
+
+
+def is_worth_sending(horizon: Horizon, held: Horizon) -> Any:
+    """Return where the correction has gone so far from the one in the last setpoint that it is sent by itself."""
+    return _size(horizon.x - held.x, horizon.y - held.y) > _STEP_RAD
+
+
+def _turned(x: Any, y: Any, yaw_rad: Array, sign: float) -> tuple[Any, Any]:
+    """Turn horizontal components by the heading: with +1 into W, with -1 into the levelled axes."""
+    yaw = yaw_rad if yaw_rad.ndim else yaw_rad.item()
+    m = maths(yaw)
+    c, s = m.cos(yaw), sign * m.sin(yaw)
+    return c * x - s * y, s * x + c * y
+
+
+def _size(x: Any, y: Any) -> Any:
+    return maths(x).sqrt(x * x + y * y)
+
+
+def _share(size: Any, most: float) -> Any:
+    """What of a vector of this size is left when it is cut to `most`."""
+    return at_most(1.0, most / at_least(size, _TINY))
+
+
+def _not(flag: Any) -> Any:
+    return flag ^ True
