@@ -49,7 +49,7 @@ class SimulatedAutopilot:
         self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
         self._takes: dict[str, Callable[[Sent], dict[str, Any]]] = {
             "HEARTBEAT": self._on_heartbeat,
-            "CURRENT_MODE": lambda sent: {"mode": flight_mode(sent.message.custom_mode)},
+            "CURRENT_MODE": self._on_current_mode,
             "EXTENDED_SYS_STATE": lambda sent: {"in_air": sent.message.landed_state != ON_GROUND},
             "ATTITUDE_QUATERNION": self._on_attitude,
             "SYS_STATUS": _on_battery,
@@ -78,6 +78,10 @@ class SimulatedAutopilot:
         if mode is not FlightMode.OFFBOARD and sent.time_s - self._offboard_asked_s > STREAM_KEPT_S:
             self._bench.setpoint = None
         return {"heartbeat_s": sent.time_s, "armed": bool(sent.message.base_mode & ARMED_BIT), "mode": mode}
+
+    def _on_current_mode(self, sent: Sent) -> dict[str, Any]:
+        flown, chosen = sent.message.custom_mode, sent.message.intended_custom_mode
+        return {"mode": flight_mode(flown), "failsafe": chosen not in {0, flown}}
 
     def _on_attitude(self, sent: Sent) -> dict[str, Any]:
         m = sent.message

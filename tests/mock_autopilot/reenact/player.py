@@ -1,5 +1,7 @@
 """A session played to the mock in simulated time, through the frames of its two links."""
 
+import math
+from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,6 +30,7 @@ GRACE_S = 0.02
 REPEATED_S = 1.0
 REPEATS = 6
 TAIL_S = 0.3
+DRAIN_STEP_S = 0.1
 ARM_DISARM = 400
 
 Input = SentFrame | Setpoint | Pose | Sticks | Cut
@@ -47,10 +50,18 @@ class Played:
 
     events: list[Event]
     shifts: list[Shift]
+    handed: list[tuple[float, float]]
+    """When each frame was recorded, and when the mock got it; s."""
 
     def expected_s(self, recorded_s: float) -> float:
         """Return when the mock is to tell what was recorded then."""
         return recorded_s + next((one.by_s for one in reversed(self.shifts) if recorded_s >= one.from_s), 0.0)
+
+    def answer_expected_s(self, recorded_s: float) -> float:
+        """Return when it is to answer what was asked just before then."""
+        before = bisect_right(self.handed, (recorded_s, math.inf))
+        asked_s, handed_s = self.handed[before - 1] if before else (0.0, 0.0)
+        return recorded_s + handed_s - asked_s
 
 
 def play(session: Session, seed: int = 1) -> Played:
@@ -58,7 +69,7 @@ def play(session: Session, seed: int = 1) -> Played:
     player = _Player(session, seed)
     player.run()
     events = sorted((event for link in player.links for event in link.reader.events), key=lambda event: event.at_s)
-    return Played(events=events, shifts=player.shifts)
+    return Played(events=events, shifts=player.shifts, handed=sorted(player.handed))
 
 
 class _WireLink(MavlinkLink):
@@ -100,6 +111,9 @@ class _Player:
         self.world = World(MockConfig.from_dict(config), seed)
         self.links = [_WireLink(self.world, ONBOARD), _WireLink(self.world, GCS)]
         self.shifts: list[Shift] = []
+        self.handed: list[tuple[float, float]] = []
+        self._given = set[int]()
+        """Frames that were handed in, some of them again and again."""
         self._session = session
         self._flyer = Flyer(session.poses, session.hover_thrust)
         self._rng = np.random.default_rng([seed, 7])
@@ -178,7 +192,7 @@ class _Player:
         while self._next < len(self._inputs) and self._inputs[self._next].at_s < recorded_s:
             one = self._inputs[self._next]
             self._next += 1
-            if isinstance(one, SentFrame) and not _asks_to_disarm(one):
+            if isinstance(one, SentFrame) and id(one) not in self._given and not _asks_to_disarm(one):
                 self._put(one)
 
     def _wait(self, at_s: float) -> None:
@@ -210,6 +224,9 @@ class _Player:
 
     def _put(self, one: Input) -> None:
         if isinstance(one, SentFrame):
+            if id(one) not in self._given:
+                self.handed.append((one.at_s, self.world.time_s))
+            self._given.add(id(one))
             self._give(one.link, one.raw)
         elif isinstance(one, Setpoint):
             self._send(ONBOARD, self._flyer.message(one, self.world.truth))
@@ -218,7 +235,8 @@ class _Player:
         elif isinstance(one, Sticks):
             self._send(GCS, mavlink.MAVLink_manual_control_message(1, one.x, one.y, one.z, one.r, one.buttons))
         else:
-            self.world.vehicle.battery.step(self.world.vehicle.armed, one.for_s)
+            for _ in range(round(one.for_s / DRAIN_STEP_S)):
+                self.world.vehicle.battery.step(self.world.vehicle.armed, DRAIN_STEP_S)
 
     def _pose(self) -> Any:
         """Motion capture sees where the mock's vehicle is, not where the recorded one was."""
