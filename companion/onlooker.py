@@ -6,9 +6,8 @@ At most it forwards poses to the autopilot's estimator, as a service does while 
 import asyncio
 import math
 from collections.abc import AsyncIterator, Callable
-from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
-from typing import TypeVar
 
 from companion.adapters.clock import MonotonicClock
 from companion.adapters.disk import DiskWatch
@@ -17,11 +16,12 @@ from companion.adapters.instance_lock import instance_lock
 from companion.adapters.px4 import open_px4
 from companion.arm_stage import ArmStage
 from companion.config import CompanionConfig
+from companion.device_opening import DeviceOpening, Tell, todo_of
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.mocap_source import open_mocap
 from companion.mocap_watch import MocapWatch
-from companion.ports import ArmBus, ArmError, AutopilotError, Clock, CompanionError, MocapError, MocapSource
+from companion.ports import ArmBus, Clock, CompanionError, MocapError, MocapSource
 from companion.preflight.check import Check
 from companion.preflight.whole import check_mocap
 from companion.service_preflight import Running
@@ -34,17 +34,6 @@ _DEADLINE_S = 0.02
 _DISK_S = 5.0
 _LOOK_S = 1.0
 """Of motion capture, when another device is missing."""
-Device = TypeVar("Device")
-Tell = Callable[[str], None]
-"""Shows what is waited for."""
-
-
-_TODO = {
-    "motion capture": "start QTM's measurement with its real-time output; look at mocap.host, port and body, or at the "
-    "bridge if mocap.source is mqtt",
-    "autopilot": "look at the cable, px4.url and PX4's power",
-    "arms": "look at the servos' power and at arms.port; then `companion arms ping`",
-}
 
 
 class DevicesMissingError(CompanionError):
@@ -56,29 +45,6 @@ class DevicesMissingError(CompanionError):
             sentences.append("motion capture is there: `companion mocap` shows it without the rest")
         super().__init__("\n".join(sentences))
         self.checks = (*devices, *of_mocap)
-
-
-class _Opening:
-    """Opens device after device, and remembers which could not be reached."""
-
-    def __init__(self, devices: AsyncExitStack, tell: Tell) -> None:
-        self._devices, self._tell = devices, tell
-        self._checks: list[Check] = []
-
-    async def device(self, name: str, where: str, opening: AbstractAsyncContextManager[Device]) -> Device | None:
-        """None when it cannot be reached."""
-        self._tell(f"connecting to {name} {where}")
-        try:
-            device = await self._devices.enter_async_context(opening)
-        except (MocapError, AutopilotError, ArmError) as error:
-            self._checks.append(Check(name, False, str(error), _TODO[name]))
-            return None
-        self._checks.append(Check(name, True, "reached"))
-        return device
-
-    def missing(self, of_mocap: tuple[Check, ...]) -> DevicesMissingError:
-        """What to raise when one is None; `of_mocap`: checks of motion capture, where that was reached."""
-        return DevicesMissingError(tuple(self._checks), of_mocap)
 
 
 class Onlooker:
@@ -134,16 +100,16 @@ async def open_onlooker(
     clock = MonotonicClock()
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
-        opening = _Opening(devices, tell)
-        mocap = await opening.device("motion capture", mocap_place(config), open_mocap(config, clock))
+        opening = DeviceOpening(devices, tell)
         where = f"on {config.px4.url}, for up to {config.px4.connect_timeout_s:g} s"
-        autopilot = await opening.device("autopilot", where, open_px4(config.px4, clock))
-        bus: DynamixelBus | None = None
-        if config.arms is not None:
-            opened = open_dynamixel(config.arms, clock, strict=False)
-            bus = await opening.device("arms", f"on {config.arms.port}", opened)
+        mocap, autopilot, bus = await asyncio.gather(
+            opening.device("motion capture", mocap_place(config), open_mocap(config, clock)),
+            opening.device("autopilot", where, open_px4(config.px4, clock)),
+            _opened_arms(opening, config, clock),
+        )
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
-            raise opening.missing(() if mocap is None else await _mocap_checks(mocap, clock, config))
+            seen = () if mocap is None else await _mocap_checks(mocap, clock, config)
+            raise DevicesMissingError(opening.checks, seen)
         arms = _arm_stage(bus, config)
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
         cycle_s = 1.0 / config.control.rate_hz
@@ -160,6 +126,14 @@ async def open_onlooker(
         )
         async with _kept_going(onlooker):
             yield running, onlooker
+
+
+async def _opened_arms(opening: DeviceOpening, config: CompanionConfig, clock: Clock) -> DynamixelBus | None:
+    """Return the arms' bus; None where it cannot be reached, and where none is configured."""
+    if config.arms is None:
+        return None
+    opened = open_dynamixel(config.arms, clock, strict=False)
+    return await opening.device("arms", f"on {config.arms.port}", opened)
 
 
 @asynccontextmanager
@@ -186,7 +160,7 @@ async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfi
         async with _kept_going(onlooker):
             await asyncio.sleep(_LOOK_S)
     except MocapError as error:
-        return (Check("motion capture", False, str(error), _TODO["motion capture"]),)
+        return (Check("motion capture", False, str(error), todo_of("motion capture")),)
     return check_mocap(watch.seen(config.mocap.body, clock.now_s() - begun_s), config, config.preflight)
 
 

@@ -4,10 +4,11 @@ import asyncio
 import json
 import re
 import secrets
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -101,7 +102,7 @@ async def _look(
 ) -> tuple[Check, ...]:
     with console.status("connecting") as status:
         show_cursor(console)
-        async with _broker(config) as operator_age_s:
+        async with _broker(config) as (operator_age_s, met_broker):
             try:
                 async with open_onlooker(
                     config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
@@ -110,18 +111,26 @@ async def _look(
                     met = replace(running, operator_age_s=operator_age_s)
                     return await check_everything(met, config, trajectory)
             except DevicesMissingError as missing:
+                await met_broker()
                 return *check_operator(operator_age_s(), config), *missing.checks
 
 
 @asynccontextmanager
-async def _broker(config: CompanionConfig) -> AsyncIterator[Callable[[], float]]:
-    """The age of the operator's broker, s; one that the service starts itself is not there yet, which is no fault."""
+async def _broker(config: CompanionConfig) -> AsyncIterator[tuple[Callable[[], float], Callable[[], Awaitable[None]]]]:
+    """Yield the age of the operator's broker, s, and what waits until it is met or has had the time for it.
+
+    One that the service starts itself is not there yet, which is no fault.
+    """
     if config.operator is None or config.operator.embedded:
-        yield lambda: 0.0
+        yield (lambda: 0.0), partial(asyncio.sleep, 0)
         return
     async with open_bus(config.operator, MonotonicClock(), secrets.token_hex(8), _refuse) as link:
-        await link.listened(_LISTEN_S)
-        yield link.age_s
+        listening = asyncio.create_task(link.listened(_LISTEN_S), name="companion.listen")
+        try:
+            yield link.age_s, lambda: asyncio.shield(listening)
+        finally:
+            listening.cancel()
+            await asyncio.gather(listening, return_exceptions=True)
 
 
 def _refuse(command: Command, _: object) -> None:
