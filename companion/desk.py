@@ -299,7 +299,8 @@ class _Verbs:
     async def _preflight(self, _: asked.Preflight) -> _Said:
         self._job.preparing = False
         self._job.accept("looking at motion capture, autopilot and arms")
-        checks = await self._service.checks(None)
+        with self._service.waits_told_to(self._job.progress):
+            checks = await self._service.checks(None)
         data = {"checks": [asdict(check) for check in checks]}
         refused = sum(check.refuses for check in checks)
         if refused:
@@ -318,7 +319,8 @@ class _Verbs:
             await service.arms.prepare()
         self._job.progress("preflight checks, offboard mode, then arming")
         self._job.preparing = False
-        await service.arm()
+        with service.waits_told_to(self._job.progress):
+            await service.arm()
         return "armed, the motors idle"
 
     async def _take_off(self, command: asked.TakeOff) -> str:

@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import math
 import secrets
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -21,9 +22,10 @@ from companion.flight_loop import Devices, FlightLoop
 from companion.health_stage import Sides
 from companion.mocap_source import open_mocap
 from companion.orders import obey
-from companion.ports import DeadMan, FlightError, OperatorLink
+from companion.ports import Clock, DeadMan, FlightError, OperatorLink
 from companion.service_preflight import Running, preflight
 from companion.service_verbs import Service
+from companion.supervisor.flight import Phase
 from companion.tick import TickSink
 
 __all__ = ["Service", "open_service"]
@@ -67,7 +69,16 @@ async def open_service(
             operator_age_s = operator.age_s if operator is not None else None
             remarks = arms.warnings if arms is not None else ()
             running = Running(
-                mocap, autopilot, clock, lambda: loop.estimate, loop.arms, disk.free_mb, operator_age_s, remarks
+                mocap,
+                autopilot,
+                clock,
+                lambda: loop.estimate,
+                loop.arms,
+                disk.free_mb,
+                operator_age_s,
+                remarks,
+                landed_age_s=partial(_landed_age_s, loop, clock),
+                tell=lambda text: service.tell_waiting(text),  # noqa: PLW0108 - who is told changes
             )
             service = Service(loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params)
             service.warnings = (*autopilot.warnings, *remarks)
@@ -76,6 +87,11 @@ async def open_service(
             await loop.close()
             ticking.cancel()
             await asyncio.gather(ticking, return_exceptions=True)
+
+
+def _landed_age_s(loop: FlightLoop, clock: Clock) -> float:
+    """Return the time since a flight of this service ended (s), whose arming found both attitudes to agree."""
+    return clock.now_s() - loop.flight.since_s if loop.flight.phase is Phase.DISARMED else math.inf
 
 
 class _Obeying:

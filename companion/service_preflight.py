@@ -22,7 +22,7 @@ from companion.control.reference import Trajectory
 from companion.estimation.estimator import EstimatorState
 from companion.mocap_watch import MocapWatch, median
 from companion.ports import Clock, MocapSource
-from companion.preflight.agreement import Apart, VisionSeen, apart
+from companion.preflight.agreement import Apart, VisionSeen, apart, settles
 from companion.preflight.check import Check
 from companion.preflight.machine import MachineSeen
 from companion.preflight.mocap import MocapSeen
@@ -37,6 +37,11 @@ _PAIR_S = 0.02
 _SETTLE_S = 6.0
 """EKF2 takes some 2 s to trust vision; its flags and the battery's state come once in 1 and 2 s."""
 _SETTLE_POLL_S = 0.05
+_HORIZON_S = 20.0
+"""After a flight PX4's horizon is waited for so long."""
+_LEVEL_SHARE = 0.9
+"""Of the allowed difference: the check itself looks a second later, through noise."""
+_TELL_S = 1.0
 _FLAGS_S = 3.0
 """Older flags are worth nothing."""
 _UNSYNCHRONISED = 5
@@ -58,6 +63,15 @@ class Answering(Protocol):
         """Values of its parameters; those it does not know are absent."""
 
 
+def _never_landed() -> float:
+    """Return the age of a flight that was not."""
+    return math.inf
+
+
+def _nothing(_: str) -> None:
+    """Nobody waits."""
+
+
 @dataclass(frozen=True)
 class Running:
     """What a preflight looks at; a flight loop, or an onlooker, keeps it going."""
@@ -73,12 +87,17 @@ class Running:
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
     arms_remarks: tuple[str, ...] = ()
     """What connecting found odd about the servos, or their port."""
+    landed_age_s: Callable[[], float] = _never_landed
+    """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
+    tell: Callable[[str], None] = _nothing
+    """Shows what is waited for."""
 
 
 async def preflight(
     running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
 ) -> tuple[Check, ...]:
-    """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision.
+    """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision, or 20 s on a horizon
+    that a flight has left off.
 
     Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
     """
@@ -91,7 +110,10 @@ async def preflight(
 
 
 async def settle(running: Running, wanted: PreflightConfig) -> bool:
-    """Wait a while until what comes late is there: vision fused, heading taken over, battery known, broker met."""
+    """Wait a while until what comes late is there: vision fused, heading taken over, battery known, broker met.
+
+    And longer after a flight, before which both attitudes agreed, until they do again.
+    """
 
     def settled() -> bool:
         vehicle, status = running.estimate().vehicle, running.autopilot.status()
@@ -100,12 +122,38 @@ async def settle(running: Running, wanted: PreflightConfig) -> bool:
         off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
         return abs(off.heading_rad) <= wanted.heading_apart_rad
 
-    end_s = running.clock.now_s() + _SETTLE_S
+    begun_s = running.clock.now_s()
     while not settled():
-        if running.clock.now_s() > end_s:
+        if running.clock.now_s() > begun_s + _SETTLE_S:
             return False
         await asyncio.sleep(_SETTLE_POLL_S)
+    return await _horizon_settled(running, wanted.tilt_apart_rad, begun_s + _HORIZON_S)
+
+
+async def _horizon_settled(running: Running, most_rad: float, end_s: float) -> bool:
+    """Wait until PX4's horizon agrees again after a flight; True at once where it has no reason to be off."""
+    tell_due_s = -math.inf
+    while settles(tilt_rad := _tilt_apart_rad(running), running.landed_age_s()) and tilt_rad > _LEVEL_SHARE * most_rad:
+        now_s = running.clock.now_s()
+        if now_s > end_s:
+            return False
+        if now_s >= tell_due_s:
+            tell_due_s = now_s + _TELL_S
+            running.tell(
+                f"PX4's horizon is still {math.degrees(tilt_rad):.1f} degrees off after the flight: waiting until it "
+                f"is below {math.degrees(most_rad):.1f}, for up to {end_s - now_s:.0f} s"
+            )
+        await asyncio.sleep(_SETTLE_POLL_S)
     return True
+
+
+def _tilt_apart_rad(running: Running) -> float:
+    """Return the larger of roll and pitch between motion capture and autopilot; NaN when one is not known."""
+    vehicle = running.estimate().vehicle
+    if vehicle is None:
+        return math.nan
+    off = apart(vehicle.q_w_flu_wxyz[None], running.autopilot.status().q_w_flu_wxyz[None])
+    return max(abs(off.roll_rad), abs(off.pitch_rad))
 
 
 def _fused(running: Running) -> bool:
@@ -179,6 +227,7 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         machine_of(running),
         read_kept(wanted),
         _operator_age_s(running),
+        running.landed_age_s(),
     )
 
 

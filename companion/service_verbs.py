@@ -3,7 +3,8 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from companion.config import CompanionConfig
@@ -46,6 +47,10 @@ def _nothing() -> None:
     """Nobody wants to know."""
 
 
+def _tell_nobody(_: str) -> None:
+    """Nobody wants to know."""
+
+
 def ended_by(flight: Flight) -> str:
     """Return what ended a motion, for a sentence: the flight itself may go on."""
     if flight.phase is Phase.HOLD and flight.level is Reaction.NOTE:
@@ -74,8 +79,19 @@ class Service:
         """What a device would like to have otherwise, for the operator to read."""
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
         self.checks, self.params = checks, params
+        self.tell_waiting: Callable[[str], None] = _tell_nobody
+        """Told what the checks wait for; see waits_told_to."""
         self.arms = ArmVerbs(loop, config.arms, self.until, self.require_ground)
         """What an operator may ask of the arms."""
+
+    @contextmanager
+    def waits_told_to(self, tell: Callable[[str], None]) -> Iterator[None]:
+        """Have `tell` called with what is waited for meanwhile."""
+        self.tell_waiting = tell
+        try:
+            yield
+        finally:
+            self.tell_waiting = _tell_nobody
 
     @property
     def trouble(self) -> str:

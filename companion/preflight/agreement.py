@@ -9,6 +9,11 @@ from companion.control.frames import matrix_from_quat, yaw_of
 from companion.preflight.check import Check
 from companion.types import Array
 
+HORIZON_SETTLED_S = 60.0
+"""Longer than the horizon of a landed PX4 needs; recorded, v1.17: 3.8 degrees off at first, below 2.9 after 3 s."""
+HORIZON_APART_RAD = 0.1
+"""More than a flight leaves: a slipped marker plate, or a vehicle that lies on its side."""
+
 
 @dataclass(frozen=True)
 class Apart:
@@ -52,21 +57,39 @@ def _angles_rad(q: Array) -> Array:
     return np.stack((roll, pitch, yaw_of(q)), axis=-1)
 
 
-def check_tilts(off: Apart, most_rad: float) -> tuple[Check, Check]:
-    """Roll and pitch: the body's definition in QTM must be level when the autopilot is."""
+def settles(tilt_rad: float, landed_age_s: float) -> bool:
+    """Return whether a tilt apart (rad) may be what the last flight has left of PX4's horizon, which passes."""
+    return landed_age_s < HORIZON_SETTLED_S and abs(tilt_rad) < HORIZON_APART_RAD
+
+
+def check_tilts(off: Apart, most_rad: float, landed_age_s: float = math.inf) -> tuple[Check, Check]:
+    """Check roll and pitch: the body's definition in QTM must be level when the autopilot is.
+
+    `landed_age_s` is the time since a flight ended before which both agreed; infinite when none is known.
+    """
     return (
-        _check("roll agrees", off.roll_rad, most_rad, ("right side down", "left side down"), "x"),
-        _check("pitch agrees", off.pitch_rad, most_rad, ("nose up", "nose down"), "y"),
+        _check("roll agrees", off.roll_rad, most_rad, landed_age_s, ("right side down", "left side down"), "x"),
+        _check("pitch agrees", off.pitch_rad, most_rad, landed_age_s, ("nose up", "nose down"), "y"),
     )
 
 
-def _check(name: str, angle_rad: float, most_rad: float, ways: tuple[str, str], axis: str) -> Check:
+def _check(
+    name: str, angle_rad: float, most_rad: float, landed_age_s: float, ways: tuple[str, str], axis: str
+) -> Check:
     says = _degrees(angle_rad, most_rad, ways)
     quarter = _quarter(angle_rad)
-    if quarter:
+    if settles(angle_rad, landed_age_s):
+        todo = (
+            "wait half a minute and try again: both agreed before the flight, and PX4's horizon is still off from it; "
+            "if it stays, look at the markers, which a landing may have moved"
+        )
+    elif quarter:
         todo = f"the body in QTM is turned by {quarter} degrees about its {axis} axis: x is the nose, y left, z up"
     else:
-        todo = "define the body in QTM while the vehicle stands level, or calibrate PX4's level horizon"
+        todo = (
+            "define the body in QTM while the vehicle stands level, or calibrate PX4's level horizon; right after a "
+            "flight, wait half a minute first"
+        )
     return Check(name, abs(angle_rad) <= most_rad, says, todo)
 
 

@@ -44,6 +44,8 @@ class Facts:
     """When it was carried by hand; the reason where that is not known."""
     operator_age_s: float
     """Since the operator's broker last answered; 0 while it does, and where none is configured."""
+    landed_age_s: float = math.inf
+    """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
 
 
 def check_all(
@@ -61,7 +63,7 @@ def check_all(
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
         vehicle.check_alone(facts.status, config.px4.system_id),
         vehicle.check_ground(facts.status),
-        *check_agreement(facts.apart, wanted),
+        *check_agreement(facts.apart, wanted, facts.landed_age_s),
         agreement.check_vision(facts.vision, wanted.position_apart_m),
         *_compared(facts, config, wanted),
         *check_parameters(recommended, facts.parameters),
@@ -97,11 +99,11 @@ def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfi
     )
 
 
-def check_agreement(apart: Apart, wanted: PreflightConfig) -> tuple[Check, ...]:
-    """Both attitudes of a vehicle that stands."""
+def check_agreement(apart: Apart, wanted: PreflightConfig, landed_age_s: float = math.inf) -> tuple[Check, ...]:
+    """Check both attitudes of a vehicle that stands, and has for `landed_age_s`; see check_tilts."""
     return (
         agreement.check_heading(apart, wanted.heading_apart_rad),
-        *agreement.check_tilts(apart, wanted.tilt_apart_rad),
+        *agreement.check_tilts(apart, wanted.tilt_apart_rad, landed_age_s),
     )
 
 
