@@ -16,7 +16,7 @@ from companion.config_safety import FenceConfig, SafetyConfig
 from companion.control.attitude import ThrustModel
 from companion.control.controller import VehicleModel
 from companion.control.guard import Guard, most_braking_mps2
-from companion.control.horizon_correction import HorizonRules
+from companion.control.horizon_correction import CAP_RAD, TIME_CONSTANT_S, HorizonRules
 from companion.control.limits import Limits
 from companion.supervisor.flight import FlightRules
 
@@ -89,13 +89,13 @@ class ControlConfig(Section):
         True, description="turn setpoints back by how far the autopilot's horizon is off motion capture's"
     )
     horizon_time_constant_s: float = Field(
-        HorizonRules.time_constant_s,
+        TIME_CONSTANT_S,
         ge=0.2,
         le=20.0,
         description="low pass of the difference between the two horizons, s",
     )
     horizon_cap_rad: float = Field(
-        HorizonRules.cap_rad,
+        CAP_RAD,
         ge=0.0,
         le=0.15,
         description="largest correction of the horizon, rad; at most 0.4 of safety.tilt_apart_rad counts",

@@ -64,7 +64,7 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
         HealthStage(safety, fence, devices.sides),
         stream,
         HorizonStage(
-            WireStage(horizon, limits), stream, safety, horizon.cap_rad, config.px4.attitude_delay_s, period_s
+            WireStage(horizon, limits), stream, safety, float(horizon.cap_rad), config.px4.attitude_delay_s, period_s
         ),
         VisionStage(devices.autopilot, config.px4.vision_rate_hz, period_s),
     )

@@ -49,7 +49,7 @@ class Wire:
 class WireStage:
     """Holds the correction and what of it is in the setpoint that left last. One vehicle, or a batch of shape `lead`.
 
-    The correction in a setpoint stays while the law wants nothing new, until it is off by some 0.2 degrees.
+    The correction in a setpoint stays while the law wants nothing new, until it is off by more than half a degree.
     """
 
     def __init__(self, rules: HorizonRules, limits: Limits, lead: tuple[int, ...] = ()) -> None:
@@ -74,7 +74,7 @@ class WireStage:
     def _leaving(
         self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float
     ) -> AttitudeThrust:
-        fresh = is_new | is_worth_sending(self._horizon, self._held)
+        fresh = is_new | is_worth_sending(self._horizon, self._held, self._rules)
         if anywhere(fresh):
             self._held = _chosen(fresh, self._horizon, self._held)
             turn_w = correction_of(self._horizon, seen.q_w_flu_wxyz)

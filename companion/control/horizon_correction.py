@@ -20,31 +20,37 @@ from companion.control.frames import quat_conjugate, quat_from_rotation_vector, 
 from companion.control.values import value
 from companion.types import Array, AttitudeThrust
 
+Each = float | Array
+
+TIME_CONSTANT_S = 0.5
+"""Default; errors of PX4 last for 2.5 to 20 s, and the law needs 0.2 s to follow a setpoint. See docs/horizon.md."""
+CAP_RAD = 0.0873
+"""Default, 5 degrees: PX4 v1.17 in flight was off by up to 0.083 rad."""
 SOUND_S = 0.5
 """Time for which the two horizons must have agreed before one corrects the other: many times an outlier's length."""
 HELD_S = 0.25
 """Time without a comparison for which the correction stays; PX4 lands when motion capture is silent for that long."""
 _LARGEST_TURN_S = 0.06
 """Longest time over which the body rates carry an attitude: 10 rad/s^2 over it is 0.02 rad."""
-_STEP_RAD = 0.004
-"""Change of the correction that is worth a setpoint of its own: a push of 0.04 m/s^2."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class HorizonRules:
-    """Settings; the configuration's [control] table fills them in."""
+    """Settings, of all or of each vehicle of a batch (...,); the configuration's [control] table fills them in."""
 
     enabled: bool = True
     """False: the difference is measured and recorded, and corrects nothing."""
-    time_constant_s: float = 0.5
+    time_constant_s: Each = TIME_CONSTANT_S
     """Of the low pass."""
-    cap_rad: float = 0.0873
-    """Largest correction; PX4 v1.17 in flight was off by up to 0.083 rad."""
-    apart_rad: float = 0.125
+    cap_rad: Each = CAP_RAD
+    """Largest correction."""
+    apart_rad: Each = 0.125
     """Difference from which neither horizon is believed: half of what is *attitudes disagree*."""
-    rate_radps: float = 0.15
+    rate_radps: Each = 0.15
     """Largest rate of change of the correction, to and fro: twice what recorded errors change by at most."""
+    resend_rad: Each = 0.01
+    """Change of the correction that is worth a setpoint of its own: a push of 0.1 m/s^2."""
 
 
 @value
@@ -116,7 +122,7 @@ def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) 
     tilt_rad = _size(x, y)
     apart_s = abs(seen.age_s - seen.autopilot_age_s)
     known = (apart_s <= _LARGEST_TURN_S) & maths(tilt_rad).isfinite(tilt_rad)
-    left = chosen(before.unseen_s > HELD_S, 0.0, math.exp(-dt_s / rules.time_constant_s))
+    left = chosen(before.unseen_s > HELD_S, 0.0, _left(rules.time_constant_s, dt_s))
     off_x = chosen(known, x + left * (before.off_x - x), before.off_x)
     off_y = chosen(known, y + left * (before.off_y - y), before.off_y)
     unseen_s = chosen(known, 0.0, before.unseen_s + dt_s)
@@ -140,9 +146,9 @@ def corrected(setpoint: AttitudeThrust, turn_w: Array) -> AttitudeThrust:
     return AttitudeThrust(quat_multiply(turn_w, setpoint.q_w_flu_wxyz), setpoint.thrust)
 
 
-def is_worth_sending(horizon: Horizon, held: Horizon) -> Any:
+def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> Any:
     """Return where the correction has gone so far from the one in the last setpoint that it is sent by itself."""
-    return _size(horizon.x - held.x, horizon.y - held.y) > _STEP_RAD
+    return _size(horizon.x - held.x, horizon.y - held.y) > rules.resend_rad
 
 
 def _turned(x: Any, y: Any, yaw_rad: Array, sign: float) -> tuple[Any, Any]:
@@ -157,7 +163,12 @@ def _size(x: Any, y: Any) -> Any:
     return maths(x).sqrt(x * x + y * y)
 
 
-def _share(size: Any, most: float) -> Any:
+def _left(time_constant_s: Each, dt_s: float) -> Any:
+    """Share of what a low pass knew that is left after a step."""
+    return maths(time_constant_s).exp(-dt_s / time_constant_s)
+
+
+def _share(size: Any, most: Each) -> Any:
     """What of a vector of this size is left when it is cut to `most`."""
     return at_most(1.0, most / at_least(size, _TINY))
 

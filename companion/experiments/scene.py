@@ -92,6 +92,7 @@ class Scene:
             EstimatorParams(delay_s=c.mocap.delay_s),
             self.period_s,
             self._known(feedforward),
+            c.control.horizon_rules(c.safety.tilt_apart_rad),
         )
 
     def _known(self, feedforward: Feedforward | None) -> Any:

@@ -15,13 +15,15 @@ from numpy.typing import NDArray
 from companion.control.attitude import ThrustModel
 from companion.control.controller import Controller
 from companion.control.frames import flip_yz, matrix_from_quat, turned
+from companion.control.horizon_correction import HorizonInput, HorizonRules
 from companion.control.limits import Limits
 from companion.control_stage import ControlStage, changed, idle_setpoint
 from companion.estimation import batch, estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.experiments.mission import Mission
 from companion.experiments.virtual_world import Look, VirtualVehicle, VirtualWorld
-from companion.types import Array, MocapFrame, VehicleState
+from companion.types import Array, AttitudeThrust, MocapFrame, VehicleState
+from companion.wire_stage import WireStage
 
 Mask = NDArray[np.bool_]
 
@@ -37,6 +39,8 @@ class Pilot:
     period_s: float = 0.01
     known_b_mps2: Array | None = None
     """What the arms' commanded motion will do to the vehicle, each cycle, (n, 3) in the body frame; None: not told."""
+    horizon: HorizonRules = field(default_factory=HorizonRules)
+    """Correction of the autopilot's horizon."""
 
 
 @dataclass(frozen=True)
@@ -79,17 +83,20 @@ def simulate(
     eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
     stage = ControlStage(pilot.law, pilot.thrust, pilot.limits, lead)
     stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
+    out = _Out(pilot, lead, stage.sent)
     rows = _Rows(keep_signals)
     with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
         for cycle in range(count):
-            seen, age_s = eyes.see(world.look(), cycle)
+            look = world.look()
+            seen, age_s = eyes.see(look, cycle)
             known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
             asked = stage.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
             setpoint = asked.gated.setpoint
-            rows.put(world, asked.output.accel_w_mps2, asked.output.event, changed(setpoint, stage.sent))
+            sent = out.send(setpoint, changed(setpoint, stage.sent), look, seen, age_s)
+            rows.put(world, asked.output.accel_w_mps2, asked.output.event, sent)
             stage.sent = setpoint
             rows.keep(asked.output.signals, stage.settle())
-            world.advance(setpoint)
+            world.advance(out.wire)
             if progress is not None:
                 progress(cycle)
     return rows.trace(mission)
@@ -97,6 +104,33 @@ def simulate(
 
 def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
     return _NOTHING if known_b_mps2 is None else turned(q_w_flu_wxyz, known_b_mps2[cycle])
+
+
+class _Out:
+    """What leaves for the autopilot."""
+
+    def __init__(self, pilot: Pilot, lead: tuple[int, ...], first: AttitudeThrust) -> None:
+        self._stage, self._period_s = WireStage(pilot.horizon, pilot.limits, lead), pilot.period_s
+        self.wire = first
+
+    def send(
+        self, setpoint: AttitudeThrust, is_new: Mask, look: Look, seen: VehicleState, age_s: float | Array
+    ) -> Mask:
+        """Take in a cycle's setpoint of the law; where another one leaves, (...,)."""
+        before = self.wire
+        age_s = age_s[..., 0] if isinstance(age_s, np.ndarray) else age_s
+        theirs_s = look.autopilot_age_s if look.autopilot_age_s.ndim else float(look.autopilot_age_s)
+        horizon = HorizonInput(
+            seen.q_w_flu_wxyz,
+            seen.rate_flu_radps,
+            age_s,
+            look.autopilot_q_w_flu_wxyz,
+            theirs_s,
+            trusted=True,
+            flying=True,
+        )
+        self.wire = self._stage.put(setpoint, is_new, before, horizon, self._period_s).setpoint
+        return changed(self.wire, before)
 
 
 class _Eyes(Protocol):

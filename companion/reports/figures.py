@@ -35,6 +35,8 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
             chart("errors", "Position less reference per axis, and its size.", motion.errors, 3.6, True, 3.0),
         ]
         charts += _of_the_law(flown, chart)
+    if np.isfinite(flown.column("horizon_off_roll_rad")[flown.airborne]).any():
+        charts.append(chart("horizon", _HORIZON, inside.horizon, 3.0, True, 2.4))
     if flown.has("setpoint_thrust"):
         charts.append(chart("thrust", _THRUST, motion.thrust, 3.0, True, 2.4))
     if flown.has("joint_position_rad") and flown.has("joint_goal_rad"):
@@ -85,4 +87,5 @@ _COMMAND = "Command u, held between the law's triggers."
 _GAPS = "Times between triggers, within the trajectories where some were flown."
 _FRICTION = "What the network says of the friction, as an acceleration, and what the observer sees of pushes."
 _SIGNALS = "Tracking errors y, filtered command χ and compensation ι of the law. Blue x, orange y, green z."
+_HORIZON = "The slow part of motion capture's roll and pitch less the autopilot's, and what of it was corrected."
 _THRUST = "Normalised thrust that was asked for, and the battery's voltage."

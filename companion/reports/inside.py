@@ -56,6 +56,18 @@ def friction(figure: Figure, flown: Flown) -> None:
     legend_above(figure, rows[0])
 
 
+def horizon(figure: Figure, flown: Flown) -> None:
+    """How far the autopilot's horizon is off motion capture's, and what of it is corrected."""
+    rows = rows_over_time(figure, [f"{axis} (°)" for axis in ("roll", "pitch")], flown)
+    for axes, axis in zip(rows, ("roll", "pitch"), strict=True):
+        off, put_right = (np.degrees(flown.column(f"horizon_{part}{axis}_rad")) for part in ("off_", ""))
+        time, off, put_right = thinned(flown.time_s, free_only(flown, off), free_only(flown, put_right))
+        axes.plot(time, off, color=COLOURS[1], label="off motion capture's")
+        axes.plot(time, put_right, color=COLOURS[0], lw=0.8, label="corrected")
+    symmetric(rows)
+    legend_above(figure, rows[0])
+
+
 def weights(figure: Figure, flown: Flown) -> None:
     """Every weight, and the size of each layer."""
     layers = [

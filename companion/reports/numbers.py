@@ -59,6 +59,16 @@ class Spread:
 
 
 @dataclass(frozen=True)
+class HorizonNumbers:
+    """How far the autopilot's horizon was off motion capture's while the law flew; size of the slow part, rad."""
+
+    rms_rad: float
+    max_rad: float
+    corrected_rms_rad: float
+    """Of the correction; 0 where it was switched off."""
+
+
+@dataclass(frozen=True)
 class Numbers:
     """All of them; what a flight did not have is None or not there."""
 
@@ -85,6 +95,7 @@ class Numbers:
     triggers_tracked: Triggers | None
     triggers_whole: Triggers | None
     latencies: dict[str, Spread]
+    horizon: HorizonNumbers | None
     story: Story
 
     def as_dict(self) -> dict[str, Any]:
@@ -116,6 +127,7 @@ def numbers_of(flown: Flown) -> Numbers:
         _triggers(flown, flown.tracked),
         _triggers(flown, flown.airborne),
         {name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
+        _horizon(flown),
         story,
     )
 
@@ -152,6 +164,17 @@ def _triggers(flown: Flown, among: Mask) -> Triggers | None:
     median_s, max_s = (float(np.median(gaps_s)), float(gaps_s.max())) if gaps_s.size else (np.nan, np.nan)
     event, sent = flown.event[among], flown.sent[among]
     return Triggers(int(among.sum()), float(event.mean()), float(sent.mean()), int(event.sum()), median_s, max_s)
+
+
+def _horizon(flown: Flown) -> HorizonNumbers | None:
+    off = np.column_stack([flown.column(f"horizon_off_{axis}_rad") for axis in ("roll", "pitch")])[flown.airborne]
+    used = np.column_stack([flown.column(f"horizon_{axis}_rad") for axis in ("roll", "pitch")])[flown.airborne]
+    squares = (off**2).sum(axis=1)
+    known = np.isfinite(squares)
+    if not known.any():
+        return None
+    rms_rad, max_rad = np.sqrt(squares[known].mean()), np.sqrt(squares[known].max())
+    return HorizonNumbers(float(rms_rad), float(max_rad), float(np.sqrt((used[known] ** 2).sum(axis=1).mean())))
 
 
 def _spread(seconds: Array) -> Spread:

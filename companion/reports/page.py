@@ -69,7 +69,7 @@ def _chapter(chapter: Chapter, progress: Progress) -> str:
     first, *rest = chapter.charts
     grids: list[Grid | None] = [
         words.trajectory_table(numbers), words.error_table(numbers), words.trigger_table(numbers),
-        words.latency_table(numbers),
+        words.latency_table(numbers), words.horizon_table(numbers),
     ]  # fmt: skip
     happened: list[Grid | None] = [
         words.fault_table(numbers), words.reaction_table(numbers), words.said_table(numbers),

@@ -1,5 +1,6 @@
 """A flight's numbers in words: facts of the head, and tables. Pure."""
 
+import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
@@ -172,6 +173,21 @@ _LATENCIES = (
     "Age of the pose used: from its capture to the begin of the cycle that uses it. Cycle late: its begin after the "
     "frame or the deadline that starts it. Frame to setpoint: from the frame's arrival at this computer to the "
     "setpoint leaving it. Capture to setpoint: from the cameras' exposure to the same."
+)
+
+
+def horizon_table(numbers: Numbers) -> Grid | None:
+    """Size of the difference between the horizons, and of its correction."""
+    one = numbers.horizon
+    if one is None:
+        return None
+    row = tuple(Cell(f"{math.degrees(angle):.2f}") for angle in (one.rms_rad, one.max_rad, one.corrected_rms_rad))
+    return Grid("The autopilot's horizon (degrees)", ("rms", "max", "corrected, rms"), (row,), _HORIZON)
+
+
+_HORIZON = (
+    "How far the autopilot's horizon was off motion capture's while the law flew: the slow part, roll and pitch "
+    "together. See docs/horizon.md."
 )
 
 

@@ -66,6 +66,8 @@ def test_it_is_identical_to_the_last_bit_also_where_another_law_took_over(record
     for name in ("command", "setpoint attitude", "setpoint thrust", "law f_hat", "law integral_mps2", "law kappa"):
         assert done.apart[name].compared > 300, name
     assert done.apart["estimate velocity_w_mps"].compared > 1000
+    for name in ("sent attitude", "sent thrust", "horizon"):
+        assert done.apart[name].compared > 1000, name
     assert done.events[0] == done.events[1] > 0
 
 
@@ -77,6 +79,17 @@ def test_a_frame_that_is_not_as_it_was_shows_in_the_estimate_and_nowhere_else(re
     assert done.apart["estimate position_w_m"].differ > 0
     assert 0.0 < done.apart["estimate position_w_m"].most < 1e-5
     assert done.apart["command"].differ == 0
+
+
+def test_another_horizon_of_the_autopilot_shows_in_what_is_sent_alone(record: FlightRecord) -> None:
+    columns = {name: column.copy() for name, column in record.columns.items()}
+    flying = columns["horizon_flying"] > 0.0
+    assert np.abs(columns["horizon_roll_rad"][flying]).max() > 1e-4, "something was corrected"
+    columns["horizon_autopilot_q_w_flu_wxyz"][np.flatnonzero(flying)[300:], 1] += 1e-3
+    done = again(replace(record, columns=columns))
+    assert done.apart["horizon"].differ > 0
+    assert 0.0 < done.apart["sent attitude"].most < 2e-3
+    assert done.apart["sent thrust"].differ == done.apart["setpoint attitude"].differ == 0
 
 
 def test_a_law_that_was_given_something_else_shows_in_its_command(record: FlightRecord) -> None:

@@ -103,7 +103,7 @@ def test_the_story_is_in_order_and_names_what_was_done(frozen: Recorded) -> None
 
 def test_a_flight_has_all_figures_of_the_paper(frozen: Recorded) -> None:
     charts = charts_of(frozen.flown, story_of(frozen.flown))
-    assert {*DRAWN, "signals", "thrust", "latencies"} == {chart.name for chart in charts}
+    assert {*DRAWN, "signals", "horizon", "thrust", "latencies"} == {chart.name for chart in charts}
 
 
 @pytest.mark.parametrize("kind", ["pdf", "png"])
@@ -151,7 +151,7 @@ def test_the_page_needs_nothing_else_and_says_it_all(frozen: Recorded, tmp_path:
     page = _page(out)
     assert page.elsewhere == []
     assert "url(" not in out.read_text(encoding="utf-8")
-    assert page.pictures == 13
+    assert page.pictures == 14
     for said in ("PX4 lands", "takeoff <1.2 m>", "Errors (cm)", "etnn", "complete", "mocap frozen", "law = 1"):
         assert said in page.text
     (flight,) = json.loads(ran.stdout)["flights"]

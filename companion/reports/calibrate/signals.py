@@ -74,7 +74,7 @@ def observed(flown: Flown) -> Observed:
         begin_s,
         end_s,
         flown.column("sent_s")[sent],
-        up_axis(flown.column("setpoint_q_w_flu_wxyz")[sent]),
+        up_axis(_left(flown)[sent]),
         flown.column("setpoint_thrust")[sent],
         (flown.column("frame_stamp_s") + flown.column("estimate_clock_offset_s"))[framed],
         flown.column("frame_position_w_m", 3)[framed],
@@ -83,6 +83,12 @@ def observed(flown: Flown) -> Observed:
         their_up_w,
         quiet,
     )
+
+
+def _left(flown: Flown) -> Array:
+    """Return the attitudes that the autopilot was sent, (n, 4): with its horizon corrected, in a record that has it."""
+    on_wire = flown.column("wire_q_w_flu_wxyz", 4)
+    return np.where(np.isfinite(on_wire), on_wire, flown.column("setpoint_q_w_flu_wxyz", 4))
 
 
 def _clear_of_ground(flown: Flown) -> tuple[float, float]:
