@@ -1,0 +1,93 @@
+"""The whole loop, flying by an autopilot whose horizon is off, and beside a motion capture that is."""
+
+import asyncio
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from companion.config import CompanionConfig, ControlConfig
+from companion.control.frames import up_axis
+from companion.records.gathered import frozen
+from companion.records.row import RowEncoder
+from companion.supervisor.faults import Fault
+from companion.supervisor.flight import Phase
+from companion.types import Array
+from tests.flights.simulated import BRISK, Flight, fly
+from tests.flights.test_simulated_flights import DOWN, UP, wait
+from tests.flights.test_simulated_safety import inject
+
+pytestmark = pytest.mark.slow
+
+OFF_RAD = 0.04
+HOVER_S = 5.0
+
+
+@cache
+def hovering(sentence: str, law: str = "etnn", corrected: bool = True) -> Flight:
+    config = CompanionConfig(flight=BRISK, control=ControlConfig(horizon_correction=corrected))
+    script = [*UP, wait(2.0), inject(sentence), wait(HOVER_S), *DOWN]
+    return asyncio.run(fly(script, controller=law, config=config))
+
+
+def late_error_m(flight: Flight) -> float:
+    """Mean distance from the reference in the last half of the hover."""
+    held = [
+        np.linalg.norm(truth - tick.reference.position_w_m)
+        for tick, truth in zip(flight.ticks, flight.truths_w_m, strict=True)
+        if tick.flight.phase is Phase.HOLD and tick.reference is not None
+    ]
+    return float(np.mean(held[-round(50 * HOVER_S) :]))
+
+
+def corrections_rad(flight: Flight) -> Array:
+    return np.array([(t.wire.horizon.x, t.wire.horizon.y) for t in flight.ticks if t.wire is not None])
+
+
+@pytest.mark.parametrize("law", ["etnn", "pid"])
+def test_a_wrong_horizon_pushes_no_law_aside(law: str) -> None:
+    sentence = f"autopilot wrong (attitude off) by {OFF_RAD} rad"
+    corrected, bare = hovering(sentence, law), hovering(sentence, law, corrected=False)
+    assert late_error_m(corrected) < 0.4 * late_error_m(bare)
+    assert np.abs(corrections_rad(corrected)[:, 0]).max() == pytest.approx(OFF_RAD, abs=0.004)
+    assert np.abs(corrections_rad(bare)).max() == 0.0
+    measured = [t.wire.horizon.off_rad for t in bare.ticks if t.wire is not None and t.flight.phase is Phase.HOLD]
+    assert measured[-1] == pytest.approx(OFF_RAD, abs=0.004), "measured all the same"
+
+
+def test_the_tilt_limit_holds_by_the_autopilots_horizon_too() -> None:
+    flight = hovering(f"autopilot wrong (attitude off) by {OFF_RAD} rad")
+    most = math.cos(CompanionConfig().limits.max_tilt_rad)
+    sent = [up_axis(t.wire.setpoint.q_w_flu_wxyz)[2] for t in flight.ticks if t.wire is not None]
+    assert min(sent) >= most - 1e-9
+
+
+def test_on_the_ground_nothing_is_corrected_and_the_rotors_idle() -> None:
+    for tick in hovering(f"autopilot wrong (attitude off) by {OFF_RAD} rad").ticks:
+        if tick.wire is None or tick.gated is None or tick.flight.airborne:
+            continue
+        assert tick.wire.setpoint.thrust == tick.gated.setpoint.thrust
+        if not tick.flight.touched_down:
+            assert (tick.wire.horizon.x, tick.wire.horizon.y) == (0.0, 0.0)
+
+
+def test_a_motion_capture_that_is_off_moves_the_vehicle_by_little_and_is_told() -> None:
+    """A slipped marker plate within the cap: the correction is then the error, which the law counters as any push."""
+    flight = hovering("mocap wrong (tilted) by 0.05 rad")
+    assert late_error_m(flight) < 0.05
+    assert not any(event.fault is Fault.ATTITUDE_DISAGREES for tick in flight.ticks for event in tick.events)
+    far = hovering("mocap wrong (tilted) by 0.2 rad")
+    flying = [tick for tick in far.ticks if tick.wire is not None and tick.flight.phase is Phase.HOLD]
+    assert flying[-1].wire is not None
+    assert flying[-1].wire.horizon.x == 0.0, "neither is believed"
+
+
+def test_the_record_has_both_setpoints() -> None:
+    flight = hovering(f"autopilot wrong (attitude off) by {OFF_RAD} rad")
+    tick = next(tick for tick in flight.ticks[::-1] if tick.flight.phase is Phase.HOLD)
+    assert tick.gated is not None
+    assert tick.wire is not None
+    lean = up_axis(tick.gated.setpoint.q_w_flu_wxyz) - up_axis(tick.wire.setpoint.q_w_flu_wxyz)
+    assert np.linalg.norm(lean) == pytest.approx(OFF_RAD, abs=0.01)
+    assert b"wire_q_w_flu_wxyz" in b"".join(RowEncoder().messages(tick, frozen(tick)))
