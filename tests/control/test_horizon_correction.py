@@ -95,7 +95,7 @@ def test_attitudes_of_one_instant_are_compared(rate_radps: float) -> None:
 def test_a_step_goes_through_a_first_order_low_pass() -> None:
     horizon = after(2.0, seen(LEVEL, LEVEL))
     off = seen(turned(0.03, -0.02, 0.0), LEVEL)
-    half = after(RULES.time_constant_s, off, horizon)
+    half = after(float(RULES.time_constant_s), off, horizon)
     assert (half.x, half.y) == pytest.approx((0.03 * (1 - math.exp(-1)), -0.02 * (1 - math.exp(-1))), abs=1e-4)
     assert after(10.0, off).off_rad == pytest.approx(math.hypot(0.03, 0.02), abs=1e-6)
 
