@@ -10,7 +10,7 @@ from companion.cli.catalogue import COMMANDS
 from companion.cli.lazy import Group, imported
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _INLINE = re.compile(r"`(?:\.venv/bin/)?companion ([a-z][^`]*)`")
 _TYPED = re.compile(r"^\$ (?:[^#\n]* )?(?:\.venv/bin/)?companion (.*)$", re.MULTILINE)
