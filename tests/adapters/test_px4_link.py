@@ -19,8 +19,9 @@ from tests.adapters.fake_px4 import FakePx4, battery, extended_sys_state, text
 pytestmark = pytest.mark.slow
 
 ARDUPILOT = 3
-ARM_DISARM, NAV_LAND = 400, 21
+ARM_DISARM, NAV_LAND, REQUEST_MESSAGE = 400, 21, 512
 """MAV_CMD."""
+HOME_POSITION = 242
 
 
 @asynccontextmanager
@@ -116,6 +117,17 @@ async def test_in_the_air_only_what_it_says_after_a_command_is_its_reason() -> N
             await until(lambda: px4.status().armed and bool(px4.status().last_text))
             with pytest.raises(AutopilotError, match=r"refused to land: Landing is currently not available$"):
                 await px4.land()
+
+
+async def test_the_home_position_that_an_autopilot_without_gps_has_not_is_never_asked_for() -> None:
+    """MAVSDK's Telemetry asks in bursts, for ever."""
+    with FakePx4() as fake:
+        async with linked(fake) as px4:
+            px4.send_setpoint(idle_setpoint(0.0))
+            await asyncio.sleep(2.0)
+        asked_for = [int(command.param1) for command in fake.commands if command.command == REQUEST_MESSAGE]
+        assert asked_for
+        assert HOME_POSITION not in asked_for
 
 
 async def test_what_it_says_instead_of_an_answer_is_told() -> None:
