@@ -132,10 +132,17 @@ class EstimatorConfig(_Strict):
         None,
         ge=0.0,
         le=0.2,
-        description="RMS error of roll and of pitch; left out: 0.021 if random (1.2 degrees), or as recorded; 0: none.",
+        description="RMS error of roll and of pitch; left out: 0.021 if random (1.2 degrees), or as recorded; 0: none, "
+        "and position and velocity err as little.",
     )
     attitude_error_time_s: float = Field(
         5.0, ge=0.1, le=1000.0, description="Correlation time (1/e) of the random error."
+    )
+
+    distance_sensor: bool = Field(
+        True,
+        description="A distance sensor looks down: with EKF2_RNG_CTRL = 1 it is the height reference, 0.1 to 0.7 m off"
+        " in flight (not beside attitude_error_rad = 0).",
     )
 
     def attitude_error(self) -> AttitudeErrorParams:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mock_autopilot.horizon import Horizon
 from mock_autopilot.params import ParamTable
 from mock_autopilot.quaternion import Array
 from mock_autopilot.vision import VisionSample, wrap_rad
@@ -33,7 +34,15 @@ REGAIN_AFTER_S = 0.3
 GATE_M = 0.6
 """Distance between estimate and vision beyond which a sample is rejected."""
 DRIFT_MPS2 = (0.31, 0.14, 0.0)
-"""What the accelerometers get wrong when nothing corrects them: 11 m after 8 s, as recorded."""
+"""What goes wrong without vision where the horizon is perfect: 11 m after 8 s, the worst of three recorded losses."""
+HASTE_PER_S = 1.6
+"""Recorded with PX4's EKF2_EVP_NOISE of 0.1 m: a position error fades by so much, and 2.3 / s with 0.01 m."""
+HASTE_EXPONENT = 0.17
+PERFECT_GAINS = (10.0, 25.0)
+"""Position (1/s) and velocity (1/s^2) per m of innovation where the horizon is perfect."""
+RANGE_OFF_M = (0.1, 0.7)
+"""How much too high the estimate is once a range finder is the height reference: 0.1 to 0.6 recorded, from take-off."""
+RANGE_SETTLES_S = 1.5
 BARO_PER_S, BARO_PER_S2 = 1.5, 1.0
 """How fast the barometer pulls height and vertical speed while vision is gone."""
 VELOCITY_GATE_MPS = 0.45
@@ -57,9 +66,18 @@ class Motion(NamedTuple):
 class Estimator:
     """Position, velocity and heading as the autopilot knows them."""
 
-    def __init__(self, params: ParamTable, rng: np.random.Generator, start_yaw_rad: float) -> None:
+    def __init__(
+        self,
+        params: ParamTable,
+        rng: np.random.Generator,
+        start_yaw_rad: float,
+        horizon: Horizon,
+        range_off_m: float = 0.0,
+    ) -> None:
         self._params = params
         self._rng = rng
+        self.horizon = horizon
+        self._range_off_m, self._height_off_m = range_off_m, 0.0
         self.position_m = [0.0, 0.0, 0.0]
         self.velocity_mps = [0.0, 0.0, 0.0]
         self.yaw_error_rad = 0.0 if self._has_magnetometer else -start_yaw_rad
@@ -136,6 +154,7 @@ class Estimator:
     def step(self, now_s: float, motion: Motion, dt_s: float) -> None:
         """Advance to `now_s`: follow the receiver, or integrate what the accelerometers say."""
         self._now_s = now_s
+        self.horizon.step(now_s, in_air=self.in_air, aided=self._aided)
         if not self.in_air:
             self.navigation_failed, self._velocity_wrong_s = False, None
         if self.uses_gps:
@@ -160,14 +179,24 @@ class Estimator:
 
     def _integrate(self, motion: Motion, dt_s: float) -> None:
         ax, ay = turned(motion.acceleration_ned_mps2, self.yaw_error_rad)
-        felt = [ax, ay, motion.acceleration_ned_mps2[2]]
-        drifting = self.in_air and self.silence_s > REGAIN_AFTER_S
+        felt = (ax, ay, motion.acceleration_ned_mps2[2])
+        wrong = self._wrong_mps2(felt, motion.yaw_rad, dt_s)
         for axis in range(3):
-            wrong = DRIFT_MPS2[axis] if drifting else 0.0
-            self.velocity_mps[axis] += (felt[axis] + wrong) * dt_s
+            self.velocity_mps[axis] += (felt[axis] + wrong[axis]) * dt_s
             self.position_m[axis] += self.velocity_mps[axis] * dt_s
         if int(self._params["EKF2_BARO_CTRL"]):
             self._follow_barometer(motion.position_ned_m[2], dt_s, alone=self.silence_s > REGAIN_AFTER_S)
+
+    @property
+    def _aided(self) -> bool:
+        return self.uses_gps or self.silence_s <= REGAIN_AFTER_S
+
+    def _wrong_mps2(
+        self, felt_mps2: tuple[float, float, float], yaw_rad: float, dt_s: float
+    ) -> tuple[float, float, float]:
+        if self.horizon.perfect:
+            return (0.0, 0.0, 0.0) if self._aided or not self.in_air else DRIFT_MPS2
+        return self.horizon.wrong_mps2(felt_mps2, yaw_rad + self.yaw_error_rad, dt_s, aided=self._aided)
 
     def _follow_barometer(self, truth_z_m: float, dt_s: float, *, alone: bool) -> None:
         """Beside vision only its offset is learnt; on its own it keeps height and vertical speed."""
@@ -224,17 +253,31 @@ class Estimator:
         self._history.clear()
 
     def _correct(self, sample: VisionSample, now_s: float) -> None:
-        """Second-order tracking with about 0.1 s memory, whatever the rate of the samples."""
+        """Second-order tracking, whatever the rate of the samples."""
         dt_s = min(max(now_s - self._fused_s, 0.001), 0.1)
-        before = self._position_at(now_s)
+        before, (gain, velocity_gain) = self._position_at(now_s), self._gains
+        self._settle_height(dt_s)
         for axis in range(3):
-            innovation = sample.position_ned_m[axis] - before[axis]
-            self.position_m[axis] += min(10.0 * dt_s, 0.5) * innovation
-            self.velocity_mps[axis] += min(25.0 * dt_s, 1.0) * innovation
+            innovation = sample.position_ned_m[axis] - before[axis] - (self._height_off_m if axis == 2 else 0.0)
+            self.position_m[axis] += min(gain * dt_s, 0.5) * innovation
+            self.velocity_mps[axis] += min(velocity_gain * dt_s, 1.0) * innovation
         if self._vision_bits & 4 and sample.velocity_ned_mps is not None and self._believes(sample.velocity_ned_mps):
             for axis in range(3):
                 slip = sample.velocity_ned_mps[axis] - self.velocity_mps[axis]
                 self.velocity_mps[axis] += min(10.0 * dt_s, 0.5) * slip
+
+    @property
+    def _gains(self) -> tuple[float, float]:
+        """Return what an innovation of 1 m changes: position (1/s) and velocity (1/s^2), as EKF2_EVP_NOISE has it."""
+        if self.horizon.perfect:
+            return PERFECT_GAINS
+        haste = HASTE_PER_S * (0.1 / max(self._params["EKF2_EVP_NOISE"], 0.01)) ** HASTE_EXPONENT
+        return haste, 0.5 * haste**2
+
+    def _settle_height(self, dt_s: float) -> None:
+        """Take the range finder for the height reference from take-off on, if EKF2_RNG_CTRL lets it."""
+        if self.in_air and not self.horizon.perfect and int(self._params["EKF2_RNG_CTRL"]):
+            self._height_off_m += (self._range_off_m - self._height_off_m) * dt_s / RANGE_SETTLES_S
 
     def _believes(self, velocity_ned_mps: tuple[float, float, float]) -> bool:
         """Test a measured velocity; one that keeps failing in the air takes the position down with it."""

@@ -15,6 +15,7 @@ from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, Commander, Situ
 from mock_autopilot.estimator import Estimator, Motion
 from mock_autopilot.fault_autopilot import HEALTHY, rolled
 from mock_autopilot.geodesy import Origin, simulators_home
+from mock_autopilot.horizon import Horizon
 from mock_autopilot.land_detector import LandDetector
 from mock_autopilot.params import ParamTable
 from mock_autopilot.pilot import Estimate, Pilot
@@ -35,13 +36,19 @@ class Vehicle:
     """One PX4 from its boot on."""
 
     def __init__(
-        self, params: ParamTable, rng: np.random.Generator, timing: Timing, start_yaw_rad: float = 0.0
+        self,
+        params: ParamTable,
+        rng: np.random.Generator,
+        timing: Timing,
+        start_yaw_rad: float,
+        horizon: Horizon,
+        range_off_m: float | None = None,
     ) -> None:
         self.params = params
         self._timing = timing
         self._later_texts: list[tuple[float, Text]] = []
         self.commander = Commander(params, timing.checks_pass_s())
-        self.estimator = Estimator(params, rng, start_yaw_rad)
+        self.estimator = Estimator(params, rng, start_yaw_rad, horizon, range_off_m or 0.0)
         self.pilot = Pilot(params)
         self.land_detector = LandDetector(params)
         self.battery = Battery(params)
@@ -197,8 +204,11 @@ class Vehicle:
 
     @property
     def attitude_estimate_wxyz(self) -> Array:
-        """Attitude as reported: the truth, turned by the heading error."""
+        """Attitude as reported: the truth, turned by the errors of heading and horizon."""
         turned = quat.turned_about_z(self._yaw_error_rad, self.felt.q_ned_frd_wxyz)
+        if not self.estimator.horizon.perfect:
+            w, x, y, z = turned.tolist()
+            turned = np.array(self.estimator.horizon.believed((w, x, y, z)))
         return rolled(turned, self.troubles.tilt_off_rad)
 
     @property
@@ -312,18 +322,22 @@ class Vehicle:
         offboard = self.mode is Mode.OFFBOARD
         rates = self.followed.rate_frd_radps if offboard else None
         q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
-        off_rad = (self._yaw_error_rad, self.troubles.roll_off_rad(self.now_s))
+        off_rad = (
+            self._yaw_error_rad,
+            self.troubles.roll_off_rad(self.now_s),
+            *self.estimator.horizon.error_rad,
+        )
         return self._demand_of(q_estimated, rates, off_rad, self.signal, self.armed)
 
-    def _demand_of(
-        self, q_estimated: Quad, rates: Triple | None, off_rad: tuple[float, float], signal: float, armed: bool
-    ) -> Demand:
+    def _demand_of(self, q_estimated: Quad, rates: Triple | None, off_rad: Quad, signal: float, armed: bool) -> Demand:
         """Setpoints count from the heading and horizon the autopilot believes; unchanged ones cost nothing."""
         asked = (q_estimated, rates, off_rad, signal, armed)
         if self._asked != asked:
             self._asked = asked
-            yaw_error_rad, roll_rad = off_rad
-            q_true = rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_estimated)), roll_rad)
+            yaw_error_rad, roll_rad, *_ = off_rad
+            horizon = self.estimator.horizon
+            q_level = q_estimated if horizon.perfect else horizon.true_setpoint(q_estimated)
+            q_true = rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_level)), roll_rad)
             self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
         return self._answer
 

@@ -15,13 +15,14 @@ from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.arms import Arms
 from mock_autopilot.config import ArmsConfig, MockConfig
 from mock_autopilot.disturbance import Disturbance
-from mock_autopilot.estimator import Motion
+from mock_autopilot.estimator import RANGE_OFF_M, Motion
 from mock_autopilot.fault_autopilot import troubles_of
 from mock_autopilot.fault_schedule import FaultSchedule, Turn
 from mock_autopilot.fault_servos import bus_fault_of
 from mock_autopilot.fault_ways import Part
 from mock_autopilot.faults import Fault, check_fits
 from mock_autopilot.hand import Hand
+from mock_autopilot.horizon import Horizon
 from mock_autopilot.params import ParamTable
 from mock_autopilot.plant import PlantState, Wrench
 from mock_autopilot.plant_one import OneActuation, OneState
@@ -50,8 +51,9 @@ class World:
         self._in_floats = self._state, plant_one.in_floats(self._state)
         self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
         self.timing = Timing(seed)
-        self.vehicle = Vehicle(ParamTable(config.px4.params), vehicle_rng, self.timing, start.start_yaw_rad)
         self._vehicle_rng, self._booted_s, self.boots = vehicle_rng, 0.0, 1
+        self._estimator, self._horizon_rng = config.estimator, _horizon_rng(seed)
+        self.vehicle = self._booted(ParamTable(config.px4.params), start.start_yaw_rad)
         self._full_thrust_n = self._params.max_thrust_n
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
         self._steps = 0
@@ -72,6 +74,12 @@ class World:
         self.faults.observers.append(self._on_turn)
         self.observers: list[Callable[[Truth], None]] = []
         """Called with the truth of every step, in order."""
+
+    def _booted(self, params: ParamTable, yaw_rad: float) -> Vehicle:
+        """Return an autopilot that has just booted; its errors are drawn again."""
+        horizon = Horizon(self._estimator.attitude_error(), self._horizon_rng)
+        range_off_m = float(self._horizon_rng.uniform(*RANGE_OFF_M)) if self._estimator.distance_sensor else None
+        return Vehicle(params, self._vehicle_rng, self.timing, yaw_rad, horizon, range_off_m)
 
     def _fit_arms(self, config: ArmsConfig) -> None:
         self.servos = ServoRack(config.bus)
@@ -178,7 +186,7 @@ class World:
             self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
         if before.powered and not after.powered:
             params, yaw_rad = self.vehicle.params, float(quat.yaw_of(self._state.q_ned_frd_wxyz))
-            self.vehicle = Vehicle(params, self._vehicle_rng, self.timing, yaw_rad)
+            self.vehicle = self._booted(params, yaw_rad)
         if after.powered and not before.powered:
             self._booted_s, self.boots = self.time_s, self.boots + 1
         self.vehicle.troubles = after
@@ -205,3 +213,11 @@ class World:
         place = (x - x0, y - y0, z - z0)
         motion = Motion(place, one.velocity_ned_mps, one.acceleration_ned_mps2, quat.yaw_of(state.q_ned_frd_wxyz))
         return Felt(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
+
+
+def _horizon_rng(seed: int) -> np.random.Generator:
+    """Chance for the estimator's errors; what else is random does not depend on it."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_HORIZON_KEY,)))
+
+
+_HORIZON_KEY = 1_000_000

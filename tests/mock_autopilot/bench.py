@@ -20,6 +20,8 @@ from mock_autopilot.world import World
 NAN = math.nan
 NO_GPS: dict[str, float] = {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "EKF2_MAG_TYPE": 5}
 LEVEL = (1.0, 0.0, 0.0, 0.0)
+PERFECT: dict[str, Any] = {"attitude_error_rad": 0.0}
+"""An estimator without errors: what is told of modes, setpoints and the airframe is not to depend on a draw."""
 SIH_PLANT: dict[str, Any] = {
     "mass_kg": 1.0,
     "max_thrust_n": 20.0,
@@ -75,8 +77,10 @@ class Bench:
         vehicle: Mapping[str, Any] | None = None,
         arms: Mapping[str, Any] | None = None,
         faults: Sequence[str] = (),
+        estimator: Mapping[str, Any] = PERFECT,
     ) -> None:
         config = {
+            "estimator": dict(estimator),
             "px4": {"params": dict(params or {})},
             "plant": dict(plant or {}),
             "vehicle": dict(vehicle or {}),

@@ -15,7 +15,7 @@ from mock_autopilot.frames import messages_in
 from mock_autopilot.mavlink import MavlinkLink
 from mock_autopilot.streams import DEFAULTS, TICK_S
 from mock_autopilot.world import World
-from tests.mock_autopilot.bench import SIH_PLANT
+from tests.mock_autopilot.bench import PERFECT, SIH_PLANT
 from tests.mock_autopilot.reenact.events import READERS, Event, EventReader
 from tests.mock_autopilot.reenact.flyer import Flyer
 from tests.mock_autopilot.reenact.session import GCS, ONBOARD, Cut, Pose, SentFrame, Session, Setpoint, Sticks
@@ -107,7 +107,7 @@ class _Player:
     def __init__(self, session: Session, seed: int) -> None:
         plant = {**SIH_PLANT, "max_thrust_n": WEIGHT_N / session.hover_thrust}
         vehicle = {"start_yaw_rad": session.start_yaw_rad}
-        config = {"px4": {"params": session.params}, "plant": plant, "vehicle": vehicle}
+        config = {"px4": {"params": session.params}, "plant": plant, "vehicle": vehicle, "estimator": PERFECT}
         self.world = World(MockConfig.from_dict(config), seed)
         self.links = [_WireLink(self.world, ONBOARD), _WireLink(self.world, GCS)]
         self.shifts: list[Shift] = []
