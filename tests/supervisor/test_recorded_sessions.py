@@ -34,7 +34,8 @@ def test_px4s_own_landing_after_the_remote_control_was_lost_is_no_pilots(monkeyp
     assert phases_of(cycles) == [Phase.HOLD, Phase.HANDED_OVER, Phase.DISARMED]
     assert first_s(cycles, Phase.HANDED_OVER) == pytest.approx(26.084, abs=0.02)
     assert actions_of(cycles) == [], "PX4 lands already"
-    assert last(cycles).flight.reason == "the autopilot's own failsafe has chosen mode land, not offboard"
+    why = "the autopilot's own failsafe has chosen mode land, not offboard: Failsafe activated"
+    assert last(cycles).flight.reason == why
     disarmed_s = next(cycle.time_s for cycle in cycles if cycle.status.last_text == "Disarmed by landing")
     assert not any(cycle.flight.theirs for cycle in cycles if cycle.time_s < disarmed_s)
     assert "Failsafe activated" in {cycle.status.last_text for cycle in cycles}
