@@ -46,7 +46,9 @@ class EtnnFile(Section):
 
     law: str = Field(description=_LAW)
     description: str = Field("", description="what reports say of it")
-    allow_unstable: bool = Field(False, description="load it although the loop of filter and compensation is unstable")
+    allow_unstable: bool = Field(
+        False, description="load it although its filter loop is unstable, or its margin on the vehicle too small"
+    )
     gains: EtnnGains = Field(default_factory=EtnnGains)
     prediction: PredictionConfig = PredictionConfig()
     error_limits: ErrorLimits = ErrorLimits()
@@ -91,6 +93,8 @@ class LoadedController:
     """What the file says of itself, for reports; empty if it says nothing."""
     own_file: Path | None = None
     """The Python file of a law of one's own."""
+    unstable_allowed: bool = False
+    """It was asked to be loaded although it may be unstable on its vehicle."""
 
 
 def controller_path(name: str) -> Path:
@@ -127,16 +131,19 @@ def load_controller(
     law = data.get("law")
     if law == "etnn":
         file = validate(EtnnFile, data, path)
-        if not (allow_unstable or file.allow_unstable):
+        allowed = allow_unstable or file.allow_unstable
+        if not allowed:
             _refuse_unstable(file.gains, path, period_s)
-        return LoadedController(name, etnn_law(file, vehicle, period_s), file.error_limits, file.description)
+        made = etnn_law(file, vehicle, period_s)
+        return LoadedController(name, made, file.error_limits, file.description, unstable_allowed=allowed)
     if law == "pid":
         pid = validate(PidFile, data, path)
-        return LoadedController(name, Pid(pid.gains), pid.error_limits, pid.description)
+        allowed, text = allow_unstable, pid.description
+        return LoadedController(name, Pid(pid.gains), pid.error_limits, text, unstable_allowed=allowed)
     if is_law_file(law):
         own = validate(OwnLawFile, data, path)
-        made = own_law(own.law, own.gains, path, vehicle, period_s)
-        return LoadedController(name, made, own.error_limits, own.description, law_path(own.law, path))
+        law_of_file, python = own_law(own.law, own.gains, path, vehicle, period_s), law_path(own.law, path)
+        return LoadedController(name, law_of_file, own.error_limits, own.description, python, allow_unstable)
     if law is None:
         raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
     raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")

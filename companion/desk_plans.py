@@ -19,6 +19,7 @@ from companion.control.frames import yaw_of
 from companion.control.reference import Trajectory
 from companion.control.waypoints import Waypoints
 from companion.control_stage import ControlStage
+from companion.law_margin import require_margin
 from companion.ports import ConfigError, FlightError
 from companion.service_verbs import Service
 from companion.trajectory_files import Curve, trajectory_named
@@ -48,12 +49,15 @@ class Laws:
         """Of the law that a vehicle begins with."""
 
     async def load(self, name: str) -> Controller:
-        """A law that has run once; ConfigError for a name that is none, or a law that must not fly."""
+        """A law that has run once; ConfigError for a name that is none, or a law that must not fly this vehicle."""
         return await asyncio.to_thread(self._load, name)
 
     def _load(self, name: str) -> Controller:
         config = self._config
-        law = load_controller(name, config.vehicle_model(), 1.0 / config.control.rate_hz).law
+        model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
+        loaded = load_controller(name, model, period_s)
+        require_margin(loaded, model, period_s)
+        law = loaded.law
         ControlStage(law, config.vehicle.thrust_model(), config.limits.limits())  # first calls are slow
         return law
 

@@ -79,6 +79,7 @@ async def open_service(
                 remarks,
                 landed_age_s=partial(_landed_age_s, loop, clock),
                 tell=lambda text: service.tell_waiting(text),  # noqa: PLW0108 - who is told changes
+                law_loaded=True,
             )
             service = Service(loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params)
             service.warnings = (*autopilot.warnings, *remarks)

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Protocol
@@ -17,11 +17,13 @@ from companion.adapters.px4 import LocalEstimate
 from companion.arm_stage import ArmStage
 from companion.by_hand_file import read_kept
 from companion.config import CompanionConfig
+from companion.config_controller import load_controller
 from companion.config_preflight import PreflightConfig, load_recommended
 from companion.control.reference import Trajectory
 from companion.estimation.estimator import EstimatorState
+from companion.law_margin import REMEDY, margin_of
 from companion.mocap_watch import MocapWatch, median
-from companion.ports import Clock, MocapSource
+from companion.ports import Clock, ConfigError, MocapSource
 from companion.preflight.agreement import Apart, VisionSeen, apart, settles
 from companion.preflight.check import Check
 from companion.preflight.machine import MachineSeen
@@ -91,6 +93,8 @@ class Running:
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
     tell: Callable[[str], None] = _nothing
     """Shows what is waited for."""
+    law_loaded: bool = False
+    """A service has a law, whose margins were looked at when it was loaded."""
 
 
 async def preflight(
@@ -106,7 +110,21 @@ async def preflight(
     names = [*(one.name for one in recommended), DELAY, HOVER, CURVE]
     _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
     watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
-    return check_all(facts_of(running, watched, parameters, wanted), config, wanted, recommended, trajectory)
+    facts = facts_of(running, watched, parameters, wanted)
+    if not running.law_loaded:
+        facts = replace(facts, law=await asyncio.to_thread(check_configured_law, config))
+    return check_all(facts, config, wanted, recommended, trajectory)
+
+
+def check_configured_law(config: CompanionConfig) -> Check:
+    """Return whether the law that `control.controller` names can be loaded, and has enough margin on this vehicle."""
+    name, model, period_s = config.control.controller, config.vehicle_model(), 1.0 / config.control.rate_hz
+    try:
+        loaded = load_controller(name, model, period_s)
+    except ConfigError as error:
+        return Check("control law", False, f"{name} cannot be loaded: {error}", "mend its file")
+    margin = margin_of(loaded, model, period_s)
+    return Check("control law", margin.enough or loaded.unstable_allowed, f"{name}: {margin.says}", REMEDY)
 
 
 async def settle(running: Running, wanted: PreflightConfig) -> bool:

@@ -22,10 +22,11 @@ from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName
 from companion.cli.output import as_typed, check_output, kept
 from companion.config import CompanionConfig
 from companion.config_arms import Feedforward
-from companion.config_controller import load_controller
+from companion.config_controller import LoadedController, load_controller
 from companion.config_places import default_config_path
 from companion.control.reference import Trajectory
 from companion.experiments.summary import Summary
+from companion.law_margin import require_margin
 from companion.supervisor.faults import Fault
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
@@ -94,7 +95,7 @@ def demo(
     flights = [
         DemoFlight(
             _on_ports(settings, ports),
-            load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable),
+            _law(name, settings, allow_unstable),
             trajectory,
             flown,
             arms,
@@ -146,6 +147,14 @@ def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
     mocap = config.mocap.model_copy(update={"port": ports.qualisys})
     arms = config.arms.model_copy(update={"port": ports.servo_link}) if config.arms else None
     return config.model_copy(update={"px4": px4, "mocap": mocap, "arms": arms})
+
+
+def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedController:
+    """Load a law that has enough margin on this vehicle; ConfigError otherwise."""
+    model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
+    law = load_controller(name, model, period_s, allow_unstable)
+    require_margin(law, model, period_s)
+    return law
 
 
 def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -> None:

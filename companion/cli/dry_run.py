@@ -29,6 +29,7 @@ from companion.control.controller import Controller
 from companion.control.frames import up_axis, yaw_of
 from companion.control.reference import Trajectory
 from companion.dry_law import DryLaw
+from companion.law_margin import require_margin
 from companion.onlooker import open_onlooker
 from companion.ports import AutopilotError, FlightError
 from companion.preflight import agreement, vehicle
@@ -67,10 +68,11 @@ def dry_run(
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
-    law = load_controller(name, settings.vehicle_model(), period_s, allow_unstable).law
+    loaded = load_controller(name, settings.vehicle_model(), period_s, allow_unstable)
+    require_margin(loaded, settings.vehicle_model(), period_s)
     check_output(out, None)
     console = Console(stderr=as_json)
-    dry = _DryRun(settings, law, flown, out, console)
+    dry = _DryRun(settings, loaded.law, flown, out, console)
     try:
         checks = uvloop.run(dry.run(seconds))
     except KeyboardInterrupt:

@@ -20,7 +20,8 @@ ControllerName = Annotated[
     ),
 ]
 AllowUnstable = Annotated[
-    bool, typer.Option("--allow-unstable", help="Fly a controller file that is refused as unstable.")
+    bool,
+    typer.Option("--allow-unstable", help="Fly a controller file that is refused for want of stability margin."),
 ]
 ArmsFeedforward = Annotated[
     Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")

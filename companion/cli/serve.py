@@ -21,6 +21,7 @@ from companion.config import CompanionConfig
 from companion.config_controller import controller_text, load_controller
 from companion.config_operator import OperatorConfig
 from companion.config_places import vehicle_config_path
+from companion.law_margin import require_margin
 from companion.serving import Serving, serve
 
 LOG = logging.getLogger("companion.serve")
@@ -40,7 +41,9 @@ def serve_command(
     """
     settings = vehicle_settings(config, logs=True)
     name = controller or settings.control.controller
-    law = load_controller(name, settings.vehicle_model(), 1.0 / settings.control.rate_hz, allow_unstable)
+    vehicle_model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
+    law = load_controller(name, vehicle_model, period_s, allow_unstable)
+    margin = require_margin(law, vehicle_model, period_s)
     notifier = Notifier.from_environment()
     place = settings.operator or OperatorConfig(embedded=True)
     vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
@@ -49,6 +52,7 @@ def serve_command(
         service_lock(place.host, place.port, vehicle),  # before anything is bound or begun
     ):
         LOG.info("configuration %s", config or vehicle_config_path())
+        LOG.info("control law %s: %s", law.name, margin.says)
         lock_memory()
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()

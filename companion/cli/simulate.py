@@ -25,6 +25,7 @@ from companion.experiments.mission import stacked
 from companion.experiments.scene import Scene, load_scene
 from companion.experiments.simulation import simulate as fly
 from companion.law_check import in_flight
+from companion.law_margin import require_margin
 from companion.ports import ConfigError
 from companion.trajectory_check import check_trajectory
 from companion.trajectory_files import Curve, trajectory_named
@@ -136,7 +137,9 @@ def _controller(scene: Scene, name: str | None, allow_unstable: bool, ablation: 
     chosen, model = name or scene.companion.control.controller, scene.companion.vehicle_model()
     if ablation is not None:
         return load_ablated(chosen, model, scene.period_s, ablation)
-    return load_controller(chosen, model, scene.period_s, allow_unstable)
+    law = load_controller(chosen, model, scene.period_s, allow_unstable)
+    require_margin(law, model, scene.period_s)
+    return law
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ import numpy as np
 from companion.control.components import joined, maths, parts
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.frames import up_axis_parts
+from companion.control.lag_models import exponential, first_order, second_order
 from companion.control.push_observer import Observed, nothing_observed, observe
 from companion.control.switching import Scalar
 from companion.control.values import value
@@ -151,14 +152,14 @@ def _jerk(thrust_mps2: Any, q: Array, rate_flu_radps: Array) -> Array:
 @lru_cache(maxsize=1024)
 def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:
     horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
-    lag = _second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
-    systems = (lag, lag, _first_order(vehicle.thrust_lag_s))
+    lag = second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
+    systems = (lag, lag, first_order(vehicle.thrust_lag_s))
     count = int(np.ceil((vehicle.mocap_age_s + vehicle.setpoint_delay_s) / period_s - 1e-9)) + 1
     across = _command_spans(vehicle.mocap_age_s + vehicle.setpoint_delay_s, lead_s, period_s, count)
     upward = _command_spans(vehicle.mocap_age_s + vehicle.thrust_delay_s, thrust_lead_s, period_s, count)
 
     def of_axis(row: int, system: Array, spans: list[tuple[float, float]]) -> list[float]:
-        end = _exponential(system * horizon)
+        end = exponential(system * horizon)
         return [*(_span(system, horizon, row, *span) for span in spans), end[row, 2], end[row, 3]]
 
     axes = list(zip(systems, (across, across, upward), strict=True))
@@ -177,35 +178,6 @@ def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -
 
 def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:
     """Response at the horizon to a unit command from `start_s` to `end_s`; what comes after the horizon has none."""
-    begun = _exponential(system * max(0.0, horizon_s - start_s))[row, 4]
-    ended = _exponential(system * max(0.0, horizon_s - end_s))[row, 4]
+    begun = exponential(system * max(0.0, horizon_s - start_s))[row, 4]
+    ended = exponential(system * max(0.0, horizon_s - end_s))[row, 4]
     return float(begun - ended)
-
-
-def _second_order(bandwidth_radps: float, damping: float) -> Array:
-    """d/dt (p, v, a, j, u) with a following u by a second-order lag; u constant."""
-    m = np.zeros((5, 5))
-    m[0, 1] = m[1, 2] = m[2, 3] = 1.0
-    m[3, 2:5] = -(bandwidth_radps**2), -2.0 * damping * bandwidth_radps, bandwidth_radps**2
-    return m
-
-
-def _first_order(lag_s: float) -> Array:
-    """d/dt (p, v, a, -, u) with a following u by a first-order lag; u constant."""
-    m = np.zeros((5, 5))
-    m[0, 1] = m[1, 2] = 1.0
-    m[2, 2], m[2, 4] = -1.0 / lag_s, 1.0 / lag_s
-    return m
-
-
-def _exponential(m: Array) -> Array:
-    """Matrix exponential by scaling and squaring with 12 Taylor terms; exact to rounding for the sizes here."""
-    halvings = max(0, int(np.ceil(np.log2(max(np.abs(m).sum(axis=1).max(), 1e-9)))) + 3)
-    x = m / 2.0**halvings
-    result, term = np.eye(len(m)), np.eye(len(m))
-    for n in range(1, 13):
-        term = term @ x / n
-        result = result + term
-    for _ in range(halvings):
-        result = result @ result
-    return np.asarray(result)

@@ -46,6 +46,8 @@ class Facts:
     """Since the operator's broker last answered; 0 while it does, and where none is configured."""
     landed_age_s: float = math.inf
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
+    law: Check | None = None
+    """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
 
 
 def check_all(
@@ -69,6 +71,7 @@ def check_all(
         *check_parameters(recommended, facts.parameters),
         vehicle.check_battery(facts.status, wanted.battery),
         *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
+        *([facts.law] if facts.law is not None else []),
         *check_place(facts.position_w_m, config, trajectory),
         check_kept(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
     )
