@@ -3,8 +3,10 @@
 It decides from a `Situation` and never looks at the vehicle itself, so every case can be tried on its own.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 
+from mock_autopilot import failsafe
+from mock_autopilot.failsafe import Action, Failsafe, Situation, can_run
 from mock_autopilot.params import ParamTable
 from mock_autopilot.px4 import (
     CUSTOM_MODE_ENABLED,
@@ -23,7 +25,7 @@ from mock_autopilot.px4 import (
 PREFLIGHT_DISARM_EXTRA_S = 1.0
 """Recorded: 11.0 s of the simulator's time with COM_DISARM_PRFLT = 10."""
 NEEDS_PILOT = frozenset({Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.ACRO, Mode.STABILIZED})
-"""Modes that need a remote control; the only pilot there may be (a fault) knows but Position."""
+"""Modes that need a pilot's sticks."""
 NO_ARMING = frozenset({Mode.LAND, Mode.RTL, Mode.DESCEND})
 """Modes in which it cannot be armed. Once it is armed the checks go on passing in them, as recorded."""
 AUTO_SUB_MODES = {2: Mode.TAKEOFF, 3: Mode.HOLD, 4: Mode.MISSION, 5: Mode.RTL, 6: Mode.LAND}
@@ -35,29 +37,20 @@ MAIN_MODES = {
     6: Mode.OFFBOARD,
     7: Mode.STABILIZED,
 }
-LOSS_REACTION = {
-    3: (Mode.RTL, Mode.LAND),
-    4: (Mode.LAND,),
-    5: (Mode.HOLD, Mode.RTL, Mode.LAND),
+CHECK_PERIOD_S = 0.1
+"""PX4 checks what its modes need at 10 Hz, and when its state changes: a loss is noticed so much later at most."""
+LOG_NAME = "[logger] ./log/2026-11-29/{:02d}_{:02d}_{:02d}.ulg"
+"""Said when a log begins; PX4's clock is the simulator's, which booted at 21:00:00."""
+LOG_FROM_BOOT = 1
+"""SDLOG_MODE: until it is disarmed; then, and with any other value, from arming to disarming."""
+BATTERY_TEXTS = {
+    failsafe.LOW: (Severity.CRITICAL, "Low battery"),
+    failsafe.CRITICAL: (Severity.CRITICAL, "Critical battery"),
+    failsafe.EMERGENCY: (Severity.EMERGENCY, "Emergency battery level"),
 }
-"""COM_OBL_RC_ACT: what to try in turn; anything else asks for a pilot's mode and ends up as 3 does."""
-TERMINATE, DISARM = 6, 7
-
-
-@dataclass(frozen=True)
-class Situation:
-    """What the commander is told."""
-
-    now_s: float
-    landed: bool
-    local_ok: bool
-    global_ok: bool
-    offboard_ok: bool
-    """Setpoints came within COM_OF_LOSS_T."""
-    offboard_attitude: bool
-    """The last setpoint asked for attitude control."""
-    remote: bool = False
-    """A pilot with a remote control is there."""
+UNSTABLE_TEXT = "Preflight Fail: horizontal position unstable"
+OVERRIDE_AUTO, OVERRIDE_OFFBOARD = 1, 2
+"""Bits of COM_RC_OVERRIDE: where the sticks take over."""
 
 
 class Commander:
@@ -68,21 +61,40 @@ class Commander:
         self._checks_pass_s = checks_pass_s
         self.user_mode = Mode.HOLD
         self.mode = Mode.HOLD
+        self.intended_mode = Mode.HOLD
+        """The user's, as published."""
+        self._after_disarm = Mode.HOLD
+        self._ever_chose = self._just_chose = False
         self.armed = False
-        self.failsafe = False
         self.texts: list[Text] = []
         self.armed_at_s = 0.0
         self.flown = False
+        self.commands_handled = 0
+        """PX4 publishes its state after every one of them."""
+        self._failsafe = Failsafe(params)
         self._landed_at_s: float | None = None
         self._was_landed = True
+        self._checked: Situation | None = None
+        """What the last checks found."""
+        self._check_due_s = 0.0
+        self._reported: tuple[object, ...] = ()
+        self._logs = False
+        if int(params["SDLOG_MODE"]) == LOG_FROM_BOOT:
+            self._say_log(0.0)
+
+    @property
+    def failsafe(self) -> bool:
+        """A failsafe flies it."""
+        return self._failsafe.action > Action.WARN
 
     # -- what it shows ---------------------------------------------------------------------------
 
     def can_arm(self, now: Situation) -> bool:
         """The arming checks of the chosen mode, in flight of the mode it flies, pass (the prearm bit of SYS_STATUS)."""
         if self.armed:
-            return self.checked(now) and _can_run(self.mode, now)
-        return self.checked(now) and self.user_mode not in NO_ARMING and _can_run(self.user_mode, now)
+            return self.checked(now) and can_run(self.mode, now)
+        flyable = can_run(self.user_mode, now) and (now.remote or self.user_mode not in NEEDS_PILOT)
+        return self.checked(now) and self.user_mode not in NO_ARMING and flyable
 
     def checked(self, now: Situation) -> bool:
         """Return whether the first checks after the boot are over."""
@@ -124,8 +136,18 @@ class Commander:
             self._say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
             return Result.TEMPORARILY_REJECTED
         self.armed, self.armed_at_s, self.flown, self._landed_at_s = True, now.now_s, False, None
+        self.check_now()
+        self._failsafe.arm(now)
         self._say(Severity.INFO, "Armed by external command")
+        if not self._logs:
+            self._say_log(now.now_s)
         return Result.ACCEPTED
+
+    def _say_log(self, now_s: float) -> None:
+        minutes, seconds = divmod(int(now_s), 60)
+        hours, minutes = divmod(21 * 60 + minutes, 60)
+        self._say(Severity.INFO, LOG_NAME.format(hours % 24, minutes, seconds))
+        self._logs = True
 
     def _disarm_by_command(self, forced: bool, now: Situation) -> Result:
         if not self.armed:
@@ -137,11 +159,11 @@ class Commander:
         return Result.ACCEPTED
 
     def disarm(self, text: str) -> None:
-        """Stop the motors, wherever it is; `text` says why."""
-        self.armed = self.failsafe = False
-        if self.user_mode in {Mode.LAND, Mode.RTL}:
-            self.user_mode = Mode.HOLD
-        self.mode = self.user_mode
+        """Stop the motors, wherever it is, and go back to the last mode that allows arming; `text` says why."""
+        self.armed = self._logs = False
+        self._failsafe.disarm()
+        self.user_mode = self._after_disarm
+        self.check_now()
         self._say(Severity.INFO, text)
 
     def set_mode(self, base_mode: int, main: int, sub: int, now: Situation) -> Result:
@@ -158,24 +180,77 @@ class Commander:
         return Result.ACCEPTED if known is None else self.choose(known, now)
 
     def choose(self, mode: Mode, now: Situation) -> Result:
-        """Take a mode the user asks for; while armed only one that can be flown."""
-        if self.armed and not _can_run(mode, now):
+        """Take a mode the user asks for, flown from the next step on; while armed only one that can be flown."""
+        if self.armed and not self._may_choose(mode, self._checked or now):
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
             return Result.TEMPORARILY_REJECTED
-        self.user_mode = self.mode = mode
-        self.failsafe = False
+        self.take(mode)
         return Result.ACCEPTED
+
+    def _may_choose(self, mode: Mode, checked: Situation) -> bool:
+        flyable = can_run(mode, checked)
+        if mode is Mode.POSITION:
+            flyable = can_run(Mode.ALTITUDE, checked)  # in which it is flown until there is a position again
+        return flyable and (checked.remote or mode not in NEEDS_PILOT)
+
+    def take(self, mode: Mode) -> None:
+        """Make this the user's mode, whether it can be flown or not."""
+        self.user_mode, self._just_chose, self._ever_chose = mode, True, True
+        self.check_now()
+        if mode not in NO_ARMING:
+            self._after_disarm = mode
+
+    def hear_pilot(self, now: Situation) -> None:
+        """Sticks are heard: the first make Position the mode to begin with, moved ones take over."""
+        if not self._ever_chose and not self.armed:
+            self.take(Mode.POSITION)
+        bit = OVERRIDE_OFFBOARD if self.mode is Mode.OFFBOARD else OVERRIDE_AUTO if self.mode.is_auto else 0
+        if not (self.armed and now.sticks_moved and int(self._params["COM_RC_OVERRIDE"]) & bit):
+            return
+        if self.failsafe:
+            self._failsafe.take_over()
+            self.take(Mode.POSITION)
+        elif self._may_choose(Mode.POSITION, now):
+            self.take(Mode.POSITION)
+            self._say(Severity.INFO, "Pilot took over using sticks")
 
     # -- every tick ------------------------------------------------------------------------------
 
     def step(self, now: Situation) -> None:
         """Notice take-off and landing, react to what was lost, disarm when all is over."""
         self._watch_ground(now)
-        if not self.armed:
-            return
-        self._watch_failsafe(now)
+        checked = self._check(now)
+        if self.armed:
+            self._watch_failsafe(checked)
+        else:
+            self.mode = self.user_mode
+        self.intended_mode, self._just_chose = self.user_mode, False
         if self.armed:
             self._disarm_when_done(now)
+
+    def check_now(self) -> None:
+        """Do the next checks with the next step."""
+        self._check_due_s = 0.0
+
+    def _check(self, now: Situation) -> Situation:
+        """Look at what the modes need, at 10 Hz and after a change of the state; report what has changed."""
+        if self._checked is None or now.now_s >= self._check_due_s - 1e-9:
+            self._check_due_s = now.now_s + CHECK_PERIOD_S
+            warning = max(now.battery_warning, self._checked.battery_warning if self._checked and self.armed else 0)
+            self._checked = replace(now, battery_warning=warning)
+            self._report(self._checked)
+        return self._checked
+
+    def _report(self, checked: Situation) -> None:
+        """Say what is wrong, all of it whenever anything has changed."""
+        found = (checked.battery_warning, checked.position_unstable, checked.offboard_ok, checked.local_ok)
+        if found == self._reported:
+            return
+        self._reported = found
+        if checked.battery_warning:
+            self._say(*BATTERY_TEXTS[checked.battery_warning])
+        if checked.position_unstable and not self.armed:
+            self.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
 
     def _watch_ground(self, now: Situation) -> None:
         if self._was_landed and not now.landed and self.armed:
@@ -186,24 +261,19 @@ class Commander:
             self._say(Severity.INFO, "Landing detected")
         self._was_landed = now.landed
 
-    def _watch_failsafe(self, now: Situation) -> None:
-        if _can_run(self.user_mode, now):
-            if self.failsafe:  # what was missing is back: so is the mode, without any command
-                self.mode, self.failsafe = self.user_mode, False
-            return
-        action = int(self._params["COM_OBL_RC_ACT"])
-        if self.user_mode is Mode.OFFBOARD and action in {TERMINATE, DISARM}:
-            self._say(Severity.CRITICAL, "Failsafe activated")
+    def _watch_failsafe(self, checked: Situation) -> None:
+        before = self._failsafe.action
+        action = self._failsafe.select(self.user_mode, self._just_chose, checked)
+        if action > max(before, Action.WARN):
+            self._say(Severity.CRITICAL, self._failsafe_text())
+        if action is Action.DISARM:
             self.disarm("Disarmed by failsafe")
-            return
-        offboard = self.user_mode is Mode.OFFBOARD
-        wanted = LOSS_REACTION.get(action, LOSS_REACTION[3]) if offboard else (Mode.LAND,)
-        if self.failsafe and (self.mode is Mode.LAND or _can_run(self.mode, now)):
-            return  # once landing, PX4 was seen to stay with it, position or not
-        self.mode = next((mode for mode in wanted if _can_run(mode, now)), Mode.DESCEND)
-        if not self.failsafe:
-            self._say(Severity.CRITICAL, "Failsafe activated")
-        self.failsafe = True
+        self.mode = failsafe.MODE_OF.get(action, self.user_mode)
+
+    def _failsafe_text(self) -> str:
+        if self._failsafe.delays:
+            return f"Failsafe activated, entering Hold for {self._params['COM_FAIL_ACT_T']:.0f} seconds"
+        return "Failsafe activated"
 
     def _disarm_when_done(self, now: Situation) -> None:
         after_landing_s = self._params["COM_DISARM_LAND"]
@@ -214,15 +284,3 @@ class Commander:
         elif not self.flown and 0.0 < preflight_s <= now.now_s - self.armed_at_s - PREFLIGHT_DISARM_EXTRA_S + 1e-9:
             self.disarm("Disarmed by auto preflight disarming")
 
-
-def _can_run(mode: Mode, now: Situation) -> bool:
-    """Whether a mode has what it needs, by PX4's mode requirements."""
-    if mode is Mode.OFFBOARD:
-        return now.offboard_ok
-    if mode is Mode.POSITION:
-        return now.remote and now.local_ok
-    if mode in NEEDS_PILOT or mode is Mode.MISSION:
-        return False
-    if mode in {Mode.HOLD, Mode.RTL}:
-        return now.local_ok and now.global_ok
-    return mode is Mode.DESCEND or now.local_ok

@@ -19,11 +19,10 @@ Params = tuple[float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class Reply:
-    """What a command causes on the link: messages first, then one ACK per result, and one more some time later."""
+    """What a command causes on the link: messages first, then one ACK per result."""
 
     results: tuple[Result, ...]
     messages: tuple[Message, ...] = ()
-    later: Result | None = None
 
 
 Handler = Callable[[World, Streams, Params], Reply]
@@ -41,9 +40,9 @@ def _arm(world: World, _streams: Streams, params: Params) -> Reply:
 
 
 def _set_mode(world: World, _streams: Streams, params: Params) -> Reply:
-    """Two ACKs always: the receiver's, which is ACCEPTED, and the commander's, which tells the truth."""
+    """The commander's answer, which tells the truth; the receiver has said ACCEPTED before."""
     base, main, sub = (_whole(value) for value in params[:3])
-    return Reply((Result.ACCEPTED,), later=world.vehicle.set_mode(base, main, sub))
+    return Reply((world.vehicle.set_mode(base, main, sub),))
 
 
 def _take_off(world: World, _streams: Streams, params: Params) -> Reply:
@@ -92,6 +91,8 @@ def _whole(value: float) -> int:
     return int(value) if abs(value) < 2**31 else 0
 
 
+COMMANDERS = frozenset({20, 21, 22, 176, 185, 246, 400})
+"""Commands that the commander carries out and answers."""
 HANDLERS: dict[int, Handler] = {
     20: _return,
     21: _land,

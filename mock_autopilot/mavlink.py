@@ -31,6 +31,8 @@ GCS_SILENT_AFTER_S = 2.5
 """A ground station not heard for this long gets no texts."""
 TEXTS_FROM_S = 2.3
 """Texts of the first moments after boot are held back until then."""
+TEXT_PERIOD_S = 0.05
+"""PX4 sends no more than 20 texts a second; on its 4 ms ticks the second of two comes after 52 ms."""
 CHUNK = 50
 """Characters one STATUSTEXT holds."""
 SO_TIMESTAMPNS = 35
@@ -69,6 +71,7 @@ class MavlinkLink:
         self._boots = self._world.boots
         self._gcs_heard_s = -GCS_SILENT_AFTER_S
         self._texts: list[Text] = []
+        self._text_due_s = TEXTS_FROM_S
         self._text_id = 0
         self._chatter = GimbalChatter()
         self.streams = Streams()
@@ -184,15 +187,14 @@ class MavlinkLink:
             self._boot()
         if not self._world.vehicle.troubles.running:
             return
-        for message in self.streams.due(self._world):
+        for message in (*self._receiver.pop_answers(), *self.streams.due(self._world)):
             self.send(message)
         landing = self._world.vehicle.landed_state is LandedState.LANDING
         for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.uptime_s, landing)):
             self.send(message)
-        if self._texts and self._world.uptime_s >= TEXTS_FROM_S:
-            texts, self._texts = self._texts, []
-            for text in texts:
-                self._send_text(text)
+        if self._texts and self._world.uptime_s >= self._text_due_s - 1e-6:
+            self._text_due_s = self._world.uptime_s + TEXT_PERIOD_S
+            self._send_text(self._texts.pop(0))
 
     def _send_text(self, text: Text) -> None:
         if self._world.uptime_s - self._gcs_heard_s >= GCS_SILENT_AFTER_S:

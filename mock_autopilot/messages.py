@@ -210,7 +210,7 @@ def vibration(world: World) -> Message:
 def current_mode(world: World) -> Message:
     """The mode it flies and the mode the user wants."""
     commander = world.vehicle.commander
-    return mavlink.MAVLink_current_mode_message(0, commander.mode.custom_mode, commander.user_mode.custom_mode)
+    return mavlink.MAVLink_current_mode_message(0, commander.mode.custom_mode, commander.intended_mode.custom_mode)
 
 
 def autopilot_version(_world: World) -> Message:

@@ -18,7 +18,7 @@ STOPPED_MPS = 0.3
 TAKEOFF_SPEED_MPS = 0.85
 """Recorded: MPC_TKO_SPEED is 1.5, but the smoothed climb of 2.5 m never gets faster than this."""
 HEIGHT_P = 0.8
-CONTACT_S = 0.5
+CONTACT_S = 0.35
 """Standing still for this long while landing counts as ground contact."""
 
 
@@ -48,6 +48,7 @@ class Pilot:
     _ramp_start_s: float = 0.0
     _floor_z_m: float = 0.0
     _down_sp_mps: float = 0.0
+    _down_sp_mps2: float = 0.0
     _stuck_s: float = 0.0
 
     def enter(self, mode: Mode, now: Estimate, start_s: float, floor_z_m: float, airborne: bool = True) -> None:
@@ -61,7 +62,7 @@ class Pilot:
         self._target, self._yaw_rad = [*now.position_m[:2], height_z_m], now.yaw_rad
         self._stuck_s = 0.0
         self._ramp_start_s, self._floor_z_m = -math.inf if airborne else start_s, floor_z_m
-        self._down_sp_mps = now.velocity_mps[2] if airborne else 0.0
+        self._down_sp_mps, self._down_sp_mps2 = now.velocity_mps[2] if airborne else 0.0, 0.0
         if not airborne:
             self._integral_mps2 = [0.0, 0.0, 0.0]
         if mode is Mode.TAKEOFF:
@@ -103,7 +104,7 @@ class Pilot:
 
     def _horizontal_velocity(self, now: Estimate) -> tuple[float, float]:
         """Brake first, then keep the place where it stopped."""
-        if self.mode is Mode.DESCEND:
+        if self.mode in {Mode.DESCEND, Mode.ALTITUDE}:
             return (0.0, 0.0)
         if self._braking:
             if math.hypot(*now.velocity_mps[:2]) < STOPPED_MPS:
@@ -165,8 +166,13 @@ class Pilot:
             self.signal = min(self.signal, self.params["MPC_THR_MIN"])
 
     def _slewed(self, wanted_mps: float, dt_s: float) -> float:
-        limit = self.params["MPC_ACC_DOWN_MAX"] * dt_s
-        self._down_sp_mps += _clip(wanted_mps - self._down_sp_mps, limit)
+        """Follow the wanted speed with limited acceleration and jerk, as PX4's trajectories do."""
+        jerk = self.params["MPC_JERK_AUTO"]
+        missing = wanted_mps - self._down_sp_mps
+        reached = math.sqrt(2.0 * jerk * abs(missing))  # with which it arrives without acceleration
+        wanted_mps2 = math.copysign(min(reached, self.params["MPC_ACC_DOWN_MAX"]), missing)
+        self._down_sp_mps2 += _clip(wanted_mps2 - self._down_sp_mps2, jerk * dt_s)
+        self._down_sp_mps += self._down_sp_mps2 * dt_s
         return self._down_sp_mps
 
     def _to_attitude(self, acceleration: tuple[float, float, float]) -> None:
@@ -196,7 +202,7 @@ class Pilot:
             self.signal = min(self.signal, max(ramp, IDLE_SIGNAL))
         if ramp < hover:
             self._integral_mps2 = [0.0, 0.0, 0.0]
-            self._down_sp_mps = 0.0
+            self._down_sp_mps = self._down_sp_mps2 = 0.0
         self.takeoff_done = now.position_m[2] - self._target[2] < self.params["NAV_MC_ALT_RAD"] * 0.75
 
 

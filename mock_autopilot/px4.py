@@ -26,6 +26,7 @@ class Result(IntEnum):
 class Severity(IntEnum):
     """MAV_SEVERITY of a STATUSTEXT, as far as PX4 was heard to use it here."""
 
+    EMERGENCY = 0
     CRITICAL = 2
     INFO = 6
 
@@ -62,13 +63,13 @@ class Mode(Enum):
     ACRO = (5, 0)
     OFFBOARD = (6, 0)
     STABILIZED = (7, 0)
-    DESCEND = (2, 1)
-    """Blind descent; PX4 reports it as Altitude."""
+    DESCEND = (4, 12)
+    """Blind descent; PX4 reports it as Land. (12 is its number of the navigation state; there is no custom mode.)"""
 
     @property
     def custom_mode(self) -> int:
         """HEARTBEAT.custom_mode: main mode in byte 2, sub mode in byte 3."""
-        main, sub = (2, 0) if self is Mode.DESCEND else self.value
+        main, sub = Mode.LAND.value if self is Mode.DESCEND else self.value
         return int(main) << 16 | int(sub) << 24
 
     @property

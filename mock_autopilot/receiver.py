@@ -7,7 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.commands import Params, answer
+from mock_autopilot.commands import COMMANDERS, Params, answer
 from mock_autopilot.geodesy import Origin
 from mock_autopilot.messages import Message
 from mock_autopilot.params import Param
@@ -25,7 +25,6 @@ PARAMS_PER_TICK = 5
 """PARAM_REQUEST_LIST: 879 values in about 0.8 s."""
 BODY_FRD_FRAME = 12
 FASTEST_MPS = 1e3
-_ROUNDING_S = 1e-6
 
 
 class Receiver:
@@ -37,7 +36,10 @@ class Receiver:
         self._send = send
         self._listing: Iterator[Param] | None = None
         self._announce: list[tuple[float, str]] = []
-        self._later: list[tuple[float, Message]] = []
+        self._answers: list[Message] = []
+        self._orders: list[tuple[Any, Params]] = []
+        """For the commander, until its next pass."""
+        self._passes = world.vehicle.commander_passes
         self._handlers: dict[str, Callable[[Any], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -52,6 +54,7 @@ class Receiver:
             "VISION_POSITION_ESTIMATE": self._vision,
             "ODOMETRY": self._odometry,
             "ATT_POS_MOCAP": self._mocap,
+            "MANUAL_CONTROL": self._manual_control,
         }
 
     def handle(self, message: Any) -> None:
@@ -61,9 +64,7 @@ class Receiver:
             handler(message)
 
     def pop_due(self) -> list[Message]:
-        """What goes out over time: second ACKs, the list of parameters, and the unasked repetition after a change."""
-        acks = [message for at_s, message in self._later if self._world.uptime_s >= at_s - _ROUNDING_S]
-        self._later = [one for one in self._later if self._world.uptime_s < one[0] - _ROUNDING_S]
+        """What goes out over time: answers, the list of parameters, and the unasked repetition after a change."""
         due = [name for at_s, name in self._announce if self._world.uptime_s >= at_s]
         self._announce = [(at_s, name) for at_s, name in self._announce if self._world.uptime_s < at_s]
         out = [self._value(param) for name in due if (param := self._params.find(name)) is not None]
@@ -73,7 +74,20 @@ class Receiver:
                 self._listing = None
             else:
                 out.append(self._value(param))
-        return [*acks, *out]
+        return out
+
+    def pop_answers(self) -> list[Message]:
+        """Answers to commands; the commander's come with its next pass, before it flies what they ask for."""
+        vehicle = self._world.vehicle
+        if self._orders and vehicle.commander_passes != self._passes:
+            orders, self._orders = self._orders, []
+            for m, params in orders:
+                reply = answer(m.command, params, self._world, self._streams)
+                self._answers += [_ack(m.command, result, m) for result in reply.results]
+                vehicle.commander.commands_handled += 1
+        self._passes = vehicle.commander_passes
+        answers, self._answers = self._answers, []
+        return answers
 
     # -- commands --------------------------------------------------------------------------------
 
@@ -86,17 +100,14 @@ class Receiver:
             self._command(m, (m.param1, m.param2, m.param3, m.param4, float(m.x), float(m.y), m.z))
 
     def _command(self, m: Any, params: Params) -> None:
+        """Answer at the next tick; DO_SET_MODE twice, by the receiver and by the commander."""
+        if m.command == SET_MODE_COMMAND:
+            self._answers.append(_ack(m.command, Result.ACCEPTED, m))
+        if m.command in COMMANDERS:
+            self._orders.append((m, params))
+            return
         reply = answer(m.command, params, self._world, self._streams)
-        for message in reply.messages:
-            self._send(message)
-        for result in reply.results:
-            self._send(_ack(m.command, result, m))
-        if reply.later is not None:
-            after_s, ack = self._world.timing.second_ack_s(), _ack(m.command, reply.later, m)
-            if after_s:
-                self._later.append((self._world.uptime_s + after_s, ack))
-            else:
-                self._send(ack)
+        self._answers += [*reply.messages, *(_ack(m.command, result, m) for result in reply.results)]
 
     def _set_mode(self, m: Any) -> None:
         """The legacy message: one ACK, for DO_SET_MODE."""
@@ -104,6 +115,10 @@ class Receiver:
             return
         main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
         self._send(_ack(SET_MODE_COMMAND, self._world.vehicle.set_mode(m.base_mode, main, sub), m))
+
+    def _manual_control(self, m: Any) -> None:
+        if m.target == SYSTEM:
+            self._world.vehicle.hear_sticks((m.x / 1e3, m.y / 1e3, m.z / 500.0 - 1.0, m.r / 1e3))
 
     # -- setpoints and poses ---------------------------------------------------------------------
 

@@ -95,9 +95,10 @@ class Streams:
         return out
 
     def _publish_status(self, world: World, now_s: float) -> None:
-        """As PX4's commander does with vehicle_status."""
+        """As PX4's commander does with vehicle_status: after a command, too, before it flies what that asked for."""
         commander = world.vehicle.commander
-        status = (commander.mode, commander.user_mode, commander.armed, commander.failsafe)
+        shown = (commander.mode, commander.intended_mode, commander.armed, commander.failsafe)
+        status = (*shown, commander.commands_handled)
         if status != self._status or now_s - self._status_s >= STATUS_S - 1e-6:
             self._status, self._status_s, self._status_is_new = status, now_s, True
 

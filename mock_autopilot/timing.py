@@ -10,10 +10,14 @@ CHECKS_S, CHECKS_SPREAD_S = 4.0, 0.3
 """Boot to arming: 3.0 to 3.3 s after the first HEARTBEAT, which comes at 1.0 s, in nine of twelve recorded boots."""
 CHECKS_LATER_S, CHECKS_LATER_SHARE = 2.0, 0.25
 """Later by so much in the other three."""
-LINK_TICK_S = 0.004
-SECOND_ACK_TICKS = (0, 1, 2, 3)
-SECOND_ACK_SHARES = (0.29, 0.24, 0.32, 0.15)
-"""Second answer to DO_SET_MODE: 0.1, 4, 8 or 12 ms after the first; of 34 recorded ones."""
+OWN_LANDINGS = ((0.70, 0.79), (0.90, 1.25), (1.90, 2.25))
+OWN_LANDING_SHARES = (5 / 9, 2 / 9, 2 / 9)
+"""Idle thrust in OFFBOARD to "landed", of LNDMC_TRIG_TIME: nine recorded landings, asked every half second."""
+LANDINGS = ((1.15, 1.3), (1.8, 2.0))
+LANDING_SHARES = (0.8, 0.2)
+"""The same from low throttle where PX4 itself lands: touchdown to "landed" 1.4 to 1.6 s in four of five, 2.3 s once."""
+LANDING_GPS = 2.7
+"""With GPS and a range finder that did not count PX4 took three times as long for each stage."""
 RETURN_TEXTS_S = ((0.053, 0.06), (0.149, 0.2))
 """From "start return" to "land at destination": three of four recorded pairs, and the fourth."""
 
@@ -29,9 +33,13 @@ class Timing:
         later = self._rng.random() < CHECKS_LATER_SHARE
         return CHECKS_S + self._rng.uniform(0.0, CHECKS_SPREAD_S) + (CHECKS_LATER_S if later else 0.0)
 
-    def second_ack_s(self) -> float:
-        """Return how long after the first ACK the second one goes out, s; 0 is at once."""
-        return LINK_TICK_S * float(self._rng.choice(SECOND_ACK_TICKS, p=SECOND_ACK_SHARES))
+    def land_stages(self, climb_controlled: bool, has_gps: bool) -> float:
+        """Return how long this landing takes to be noticed, in LNDMC_TRIG_TIME."""
+        if climb_controlled and has_gps:
+            return LANDING_GPS
+        spans, shares = (LANDINGS, LANDING_SHARES) if climb_controlled else (OWN_LANDINGS, OWN_LANDING_SHARES)
+        least, most = spans[int(self._rng.choice(len(spans), p=shares))]
+        return float(self._rng.uniform(least, most))
 
     def return_text_s(self) -> float:
         """Return how long after the first text of Return the second one comes, s."""

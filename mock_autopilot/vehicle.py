@@ -11,8 +11,9 @@ import numpy as np
 from mock_autopilot import quaternion as quat
 from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.battery import Battery
-from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, Commander, Situation
+from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, UNSTABLE_TEXT, Commander
 from mock_autopilot.estimator import Estimator, Motion
+from mock_autopilot.failsafe import Situation
 from mock_autopilot.fault_autopilot import HEALTHY, rolled
 from mock_autopilot.geodesy import Origin, simulators_home
 from mock_autopilot.horizon import Horizon
@@ -22,14 +23,18 @@ from mock_autopilot.pilot import Estimate, Pilot
 from mock_autopilot.px4 import AUTO_MAIN_MODE, LandedState, Mode, Position, Result, Severity, SystemStatus, Text
 from mock_autopilot.quaternion import Array
 from mock_autopilot.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
+from mock_autopilot.sticks import Sticks
 from mock_autopilot.timing import Timing
 from mock_autopilot.vision import VisionSample
 
-COMMANDER_PERIOD_S = 0.02
+COMMANDER_PERIODS_S = (0.012, 0.016)
+"""PX4's commander sleeps 10 ms between its passes; the recorded simulator counted in steps of 4 ms."""
+UNSTABLE_M = 0.5
+"""External poses this far from where a standing vehicle believes to be fail the check before flight."""
 PILOT_PERIOD_S = 0.004
 HOME_KNOWN_S = 2.0
 """After boot (GPS); without GPS one second after the global origin was set."""
-PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
+PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.ALTITUDE, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
 
 
 class Vehicle:
@@ -50,10 +55,12 @@ class Vehicle:
         self.commander = Commander(params, timing.checks_pass_s())
         self.estimator = Estimator(params, rng, start_yaw_rad, horizon, range_off_m or 0.0)
         self.pilot = Pilot(params)
-        self.land_detector = LandDetector(params)
+        self.land_detector = LandDetector(params, timing)
         self.battery = Battery(params)
         self.troubles = HEALTHY
+        self.sticks = Sticks(params)
         self._remote = False
+        self._position_unstable = False
         self.followed = Followed()
         self.home: Position | None = None
         self.origin = simulators_home(params)
@@ -62,6 +69,7 @@ class Vehicle:
         self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
         self._setpoint_at_s = -math.inf
         self._commander_due_s = 0.0
+        self.commander_passes = 0
         self._pilot_due_s = 0.0
         self._piloted: tuple[Mode, bool] | None = None
         self._floor_z_m = 0.0
@@ -80,6 +88,8 @@ class Vehicle:
 
     def see(self, sample: VisionSample) -> None:
         """An external pose."""
+        away_m = math.dist(sample.position_ned_m, self.estimator.position_m)
+        self._position_unstable = away_m > UNSTABLE_M and not self.estimator.in_air and not self.estimator.uses_gps
         self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
 
     def set_origin(self, origin: Origin) -> None:
@@ -87,7 +97,7 @@ class Vehicle:
         if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
             self.origin = origin
             self.estimator.set_origin(self.now_s)
-            self._say(Severity.CRITICAL, "Preflight Fail: horizontal position unstable")
+            self.commander.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
 
     def arm_disarm(self, arm: float, force: float) -> Result | None:
         """COMPONENT_ARM_DISARM; None: PX4 gives no ACK."""
@@ -131,7 +141,13 @@ class Vehicle:
     def take_over(self) -> None:
         """A pilot with a remote control flies it from now on, in Position mode."""
         self._remote = True
-        self.commander.choose(Mode.POSITION, self.situation)
+        self.commander.take(Mode.POSITION)
+
+    def hear_sticks(self, sticks: tuple[float, float, float, float]) -> None:
+        """MANUAL_CONTROL: pitch, roll, throttle, yaw, -1..1."""
+        if self.sticks.hear(sticks, self.now_s):
+            self.commander.hear_pilot(self.situation)
+            self.sticks.moved = False
 
     def _refuses(self, mode: Mode) -> bool:
         refused = self.troubles.refuses(mode)
@@ -160,7 +176,10 @@ class Vehicle:
             global_ok=self.estimator.global_ok,
             offboard_ok=self.now_s - self._setpoint_at_s <= loss_s,
             offboard_attitude=self.followed.attitude_control,
-            remote=self._remote,
+            remote=self._remote or self.sticks.there(self.now_s),
+            sticks_moved=self.sticks.moved,
+            battery_warning=self.battery.warning,
+            position_unstable=self._position_unstable,
         )
 
     @property
@@ -200,7 +219,12 @@ class Vehicle:
         mode = self.mode
         if mode is Mode.OFFBOARD or mode is Mode.HOLD or not self.armed:  # asked at every step: nearly always this
             return False
-        return mode is Mode.DESCEND or self.landed_state is LandedState.LANDING
+        return self._sinks_blind or self.landed_state is LandedState.LANDING
+
+    @property
+    def _sinks_blind(self) -> bool:
+        """It descends level; in Altitude mode it does so while nobody moves the sticks that are not there."""
+        return self.mode is Mode.DESCEND or (self.mode is Mode.ALTITUDE and not self.situation.remote)
 
     @property
     def attitude_estimate_wxyz(self) -> Array:
@@ -249,7 +273,8 @@ class Vehicle:
         self.estimator.step(now_s, felt.motion, dt_s)
         self.battery.step(self.armed, dt_s)
         if now_s >= self._commander_due_s - 1e-9:
-            self._commander_due_s = now_s + COMMANDER_PERIOD_S
+            self._commander_due_s = now_s + COMMANDER_PERIODS_S[self.commander_passes % 2]
+            self.commander_passes += 1
             self._command()
         if now_s >= self._pilot_due_s - 1e-9:
             self._pilot_due_s = now_s + PILOT_PERIOD_S
@@ -270,7 +295,8 @@ class Vehicle:
         climb_controlled = self.mode is not Mode.OFFBOARD
         throttle = self.pilot.signal if climb_controlled else self.followed.signal
         down_mps = self.estimator.velocity_mps[2]
-        self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps)
+        uses_gps = self.estimator.uses_gps
+        self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps, uses_gps)
         self.commander.step(self.situation)
         if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:
             self.commander.choose(Mode.HOLD, self.situation)
@@ -286,7 +312,7 @@ class Vehicle:
 
     def _fly(self) -> None:
         now = self.estimate
-        flying = (self.mode, self.armed)
+        flying = (Mode.DESCEND if self._sinks_blind else self.mode, self.armed)
         if flying != self._piloted:
             self._piloted = flying
             self._enter(now)
@@ -299,7 +325,8 @@ class Vehicle:
         start_s = max(self.now_s, self.commander.armed_at_s)
         if self.mode not in PILOTED:
             return
-        self.pilot.enter(self.mode, now, start_s, self._floor_z_m, not self.land_detector.landed)
+        flown = Mode.DESCEND if self._sinks_blind else self.mode
+        self.pilot.enter(flown, now, start_s, self._floor_z_m, not self.land_detector.landed)
         if self.mode is Mode.TAKEOFF and math.isfinite(self._takeoff_z_m):
             self.pilot.aim(min(self._takeoff_z_m, now.position_m[2]))
         if self.mode is Mode.RTL and self.home is not None and self.armed:

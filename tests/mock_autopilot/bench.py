@@ -189,7 +189,7 @@ class Bench:
         return [s for s in self.sent if s.type == type_ and s.time_s >= since_s]
 
     def texts(self, since_s: float = 0.0) -> list[tuple[float, str]]:
-        """Texts with their chunks joined, the closing tab cut off."""
+        """Texts with their chunks joined, the closing tab cut off; without those of the logger."""
         out: list[tuple[float, str]] = []
         for s in self.all("STATUSTEXT", since_s):
             text = s.message.text if isinstance(s.message.text, str) else s.message.text.decode()
@@ -197,7 +197,7 @@ class Bench:
                 out[-1] = (out[-1][0], out[-1][1] + text)
             else:
                 out.append((s.time_s, text))
-        return [(at, text.rstrip("\t")) for at, text in out]
+        return [(at, text.rstrip("\t")) for at, text in out if not text.startswith("[logger]")]
 
     def text_after(self, text: str, since_s: float) -> float:
         """Seconds from `since_s` to the first such text; infinite when there was none."""

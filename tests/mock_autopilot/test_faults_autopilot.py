@@ -112,7 +112,7 @@ def test_it_refuses_to_land_but_its_failsafe_does(hovering: Bench) -> None:
     assert bench.mode(4, 6)[-1] == Result.TEMPORARILY_REJECTED
     assert bench.world.vehicle.mode is Mode.OFFBOARD
     bench.setpoint = None
-    bench.run(1.0)
+    bench.run(1.2)
     assert bench.heartbeat()[1] == Mode.LAND.custom_mode
 
 

@@ -78,4 +78,4 @@ def test_the_phases_are_the_vehicles() -> None:
     assert len(turns) == 2
     now_s = bench.now_s
     bench.command(21)
-    assert turns[2].time_s == pytest.approx(now_s, abs=0.01)
+    assert turns[2].time_s == pytest.approx(now_s, abs=0.04), "with the commander's second pass"

@@ -98,8 +98,9 @@ def _text_without_gcs() -> str:
 def _long_text() -> str:
     bench = Bench()
     bench.run(2.5)
+    since_s = bench.now_s
     bench.arm()
-    parts = [s.message for s in bench.all("STATUSTEXT")]
+    parts = [s.message for s in bench.all("STATUSTEXT", since_s)]
     return f"{len(parts)} chunks, the first of {len(parts[0].text)} characters"
 
 
