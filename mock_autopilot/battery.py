@@ -8,7 +8,7 @@ REPORT_S = 1.0
 
 
 class Battery:
-    """Charge 0..1; SIM_BAT_DRAIN seconds take it from full to SIM_BAT_MIN_PCT, as recorded from PX4 v1.17."""
+    """Charge 0..1; SIM_BAT_DRAIN seconds would empty it, at SIM_BAT_MIN_PCT it stops, as recorded from PX4 v1.17."""
 
     def __init__(self, params: ParamTable) -> None:
         self._params = params
@@ -25,11 +25,11 @@ class Battery:
         """Drain for `dt_s`, or recharge at once on the ground."""
         if armed:
             least = self._params["SIM_BAT_MIN_PCT"] / 100.0
-            drained = dt_s * (1.0 - least) / max(self._params["SIM_BAT_DRAIN"], 1.0)
+            drained = dt_s / max(self._params["SIM_BAT_DRAIN"], 1.0)
             self.charge = max(self.charge - drained, min(least, self._full))
         else:
             self.charge = self._full
-        self._reported += (self.charge - self._reported) * dt_s / REPORT_S
+        self._reported += (self.charge - self._reported) * min(dt_s / REPORT_S, 1.0)
 
     @property
     def voltage_v(self) -> float:

@@ -18,13 +18,13 @@ from mock_autopilot.vision import VisionSample, wrap_rad
 
 GPS_READY_S = 2.9
 """After boot; the flags of a GPS vehicle are complete at 3.0 s."""
-VISION_SETTLE_S = 2.0
+VISION_SETTLE_S = 1.2
 """From the first vision sample to a position PX4 trusts."""
 VISION_LATE_S = 0.9
 """Silence after which the predicted-position flag goes."""
-VISION_LOST_S = 5.0
-"""Silence after which the position is no longer trusted."""
-GLOBAL_LOST_S = 4.6
+VISION_LOST_S = 4.58
+"""Silence after which the position is no longer trusted; PX4 looks at it ten times a second."""
+GLOBAL_LOST_S = 4.58
 GLOBAL_SETTLE_S = 4.0
 """From SET_GPS_GLOBAL_ORIGIN to a usable global position."""
 RESET_AFTER_S = 1.2
@@ -84,6 +84,7 @@ class Estimator:
         self.reset_counter = 0
         self.origin_set_s: float | None = None
         self.in_air = False
+        self.at_rest = True
         self._now_s = 0.0
         self._gps_error_m = [0.0, 0.0, 0.0]
         self._fused_s = -math.inf
@@ -140,7 +141,7 @@ class Estimator:
         """ESTIMATOR_STATUS.flags as recorded: attitude, velocities, positions, predictions."""
         if self._now_s < 2.0:
             return 164 if self.uses_gps else 128
-        flags = 1 | 4 | 32 | 64 | (0 if self.in_air else 128)
+        flags = 1 | 4 | 32 | 64 | (128 if self.at_rest else 0)
         if self.uses_gps:
             return flags | (2 | 8 | 16 | 256 | 512 if self._now_s >= GPS_READY_S else 0)
         if self.silence_s < VISION_LOST_S:

@@ -11,7 +11,7 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot import quaternion as quat
-from mock_autopilot.health import sensors_health
+from mock_autopilot.health import sensors_enabled, sensors_health, sensors_present
 from mock_autopilot.plant import GRAVITY_MPS2
 from mock_autopilot.px4 import Mode
 from mock_autopilot.world import World
@@ -21,8 +21,6 @@ Message = Any
 Builder = Callable[[World], Message | None]
 
 NAN = math.nan
-SENSORS_PRESENT, SENSORS_ENABLED = 0x300402F, 0x301402F
-GPS_BIT = 0x20
 CAPABILITIES = 59647
 SW_VERSION = 0x011100FF
 OS_VERSION = 101854463
@@ -50,11 +48,9 @@ def heartbeat(world: World) -> Message:
 def sys_status(world: World) -> Message:
     """Health bits and battery."""
     battery = world.vehicle.battery
-    gps = 0 if world.vehicle.estimator.uses_gps else GPS_BIT
-    early = world.uptime_s < 2.0
-    present, enabled = (0, 0) if early else (SENSORS_PRESENT & ~gps, SENSORS_ENABLED & ~gps)
+    vehicle = world.vehicle
+    present, enabled, health = sensors_present(vehicle), sensors_enabled(vehicle), sensors_health(vehicle)
     millivolts = round(battery.voltage_v * 1e3)
-    health = sensors_health(world.vehicle)
     return mavlink.MAVLink_sys_status_message(
         present, enabled, health, 173, millivolts, -100, battery.percent, 0, 0, 0, 0, 0, 0, 0, 0, 1
     )
@@ -183,7 +179,7 @@ def battery_status(world: World) -> Message:
     battery = world.vehicle.battery
     cells = [round(battery.voltage_v * 1e3)] + [65535] * 9
     return mavlink.MAVLink_battery_status_message(
-        0, 1, 1, 32767, cells, -100, -1, -1, battery.percent, 0, 1, [0] * 4, 0, 0
+        0, 1, 1, 32767, cells, -100, -1, -1, battery.percent, 0, 1 + battery.warning, [0] * 4, 0, 0
     )
 
 

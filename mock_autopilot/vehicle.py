@@ -11,7 +11,7 @@ import numpy as np
 from mock_autopilot import quaternion as quat
 from mock_autopilot.airframe import Demand, Felt
 from mock_autopilot.battery import Battery
-from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, UNSTABLE_TEXT, Commander
+from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES, OFFBOARD_LATE_S, UNSTABLE_TEXT, Commander
 from mock_autopilot.estimator import Estimator, Motion
 from mock_autopilot.failsafe import Situation
 from mock_autopilot.fault_autopilot import HEALTHY, rolled
@@ -31,6 +31,10 @@ COMMANDER_PERIODS_S = (0.012, 0.016)
 """PX4's commander sleeps 10 ms between its passes; the recorded simulator counted in steps of 4 ms."""
 UNSTABLE_M = 0.5
 """External poses this far from where a standing vehicle believes to be fail the check before flight."""
+UNSTABLE_AFTER_S, UNSTABLE_S = 0.2, 4.0
+"""PX4 filters what it checks: it fails so late, and so long."""
+AT_REST_S = 1.5
+"""So long after it was disarmed the estimator takes it to be at rest."""
 PILOT_PERIOD_S = 0.004
 HOME_KNOWN_S = 2.0
 """After boot (GPS); without GPS one second after the global origin was set."""
@@ -60,14 +64,14 @@ class Vehicle:
         self.troubles = HEALTHY
         self.sticks = Sticks(params)
         self._remote = False
-        self._position_unstable = False
+        self._away_since_s, self._unstable_until_s = math.inf, -math.inf
         self.followed = Followed()
         self.home: Position | None = None
         self.origin = simulators_home(params)
         """Where the local frame lies on earth, as far as that is known."""
         self.now_s = 0.0
         self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
-        self._setpoint_at_s = -math.inf
+        self._setpoint_at_s = self._moved_s = -math.inf
         self._commander_due_s = 0.0
         self.commander_passes = 0
         self._pilot_due_s = 0.0
@@ -85,11 +89,18 @@ class Vehicle:
         if not self.troubles.ignores_setpoints:
             self.followed = follow(target, self.followed)
         self._setpoint_at_s = self.now_s
+        if self.commander.misses_setpoints:
+            self.commander.check_now()
 
     def see(self, sample: VisionSample) -> None:
         """An external pose."""
         away_m = math.dist(sample.position_ned_m, self.estimator.position_m)
-        self._position_unstable = away_m > UNSTABLE_M and not self.estimator.in_air and not self.estimator.uses_gps
+        if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
+            self._away_since_s = math.inf
+        else:
+            self._away_since_s = min(self._away_since_s, self.now_s)
+            if self.now_s - self._away_since_s >= UNSTABLE_AFTER_S:
+                self._unstable_until_s = self.now_s + UNSTABLE_S
         self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
 
     def set_origin(self, origin: Origin) -> None:
@@ -168,7 +179,7 @@ class Vehicle:
     @property
     def situation(self) -> Situation:
         """What the commander knows now."""
-        loss_s = self.params["COM_OF_LOSS_T"]
+        loss_s = self.params["COM_OF_LOSS_T"] + OFFBOARD_LATE_S
         return Situation(
             now_s=self.now_s,
             landed=self.land_detector.landed,
@@ -179,7 +190,7 @@ class Vehicle:
             remote=self._remote or self.sticks.there(self.now_s),
             sticks_moved=self.sticks.moved,
             battery_warning=self.battery.warning,
-            position_unstable=self._position_unstable,
+            position_unstable=self.now_s < self._unstable_until_s,
         )
 
     @property
@@ -270,6 +281,9 @@ class Vehicle:
             return self.troubles.lifeless(self._answer, self.felt.rate_frd_radps, now_s - self.now_s)
         self.now_s, self.felt = now_s, felt
         self.estimator.in_air = self.armed and not self.land_detector.landed
+        if self.armed:
+            self._moved_s = now_s
+        self.estimator.at_rest = not self.commander.flown or now_s - self._moved_s > AT_REST_S
         self.estimator.step(now_s, felt.motion, dt_s)
         self.battery.step(self.armed, dt_s)
         if now_s >= self._commander_due_s - 1e-9:

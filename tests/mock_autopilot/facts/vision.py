@@ -292,7 +292,7 @@ FACTS = (
         "",
     ),
     near("h-flag-256", "flags lose 256 after", "within 1 s", lambda: _lost_and_found()["predicted"], (0.3, 1.1)),
-    near("h-flag-8", "flags lose 2 and 8 after", "5 s", lambda: _lost_and_found()["position"], (4.8, 5.3)),
+    near("h-flag-8", "flags lose 2 and 8 after", "4.5 to 5 s", lambda: _lost_and_found()["position"], (4.5, 5.0)),
     near(
         "h-drift",
         "the reported position drifts within 8 s by",
