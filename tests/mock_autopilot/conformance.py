@@ -5,6 +5,8 @@ from pathlib import Path
 
 from tests.mock_autopilot.fact import Fact, Value
 from tests.mock_autopilot.facts import arming, dynamics, link, offboard, vision
+from tests.mock_autopilot.reenact.known import compared
+from tests.mock_autopilot.reenact.page import section
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "px4-conformance.md"
 FACTS: tuple[Fact, ...] = (*link.FACTS, *arming.FACTS, *offboard.FACTS, *vision.FACTS, *dynamics.FACTS)
@@ -80,7 +82,7 @@ def main() -> int:
     """Write the page; 1 when a fact does not hold."""
     measured = measure()
     DOCUMENT.parent.mkdir(exist_ok=True)
-    DOCUMENT.write_text(document(measured), encoding="utf-8")
+    DOCUMENT.write_text(document(measured) + "\n" + section(compared()), encoding="utf-8")
     wrong = [f"{fact.id}: PX4 {fact.px4}, mock {fact.show(value)}" for fact, value in measured if not fact.holds(value)]
     print("\n".join([f"{len(measured)} facts, {len(wrong)} differ", *wrong]))
     return 1 if wrong else 0

@@ -2,8 +2,10 @@
 
 import pytest
 
+from tests.mock_autopilot.conformance import DOCUMENT
 from tests.mock_autopilot.reenact.compare import table
-from tests.mock_autopilot.reenact.known import CAPTURES, CHANNELS, SAVED, known, names, rows_of
+from tests.mock_autopilot.reenact.known import CAPTURES, CHANNELS, SAVED, compared, known, names, rows_of
+from tests.mock_autopilot.reenact.page import TITLE, section
 from tests.mock_autopilot.reenact.session import load
 
 
@@ -22,6 +24,12 @@ def cases() -> list[object]:
 def test_the_mock_tells_what_px4_told(name: str, channel: str) -> None:
     different = [row for row in rows_of(name) if row.differs and row.channel == channel]
     assert not different, f"\n{table(different)}"
+
+
+@pytest.mark.slow
+def test_the_documented_section_is_the_compared_one() -> None:
+    _, title, rest = DOCUMENT.read_text(encoding="utf-8").partition(TITLE)
+    assert title + rest == section(compared()), "run: make conformance"
 
 
 def test_every_channel_is_compared() -> None:

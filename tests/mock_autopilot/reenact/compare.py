@@ -9,7 +9,7 @@ from itertools import groupby
 from tests.mock_autopilot.reenact.events import Event
 from tests.mock_autopilot.reenact.player import Played
 from tests.mock_autopilot.reenact.session import GCS
-from tests.mock_autopilot.reenact.tolerances import Tolerance, tolerance_of
+from tests.mock_autopilot.reenact.tolerances import DISARMING, Tolerance, tolerance_of
 
 GCS_CHANNELS = {"STATUSTEXT", "COMMAND_ACK"}
 """All that is compared on the ground station's link: rates and requests there are its own."""
@@ -141,7 +141,9 @@ def _row(theirs: Event | None, ours: Event | None, played: Played, brief: bool =
         recorded_s=theirs.at_s if theirs else None,
         mock_s=ours.at_s if ours else None,
         expected_s=_expected_s(theirs, played) if theirs else None,
-        tolerance=tolerance_of(event),
+        tolerance=DISARMING
+        if theirs and played.is_disarming(theirs) and event.channel in STATES
+        else tolerance_of(event),
         brief=brief,
     )
 
@@ -149,6 +151,8 @@ def _row(theirs: Event | None, ours: Event | None, played: Played, brief: bool =
 def _expected_s(event: Event, played: Played) -> float:
     """Return when the mock is to tell it: an answer after its question, all else by the recording's clock."""
     answers = event.channel in ANSWERS and not event.what.startswith("ARM_DISARM")
+    if played.is_disarming(event):
+        return played.disarming_expected_s(event.at_s)
     return played.answer_expected_s(event.at_s) if answers else played.expected_s(event.at_s)
 
 

@@ -16,6 +16,7 @@ COMMANDS = {21: "NAV_LAND", 22: "NAV_TAKEOFF", 176: "DO_SET_MODE", 400: "ARM_DIS
 TERRAIN_HEIGHT = 64
 """ESTIMATOR_STATUS bit of the height above ground: PX4's comes and goes by chance, several times a minute."""
 BATTERY_STEP = 10
+FAILSAFE_OVER = "failsafe over"
 REPLIES = frozenset({"AUTOPILOT_VERSION", "GPS_GLOBAL_ORIGIN"})
 
 
@@ -71,7 +72,11 @@ class EventReader:
 
     def _mode(self, m: Any) -> list[tuple[str, str]]:
         flown, wanted = (f"{c >> 16 & 0xFF}/{c >> 24 & 0xFF}" for c in (m.custom_mode, m.intended_custom_mode))
-        return self._changed("CURRENT_MODE", flown if flown == wanted else f"{flown}, wanted {wanted}")
+        what = flown if flown == wanted else f"{flown}, wanted {wanted}"
+        before = self._seen.get("CURRENT_MODE", "")
+        told = self._changed("CURRENT_MODE", what)
+        over = flown == wanted and before.endswith(f"wanted {wanted}")
+        return [("CURRENT_MODE", f"{what}, {FAILSAFE_OVER}")] if told and over else told
 
     def _landed(self, m: Any) -> list[tuple[str, str]]:
         states = {1: "on ground", 2: "in air", 3: "taking off", 4: "landing"}

@@ -33,6 +33,11 @@ def rows_of(name: str) -> list[Row]:
     return compare(session.events, play(session))
 
 
+def compared() -> dict[str, list[Row]]:
+    """Return the comparisons of all of them."""
+    return {name: rows_of(name) for name in names()}
+
+
 def known() -> dict[str, list[str]]:
     """Return the list as it stands."""
     return dict(json.loads(LIST.read_text(encoding="utf-8")))
@@ -40,7 +45,7 @@ def known() -> dict[str, list[str]]:
 
 def main() -> int:
     """Write the list as it is now."""
-    different = {name: {row.channel for row in rows_of(name) if row.differs} for name in names()}
+    different = {name: {row.channel for row in rows if row.differs} for name, rows in compared().items()}
     listed = {name: [one for one in CHANNELS if one in channels] for name, channels in different.items() if channels}
     LIST.write_text(json.dumps(listed, indent=2) + "\n", encoding="utf-8")
     print(LIST.read_text(encoding="utf-8"))

@@ -2,6 +2,7 @@
 
 import math
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,8 +16,8 @@ from mock_autopilot.frames import messages_in
 from mock_autopilot.mavlink import MavlinkLink
 from mock_autopilot.streams import DEFAULTS, TICK_S
 from mock_autopilot.world import World
-from tests.mock_autopilot.bench import PERFECT, SIH_PLANT
-from tests.mock_autopilot.reenact.events import READERS, Event, EventReader
+from tests.mock_autopilot.bench import SIH_PLANT
+from tests.mock_autopilot.reenact.events import FAILSAFE_OVER, READERS, Event, EventReader
 from tests.mock_autopilot.reenact.flyer import Flyer
 from tests.mock_autopilot.reenact.session import GCS, ONBOARD, Cut, Pose, SentFrame, Session, Setpoint, Sticks
 
@@ -38,10 +39,15 @@ Input = SentFrame | Setpoint | Pose | Sticks | Cut
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
-    """From this recorded time on the mock is so much later than the recording was."""
+    """From this recorded disarming on the mock is so much later than the recording was."""
 
-    from_s: float
+    disarmed_s: float
     by_s: float
+
+    @property
+    def from_s(self) -> float:
+        """When what belongs to the disarming began."""
+        return self.disarmed_s - GRACE_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,10 +58,21 @@ class Played:
     shifts: list[Shift]
     handed: list[tuple[float, float]]
     """When each frame was recorded, and when the mock got it; s."""
+    marks: Callable[[Event], bool]
+    """Whether an event tells of a disarming."""
 
     def expected_s(self, recorded_s: float) -> float:
         """Return when the mock is to tell what was recorded then."""
         return recorded_s + next((one.by_s for one in reversed(self.shifts) if recorded_s >= one.from_s), 0.0)
+
+    def disarming_expected_s(self, recorded_s: float) -> float:
+        """Return when it is to disarm, by the clock as it ran before."""
+        before = [one for one in self.shifts if one.disarmed_s < recorded_s - GRACE_S]
+        return recorded_s + (before[-1].by_s if before else 0.0)
+
+    def is_disarming(self, event: Event) -> bool:
+        """Return whether this is the event that the clock was set by."""
+        return event.link == ONBOARD and any(event.at_s == one.disarmed_s for one in self.shifts) and self.marks(event)
 
     def answer_expected_s(self, recorded_s: float) -> float:
         """Return when it is to answer what was asked just before then."""
@@ -64,12 +81,24 @@ class Played:
         return recorded_s + handed_s - asked_s
 
 
+def disarming_mark(session: Session) -> Callable[[Event], bool]:
+    """Return what tells of a disarming: its text, or where none is told the end of the failsafe that landed it."""
+
+    def by_text(event: Event) -> bool:
+        return event.link == ONBOARD and "Disarmed by" in event.what
+
+    def by_mode(event: Event) -> bool:
+        return event.link == ONBOARD and event.what.endswith(FAILSAFE_OVER)
+
+    return by_text if any(map(by_text, session.events)) else by_mode
+
+
 def play(session: Session, seed: int = 1) -> Played:
     """Let the mock live through a session."""
     player = _Player(session, seed)
     player.run()
     events = sorted((event for link in player.links for event in link.reader.events), key=lambda event: event.at_s)
-    return Played(events=events, shifts=player.shifts, handed=sorted(player.handed))
+    return Played(events=events, shifts=player.shifts, handed=sorted(player.handed), marks=disarming_mark(session))
 
 
 class _WireLink(MavlinkLink):
@@ -107,7 +136,7 @@ class _Player:
     def __init__(self, session: Session, seed: int) -> None:
         plant = {**SIH_PLANT, "max_thrust_n": WEIGHT_N / session.hover_thrust}
         vehicle = {"start_yaw_rad": session.start_yaw_rad}
-        config = {"px4": {"params": session.params}, "plant": plant, "vehicle": vehicle, "estimator": PERFECT}
+        config = {"px4": {"params": session.params}, "plant": plant, "vehicle": vehicle}
         self.world = World(MockConfig.from_dict(config), seed)
         self.links = [_WireLink(self.world, ONBOARD), _WireLink(self.world, GCS)]
         self.shifts: list[Shift] = []
@@ -123,7 +152,8 @@ class _Player:
         self._next = 0
         self._ticks = 0
         self._shift_s = 0.0
-        self._disarms = [e.at_s for e in session.events if e.link == ONBOARD and "Disarmed by" in e.what]
+        self._marks = disarming_mark(session)
+        self._disarms = [event.at_s for event in session.events if self._marks(event)]
         self._disarmed_s: list[float] = []
         self._repeats = 0
         self._rested: Setpoint | None = None
@@ -167,7 +197,7 @@ class _Player:
 
     def _note_disarming(self) -> None:
         onboard = self.links[0]
-        self._disarmed_s += [event.at_s for event in onboard.heard if "Disarmed by" in event.what]
+        self._disarmed_s += [event.at_s for event in onboard.heard if self._marks(event)]
         onboard.heard = []
 
     def _follow_disarming(self) -> None:
@@ -186,7 +216,7 @@ class _Player:
 
     def _jump(self, recorded_s: float, happened_s: float) -> None:
         self._shift_s = happened_s - recorded_s
-        self.shifts.append(Shift(from_s=recorded_s - GRACE_S, by_s=self._shift_s))
+        self.shifts.append(Shift(disarmed_s=recorded_s, by_s=self._shift_s))
         self._disarms.pop(0)
         self._repeats = 0
         while self._next < len(self._inputs) and self._inputs[self._next].at_s < recorded_s:

@@ -28,6 +28,7 @@ ANSWER = _around(0.02, "ACKs come 1 to 16 ms after the command, and the mock tic
 SAMPLED_5HZ = _around(0.25, "sent at 5 Hz")
 SAMPLED_1HZ = _around(1.1, "sent at 1 Hz")
 BY_CHANCE = Tolerance(early_s=2.1, late_s=2.1, optional=True, source="in 4 of 14 boots")
+DISARMING = _around(0.95, "2.00 s after Landing detected")
 RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("STATUSTEXT", "Takeoff detected", _around(0.35, "1.2 to 1.9 s after arming")),
     ("STATUSTEXT", "Failsafe activated", _around(0.05, "0.593 to 0.605 s after the setpoints, 4.59 to 4.60 s after the "
@@ -36,7 +37,7 @@ RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("STATUSTEXT", "Preflight Fail", Tolerance(early_s=0.3, late_s=0.3, optional=True,
         source="0.24 s after the poses had come back in one of two sessions")),
     ("STATUSTEXT", "Landing detected", _around(0.9, "5.2 to 6.1 s after a descent from 1 m began")),
-    ("STATUSTEXT", "Disarmed by landing", _around(0.95, "2.00 s after Landing detected")),
+    ("STATUSTEXT", "Disarmed by landing", DISARMING),
     ("STATUSTEXT", "Disarmed by external", _around(1.6, "granted 0.5 to 2.1 s after the first question")),
     ("STATUSTEXT", "", _around(0.06, "texts come 1 to 60 ms after their cause")),
     ("COMMAND_ACK", "ARM_DISARM", _around(0.06, "with the text, which comes within 60 ms")),
@@ -46,6 +47,7 @@ RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("CURRENT_MODE", "", _around(0.06, "told within 60 ms")),
     ("COMMAND_LONG", "", _around(0.6, "repeated after 0.5 to 1.0 s")),
     ("HEARTBEAT", "", SAMPLED_1HZ),
+    ("EXTENDED_SYS_STATE", "on ground", _around(2.0, "as Landing detected, and sent at 1 Hz")),
     ("EXTENDED_SYS_STATE", "", SAMPLED_1HZ),
     ("ESTIMATOR_STATUS", "", SAMPLED_1HZ),
     ("BATTERY_STATUS", "", _around(2.1, "sent at 0.5 Hz")),
