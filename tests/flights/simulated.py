@@ -6,7 +6,7 @@ fast as the machine can, and the same seed gives the same flight.
 
 import asyncio
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,7 +37,7 @@ from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
-from tests.mock_autopilot.bench import Bench
+from tests.mock_autopilot.bench import PERFECT, Bench
 
 PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
 """The demo's: what a vehicle in that room has set."""
@@ -56,9 +56,18 @@ class Room:
         start: dict[str, Any] | None = None,
         arms: dict[str, Any] | None = None,
         faults: Sequence[str] = (),
+        estimator: Mapping[str, Any] = PERFECT,
     ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        self.bench = Bench(PX4_PARAMS, heavy | (plant or {}), seed=seed, vehicle=start, arms=arms, faults=faults)
+        self.bench = Bench(
+            PX4_PARAMS,
+            heavy | (plant or {}),
+            seed=seed,
+            vehicle=start,
+            arms=arms,
+            faults=faults,
+            estimator=estimator,
+        )
         self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
         cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
         self._camera = Camera(cameras, seed)
@@ -200,6 +209,7 @@ async def fly(
     raise_in_sink_at_s: float = math.inf,
     mocap_lost_at_s: float = math.inf,
     faults: Sequence[str] = (),
+    estimator: Mapping[str, Any] = PERFECT,
     real_driver: bool = False,
     longest_s: float = 120.0,
 ) -> Flight:
@@ -210,7 +220,7 @@ async def fly(
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
     law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
-    room = Room(seed, plant, mocap, start, arms, faults)
+    room = Room(seed, plant, mocap, start, arms, faults, estimator)
     scripted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     steps = list(script)
 

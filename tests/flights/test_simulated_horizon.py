@@ -91,3 +91,15 @@ def test_the_record_has_both_setpoints() -> None:
     lean = up_axis(tick.gated.setpoint.q_w_flu_wxyz) - up_axis(tick.wire.setpoint.q_w_flu_wxyz)
     assert np.linalg.norm(lean) == pytest.approx(OFF_RAD, abs=0.01)
     assert b"wire_q_w_flu_wxyz" in b"".join(RowEncoder().messages(tick, frozen(tick)))
+
+
+def test_a_horizon_that_wanders_as_the_recorded_one_is_flown_better_when_it_is_corrected() -> None:
+    """Takeoff, hover and landing by an estimator with all its errors, position and height included."""
+    error_m = []
+    for corrected in (True, False):
+        config = CompanionConfig(flight=BRISK, control=ControlConfig(horizon_correction=corrected))
+        script = [*UP, wait(2.0 + HOVER_S), *DOWN]
+        flight = asyncio.run(fly(script, config=config, estimator={"attitude_error_source": "px4-b"}))
+        error_m.append(late_error_m(flight))
+    assert error_m[0] < 0.8 * error_m[1]
+    assert error_m[0] < 0.012

@@ -128,7 +128,7 @@ def blind_landing(seed: int, vision_noise_m: float = 0.1) -> tuple[float, float]
 @pytest.mark.slow
 def test_a_blind_landing_drifts_as_the_recorded_ones() -> None:
     """Recorded: 0.4 to 1.6 m at 0.3 to 0.85 m/s; a model's draws scatter more than a handful of flights."""
-    away_m, speed_mps = zip(*(blind_landing(seed) for seed in range(1, 6)), strict=True)
+    away_m, speed_mps = zip(*(blind_landing(seed) for seed in range(1, 4)), strict=True)
     assert 0.4 < np.median(away_m) < 1.6
     assert max(away_m) < 2.5
     assert 0.1 < np.median(speed_mps) < 0.85
