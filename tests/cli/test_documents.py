@@ -15,6 +15,8 @@ _BLOCK = re.compile(r"```console\n(.*?)```", re.DOTALL)
 _INLINE = re.compile(r"`(?:\.venv/bin/)?companion ([a-z][^`]*)`")
 _TYPED = re.compile(r"^\$ (?:[^#\n]* )?(?:\.venv/bin/)?companion (.*)$", re.MULTILINE)
 _LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+_ANCHOR = re.compile(r"\]\(([^)#:]*\.md)#([^)]+)\)")
+_HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 
 def lines_of(page: Path) -> list[str]:
@@ -52,6 +54,18 @@ def test_every_command_of_a_page_exists_with_its_options(page: Path) -> None:
 def test_every_link_of_a_page_leads_to_a_file(page: Path) -> None:
     for target in _LINK.findall(page.read_text(encoding="utf-8")):
         assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+def anchor_of(heading: str) -> str:
+    """Return the anchor that a heading gets where the pages are shown: lower case, hyphens, no other signs."""
+    return re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_anchor_of_a_page_is_a_heading(page: Path) -> None:
+    for target, anchor in _ANCHOR.findall(page.read_text(encoding="utf-8")):
+        headings = _HEADING.findall((page.parent / target).read_text(encoding="utf-8"))
+        assert anchor in map(anchor_of, headings), f"{page.name}: {target}#{anchor}"
 
 
 def test_every_document_is_in_the_index() -> None:
