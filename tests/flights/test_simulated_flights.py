@@ -14,8 +14,6 @@ from companion.control.pid import Pid
 from companion.control.reference import Ellipse, LapTiming
 from companion.supervisor.flight import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
 from companion.types import Array, FlightMode
-from mock_autopilot.commander import Commander
-from mock_autopilot.px4 import Mode
 from tests.flights.simulated import BRISK, Flight, Step, fly
 
 pytestmark = pytest.mark.slow
@@ -166,17 +164,8 @@ async def test_silent_mocap_in_the_air_hands_over_to_the_autopilots_landing() ->
     assert flight.autopilot.status().mode is FlightMode.LAND
 
 
-async def test_an_autopilots_landing_that_ends_in_offboard_is_not_told_to_land_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_an_autopilots_landing_that_ends_in_offboard_is_not_told_to_land_again() -> None:
     """PX4 v1.17 falls back to OFFBOARD when it disarms; CURRENT_MODE says so up to a second before HEARTBEAT."""
-    disarm = Commander.disarm
-
-    def back_to_offboard(commander: Commander, text: str) -> None:
-        disarm(commander, text)
-        commander.user_mode = commander.mode = Mode.OFFBOARD
-
-    monkeypatch.setattr(Commander, "disarm", back_to_offboard)
     mocap = {"silences": [{"start_s": 12.0, "for_s": 100.0}]}
     flight = await fly([*UP, until(Phase.HANDED_OVER), until(Phase.DISARMED), wait(3.0)], mocap=mocap)
     first = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
