@@ -90,6 +90,10 @@ async def test_a_flight_from_standby_to_disarmed() -> None:
     assert not flight.room.bench.world.vehicle.armed
     assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=1e-3)
     assert flight.loop.flight.reason == ""
+    texts = [sent.message.text for sent in flight.room.bench.sent if sent.type == "STATUSTEXT"]
+    assert [text for text in texts if "denied" in text] == [], (
+        "it is asked to disarm once its land detector has seen it"
+    )
 
 
 @pytest.mark.parametrize("yaw_rad", [0.8, -2.5])
