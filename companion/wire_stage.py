@@ -49,7 +49,7 @@ class Wire:
 class WireStage:
     """Holds the correction and what of it is in the setpoint that left last. One vehicle, or a batch of shape `lead`.
 
-    The correction in a setpoint stays while the law wants nothing new, until it is off by more than half a degree.
+    The correction in a setpoint stays while the law wants nothing new, until it is off by more than a degree.
     """
 
     def __init__(self, rules: HorizonRules, limits: Limits, lead: tuple[int, ...] = ()) -> None:

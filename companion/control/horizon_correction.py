@@ -22,7 +22,7 @@ from companion.types import Array, AttitudeThrust
 
 Each = float | Array
 
-TIME_CONSTANT_S = 0.5
+TIME_CONSTANT_S = 0.3
 """Default; errors of PX4 last for 2.5 to 20 s, and the law needs 0.2 s to follow a setpoint. See docs/horizon.md."""
 CAP_RAD = 0.0873
 """Default, 5 degrees: PX4 v1.17 in flight was off by up to 0.083 rad."""
@@ -49,8 +49,8 @@ class HorizonRules:
     """Difference from which neither horizon is believed: half of what is *attitudes disagree*."""
     rate_radps: Each = 0.15
     """Largest rate of change of the correction, to and fro: twice what recorded errors change by at most."""
-    resend_rad: Each = 0.01
-    """Change of the correction that is worth a setpoint of its own: a push of 0.1 m/s^2."""
+    resend_rad: Each = 0.02
+    """Change of the correction that is worth a setpoint of its own: a push of 0.2 m/s^2."""
 
 
 @value

@@ -68,14 +68,14 @@ def test_attitudes_20_ms_apart_make_a_loop_far_below_one(bandwidth_radps: float,
 
 
 def test_the_law_loses_hardly_any_phase_to_it() -> None:
-    """The law's setpoint reaches the tilt by G / (1 + L) instead of G: under 2 degrees and 0.3 dB at any frequency."""
+    """The law's setpoint reaches the tilt by G / (1 + L) instead of G: under 3 degrees and 0.5 dB at any frequency."""
     loop = attitude_loop(10.0) * low_pass(TIME_CONSTANT_S) * (np.exp(-S * 0.02) - 1.0)
-    assert np.degrees(np.abs(np.angle(1.0 / (1.0 + loop)))).max() < 2.0
-    assert 20.0 * np.abs(np.log10(np.abs(1.0 + loop))).max() < 0.3
+    assert np.degrees(np.abs(np.angle(1.0 / (1.0 + loop)))).max() < 3.0
+    assert 20.0 * np.abs(np.log10(np.abs(1.0 + loop))).max() < 0.5
 
 
 def test_quick_errors_grow_by_little() -> None:
-    assert np.abs(left(10.0, TIME_CONSTANT_S)).max() < 1.35
+    assert np.abs(left(10.0, TIME_CONSTANT_S)).max() < 1.45
     assert np.abs(left(10.0, TIME_CONSTANT_S))[OMEGA < 0.2].max() < 0.2
 
 
