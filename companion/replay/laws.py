@@ -27,7 +27,7 @@ def _without_files(data: dict[str, object]) -> dict[str, object]:
 
 
 def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:
-    """Every law that flew, by its name; ConfigError when one cannot be had any more."""
+    """Every law that flew, by its name; ConfigError or RecordError when one cannot be had any more."""
     columns = record.columns
     if "law_name" not in columns:
         raise RecordError(
@@ -41,14 +41,18 @@ def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controll
 
 
 def law_of(name: str, text: str | None, config: CompanionConfig) -> Controller:
-    """The law of a controller file's text, or else of the file of that name."""
+    """Return the law of a controller file's text, or else of the file of that name; RecordError if it is foreign."""
     period_s = 1.0 / config.control.rate_hz
     if text is None or _is_same(name, text):
         return load_controller(name, config.vehicle_model(), period_s, allow_unstable=True).law
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{Path(name).stem}.toml"
         path.write_text(text, encoding="utf-8")
-        return load_controller(str(path), config.vehicle_model(), period_s, allow_unstable=True).law
+        try:
+            return load_controller(str(path), config.vehicle_model(), period_s, allow_unstable=True).law
+        except ConfigError as error:
+            why = str(error).removeprefix(f"{path}: ")
+            raise RecordError(f"the law {name!r} as it flew cannot be had in this version: {why}") from error
 
 
 def _is_same(name: str, text: str) -> bool:

@@ -149,6 +149,9 @@ def test_a_record_of_another_version_is_refused_in_one_sentence(record: FlightRe
     columns = record.columns | {"law_f_hat": np.zeros((len(record.columns["time_s"]), 7))}
     with pytest.raises(CompanionError, match="another version's law"):
         replay(replace(record, columns=columns), config, laws_of(record, config))
+    newtons = record.metadata["laws"] | {"pid": 'law = "pid"\ngains.kp = [8.0, 8.0, 10.0]\n'}
+    with pytest.raises(CompanionError, match=r"^the law 'pid' as it flew .*: gains: kp: gains in newtons .* kp_per_s2"):
+        laws_of(replace(record, metadata=record.metadata | {"laws": newtons}), config)
     nameless = record.columns | {"law_name": np.full(len(record.columns["time_s"]), "")}
     with pytest.raises(CompanionError, match="does not say which law flew"):
         laws_of(replace(record, columns=nameless), config)
