@@ -42,27 +42,30 @@ class LawMargin:
     """False: it is refused. What cannot be checked is not refused."""
 
 
-def margin_of(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> LawMargin:
-    """Return what the law's margins on this vehicle are; measured once in a process."""
+def margin_of(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float = 0.0) -> LawMargin:
+    """Return what the law's margins on this vehicle are; measured once in a process, with a pause after each cycle."""
     own = read_text(loaded.own_file) if loaded.own_file is not None else ""
     key = (loaded.name, controller_text(loaded.name), own, vehicle, period_s)
     if key not in _KNOWN:
-        _KNOWN[key] = _measured(loaded, vehicle, period_s)
+        _KNOWN[key] = _measured(loaded, vehicle, period_s, pause_s)
     return _judged(_KNOWN[key], vehicle)
 
 
-def require_margin(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> LawMargin:
-    """Return the margins; ConfigError, one sentence, for a law that has too little and was not allowed to."""
-    margin = margin_of(loaded, vehicle, period_s)
+def require_margin(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float = 0.0) -> LawMargin:
+    """Return the margins; ConfigError, one sentence, for a law that has too little and was not allowed to.
+
+    Beside a flight loop give a pause (s): it is as long as the loop need not wait for the interpreter.
+    """
+    margin = margin_of(loaded, vehicle, period_s, pause_s)
     if margin.enough or loaded.unstable_allowed:
         return margin
     raise ConfigError(f"{loaded.name}: {margin.says}: {REMEDY}")
 
 
-def _measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> "Margin | str":
+def _measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float) -> "Margin | str":
     """The margins, or why there are none."""
     try:
-        return measure_margin(_without_trigger(loaded.law), vehicle, period_s, _patience())
+        return measure_margin(_without_trigger(loaded.law), vehicle, period_s, _patience(pause_s))
     except TooLongError:
         return f"one flight of {_LONGEST_S:.0f} s on this computer was not enough for it"
     except Exception as error:
@@ -71,9 +74,16 @@ def _measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float) 
         return f"its step raised {type(error).__name__}: {error}"
 
 
-def _patience() -> Callable[[], bool]:
+def _patience(pause_s: float) -> Callable[[], bool]:
+    """Pause, and say whether there is time left; asked once in a cycle."""
     end_s = time.monotonic() + _LONGEST_S
-    return lambda: time.monotonic() < end_s
+
+    def go_on() -> bool:
+        if pause_s > 0.0:
+            time.sleep(pause_s)
+        return time.monotonic() < end_s
+
+    return go_on
 
 
 def _without_trigger(law: Controller) -> Controller:
