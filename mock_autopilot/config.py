@@ -141,8 +141,8 @@ class EstimatorConfig(_Strict):
 
     distance_sensor: bool = Field(
         True,
-        description="A distance sensor looks down: with EKF2_RNG_CTRL = 1 it is the height reference, 0.1 to 0.7 m off"
-        " in flight (not beside attitude_error_rad = 0).",
+        description="A distance sensor looks down. With EKF2_RNG_CTRL = 1 PX4 crawls the end of a landing by it, and"
+        " takes it for the height reference: 0.1 to 0.7 m too high in flight (right if attitude_error_rad = 0).",
     )
 
     def attitude_error(self) -> AttitudeErrorParams:

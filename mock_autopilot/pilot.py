@@ -41,6 +41,8 @@ class Pilot:
     q_wxyz: Quad = LEVEL
     signal: float = 0.0
     takeoff_done: bool = False
+    range_finder: bool = True
+    """A distance sensor looks down."""
     _target: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _yaw_rad: float = 0.0
     _braking: bool = True
@@ -151,7 +153,8 @@ class Pilot:
         if self.mode is Mode.DESCEND or not now.local_ok:
             return slow_mps
         height_m = self._floor_z_m - now.position_m[2]
-        if height_m < self.params["MPC_LAND_ALT3"] and int(self.params["EKF2_RNG_CTRL"]):
+        crawls = self.range_finder and int(self.params["EKF2_RNG_CTRL"])
+        if height_m < self.params["MPC_LAND_ALT3"] and crawls:
             return self.params["MPC_LAND_CRWL"]
         high_m, low_m = self.params["MPC_LAND_ALT1"], self.params["MPC_LAND_ALT2"]
         share = min(max((height_m - low_m) / max(high_m - low_m, 1e-6), 0.0), 1.0)

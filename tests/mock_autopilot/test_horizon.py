@@ -173,6 +173,19 @@ def test_a_distance_sensor_takes_the_height_if_px4_lets_it() -> None:
     assert abs(height_off_m(estimator=PERFECT, EKF2_RNG_CTRL=1)) < 0.05
 
 
+@pytest.mark.parametrize(("sensor", "speed_mps"), [(True, 0.3), (False, 0.6)])
+def test_px4_crawls_to_the_floor_only_by_a_distance_sensor(sensor: bool, speed_mps: float) -> None:
+    params = {**NO_GPS, "MPC_LAND_CRWL": 0.3, "MPC_LAND_SPEED": 0.6}
+    bench = Bench(params, SIH_PLANT, estimator={**PERFECT, "distance_sensor": sensor})
+    bench.vision = True
+    bench.run(6.0)
+    bench.fly_offboard(1.0, HOVER_THRUST)
+    bench.command(21, 0.0, 0.0, 0.0)
+    while bench.world.truth.position_ned_m[2] < -0.2:
+        bench.run(0.02)
+    assert bench.world.truth.velocity_ned_mps[2] == pytest.approx(speed_mps, abs=0.12)
+
+
 def test_the_errors_come_from_the_worlds_seed_and_change_no_other_chance() -> None:
     def flown(seed: int, estimator: dict[str, Any]) -> list[tuple[float, float]]:
         bench = Bench(ROOM, SIH_PLANT, seed=seed, estimator=estimator)
