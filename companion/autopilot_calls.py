@@ -29,6 +29,10 @@ class AutopilotCalls:
         """Whether an answer is still awaited."""
         return bool(self._tasks)
 
+    def forget(self) -> None:
+        """Forget why something was not done: another flight begins, and it is no reason of that one."""
+        self.failure = ""
+
     def begin(self, action: Action) -> None:
         """Ask; returns at once.
 

@@ -278,6 +278,8 @@ class FlightLoop:
         if flight.phase is before.phase:
             return
         LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
+        if flight.phase is Phase.PREFLIGHT:
+            self._calls.forget()
         if flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
             thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
             self._stream.begin(idle_setpoint(flight.yaw_rad, thrust))

@@ -73,6 +73,8 @@ async def test_on_a_dead_link_one_call_of_each_kind_waits_and_the_operator_reads
     assert calls.failure == "the autopilot has not done it yet and is asked once more: disarm"
     await calls.cancel()
     assert (dead.waiting, calls.pending) == (0, False)
+    calls.forget()
+    assert calls.failure == "", "it is no reason of the next flight"
 
 
 async def test_a_kill_goes_first_and_nothing_beside_it() -> None:

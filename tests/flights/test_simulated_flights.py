@@ -182,6 +182,14 @@ async def test_an_autopilots_landing_that_ends_in_offboard_is_not_told_to_land_a
     assert flight.autopilot.status().mode is FlightMode.OFFBOARD, "a NAV_LAND would leave it in LAND"
 
 
+async def test_what_one_flight_was_refused_is_no_reason_of_the_next() -> None:
+    flight = await fly([*ARM, ask(Land()), until(Phase.DISARMED)])
+    flight.loop._calls.failure = "the autopilot refused to disarm: not landed"
+    assert flight.loop.action_failure
+    assert flight.loop.ask(Prepare())
+    assert flight.loop.action_failure == ""
+
+
 async def test_silent_mocap_on_the_ground_disarms() -> None:
     mocap = {"silences": [{"start_s": 6.0, "for_s": 100.0}]}
     flight = await fly([*ARM, until(Phase.DISARMED)], mocap=mocap)
