@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from companion.config_files import Section, read_toml, validate
 from companion.config_places import project_root
+from companion.config_recommended import Recommended
 from companion.ports import ConfigError
-from companion.preflight.parameters import Recommended
 
 
 class PreflightConfig(Section):

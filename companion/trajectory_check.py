@@ -1,10 +1,9 @@
 """Check, before takeoff, that a trajectory stays in the room and is one that a vehicle can follow."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from companion.config import RoomConfig
 from companion.control.reference import Trajectory
 from companion.control.waypoints import Waypoints
 from companion.ports import ConfigError
@@ -13,6 +12,38 @@ from companion.types import Array
 _STEP_S = 0.01
 _LEAST_A_SEGMENT = 8
 """Instants in each segment between two waypoints, however short it is."""
+
+
+class RoomLimits(Protocol):
+    """Space and motion that a trajectory may use: ranges in W (m), speeds and accelerations (SI)."""
+
+    @property
+    def x_m(self) -> tuple[float, float]:
+        """Least and largest x (m)."""
+
+    @property
+    def y_m(self) -> tuple[float, float]:
+        """Least and largest y (m)."""
+
+    @property
+    def z_m(self) -> tuple[float, float]:
+        """Least and largest height (m)."""
+
+    @property
+    def max_speed_mps(self) -> float:
+        """Largest speed."""
+
+    @property
+    def max_accel_mps2(self) -> float:
+        """Largest acceleration."""
+
+    @property
+    def max_yaw_rate_radps(self) -> float:
+        """Largest rate of the heading."""
+
+    @property
+    def max_yaw_accel_radps2(self) -> float:
+        """Largest acceleration of the heading."""
 
 
 class _Limit(NamedTuple):
@@ -33,7 +64,7 @@ def instants_s(trajectory: Trajectory) -> Array:
     return np.unique(np.concatenate((even, within.ravel())).round(6))
 
 
-def check_trajectory(trajectory: Trajectory, room: RoomConfig, name: str, times_s: Array | None = None) -> None:
+def check_trajectory(trajectory: Trajectory, room: RoomLimits, name: str, times_s: Array | None = None) -> None:
     """Raise ConfigError with the instant at which it first leaves the room, or is fastest where that is too fast.
 
     `times_s` (n,): only at these instants, for whoever has to look at it in pieces; the heading's motion is seen
@@ -57,7 +88,7 @@ def check_trajectory(trajectory: Trajectory, room: RoomConfig, name: str, times_
     _check_heading(np.array([reference.yaw_rad for reference in references]), times_s, room, name)
 
 
-def _check_heading(yaw_rad: Array, times_s: Array, room: RoomConfig, name: str) -> None:
+def _check_heading(yaw_rad: Array, times_s: Array, room: RoomLimits, name: str) -> None:
     """As a reference does not tell how fast its heading turns: by differences between the instants."""
     between_s = 0.5 * (times_s[1:] + times_s[:-1])
     rate = np.diff(np.unwrap(yaw_rad)) / np.diff(times_s)

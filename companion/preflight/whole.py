@@ -7,6 +7,7 @@ from datetime import datetime
 
 from companion.config import CompanionConfig
 from companion.config_preflight import PreflightConfig
+from companion.config_recommended import Recommended
 from companion.control.reference import Trajectory
 from companion.preflight import agreement, machine, mocap, place, vehicle
 from companion.preflight.agreement import Apart, VisionSeen
@@ -14,7 +15,7 @@ from companion.preflight.by_hand import Kept, check_kept
 from companion.preflight.check import Check
 from companion.preflight.machine import MachineSeen
 from companion.preflight.mocap import MocapSeen
-from companion.preflight.parameters import Recommended, check_parameters
+from companion.preflight.parameters import check_parameters
 from companion.preflight.vehicle import ArmsSeen
 from companion.types import Array, AutopilotStatus
 

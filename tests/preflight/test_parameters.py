@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 
 from companion.config_preflight import load_recommended
+from companion.config_recommended import Recommended
 from companion.ports import ConfigError
-from companion.preflight.parameters import Recommended, check_parameters
+from companion.preflight.parameters import check_parameters
 from mock_autopilot.config import MockConfig
 from mock_autopilot.params import ParamTable
 
