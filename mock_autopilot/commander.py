@@ -70,6 +70,7 @@ class Commander:
         self._ever_chose = self._just_chose = False
         self.armed = False
         self.texts: list[Text] = []
+        self.events_told = 0
         self.armed_at_s = 0.0
         self.flown = False
         self.commands_handled = 0

@@ -85,6 +85,8 @@ class Estimator:
         self.origin_set_s: float | None = None
         self.in_air = False
         self.at_rest = True
+        self.range_ok = True
+        """The range finder tells the height above the ground."""
         self._now_s = 0.0
         self._gps_error_m = [0.0, 0.0, 0.0]
         self._fused_s = -math.inf
@@ -141,7 +143,7 @@ class Estimator:
         """ESTIMATOR_STATUS.flags as recorded: attitude, velocities, positions, predictions."""
         if self._now_s < 2.0:
             return 164 if self.uses_gps else 128
-        flags = 1 | 4 | 32 | 64 | (128 if self.at_rest else 0)
+        flags = 1 | 4 | 32 | (64 if self.range_ok else 0) | (128 if self.at_rest else 0)
         if self.uses_gps:
             return flags | (2 | 8 | 16 | 256 | 512 if self._now_s >= GPS_READY_S else 0)
         if self.silence_s < VISION_LOST_S:

@@ -21,6 +21,7 @@ from mock_autopilot.fault_schedule import FaultSchedule
 from mock_autopilot.fault_ways import FROM, TO
 from mock_autopilot.frames import messages_in
 from mock_autopilot.messages import Message
+from mock_autopilot.messages_status import event
 from mock_autopilot.px4 import LandedState, Text
 from mock_autopilot.receiver import Receiver
 from mock_autopilot.streams import Streams
@@ -73,6 +74,7 @@ class MavlinkLink:
         self._texts: list[Text] = []
         self._text_due_s = TEXTS_FROM_S
         self._text_id = 0
+        self._events: list[Message] = []
         self._chatter = GimbalChatter()
         self.streams = Streams()
         self._receiver = Receiver(self._world, self.streams, self.send)
@@ -173,7 +175,10 @@ class MavlinkLink:
         self._put(frame)
 
     def tell(self, texts: list[Text]) -> None:
-        """Queue texts for the ground station; without one they are lost, as PX4's are."""
+        """Queue texts for the ground station; without one they are lost, as PX4's are, though not as events."""
+        told, at_ms = self._world.vehicle.commander.events_told, round(self._world.uptime_s * 1e3)
+        events = (event(text.text, told - len(texts) + number, at_ms) for number, text in enumerate(texts, start=1))
+        self._events += [one for one in events if one is not None]
         if self._world.uptime_s - self._gcs_heard_s < GCS_SILENT_AFTER_S or self._world.uptime_s < TEXTS_FROM_S:
             self._texts += texts
 
@@ -192,6 +197,9 @@ class MavlinkLink:
         landing = self._world.vehicle.landed_state is LandedState.LANDING
         for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.uptime_s, landing)):
             self.send(message)
+        events, self._events = self._events, []
+        for one in events:
+            self.send(one)
         if self._texts and self._world.uptime_s >= self._text_due_s - 1e-6:
             self._text_due_s = self._world.uptime_s + TEXT_PERIOD_S
             self._send_text(self._texts.pop(0))

@@ -21,6 +21,8 @@ Message = Any
 Builder = Callable[[World], Message | None]
 
 NAN = math.nan
+EST_POSITION = 8
+"""ESTIMATOR_STATUS.flags: the horizontal position is trusted."""
 CAPABILITIES = 59647
 SW_VERSION = 0x011100FF
 OS_VERSION = 101854463
@@ -167,11 +169,21 @@ def highres_imu(world: World) -> Message:
 
 
 def estimator_status(world: World) -> Message:
-    """Which parts of the estimate are trusted."""
-    flags = world.vehicle.estimator.flags
-    return mavlink.MAVLink_estimator_status_message(
-        boot_us(world), flags, 0.15, 0.04, 0.06, 0.08, 0.14, NAN, 0.29, 0.27
-    )
+    """Which parts of the estimate are trusted, and how near to rejection their measurements are."""
+    estimator, ratio = world.vehicle.estimator, world.timing.ratio
+    flags = estimator.flags
+    if estimator.uses_gps:
+        ratios = (0.15, 0.04, 0.06, 0.08, 0.14)
+    elif not flags & EST_POSITION:
+        ratios = (NAN, NAN, ratio(0.03, 0.28), NAN, ratio(0.06, 0.77))
+    elif estimator.in_air:
+        ratios = (NAN, ratio(0.075, 0.774), ratio(0.025, 0.28), ratio(0.005, 0.02), ratio(0.06, 0.775))
+    else:
+        ratios = (NAN, ratio(0.004, 0.01), ratio(0.002, 0.005), ratio(0.001, 0.002), ratio(0.004, 0.01))
+    if not estimator.uses_gps and not int(world.vehicle.params["EKF2_RNG_CTRL"]):
+        ratios = (*ratios[:4], NAN)
+    accuracy = (0.29, 0.27) if estimator.uses_gps else (0.032, 0.018)
+    return mavlink.MAVLink_estimator_status_message(boot_us(world), flags, *ratios, NAN, *accuracy)
 
 
 def battery_status(world: World) -> Message:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from mock_autopilot import extras
 from mock_autopilot import messages as m
 from mock_autopilot import messages_global as g
+from mock_autopilot import messages_status as st
 from mock_autopilot.world import World
 
 TICK_S = 0.004
@@ -25,8 +26,11 @@ class Stream:
 DEFAULTS = (
     Stream(0, 1.0, m.heartbeat, 1.0),
     Stream(1, 5.0, m.sys_status, 0.2),
+    Stream(2, 1.0, st.system_time, 1.0),
     Stream(4, 1.0, m.ping, 1.0),
+    Stream(8, 1.0, st.link_node_status, 1.0),
     Stream(24, 8.0, g.gps_raw_int),
+    Stream(29, 1.0, st.scaled_pressure, 1.0),
     Stream(30, 100.0, m.attitude),
     Stream(31, 50.0, m.attitude_quaternion),
     Stream(32, 30.0, m.local_position_ned),
@@ -40,6 +44,7 @@ DEFAULTS = (
     Stream(105, 50.0, m.highres_imu),
     Stream(111, 10.0, m.timesync),
     Stream(115, 0.0, g.hil_state_quaternion),
+    Stream(132, 10.0, st.distance_sensor),
     Stream(141, 10.0, m.altitude_message),
     Stream(147, 0.5, m.battery_status, 2.0),
     Stream(230, 1.0, m.estimator_status, 1.0),
@@ -47,7 +52,10 @@ DEFAULTS = (
     Stream(242, 0.5, g.home_position, 2.0),
     Stream(245, 5.0, m.extended_sys_state, 0.2),
     Stream(331, 30.0, m.odometry),
+    Stream(380, 0.5, st.time_estimate_to_target, 1.7),
+    Stream(411, 1 / 3, st.current_event_sequence, 1.8),
     Stream(436, 0.5, m.current_mode, 2.0),
+    Stream(12901, 1.0, st.open_drone_id_location, 1.0),
 )
 ON_REQUEST: dict[int, m.Builder] = {
     49: g.gps_global_origin,

@@ -18,6 +18,12 @@ LANDING_SHARES = (0.8, 0.2)
 """The same from low throttle where PX4 itself lands: touchdown to "landed" 1.4 to 1.6 s in four of five, 2.3 s once."""
 LANDING_GPS = 2.7
 """With GPS and a range finder that did not count PX4 took three times as long for each stage."""
+RANGE_DOUBT_SHARE, RANGE_DOUBT_AFTER_S, RANGE_DOUBT_S = 0.75, (1.2, 2.6), (1.0, 3.0)
+"""In nine of twelve recorded flights ESTIMATOR_STATUS lost its bit 64 so long after take-off, for so long."""
+LANDED_DOUBT_SHARE, LANDED_DOUBT_S = 0.5, (1.0, 4.0)
+"""And in half of them at the landing."""
+RATIO_SPREAD = 0.8
+"""Standard deviation of the logarithm of ESTIMATOR_STATUS's test ratios in flight."""
 RETURN_TEXTS_S = ((0.053, 0.06), (0.149, 0.2))
 """From "start return" to "land at destination": three of four recorded pairs, and the fourth."""
 
@@ -27,6 +33,7 @@ class Timing:
 
     def __init__(self, seed: int) -> None:
         self._rng = np.random.default_rng([seed, SEED])
+        self._shown_rng = np.random.default_rng([seed, SEED, 1])
 
     def checks_pass_s(self) -> float:
         """Return how long after this boot the arming checks can pass, s."""
@@ -40,6 +47,18 @@ class Timing:
         spans, shares = (LANDINGS, LANDING_SHARES) if climb_controlled else (OWN_LANDINGS, OWN_LANDING_SHARES)
         least, most = spans[int(self._rng.choice(len(spans), p=shares))]
         return float(self._rng.uniform(least, most))
+
+    def range_doubt_s(self, taking_off: bool) -> tuple[float, float]:
+        """Return when from now on, s, the range finder is doubted: from, until; never in some flights."""
+        share, lasts_s = (RANGE_DOUBT_SHARE, RANGE_DOUBT_S) if taking_off else (LANDED_DOUBT_SHARE, LANDED_DOUBT_S)
+        if self._shown_rng.random() > share:
+            return 0.0, 0.0
+        from_s = float(self._shown_rng.uniform(*RANGE_DOUBT_AFTER_S)) if taking_off else 0.0
+        return from_s, from_s + float(self._shown_rng.uniform(*lasts_s))
+
+    def ratio(self, median: float, most: float) -> float:
+        """Return a test ratio of the estimator around its median, up to its recorded most."""
+        return min(median * float(np.exp(RATIO_SPREAD * self._shown_rng.standard_normal())), most)
 
     def return_text_s(self) -> float:
         """Return how long after the first text of Return the second one comes, s."""

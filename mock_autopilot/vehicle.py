@@ -74,6 +74,7 @@ class Vehicle:
         self._setpoint_at_s = self._moved_s = -math.inf
         self._commander_due_s = 0.0
         self.commander_passes = 0
+        self._was_landed, self._range_doubted_s = True, (0.0, 0.0)
         self._pilot_due_s = 0.0
         self._piloted: tuple[Mode, bool] | None = None
         self._floor_z_m = 0.0
@@ -172,6 +173,7 @@ class Vehicle:
     def pop_texts(self) -> list[Text]:
         """What it had to say since the last call."""
         texts, self.commander.texts = self.commander.texts, []
+        self.commander.events_told += len(texts)
         return texts
 
     # -- what it reports -------------------------------------------------------------------------
@@ -311,10 +313,21 @@ class Vehicle:
         down_mps = self.estimator.velocity_mps[2]
         uses_gps = self.estimator.uses_gps
         self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps, uses_gps)
+        self._watch_range()
         self.commander.step(self.situation)
         if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:
             self.commander.choose(Mode.HOLD, self.situation)
         self._find_home()
+
+    def _watch_range(self) -> None:
+        """PX4 doubts its range finder for some seconds after a take-off and at a landing."""
+        if self.land_detector.landed != self._was_landed:
+            self._was_landed = self.land_detector.landed
+            start_s, end_s = self._timing.range_doubt_s(taking_off=not self._was_landed)
+            self._range_doubted_s = (self.now_s + start_s, self.now_s + end_s)
+        start_s, end_s = self._range_doubted_s
+        doubted = start_s <= self.now_s < end_s
+        self.estimator.range_ok = not doubted and bool(int(self.params["EKF2_RNG_CTRL"]))
 
     def _find_home(self) -> None:
         """Home is where it stands when it first knows its place on earth, and where it was armed last."""

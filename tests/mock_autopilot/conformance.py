@@ -4,12 +4,20 @@ import sys
 from pathlib import Path
 
 from tests.mock_autopilot.fact import Fact, Value
-from tests.mock_autopilot.facts import arming, dynamics, link, offboard, vision
+from tests.mock_autopilot.facts import arming, dynamics, flights, link, offboard, vision
 from tests.mock_autopilot.reenact.known import compared
 from tests.mock_autopilot.reenact.page import section
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "px4-conformance.md"
-FACTS: tuple[Fact, ...] = (*link.FACTS, *arming.FACTS, *offboard.FACTS, *vision.FACTS, *dynamics.FACTS)
+FACTS: tuple[Fact, ...] = (
+    *link.FACTS,
+    *arming.FACTS,
+    *offboard.FACTS,
+    *vision.FACTS,
+    *dynamics.FACTS,
+    *flights.FACTS,
+    *flights.BY_SOURCE,
+)
 SECTIONS = {
     "streams": "Streams and the first seconds",
     "texts": "STATUSTEXT",
@@ -25,12 +33,34 @@ SECTIONS = {
     "j": "j. Requests",
     "k": "k. After offboard.stop()",
     "l": "l. Dynamics",
+    "m": "m. Whole flights with motion capture and a joystick",
+    "n": "n. From PX4's source",
 }
+RECORDINGS = {
+    "streams": "passive_boot, nominal_mavsdk4",
+    "texts": "edge_ground",
+    "a": "edge_ground",
+    "b": "edge_ground, edge_air",
+    "c": "loss_obl3 to loss_obl7, edge_air",
+    "d": "edge_air",
+    "e": "edge_air",
+    "f": "edge_ground",
+    "g": "edge_air, nominal_mavsdk4",
+    "h": "vision_raw, vision_mavsdk4, vision_origin_mavsdk4",
+    "i": "two_gcs",
+    "j": "edge_ground",
+    "k": "nominal_mavsdk4",
+    "l": "step_response",
+}
+"""Of a section, where a fact names none of its own."""
+HEADINGS = "| id | fact | PX4 v1.17 | mock | accepted | recording |"
+RULE = "| --- | --- | --- | --- | --- | --- |"
 HEAD = """# How the mock autopilot compares with PX4
 
 Written by `make conformance`; do not edit. {count} facts recorded from PX4 v1.17.0 SITL (SIH quadrotor, stock
-parameters unless the line says otherwise; the recording ran 2-3 % slower than its own clock), and what
-`mock_autopilot` does, measured in simulated time. A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
+parameters unless the line says otherwise; the recordings of sections a to l ran 2-3 % slower than their own clock), and
+what `mock_autopilot` does, measured in simulated time. Two more, in section n, are read from PX4's source.
+A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
 `tests/mock_autopilot/test_conformance.py` fails when a value leaves its range or this page is out of date.
 
 ## Known differences
@@ -45,6 +75,8 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
 - Without these errors and without vision the estimate drifts as in the worst of three recorded losses of a vehicle
   that hovered (11 m within 8 s; another drifted 1.5 m). With them it drifts as its horizon errs: blind landings from
   1 m by 0.2 to 2.2 m (recorded: 0.4 to 1.6 m).
+- PX4 checks its modes at 10 Hz; the mock, at 20 Hz and 0.05 s later for setpoints, notices a loss of them 0.05 to 0.1 s
+  late, as the flights' recordings do. How long a landing takes to be noticed is drawn from what was recorded.
 - The mock notices every landing. Of two recorded ones without vision PX4 noticed the one in Altitude mode; in Land it
   had not done so when the record ended, 4 s after the touchdown: its estimate went on creeping at 0.12 to 0.27 m/s.
 - It has a distance sensor, as the recorded simulator, and lands slowly with it unless EKF2_RNG_CTRL is 0.
@@ -55,8 +87,9 @@ parameters unless the line says otherwise; the recording ran 2-3 % slower than i
 - Return is climb, straight line, land; take-off has no smoothed trajectory.
 - ODOMETRY is taken as local NED whatever its frame_id; a position beyond 100 km is ignored. Velocities in it that
   contradict its positions for 2 s in the air end the local position, as PX4's estimator checks do, until it stands.
-- Not simulated: EVENT messages, missions, geofence, remote control, battery failsafe, MAVLink FTP, log download,
-  position and velocity setpoints in OFFBOARD.
+- A pilot has sticks (MANUAL_CONTROL), no switches. In Position they are taken to be at rest.
+- EVENT messages come for texts only, not for health reports. Both links have the onboard link's rates.
+- Not simulated: missions, geofence, MAVLink FTP, log download, position and velocity setpoints in OFFBOARD.
 """
 
 
@@ -67,13 +100,16 @@ def measure() -> list[tuple[Fact, Value]]:
 
 def document(measured: list[tuple[Fact, Value]]) -> str:
     """The page."""
-    lines = [HEAD.format(count=len(measured))]
+    lines = [HEAD.format(count=sum(fact.section != "n" for fact, _ in measured))]
     for key, title in SECTIONS.items():
         rows = [(fact, value) for fact, value in measured if fact.section == key]
         if not rows:
             continue
-        lines += [f"## {title}", "", "| id | fact | PX4 v1.17 | mock | accepted |", "| --- | --- | --- | --- | --- |"]
-        lines += [f"| {f.id} | {f.what} | {f.px4} | {f.show(v)} | {f.tolerance} |" for f, v in rows]
+        lines += [f"## {title}", "", HEADINGS, RULE]
+        lines += [
+            f"| {f.id} | {f.what} | {f.px4} | {f.show(v)} | {f.tolerance} | {f.source or RECORDINGS[key]} |"
+            for f, v in rows
+        ]
         lines.append("")
     return "\n".join(lines)
 

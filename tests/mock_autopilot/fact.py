@@ -16,6 +16,8 @@ class Fact:
     measure: Callable[[], Value]
     accepted: tuple[float, float] | None = None
     unit: str = ""
+    source: str = ""
+    """The recording; empty: its section's."""
 
     @property
     def section(self) -> str:
@@ -37,16 +39,22 @@ class Fact:
         )
 
 
-def same(id_: str, what: str, px4: str, measure: Callable[[], str]) -> Fact:
+def same(id_: str, what: str, px4: str, measure: Callable[[], str], source: str = "") -> Fact:
     """The mock must say exactly what PX4 said."""
-    return Fact(id_, what, px4, measure)
+    return Fact(id_, what, px4, measure, source=source)
 
 
 def near(
-    id_: str, what: str, px4: str, measure: Callable[[], float], accepted: tuple[float, float], unit: str = "s"
+    id_: str,
+    what: str,
+    px4: str,
+    measure: Callable[[], float],
+    accepted: tuple[float, float],
+    unit: str = "s",
+    source: str = "",
 ) -> Fact:
     """The mock's number must fall into the range."""
-    return Fact(id_, what, px4, measure, accepted, unit)
+    return Fact(id_, what, px4, measure, accepted, unit, source)
 
 
 NAMES = {0: "ACCEPTED", 1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED"}
