@@ -115,7 +115,7 @@ class _WireLink(MavlinkLink):
         """Stream only what tells events: the rest is not looked at."""
         super()._boot()
         for stream in DEFAULTS:
-            if mavlink.mavlink_map[stream.id].msgname not in READERS:
+            if stream.id not in mavlink.mavlink_map or mavlink.mavlink_map[stream.id].msgname not in READERS:
                 self.streams.set_interval(stream.id, -1.0, 0.0)
 
     def _packed(self, message: Any) -> Any:
