@@ -147,7 +147,8 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
     controller = Path(flights.controller.name).stem.replace(" ", "-")
     joints_rad = _joints_rad(flights)
     for seed, trace in zip(flights.seeds, flights.traces, strict=True):
-        columns = columns_of(trace, joints_rad)
+        names = {"law_name": np.full(len(trace.time_s), flights.controller.name)}
+        columns = columns_of(trace, joints_rad) | names
         path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
         title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
         plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))

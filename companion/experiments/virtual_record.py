@@ -35,6 +35,8 @@ def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:
     no, yes = np.zeros(len(time_s)), np.ones(len(time_s), dtype=bool)
     columns: Columns = {
         "time_s": time_s,
+        "tick": np.arange(len(time_s)),
+        "airborne": yes,
         "phase": np.where(time_s >= 0.0, str(Phase.TRACK), str(Phase.HOLD)),
         "late_s": no,
         "age_s": no,

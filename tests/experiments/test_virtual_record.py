@@ -1,5 +1,7 @@
 """Virtual flights in the columns of recorded ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from companion.experiments.mission import stacked
 from companion.experiments.simulation import simulate
 from companion.experiments.summary import Columns, summarise
 from companion.experiments.virtual_record import columns_of, one_of, until_lost
+from companion.records.read import read_flight
+from companion.reports.flown import Flown
 from tests.experiments.scenes import CENTRE, PUSHED, law_for, scene
 
 
@@ -27,6 +31,18 @@ def test_a_flight_of_a_batch_sums_up_to_its_own_score() -> None:
         assert summary.max_error_m == pytest.approx(together.max_error_m[number])
         assert summary.update_share == pytest.approx(together.update_share[number])
         assert np.array_equal(columns["law_y1"], batch.signals["y1"][:, number])
+
+
+def test_a_report_finds_the_trajectory_of_a_virtual_flight(tmp_path: Path) -> None:
+    short = scene(Hold(CENTRE, duration_s=1.0), disturbance=PUSHED)
+    law = law_for(short)
+    mission = stacked([short.mission(law.law.preview_s)])
+    batch = simulate(short.pilot(law), short.vehicle(), mission, [1], keep_signals=True)
+    np.savez(tmp_path / "flight.npz", **columns_of(one_of(batch, 0)))  # type: ignore[arg-type]
+    flown = Flown(read_flight(tmp_path / "flight.npz"))
+    assert flown.airborne.all()
+    (trajectory,) = flown.trajectories
+    assert trajectory.mask.sum() == np.sum(mission.time_s >= 0.0)
 
 
 def leaving(at_row: int) -> Columns:
