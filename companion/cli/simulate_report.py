@@ -152,7 +152,7 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
         path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
         title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
         plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
-        np.savez_compressed(f"{path}.npz", **columns)  # type: ignore[arg-type]
+        np.savez_compressed(f"{path}.npz", **columns)
         shown = escape(str(path))
         console.print(f"plot [bold]{shown}.png[/], record {shown}.npz", soft_wrap=True)
 
