@@ -197,9 +197,10 @@ class MavlinkLink:
         landing = self._world.vehicle.landed_state is LandedState.LANDING
         for message in (*self._receiver.pop_due(), *self._chatter.due(self._world.uptime_s, landing)):
             self.send(message)
-        events, self._events = self._events, []
-        for one in events:
-            self.send(one)
+        if self._events:
+            events, self._events = self._events, []
+            for one in events:
+                self.send(one)
         if self._texts and self._world.uptime_s >= self._text_due_s - 1e-6:
             self._text_due_s = self._world.uptime_s + TEXT_PERIOD_S
             self._send_text(self._texts.pop(0))

@@ -51,8 +51,10 @@ def scaled_pressure(world: World) -> Message:
     return mavlink.MAVLink_scaled_pressure_message(boot_ms(world), 955.8 - 0.113 * height_m, 0.0, 1182, 0)
 
 
-def distance_sensor(world: World) -> Message:
-    """The range finder that looks down, cm; below its ground it wraps round, as recorded."""
+def distance_sensor(world: World) -> Message | None:
+    """The range finder that looks down, if there is one, cm; below its ground it wraps round, as recorded."""
+    if not world.vehicle.pilot.range_finder:
+        return None
     height_m = -world.vehicle.felt.motion.position_ned_m[2]
     return mavlink.MAVLink_distance_sensor_message(boot_ms(world), 0, 10000, round(100 * height_m) % 65536, 0, 0, 25, 0)
 

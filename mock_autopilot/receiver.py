@@ -37,9 +37,8 @@ class Receiver:
         self._listing: Iterator[Param] | None = None
         self._announce: list[tuple[float, str]] = []
         self._answers: list[Message] = []
-        self._orders: list[tuple[Any, Params]] = []
-        """For the commander, until its next pass."""
-        self._passes = world.vehicle.commander_passes
+        self._orders: list[tuple[int, Any, Params]] = []
+        """For the commander, and how many passes it had made when they came: it answers with the next one."""
         self._handlers: dict[str, Callable[[Any], None]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -79,13 +78,11 @@ class Receiver:
     def pop_answers(self) -> list[Message]:
         """Answers to commands; the commander's come with its next pass, before it flies what they ask for."""
         vehicle = self._world.vehicle
-        if self._orders and vehicle.commander_passes != self._passes:
-            orders, self._orders = self._orders, []
-            for m, params in orders:
-                reply = answer(m.command, params, self._world, self._streams)
-                self._answers += [_ack(m.command, result, m) for result in reply.results]
-                vehicle.commander.commands_handled += 1
-        self._passes = vehicle.commander_passes
+        while self._orders and self._orders[0][0] != vehicle.commander_passes:
+            _, m, params = self._orders.pop(0)
+            reply = answer(m.command, params, self._world, self._streams)
+            self._answers += [_ack(m.command, result, m) for result in reply.results]
+            vehicle.commander.commands_handled += 1
         answers, self._answers = self._answers, []
         return answers
 
@@ -104,7 +101,7 @@ class Receiver:
         if m.command == SET_MODE_COMMAND:
             self._answers.append(_ack(m.command, Result.ACCEPTED, m))
         if m.command in COMMANDERS:
-            self._orders.append((m, params))
+            self._orders.append((self._world.vehicle.commander_passes, m, params))
             return
         reply = answer(m.command, params, self._world, self._streams)
         self._answers += [*reply.messages, *(_ack(m.command, result, m) for result in reply.results)]

@@ -327,7 +327,7 @@ class Vehicle:
             self._range_doubted_s = (self.now_s + start_s, self.now_s + end_s)
         start_s, end_s = self._range_doubted_s
         doubted = start_s <= self.now_s < end_s
-        self.estimator.range_ok = not doubted and bool(int(self.params["EKF2_RNG_CTRL"]))
+        self.estimator.range_ok = not doubted and self.pilot.range_finder and bool(int(self.params["EKF2_RNG_CTRL"]))
 
     def _find_home(self) -> None:
         """Home is where it stands when it first knows its place on earth, and where it was armed last."""
