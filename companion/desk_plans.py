@@ -20,6 +20,7 @@ from companion.control.reference import Trajectory
 from companion.control.waypoints import Waypoints
 from companion.control_stage import ControlStage
 from companion.law_margin import require_margin
+from companion.margin_process import measure_apart
 from companion.ports import ConfigError, FlightError
 from companion.service_verbs import Service
 from companion.trajectory_files import Curve, trajectory_named
@@ -27,8 +28,6 @@ from companion.waypoint_limits import LONGEST_S, time_mistake
 
 _ALONE_S = 60.0
 """A motion that is played without a trajectory and would go on for ever ends after this."""
-_PAUSE_S = 0.0005
-"""After each cycle of a flight on paper, for the flight loop: without it ticks came up to 43 ms late."""
 _AROUND_S = 30.0
 """The way to the trajectory's start, and the pauses."""
 
@@ -58,7 +57,7 @@ class Laws:
         config = self._config
         model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
         loaded = load_controller(name, model, period_s)
-        require_margin(loaded, model, period_s, _PAUSE_S)
+        require_margin(loaded, model, period_s, measure_apart)
         law = loaded.law
         ControlStage(law, config.vehicle.thrust_model(), config.limits.limits())  # first calls are slow
         return law

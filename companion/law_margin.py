@@ -20,7 +20,7 @@ LEAST_PHASE_DEG = 20.0
 that nobody has measured; with less a gust rings for seconds."""
 LEAST_GAIN = 1.5
 """A battery that sags, a mass or hover thrust that is wrong by a fifth, and the slope of a law that bends, together."""
-_LONGEST_S = 20.0
+LONGEST_S = 20.0
 """A law that takes longer for eleven seconds of flight in a batch of six is not measured."""
 REMEDY = (
     "lower its gains, or fly another law; if the attitude loop was never measured, `companion calibrate` does it "
@@ -42,48 +42,45 @@ class LawMargin:
     """False: it is refused. What cannot be checked is not refused."""
 
 
-def margin_of(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float = 0.0) -> LawMargin:
-    """Return what the law's margins on this vehicle are; measured once in a process, with a pause after each cycle."""
-    own = read_text(loaded.own_file) if loaded.own_file is not None else ""
-    key = (loaded.name, controller_text(loaded.name), own, vehicle, period_s)
-    if key not in _KNOWN:
-        _KNOWN[key] = _measured(loaded, vehicle, period_s, pause_s)
-    return _judged(_KNOWN[key], vehicle)
+Measure = Callable[[LoadedController, VehicleModel, float], "Margin | str"]
+"""Measures the margins of a law on a vehicle at a period (s), or says why there are none."""
 
 
-def require_margin(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float = 0.0) -> LawMargin:
-    """Return the margins; ConfigError, one sentence, for a law that has too little and was not allowed to.
-
-    Beside a flight loop give a pause (s): it is as long as the loop need not wait for the interpreter.
-    """
-    margin = margin_of(loaded, vehicle, period_s, pause_s)
-    if margin.enough or loaded.unstable_allowed:
-        return margin
-    raise ConfigError(f"{loaded.name}: {margin.says}: {REMEDY}")
-
-
-def _measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float, pause_s: float) -> "Margin | str":
-    """The margins, or why there are none."""
+def measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> "Margin | str":
+    """Return the margins, or why there are none: half a second of work."""
+    end_s = time.monotonic() + LONGEST_S
     try:
-        return measure_margin(_without_trigger(loaded.law), vehicle, period_s, _patience(pause_s))
+        return measure_margin(_without_trigger(loaded.law), vehicle, period_s, lambda: time.monotonic() < end_s)
     except TooLongError:
-        return f"one flight of {_LONGEST_S:.0f} s on this computer was not enough for it"
+        return f"one flight of {LONGEST_S:.0f} s on this computer was not enough for it"
     except Exception as error:
         if loaded.own_file is None:
             raise
         return f"its step raised {type(error).__name__}: {error}"
 
 
-def _patience(pause_s: float) -> Callable[[], bool]:
-    """Pause, and say whether there is time left; asked once in a cycle."""
-    end_s = time.monotonic() + _LONGEST_S
+def margin_of(
+    loaded: LoadedController, vehicle: VehicleModel, period_s: float, measure: Measure = measured
+) -> LawMargin:
+    """Return what the law's margins on this vehicle are; measured once in a process."""
+    own = read_text(loaded.own_file) if loaded.own_file is not None else ""
+    key = (loaded.name, controller_text(loaded.name), own, vehicle, period_s)
+    if key not in _KNOWN:
+        _KNOWN[key] = measure(loaded, vehicle, period_s)
+    return _judged(_KNOWN[key], vehicle)
 
-    def go_on() -> bool:
-        if pause_s > 0.0:
-            time.sleep(pause_s)
-        return time.monotonic() < end_s
 
-    return go_on
+def require_margin(
+    loaded: LoadedController, vehicle: VehicleModel, period_s: float, measure: Measure = measured
+) -> LawMargin:
+    """Return the margins; ConfigError, one sentence, for a law that has too little and was not allowed to.
+
+    Beside a flight loop they are to be measured in another process (`margin_process`).
+    """
+    margin = margin_of(loaded, vehicle, period_s, measure)
+    if margin.enough or loaded.unstable_allowed:
+        return margin
+    raise ConfigError(f"{loaded.name}: {margin.says}: {REMEDY}")
 
 
 def _without_trigger(law: Controller) -> Controller:

@@ -1,0 +1,53 @@
+"""A law's margins, measured in a process of their own.
+
+Half a second of Python in a thread beside the flight loop makes its ticks 40 ms late, and starves the arms' bus.
+"""
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+
+from companion.adapters.realtime import beside_the_loop
+from companion.config_controller import LoadedController, load_controller
+from companion.control.controller import VehicleModel
+from companion.control.margin import Margin, Verdict
+from companion.law_margin import LONGEST_S, measured
+from companion.ports import ConfigError
+
+_BEGINS_S = 20.0
+"""A busy computer needs so long to begin a process of ours."""
+
+
+def measure_apart(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> Margin | str:
+    """Return the law's margins, or why there are none; blocks for a second or two, so call it in a thread.
+
+    ConfigError when the process comes to nothing: then nothing is known of the law.
+    """
+    asked = json.dumps({"name": loaded.name, "vehicle": asdict(vehicle), "period_s": period_s})
+    command = [sys.executable, "-m", "companion.margin_process"]
+    try:
+        ran = subprocess.run(  # noqa: S603 - this program, with arguments of ours
+            command, input=asked, capture_output=True, text=True, timeout=LONGEST_S + _BEGINS_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ConfigError(f"{loaded.name}: its stability margin could not be measured, try again: {error}") from error
+    if ran.returncode != 0:
+        why = (ran.stderr.strip().splitlines() or [f"exit code {ran.returncode}"])[-1]
+        raise ConfigError(f"{loaded.name}: its stability margin could not be measured, try again: {why}")
+    found = json.loads(ran.stdout.strip().splitlines()[-1])
+    return found if isinstance(found, str) else Margin(**found | {"verdict": Verdict(found["verdict"])})
+
+
+def main() -> None:
+    """Answer on standard output what was asked on standard input."""
+    beside_the_loop()
+    asked = json.load(sys.stdin)
+    vehicle, period_s = VehicleModel(**asked["vehicle"]), asked["period_s"]
+    loaded = load_controller(asked["name"], vehicle, period_s, allow_unstable=True)
+    found = measured(loaded, vehicle, period_s)
+    print(json.dumps(found if isinstance(found, str) else asdict(found)))
+
+
+if __name__ == "__main__":
+    main()
