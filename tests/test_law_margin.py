@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
+from companion import margin_process
 from companion.config import CompanionConfig
 from companion.config_controller import LoadedController, load_controller
 from companion.control.controller import VehicleModel
 from companion.desk_plans import Laws
-from companion.law_margin import margin_of, require_margin
+from companion.law_margin import margin_of, measured, require_margin
 from companion.ports import ConfigError
 from companion.service_preflight import check_configured_law
 from tests import warm
@@ -124,3 +125,15 @@ class Mine:
     margin = margin_of(loaded(str(tmp_path / "mine.toml"), VEHICLE), VEHICLE, 0.01)
     assert margin.enough
     assert margin.says == "margin not checked: its step raised ZeroDivisionError: after a second"
+
+
+def test_in_a_process_of_its_own_it_is_the_same_and_what_fails_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    pid = loaded("pid", VEHICLE)
+    assert repr(margin_process.measure_apart(pid, VEHICLE, 0.01)) == repr(measured(pid, VEHICLE, 0.01))
+    monkeypatch.setattr(margin_process, "_WITHIN_S", 0.01)
+    with pytest.raises(ConfigError, match="pid: its stability margin could not be measured, try again: 0 s were not"):
+        margin_process.measure_apart(pid, VEHICLE, 0.01)
+    monkeypatch.setattr("sys.executable", "/bin/false")
+    monkeypatch.setattr(margin_process, "_WITHIN_S", 7.0)
+    with pytest.raises(ConfigError, match="try again: exit code 1"):
+        margin_process.measure_apart(pid, VEHICLE, 0.01)
