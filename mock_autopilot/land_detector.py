@@ -9,6 +9,9 @@ LOW_SHARE, LOW_SHARE_KNOWN = 0.3, 0.6
 """Low throttle lies so far from the least to the hover throttle; farther once the hover throttle is estimated, which
 PX4 does where it controls the height itself."""
 
+MAYBE_LANDED = 2.5
+"""From the second stage on the limit of LNDMC_Z_VEL_MAX is so much wider."""
+
 
 class LandDetector:
     """Takes off at once and lands with patience; looks at controls and estimated motion only, as PX4 does.
@@ -34,7 +37,7 @@ class LandDetector:
             self.landed = False
             self._candidate_since_s = None
             return
-        still = abs(down_mps) < self._params["LNDMC_Z_VEL_MAX"] or not armed
+        still = abs(down_mps) < self._params["LNDMC_Z_VEL_MAX"] * self._patience(now_s) or not armed
         if self.landed or not still:
             self._candidate_since_s = None
             return
@@ -43,6 +46,11 @@ class LandDetector:
             stages = self._timing.land_stages(climb_controlled, has_gps)
             self._wait_s = stages * self._params["LNDMC_TRIG_TIME"] if armed else DISARMED_LANDS_AFTER_S
         self.landed = now_s - self._candidate_since_s >= self._wait_s - 1e-9
+
+    def _patience(self, now_s: float) -> float:
+        """PX4 takes less for motion once it may have landed: its own estimate errs most on the ground."""
+        since_s = self._candidate_since_s
+        return MAYBE_LANDED if since_s is not None and now_s - since_s >= self._wait_s / 2.0 else 1.0
 
     def _throttle_low(self, climb_controlled: bool, signal: float) -> bool:
         """In attitude control only idle counts; in height control clearly less than hover does.
