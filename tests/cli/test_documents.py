@@ -73,3 +73,9 @@ def test_every_document_is_in_the_index() -> None:
     for page in sorted((ROOT / "docs").glob("*.md")):
         assert page.name == "README.md" or f"]({page.name})" in index, f"{page.name} is in no list"
     assert "docs/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_readme_and_glossary_stay_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
+    entries = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").count("\n| ") - 2
+    assert entries <= 40, "words that fewer pages use are explained there"
