@@ -8,6 +8,9 @@ import pytest
 
 from companion.cli.catalogue import COMMANDS
 from companion.cli.lazy import Group, imported
+from companion.config import load_config
+from companion.trajectory_check import check_trajectory
+from companion.trajectory_files import read_waypoints
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -79,3 +82,11 @@ def test_readme_and_glossary_stay_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
     entries = (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").count("\n| ") - 2
     assert entries <= 40, "words that fewer pages use are explained there"
+
+
+def test_the_formula_in_the_demo_page_gives_a_path_that_may_be_flown(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "demo.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    exec(code.replace('"my-path.csv"', repr(str(tmp_path / "my-path.csv"))), {})
+    room = load_config(ROOT / "config" / "demo.toml").room
+    check_trajectory(read_waypoints(tmp_path / "my-path.csv"), room, "my-path.csv")
