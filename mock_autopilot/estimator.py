@@ -43,12 +43,15 @@ PERFECT_GAINS = (10.0, 25.0)
 RANGE_OFF_M = (0.1, 0.7)
 """How much too high the estimate is once a range finder is the height reference: 0.1 to 0.6 recorded, from take-off."""
 RANGE_SETTLES_S = 1.5
+RANGE_HELD = 0.2
+"""Share of the usual vertical error in PX4's own landings: at touchdown the recorded speeds were right to 0.05 m/s."""
 BARO_PER_S, BARO_PER_S2 = 1.5, 1.0
 """How fast the barometer pulls height and vertical speed while vision is gone."""
 VELOCITY_GATE_MPS = 0.45
 """EKF2_EVV_GATE (3) times a standard deviation of 0.15 m/s: a velocity farther off fails its test."""
 NAVIGATION_FAILS_S = 2.0
 """Failed for so long in the air, the whole estimate is given up (PX4's EstimatorChecks), until it stands again."""
+STANDING = (0.0, 0.0, 0.0)
 HISTORY_STEP_S = 0.01
 FARTHEST_M = 1e5
 """Positions beyond (and NaN) are no positions."""
@@ -87,6 +90,8 @@ class Estimator:
         self.at_rest = True
         self.range_ok = True
         """The range finder tells the height above the ground."""
+        self.landing = False
+        """PX4 brings it down by itself."""
         self._now_s = 0.0
         self._gps_error_m = [0.0, 0.0, 0.0]
         self._fused_s = -math.inf
@@ -183,7 +188,8 @@ class Estimator:
     def _integrate(self, motion: Motion, dt_s: float) -> None:
         ax, ay = turned(motion.acceleration_ned_mps2, self.yaw_error_rad)
         felt = (ax, ay, motion.acceleration_ned_mps2[2])
-        wrong = self._wrong_mps2(felt, motion.yaw_rad, dt_s)
+        vertical = 0.0 if motion.velocity_ned_mps == STANDING else self._vertical_share
+        wrong = self._wrong_mps2(felt, motion.yaw_rad, dt_s, vertical)
         for axis in range(3):
             self.velocity_mps[axis] += (felt[axis] + wrong[axis]) * dt_s
             self.position_m[axis] += self.velocity_mps[axis] * dt_s
@@ -191,15 +197,21 @@ class Estimator:
             self._follow_barometer(motion.position_ned_m[2], dt_s, alone=self.silence_s > REGAIN_AFTER_S)
 
     @property
+    def _vertical_share(self) -> float:
+        """Return how much of the vertical error is there: in a landing of its own a range finder holds it down."""
+        return RANGE_HELD if self.landing and int(self._params["EKF2_RNG_CTRL"]) else 1.0
+
+    @property
     def _aided(self) -> bool:
         return self.uses_gps or self.silence_s <= REGAIN_AFTER_S
 
     def _wrong_mps2(
-        self, felt_mps2: tuple[float, float, float], yaw_rad: float, dt_s: float
+        self, felt_mps2: tuple[float, float, float], yaw_rad: float, dt_s: float, vertical: float
     ) -> tuple[float, float, float]:
         if self.horizon.perfect:
             return (0.0, 0.0, 0.0) if self._aided or not self.in_air else DRIFT_MPS2
-        return self.horizon.wrong_mps2(felt_mps2, yaw_rad + self.yaw_error_rad, dt_s, aided=self._aided)
+        yaw_rad += self.yaw_error_rad
+        return self.horizon.wrong_mps2(felt_mps2, yaw_rad, dt_s, aided=self._aided, vertical=vertical)
 
     def _follow_barometer(self, truth_z_m: float, dt_s: float, *, alone: bool) -> None:
         """Beside vision only its offset is learnt; on its own it keeps height and vertical speed."""
@@ -243,14 +255,19 @@ class Estimator:
             return True
         if self.silence_s > VISION_LATE_S and self._rejected_since_s is None:
             return True if now_s - self._heard_since_s >= REGAIN_AFTER_S else None
-        if math.dist(sample.position_ned_m, self._position_at(now_s)) < GATE_M:
+        if math.dist(self.believed_m(sample), self._position_at(now_s)) < GATE_M:
             return False
         if self._rejected_since_s is None:
             self._rejected_since_s = now_s
         return True if now_s - self._rejected_since_s >= RESET_AFTER_S else None
 
+    def believed_m(self, sample: VisionSample) -> tuple[float, float, float]:
+        """Return where a sample says that the vehicle is, in height by the range finder where that is the reference."""
+        x, y, z = sample.position_ned_m
+        return (x, y, z - self._height_off_m)
+
     def _reset_to(self, sample: VisionSample) -> None:
-        self.position_m = list(sample.position_ned_m)
+        self.position_m = list(self.believed_m(sample))
         self.velocity_mps = list(sample.velocity_ned_mps or (0.0, 0.0, 0.0))
         self.reset_counter += 1
         self._history.clear()
@@ -260,8 +277,9 @@ class Estimator:
         dt_s = min(max(now_s - self._fused_s, 0.001), 0.1)
         before, (gain, velocity_gain) = self._position_at(now_s), self._gains
         self._settle_height(dt_s)
+        seen = self.believed_m(sample)
         for axis in range(3):
-            innovation = sample.position_ned_m[axis] - before[axis] - (self._height_off_m if axis == 2 else 0.0)
+            innovation = seen[axis] - before[axis]
             self.position_m[axis] += min(gain * dt_s, 0.5) * innovation
             self.velocity_mps[axis] += min(velocity_gain * dt_s, 1.0) * innovation
         if self._vision_bits & 4 and sample.velocity_ned_mps is not None and self._believes(sample.velocity_ned_mps):

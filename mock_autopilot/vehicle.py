@@ -95,7 +95,7 @@ class Vehicle:
 
     def see(self, sample: VisionSample) -> None:
         """An external pose."""
-        away_m = math.dist(sample.position_ned_m, self.estimator.position_m)
+        away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
         if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
             self._away_since_s = math.inf
         else:
@@ -286,6 +286,7 @@ class Vehicle:
         if self.armed:
             self._moved_s = now_s
         self.estimator.at_rest = not self.commander.flown or now_s - self._moved_s > AT_REST_S
+        self.estimator.landing = self.lands
         self.estimator.step(now_s, felt.motion, dt_s)
         self.battery.step(self.armed, dt_s)
         if now_s >= self._commander_due_s - 1e-9:
@@ -348,12 +349,19 @@ class Vehicle:
         elif self.mode is not Mode.OFFBOARD or not self.armed:
             self.pilot.signal = 0.0
 
+    @property
+    def _floor_seen_m(self) -> float:
+        """Height of the floor (NED z) in the estimate's frame: by the range finder, or where it was armed."""
+        if not int(self.params["EKF2_RNG_CTRL"]):
+            return self._floor_z_m
+        return self.estimator.position_m[2] - self.felt.motion.position_ned_m[2]
+
     def _enter(self, now: Estimate) -> None:
         start_s = max(self.now_s, self.commander.armed_at_s)
         if self.mode not in PILOTED:
             return
         flown = Mode.DESCEND if self._sinks_blind else self.mode
-        self.pilot.enter(flown, now, start_s, self._floor_z_m, not self.land_detector.landed)
+        self.pilot.enter(flown, now, start_s, self._floor_seen_m, not self.land_detector.landed)
         if self.mode is Mode.TAKEOFF and math.isfinite(self._takeoff_z_m):
             self.pilot.aim(min(self._takeoff_z_m, now.position_m[2]))
         if self.mode is Mode.RTL and self.home is not None and self.armed:

@@ -60,14 +60,19 @@ class Row:
 
 
 def compare(recorded: Sequence[Event], played: Played) -> list[Row]:
-    """Return a row for every event of either, in the order of time."""
+    """Return a row for every event of either, in the order of time; nothing that may have come after the recording."""
     rows = []
     links = {event.link for event in recorded}
     for key in _keys([*recorded, *(event for event in played.events if event.link in links)]):
         theirs, ours = _of(key, recorded), _of(key, played.events)
         rows += _rows(theirs, ours, played)
     rows = [row for row in rows if not (row.differs and row.what == LANDED and _disarmed_soon(row, rows))]
+    rows = [row for row in rows if row.recorded_s is not None or not _may_come_later(row, played)]
     return sorted(rows, key=lambda row: row.recorded_s if row.recorded_s is not None else row.mock_s or 0.0)
+
+
+def _may_come_later(row: Row, played: Played) -> bool:
+    return row.mock_s is not None and row.mock_s + row.tolerance.early_s >= played.expected_s(played.ends_at_s)
 
 
 def _disarmed_soon(landed: Row, rows: Sequence[Row]) -> bool:

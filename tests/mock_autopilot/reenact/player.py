@@ -58,6 +58,8 @@ class Played:
     shifts: list[Shift]
     handed: list[tuple[float, float]]
     """When each frame was recorded, and when the mock got it; s."""
+    ends_at_s: float
+    """When the recording ended."""
     marks: Callable[[Event], bool]
     """Whether an event tells of a disarming."""
 
@@ -98,7 +100,13 @@ def play(session: Session, seed: int = 1) -> Played:
     player = _Player(session, seed)
     player.run()
     events = sorted((event for link in player.links for event in link.reader.events), key=lambda event: event.at_s)
-    return Played(events=events, shifts=player.shifts, handed=sorted(player.handed), marks=disarming_mark(session))
+    return Played(
+        events=events,
+        shifts=player.shifts,
+        handed=sorted(player.handed),
+        ends_at_s=session.ends_at_s,
+        marks=disarming_mark(session),
+    )
 
 
 class _WireLink(MavlinkLink):

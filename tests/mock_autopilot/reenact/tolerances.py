@@ -29,10 +29,12 @@ SAMPLED_5HZ = _around(0.25, "sent at 5 Hz")
 SAMPLED_1HZ = _around(1.1, "sent at 1 Hz")
 BY_CHANCE = Tolerance(early_s=2.1, late_s=2.1, optional=True, source="in 4 of 14 boots")
 DISARMING = _around(0.95, "2.00 s after Landing detected")
+UNREADY = Tolerance(early_s=0.8, late_s=0.25, source="0.56 to more than 1.33 s after the setpoints")
 RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("STATUSTEXT", "Takeoff detected", _around(0.35, "1.2 to 1.9 s after arming")),
     ("STATUSTEXT", "Failsafe activated", _around(0.05, "0.593 to 0.605 s after the setpoints, 4.59 to 4.60 s after the "
         "last pose, 0.64 s after the last stick message")),
+    ("STATUSTEXT", "battery", _around(1.3, "two percent of the charge, and told at 1 Hz")),
     ("STATUSTEXT", "logger", Tolerance(early_s=0.06, late_s=0.06, optional=True, source="after 13 of 14 armings")),
     ("STATUSTEXT", "Preflight Fail", Tolerance(early_s=0.3, late_s=0.3, optional=True,
         source="0.24 s after the poses had come back in one of two sessions")),
@@ -49,9 +51,12 @@ RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("HEARTBEAT", "", SAMPLED_1HZ),
     ("EXTENDED_SYS_STATE", "on ground", _around(2.0, "as Landing detected, and sent at 1 Hz")),
     ("EXTENDED_SYS_STATE", "", SAMPLED_1HZ),
+    ("ESTIMATOR_STATUS", "128", _around(2.7, "0.9 to 3.5 s after disarming, and sent at 1 Hz")),
     ("ESTIMATOR_STATUS", "", SAMPLED_1HZ),
     ("BATTERY_STATUS", "", _around(2.1, "sent at 0.5 Hz")),
     ("SYS_STATUS", "AHRS|ATTITUDE_STABILIZATION", BY_CHANCE),
+    ("SYS_STATUS", "BATTERY", _around(1.3, "as the text")),
+    ("SYS_STATUS", "-PREARM", UNREADY),
     ("SYS_STATUS", "", SAMPLED_5HZ),
     ("battery", "", _around(1.3, "two percent, and sent at 5 Hz")),
 )  # fmt: skip
