@@ -19,6 +19,7 @@ TAKEOFF_SPEED_MPS = 0.85
 """Recorded: MPC_TKO_SPEED is 1.5, but the smoothed climb of 2.5 m never gets faster than this."""
 HEIGHT_P = 0.8
 CONTACT_S = 0.35
+COMING_DOWN = frozenset({Mode.LAND, Mode.DESCEND})
 """Standing still for this long while landing counts as ground contact."""
 
 
@@ -60,11 +61,13 @@ class Pilot:
         """
         climbing = mode is Mode.HOLD and self.mode is Mode.TAKEOFF and self.takeoff_done
         height_z_m = self._target[2] if climbing else now.position_m[2]  # the take-off ends a little below its height
+        goes_on = {mode, self.mode} <= COMING_DOWN
         self.mode, self.takeoff_done, self._braking = mode, False, True
         self._target, self._yaw_rad = [*now.position_m[:2], height_z_m], now.yaw_rad
-        self._stuck_s = 0.0
         self._ramp_start_s, self._floor_z_m = -math.inf if airborne else start_s, floor_z_m
-        self._down_sp_mps, self._down_sp_mps2 = now.velocity_mps[2] if airborne else 0.0, 0.0
+        if not goes_on:  # a failsafe in a landing changes nothing for a vehicle that stands already
+            self._stuck_s = 0.0
+            self._down_sp_mps, self._down_sp_mps2 = now.velocity_mps[2] if airborne else 0.0, 0.0
         if not airborne:
             self._integral_mps2 = [0.0, 0.0, 0.0]
         if mode is Mode.TAKEOFF:
