@@ -26,7 +26,7 @@ from companion.config_controller import controller_path
 from companion.config_places import project_root
 from companion.experiments import campaign_table as words
 from companion.experiments.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
-from companion.experiments.scene import experiment_names
+from companion.experiments.scene import HorizonError, experiment_names
 from companion.experiments.workers import in_parallel
 from companion.ports import ConfigError
 from companion.reports.tables import BAD, FAINT, GOOD, Grid
@@ -47,6 +47,7 @@ class Campaign:
     controllers: tuple[str, ...]
     seeds: tuple[int, ...]
     bandwidth_radps: float | None
+    horizon: HorizonError | None
     allow_unstable: bool
     wholes: tuple[Item, ...]
     variants: tuple[Item, ...]
@@ -55,6 +56,7 @@ class Campaign:
     def command(self) -> str:
         """What flies it again."""
         bandwidth = [] if self.bandwidth_radps is None else ["--bandwidth", f"{self.bandwidth_radps:g}"]
+        bandwidth += [] if self.horizon is None else ["--horizon", self.horizon]
         lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
         seeds = ["--seeds", f"{self.seeds[0]}:{self.seeds[-1]}"]
         unstable = ["--allow-unstable"] if self.allow_unstable else []
@@ -83,6 +85,10 @@ def experiments(
         float | None,
         typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the recorded PX4 has 6.3."),
     ] = None,
+    horizon: Annotated[
+        HorizonError | None,
+        typer.Option(help="Error of the autopilot's horizon instead of the experiments' own; px4-...: as recorded."),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("flights/experiments"),
     summary: SummaryFile = None,
     ablations: Annotated[bool, typer.Option(help="Fly each law also with one of its parts left out.")] = True,
@@ -98,7 +104,7 @@ def experiments(
     try:
         laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
         chosen = _listed(names, "experiments")
-        campaign = _checked(chosen, laws, seeds_of(seeds), bandwidth, allow_unstable, ablations)
+        campaign = _checked(chosen, laws, seeds_of(seeds), bandwidth, horizon, allow_unstable, ablations)
         folder = out if report else None
         check_output(folder, summary)
         raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
@@ -147,13 +153,16 @@ def _checked(
     controllers: tuple[str, ...],
     seeds: tuple[int, ...],
     bandwidth: float | None,
+    horizon: HorizonError | None,
     allow_unstable: bool,
     ablations: bool,
 ) -> Campaign:
     """Whatever cannot be flown is refused before anything flies."""
-    wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable))
+    wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable, horizon))
     variants = tuple(variant for item in wholes for variant in variants_of(item))
-    return Campaign(names, controllers, seeds, bandwidth, allow_unstable, wholes, variants if ablations else ())
+    return Campaign(
+        names, controllers, seeds, bandwidth, horizon, allow_unstable, wholes, variants if ablations else ()
+    )
 
 
 def _each(
@@ -225,7 +234,7 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
         return True
     chapters = []
     for number, (name, mine) in enumerate(zip(campaign.experiments, details, strict=True)):
-        scene = scene_of(name, campaign.bandwidth_radps)
+        scene = scene_of(Item(name, BASELINE, campaign.seeds, campaign.bandwidth_radps, campaign.horizon))
         here = [flown for flown in flights if flown.item.experiment == name]
         wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
         chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))

@@ -22,7 +22,7 @@ from companion.config_places import default_config_path
 from companion.experiments.ablations import Ablation, load_ablated
 from companion.experiments.demo_scene import demo_scene, load_mock
 from companion.experiments.mission import stacked
-from companion.experiments.scene import Scene, load_scene
+from companion.experiments.scene import HorizonError, Scene, load_scene
 from companion.experiments.simulation import simulate as fly
 from companion.law_check import in_flight
 from companion.law_margin import require_margin
@@ -49,6 +49,10 @@ def simulate(
     feedforward: ArmsFeedforward = None,
     bandwidth: Annotated[
         float | None, typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the law knows.")
+    ] = None,
+    horizon: Annotated[
+        HorizonError | None,
+        typer.Option(help="Error of the autopilot's horizon instead of the configured one; px4-...: as recorded."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of noise and disturbance.")] = 1,
     seeds: Annotated[
@@ -106,6 +110,7 @@ def simulate(
     else:
         scene = load_scene(experiment)
     scene = scene if bandwidth is None else scene.with_bandwidth(bandwidth)
+    scene = scene if horizon is None else scene.with_horizon(horizon)
     law = _controller(scene, controller, allow_unstable, ablate)
     try:
         flights = _fly(_Asked(scene, law, feedforward, numbers, out is not None), begun_s, console)

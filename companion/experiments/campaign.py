@@ -15,7 +15,7 @@ from companion.control.etnn import Etnn
 from companion.experiments.ablations import Ablation, ablated, load_ablated
 from companion.experiments.metrics import Score, score
 from companion.experiments.mission import stacked
-from companion.experiments.scene import Scene, load_scene
+from companion.experiments.scene import HorizonError, Scene, load_scene
 from companion.experiments.simulation import Trace, simulate
 from companion.law_check import in_flight
 from companion.types import Array
@@ -33,9 +33,13 @@ class Item:
     seeds: tuple[int, ...]
     bandwidth_radps: float | None = None
     """None: the experiment's own attitude loop."""
+    horizon: HorizonError | None = None
+    """Error of the autopilot's horizon; None: the experiment's own."""
     without: Ablation | None = None
     feedforward: Feedforward | None = None
     """None: as the experiment configures it."""
+    corrected: bool = True
+    """False: the companion leaves the autopilot's horizon as it is."""
     allow_unstable: bool = False
     """Whether a file that is refused as unstable is flown."""
 
@@ -44,6 +48,8 @@ class Item:
         """What is different from the whole law; empty for the whole."""
         if self.without is not None:
             return f"without_{self.without}"
+        if not self.corrected:
+            return "horizon_uncorrected"
         return "" if self.feedforward is None else f"feedforward_{self.feedforward}"
 
 
@@ -112,10 +118,22 @@ def label_of(name: str) -> str:
 
 
 @lru_cache(maxsize=8)
-def scene_of(experiment: str, bandwidth_radps: float | None) -> Scene:
-    """An experiment, on the attitude loop that was asked for; the arms' way is planned once a process."""
-    scene = load_scene(experiment)
+def _planned(experiment: str) -> Scene:
+    """An experiment as it is in its file; the arms' way is planned once a process."""
+    return load_scene(experiment)
+
+
+@lru_cache(maxsize=8)
+def _on_loop(experiment: str, bandwidth_radps: float | None) -> Scene:
+    scene = _planned(experiment)
     return scene if bandwidth_radps is None else scene.with_bandwidth(bandwidth_radps)
+
+
+def scene_of(item: Item) -> Scene:
+    """Return an item's experiment, on the attitude loop and with the horizon that were asked for."""
+    scene = _on_loop(item.experiment, item.bandwidth_radps)
+    scene = scene if item.horizon is None else scene.with_horizon(item.horizon)
+    return scene if item.corrected else scene.uncorrected()
 
 
 def controller_of(item: Item, scene: Scene) -> LoadedController:
@@ -128,7 +146,7 @@ def controller_of(item: Item, scene: Scene) -> LoadedController:
 
 def fly(item: Item) -> Flown:
     """All vehicles of an item, side by side."""
-    scene = scene_of(item.experiment, item.bandwidth_radps)
+    scene = scene_of(item)
     controller = controller_of(item, scene)
     mission = stacked([scene.mission(controller.law.preview_s)] * len(item.seeds))
     pilot = scene.pilot(controller, item.feedforward)
@@ -152,27 +170,31 @@ def whole_items(
     seeds: tuple[int, ...],
     bandwidth_radps: float | None,
     allow_unstable: bool = False,
+    horizon: HorizonError | None = None,
 ) -> list[Item]:
     """Every law on every experiment; the baseline is always among them, and first."""
     laws = [BASELINE, *(name for name in controllers if name != BASELINE)]
     return [
-        Item(experiment, law, seeds, bandwidth_radps, allow_unstable=allow_unstable)
+        Item(experiment, law, seeds, bandwidth_radps, horizon, allow_unstable=allow_unstable)
         for experiment in experiments
         for law in laws
     ]
 
 
 def variants_of(item: Item) -> Iterator[Item]:
-    """The same with one part left out, for every part that the law has; and with the other feed-forward.
+    """The same with one part left out, for every part that the law has; and with the other feed-forward
+    and an uncorrected horizon.
 
     Raises ConfigError for what is wrong with scene or controller.
     """
-    scene = scene_of(item.experiment, item.bandwidth_radps)
+    scene = scene_of(item)
     if isinstance(controller_of(item, scene).law, Etnn):
         file = read_etnn(item.controller)
         whole = file.model_dump_json()
         parts = (part for part in Ablation if ablated(file, part).model_dump_json() != whole)
         yield from (replace(item, without=part) for part in parts)
+    if scene.corrects:
+        yield replace(item, corrected=False)
     arms = scene.companion.arms
     if scene.arms is not None and arms is not None:
         yield replace(item, feedforward=Feedforward.FULL if arms.feedforward is Feedforward.OFF else Feedforward.OFF)

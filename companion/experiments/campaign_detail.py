@@ -68,7 +68,7 @@ class Detail:
 
 def look_closely(item: Item) -> Detail:
     """Fly an item's first seed alone and keep everything."""
-    scene = scene_of(item.experiment, item.bandwidth_radps)
+    scene = scene_of(item)
     loaded = controller_of(item, scene)
     law = loaded.law
     mission, vehicle, seed = scene.mission(law.preview_s), scene.vehicle(), item.seeds[0]

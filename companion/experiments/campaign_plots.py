@@ -216,7 +216,7 @@ def _flown(detail: Detail) -> Figure:
     above.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", adjustable="datalim")
     above.legend(fontsize=8, loc="upper right")
     above.grid(alpha=0.3)
-    scene = scene_of(detail.item.experiment, detail.item.bandwidth_radps)
+    scene = scene_of(detail.item)
     panels: list[Axes] = right.subplots(1 if scene.arms is None else 2, 1, sharex=True, squeeze=False)[:, 0].tolist()
     speed, arms = panels[0], panels[1:]
     speed.plot(trace.time_s, np.sqrt((trace.reference_velocity_w_mps**2).sum(axis=-1)), "k", lw=1.1)

@@ -28,6 +28,7 @@ _MEANING = {
         "it was, and none is taken off the command: the observer is part of the prediction."
     ),
     f"without_{Ablation.PUSH}": "A push that goes on is neither predicted with nor counteracted.",
+    "horizon_uncorrected": "The autopilot's horizon is left as it is.",
     "feedforward_off": "The law is told nothing of the arms' commanded motion.",
     "feedforward_full": "The law is told what the arms' commanded motion will do to the vehicle.",
 }
@@ -184,4 +185,9 @@ def summary(flights: Sequence[Flown]) -> dict[str, Any]:
             numbers["variants"] = variants
         found.setdefault(label_of(experiment), {})[label_of(controller)] = numbers
     first = flights[0].item
-    return {"experiments": found, "seeds": list(first.seeds), "bandwidth_radps": first.bandwidth_radps}
+    return {
+        "experiments": found,
+        "seeds": list(first.seeds),
+        "bandwidth_radps": first.bandwidth_radps,
+        "horizon": first.horizon,
+    }

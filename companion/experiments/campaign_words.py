@@ -24,6 +24,7 @@ def facts_of(scene: Scene) -> Facts:
         ("arms", _arms(scene)),
         ("vehicle", _vehicle(scene)),
         ("measurement", _measurement(scene)),
+        ("the autopilot's horizon", _horizon(scene)),
         ("room", _room(scene)),
         ("what the companion is told", _told(scene)),
     )
@@ -82,6 +83,16 @@ def _measurement(scene: Scene) -> str:
         f"motion capture at {scene.companion.control.rate_hz:g} Hz, {1e3 * seen.delay_s:.0f} ms old, noise "
         f"{1e3 * seen.noise_m:.2f} mm an axis and {1e3 * seen.noise_rad:.1f} mrad"
     )
+
+
+def _horizon(scene: Scene) -> str:
+    error = scene.vehicle().attitude_error
+    if not error.present:
+        return "without error"
+    size_deg = math.degrees(float(np.mean(error.rms_rad)))
+    kind = f"slowly (1/e after {error.time_s:g} s)" if error.source == "random" else f"as recorded in {error.source}"
+    corrected = "corrected" if scene.corrects else "not corrected"
+    return f"off by {size_deg:.1f}° (RMS of roll and of pitch), {kind}; {corrected} by the companion"
 
 
 def _room(scene: Scene) -> str:

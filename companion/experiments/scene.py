@@ -1,6 +1,7 @@
 """Experiments as files: trajectory, arms, vehicle as the companion knows it, and vehicle and room as they are."""
 
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -25,6 +26,16 @@ from companion.ports import ConfigError
 from mock_autopilot.arm_table import table_of
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.params import ParamTable
+
+
+class HorizonError(StrEnum):
+    """The error of the autopilot's horizon: none, a random walk of 1.2 degrees, or as recorded in a flight of PX4."""
+
+    PERFECT = "perfect"
+    RANDOM = "random"
+    PX4_A = "px4-a"
+    PX4_B = "px4-b"
+    PX4_TIGHT = "px4-tight"
 
 
 class CurveConfig(Section):
@@ -125,6 +136,24 @@ class Scene:
         vehicle = self.companion.vehicle.model_copy(update={"attitude_bandwidth_radps": radps})
         companion = self.companion.model_copy(update={"vehicle": vehicle})
         return replace(self, companion=companion, mock=self.mock.model_copy(update={"plant": plant}))
+
+    def with_horizon(self, error: HorizonError) -> "Scene":
+        """Return the same with another error of the autopilot's horizon."""
+        change: dict[str, object] = {"attitude_error_rad": 0.0}
+        if error is not HorizonError.PERFECT:
+            change = {"attitude_error_source": str(error), "attitude_error_rad": None}
+        estimator = self.mock.estimator.model_copy(update=change)
+        return replace(self, mock=self.mock.model_copy(update={"estimator": estimator}))
+
+    def uncorrected(self) -> "Scene":
+        """Return the same with a companion that does not correct the autopilot's horizon."""
+        control = self.companion.control.model_copy(update={"horizon_correction": False})
+        return replace(self, companion=self.companion.model_copy(update={"control": control}))
+
+    @property
+    def corrects(self) -> bool:
+        """Return True if the autopilot's horizon errs and the companion corrects it."""
+        return self.companion.control.horizon_correction and self.vehicle().attitude_error.present
 
     @property
     def _cycle_s(self) -> Any:

@@ -14,7 +14,6 @@ from companion.experiments.scene import load_scene
 from companion.experiments.simulation import simulate
 from mock_autopilot.config import MockConfig
 from mock_autopilot.disturbance import Forces, Sinusoid
-from tests.experiments.scenes import perfect_horizon
 
 pytestmark = pytest.mark.slow
 
@@ -26,9 +25,8 @@ FORCES = Forces(
 
 @pytest.mark.parametrize("name", list(PAPER))
 def test_under_the_frozen_disturbances_pid_errs_as_the_papers(name: str) -> None:
-    """With a perfect horizon, as they were frozen."""
     assert not set(OTHER_SEEDS) & set(SEEDS)
-    scene = perfect_horizon(load_scene(name))
+    scene = load_scene(name)
     controller = load_controller("pid", scene.companion.vehicle_model(), scene.period_s)
     mission = stacked([scene.mission(0.0)] * len(OTHER_SEEDS))
     flown = score(simulate(scene.pilot(controller), scene.vehicle(), mission, OTHER_SEEDS))

@@ -176,11 +176,11 @@ def test_a_law_is_flown_without_each_part_it_has(tmp_path: Path) -> None:
     observing.write_text(repaired.replace("[prediction]", "[prediction]\nobserver_radps = 2.0"), encoding="utf-8")
 
     parts = ["without_network", "without_trigger", "without_switching", "without_compensator", "without_prediction"]
-    assert variants(without_arms, "paper-repaired") == parts
-    assert variants(without_arms, str(observing)) == [*parts, "without_push"]
-    assert variants(with_arms, "paper-repaired") == [*parts, "feedforward_off"]
-    assert variants(with_arms, "pid") == ["feedforward_off"]
-    assert variants(without_arms, "pid") == []
+    assert variants(without_arms, "paper-repaired") == [*parts, "horizon_uncorrected"]
+    assert variants(without_arms, str(observing)) == [*parts, "without_push", "horizon_uncorrected"]
+    assert variants(with_arms, "paper-repaired") == [*parts, "horizon_uncorrected", "feedforward_off"]
+    assert variants(with_arms, "pid") == ["horizon_uncorrected", "feedforward_off"]
+    assert variants(without_arms, "pid") == ["horizon_uncorrected"]
 
 
 def test_a_file_goes_by_its_name() -> None:
@@ -197,7 +197,7 @@ def test_each_vehicle_of_an_item_has_its_own_seed(tmp_path: Path) -> None:
 
 def test_feedforward_and_bandwidth_are_flown_as_asked(tmp_path: Path) -> None:
     whole = Item(str(short_experiment(tmp_path / "short.toml", arms="swing")), "pid", (1,))
-    (untold,) = variants_of(whole)
+    _, untold = variants_of(whole)
     errors = [fly(item).error_m for item in (whole, untold, replace(whole, bandwidth_radps=5.0))]
     assert errors[1] > 1.2 * errors[0]
     assert errors[2] != errors[0]

@@ -2,14 +2,17 @@
 
 import math
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
 from companion.config_arms import Feedforward
 from companion.control.reference import Ellipse
-from companion.experiments.scene import Scene, experiment_names, load_scene
+from companion.experiments.paper_table import PAPER
+from companion.experiments.scene import HorizonError, Scene, experiment_names, load_scene
 from companion.ports import ConfigError
+from mock_autopilot.attitude_error import AttitudeErrorSource
 from tests.experiments.scenes import law_for
 
 FILE = """
@@ -138,13 +141,28 @@ def test_what_is_wrong_is_said_in_a_sentence(tmp_path: Path, change: tuple[str, 
 
 
 def test_an_unknown_experiment_names_those_there_are() -> None:
-    with pytest.raises(ConfigError, match=r"unknown experiment 'oval': give a TOML file or one of ellipse, figure8"):
+    with pytest.raises(ConfigError, match=r"'oval': give a TOML file or one of ellipse, figure8, px4-ellipse"):
         load_scene("oval")
 
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_the_projects_own_experiments_load(name: str) -> None:
     scene = load_scene(name)
-    assert scene.arms is not None, "the paper's experiments swing both arms"
+    assert (scene.arms is not None) == (name in PAPER), "the paper's experiments swing both arms"
     assert scene.companion.mocap.delay_s == scene.mock.qualisys.delay_s
     law_for(scene)
+
+
+def test_a_horizon_is_any_that_the_mock_has_or_none() -> None:
+    assert {*HorizonError} == {HorizonError.PERFECT, *get_args(AttitudeErrorSource)}
+    scene = load_scene("px4-ellipse")
+    errors = {kind: scene.with_horizon(kind).vehicle().attitude_error for kind in HorizonError}
+    assert [kind for kind, error in errors.items() if not error.present] == [HorizonError.PERFECT]
+    assert all(error.source == kind for kind, error in errors.items() if error.present)
+
+
+def test_only_a_horizon_that_errs_is_corrected_unless_that_is_switched_off() -> None:
+    scene = load_scene("px4-ellipse")
+    assert scene.corrects
+    assert not scene.uncorrected().corrects
+    assert not scene.with_horizon(HorizonError.PERFECT).corrects
