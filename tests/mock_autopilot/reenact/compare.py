@@ -125,7 +125,9 @@ def _rows(theirs: Sequence[Event], ours: Sequence[Event], played: Played) -> lis
         if tag == "equal":
             rows += [_row(a, b, played) for a, b in zip(theirs[i1:i2], ours[j1:j2], strict=True)]
         else:
-            rows += [_row(theirs[i], None, played, _is_brief(theirs, i)) for i in range(i1, i2)]
+            rows += [
+                _row(theirs[i], None, played, _is_brief(theirs, i) or played.skips(theirs[i])) for i in range(i1, i2)
+            ]
             rows += [_row(None, ours[j], played, _is_brief(ours, j)) for j in range(j1, j2)]
     return rows
 

@@ -72,6 +72,11 @@ class Played:
         before = [one for one in self.shifts if one.disarmed_s < recorded_s - GRACE_S]
         return recorded_s + (before[-1].by_s if before else 0.0)
 
+    def skips(self, event: Event) -> bool:
+        """Return whether the mock had disarmed already, and its battery was being charged."""
+        early = [one for one in self.shifts if one.disarmed_s + one.by_s <= event.at_s < one.disarmed_s]
+        return bool(early) and event.channel == "battery"
+
     def is_disarming(self, event: Event) -> bool:
         """Return whether this is the event that the clock was set by."""
         return event.link == ONBOARD and any(event.at_s == one.disarmed_s for one in self.shifts) and self.marks(event)
