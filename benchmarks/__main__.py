@@ -16,9 +16,9 @@ from benchmarks.machine import this_machine
 from benchmarks.onlookers import measure_onlookers
 from benchmarks.results import Results, as_markdown, print_results
 from benchmarks.steps import stage_costs, step_costs
-from companion.config import load_config
-from companion.config_places import default_config_path
-from companion.ports import CompanionError
+from companion.config.companion_config import load_config
+from companion.config.locations import default_config_path
+from companion.core.interfaces import CompanionError
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
 RATES_HZ = (100.0, 250.0)

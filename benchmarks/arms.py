@@ -20,20 +20,20 @@ from benchmarks.flights import BenchError, first_line, python_process
 from benchmarks.servo_end import RATE_HZ, STAMP
 from benchmarks.steps import CYCLES, flying
 from benchmarks.synthetic import motion
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
 from companion.adapters.dynamixel.worker import THREAD_NAME
-from companion.arm_files import motion_named
-from companion.arm_stage import ArmStage
+from companion.adapters.system.clock import MonotonicClock
 from companion.arms.planning import plan
-from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig
-from companion.supervisor.flight import Flight, Phase
-from companion.types import ArmStatus
+from companion.config.arm_files import motion_named
+from companion.config.arms_config import ArmsConfig
+from companion.config.companion_config import CompanionConfig
+from companion.core.types import ArmStatus
+from companion.flight.arm_step import ArmStep
+from companion.supervisor.flight_state import FlightState, Phase
 
 SETTLE_S = 0.3
 LONGEST_S = 60.0
-_HOVERING = Flight(phase=Phase.HOLD, airborne=True)
+_HOVERING = FlightState(phase=Phase.HOLD, airborne=True)
 _LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 Progress = Callable[[str], None]
@@ -83,7 +83,7 @@ class _Ticking(asyncio.DatagramProtocol):
         self._count = 0
         self.turn = _Turn()
         self.bus: DynamixelBus | None = None
-        self.stage: ArmStage | None = None
+        self.stage: ArmStep | None = None
         self._last_cycle = 0
 
     def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002
@@ -146,7 +146,7 @@ async def _swinging(path: str, ticking: _Ticking) -> AsyncIterator[None]:
     arms, config = ArmsConfig(port=path), CompanionConfig()
     async with open_dynamixel(arms, MonotonicClock()) as bus:
         await bus.torque_on()
-        stage = ArmStage(bus, arms, config.vehicle_model(), config.airframe(), 1.0 / RATE_HZ)
+        stage = ArmStep(bus, arms, config.vehicle_model(), config.airframe(), 1.0 / RATE_HZ)
         ticking.bus, ticking.stage = bus, stage
         try:
             await asyncio.sleep(0.1)  # a few ticks, until the stage holds the joints
@@ -159,7 +159,7 @@ async def _swinging(path: str, ticking: _Ticking) -> AsyncIterator[None]:
             raise BenchError(f"the arms failed: {faults[0].text}")
 
 
-def _swing(stage: ArmStage, arms: ArmsConfig) -> None:
+def _swing(stage: ArmStep, arms: ArmsConfig) -> None:
     held_rad = stage.held_rad
     if held_rad is None:
         raise BenchError(f"the arms do not hold still: they are {stage.state.phase} {stage.fault}")

@@ -15,7 +15,7 @@ from statistics import fmean
 from typing import Any
 
 from benchmarks.machine import this_machine
-from companion.config_places import project_root
+from companion.config.locations import project_root
 
 OUT = Path(__file__).parent / "ARMS.md"
 

@@ -13,10 +13,10 @@ import psutil  # type: ignore[import-untyped]
 from benchmarks.figures import Answers, Spread, match, spread, within
 from benchmarks.peer import LOOPBACK, RelayEnd, Stamps, relay_end, simulated_room
 from benchmarks.subject import Task
-from companion.cli.mock_process import MockPorts, free_ports
-from companion.config import CompanionConfig
-from companion.config_places import default_config_path
-from companion.ports import CompanionError
+from companion.cli.demo.mock_process import MockPorts, free_ports
+from companion.config.companion_config import CompanionConfig
+from companion.config.locations import default_config_path
+from companion.core.interfaces import CompanionError
 from mock_autopilot.config import MockConfig
 from mock_autopilot.world import World
 

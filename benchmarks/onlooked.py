@@ -15,13 +15,13 @@ from itertools import cycle
 import uvloop
 
 from benchmarks.subject import Task
-from companion.adapters.dead_man import KernelDeadMan
-from companion.adapters.record_process import RecordSink
-from companion.config_controller import load_controller
-from companion.config_records import RecordsConfig
-from companion.service import open_service
-from companion.telemetry import Telemetry
-from companion.tick import Tick, TickSink
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+from companion.config.controller_config import load_controller
+from companion.config.records_config import RecordsConfig
+from companion.flight.tick import Tick, TickSink
+from companion.records.record_process import RecordSink
+from companion.service.telemetry import Telemetry
+from companion.service.vehicle_service import open_service
 
 TURN_TICKS = 10
 NOBODY, RECORD, ALL = "nobody", "record", "record and telemetry"
@@ -70,7 +70,7 @@ async def _fly(task: Task, record: RecordSink) -> None:
     telemetry = Telemetry("0" * 16, lambda _: None)
     turns = _Turns({NOBODY: [], RECORD: [record], ALL: [record, telemetry]})
     law = load_controller(task.controller, task.config.vehicle_model(), 1.0 / task.config.control.rate_hz).law
-    dead_man = KernelDeadMan(task.config.safety.dead_man_s)
+    dead_man = KernelWatchdogTimer(task.config.safety.dead_man_s)
     async with open_service(task.config, law, turns, dead_man) as service:
         setattr(service.loop, "tick", turns.timed(service.loop.tick))  # noqa: B010 - it is a method for mypy
         await service.ready()

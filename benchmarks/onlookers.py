@@ -9,8 +9,8 @@ from benchmarks.flights import FlightPlan, Progress, end, hovering, mock_config,
 from benchmarks.onlooked import ALL, NOBODY, RECORD
 from benchmarks.peer import Stamps, simulated_room
 from benchmarks.subject import Task
-from companion.cli.mock_process import free_ports
-from companion.config import CompanionConfig
+from companion.cli.demo.mock_process import free_ports
+from companion.config.companion_config import CompanionConfig
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 
 from mock_autopilot.config import LinkConfig, MockConfig
-from mock_autopilot.mavlink import Datagram, MavlinkLink
-from mock_autopilot.qualisys import QualisysServer
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.mavlink.link import Datagram, MavlinkLink
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.server import QualisysServer
 from mock_autopilot.simulator import Simulator
 from mock_autopilot.world import World
 

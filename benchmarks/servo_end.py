@@ -11,8 +11,8 @@ import struct
 import sys
 import time
 
-from mock_autopilot.dynamixel import ServoBus
-from mock_autopilot.dynamixel_config import DynamixelConfig
+from mock_autopilot.servos.bus import ServoBus
+from mock_autopilot.servos.config import DynamixelConfig
 
 RATE_HZ = 100.0
 STAMP = struct.Struct("<d")

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 from benchmarks.figures import calmest_median_us
 from benchmarks.synthetic import AGE_S, Motion, motion
-from companion.config import CompanionConfig
-from companion.config_controller import load_controller
-from companion.control.attitude import accel_of_setpoint, setpoint_of_accel
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
 from companion.control.controller import ControlInput, Controller
-from companion.control.frames import euler_ned_frd_deg
-from companion.control.limits import gate
-from companion.control_stage import ControlStage
+from companion.control.pipeline import ControlPipeline
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.geometry.attitude import accel_of_setpoint, setpoint_of_accel
+from companion.geometry.frames import euler_ned_frd_deg
+from companion.guard.limits import limit_setpoint
 
 LAWS = {"ET-NN": "practical", "PID": "pid"}
 BATCHES = (1, 100, 10_000)
@@ -83,7 +83,7 @@ def stage_costs(config: CompanionConfig, rounds: int) -> Iterator[StageCost]:
         ESTIMATOR: _estimating(moving, config),
         "what was sent, in the law's terms": lambda c: accel_of_setpoint(setpoints[c], model),
         "conversion to attitude and thrust": lambda c: setpoint_of_accel(inputs[c].sent_accel_w_mps2, 0.3, model),
-        "gate": lambda c: gate(setpoints[c + 1], setpoints[c], limits, period_s),
+        "limit_setpoint": lambda c: limit_setpoint(setpoints[c + 1], setpoints[c], limits, period_s),
         "Euler angles for MAVSDK": lambda c: euler_ned_frd_deg(setpoints[c].q_w_flu_wxyz),
         STAGE: flying(moving, config),
     }
@@ -110,7 +110,7 @@ def flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
     """Law, conversion and gate for one vehicle; call it with a number below CYCLES."""
     period_s = 1.0 / config.control.rate_hz
     law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
-    stage = ControlStage(law, config.vehicle.thrust_model(), config.limits.limits())
+    stage = ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits())
     vehicles = [moving.vehicle(cycle) for cycle in range(CYCLES)]
     references = [moving.reference(cycle) for cycle in range(CYCLES)]
 

@@ -13,13 +13,13 @@ import numpy as np
 import uvloop
 from pydantic import BaseModel
 
-from companion.adapters.dead_man import KernelDeadMan
-from companion.adapters.recorder import Recorder
-from companion.config import CompanionConfig
-from companion.config_controller import load_controller
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
 from companion.control.controller import Controller
 from companion.control.etnn import Etnn
-from companion.service import open_service
+from companion.records.recorder import Recorder
+from companion.service.vehicle_service import open_service
 
 
 class Task(BaseModel):
@@ -38,7 +38,7 @@ def main() -> None:
 
 async def _fly(task: Task) -> None:
     recorder = Recorder()
-    dead_man = KernelDeadMan(task.config.safety.dead_man_s)
+    dead_man = KernelWatchdogTimer(task.config.safety.dead_man_s)
     async with open_service(task.config, _law(task), recorder, dead_man) as service:
         await service.ready()
         await service.arm()

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.control.controller import ControlInput
-from companion.control.frames import matrix_from_quat, quat_from_rotation_vector
-from companion.control.reference import Ellipse
-from companion.types import Array, AttitudeThrust, MocapFrame, Reference, VehicleState
+from companion.core.types import Array, AttitudeThrust, MocapFrame, Reference, VehicleState
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector
+from companion.trajectories.reference import Ellipse
 
 AGE_S = 0.01
 _TRAJECTORY = Ellipse(np.array([0.0, 0.0, 1.2]))

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from mock_autopilot.config import MockConfig, MockConfigError
-from mock_autopilot.dynamixel import BusStartError
-from mock_autopilot.dynamixel_config import Fault as BusFault
-from mock_autopilot.fault_schedule import Turn
-from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
-from mock_autopilot.faults import Fault
-from mock_autopilot.mavlink import LinkError
-from mock_autopilot.qualisys import ServerStartError
+from mock_autopilot.faults.fault import Fault
+from mock_autopilot.faults.schedule import Turn
+from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
+from mock_autopilot.mavlink.link import LinkError
+from mock_autopilot.qtm.server import ServerStartError
+from mock_autopilot.servos.bus import BusStartError
+from mock_autopilot.servos.config import Fault as BusFault
 from mock_autopilot.simulator import Simulator
 
 BAD_INPUT = 2

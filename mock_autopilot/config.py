@@ -16,17 +16,17 @@ from pydantic import (
     model_validator,
 )
 
-from mock_autopilot.arm_bodies import ArmBodies
-from mock_autopilot.arms import JOINT_COUNT, Assembly
-from mock_autopilot.attitude_error import AttitudeErrorParams, AttitudeErrorSource
-from mock_autopilot.config_words import sentence
-from mock_autopilot.disturbance import Forces, Sinusoid
-from mock_autopilot.dynamixel_config import DynamixelConfig
-from mock_autopilot.fault_words import keys_of
-from mock_autopilot.faults import Fault, check_fits
-from mock_autopilot.params import ParamTable, UnknownParamError
-from mock_autopilot.plant import PlantParams
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.config_errors import sentence
+from mock_autopilot.faults.fault import Fault, check_fits
+from mock_autopilot.faults.sentences import keys_of
+from mock_autopilot.physics.arm_bodies import ArmBodies
+from mock_autopilot.physics.arms import JOINT_COUNT, Assembly
+from mock_autopilot.physics.disturbance import Forces, Sinusoid
+from mock_autopilot.physics.plant import PlantParams
+from mock_autopilot.px4.attitude_error import AttitudeErrorParams, AttitudeErrorSource
+from mock_autopilot.px4.params import ParamTable, UnknownParamError
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.servos.config import DynamixelConfig
 
 
 class MockConfigError(ValueError):

@@ -5,11 +5,11 @@ import contextlib
 import time
 
 from mock_autopilot.config import MockConfig
-from mock_autopilot.dynamixel import ServoBus
-from mock_autopilot.fault_mocap import MocapFaults
-from mock_autopilot.mavlink import MavlinkLink
-from mock_autopilot.qualisys import QualisysServer
-from mock_autopilot.streams import TICK_S
+from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.mavlink.link import MavlinkLink
+from mock_autopilot.mavlink.streams import TICK_S
+from mock_autopilot.qtm.server import QualisysServer
+from mock_autopilot.servos.bus import ServoBus
 from mock_autopilot.world import World
 
 LONGEST_CATCH_UP_S = 5.0

@@ -9,28 +9,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from mock_autopilot import plant, plant_one
-from mock_autopilot import quaternion as quat
-from mock_autopilot.airframe import Demand, Felt
-from mock_autopilot.arms import Arms
 from mock_autopilot.config import ArmsConfig, MockConfig
-from mock_autopilot.disturbance import Disturbance
-from mock_autopilot.estimator import RANGE_OFF_M, Motion
-from mock_autopilot.fault_autopilot import troubles_of
-from mock_autopilot.fault_schedule import FaultSchedule, Turn
-from mock_autopilot.fault_servos import bus_fault_of
-from mock_autopilot.fault_ways import Part
-from mock_autopilot.faults import Fault, check_fits
-from mock_autopilot.hand import Hand
-from mock_autopilot.horizon import Horizon
-from mock_autopilot.params import ParamTable
-from mock_autopilot.plant import PlantState, Wrench
-from mock_autopilot.plant_one import OneActuation, OneState
-from mock_autopilot.quaternion_one import Three
-from mock_autopilot.servo_rack import ServoRack
-from mock_autopilot.timing import Timing
-from mock_autopilot.truth import Truth
-from mock_autopilot.vehicle import Vehicle
+from mock_autopilot.faults.autopilot import troubles_of
+from mock_autopilot.faults.catalogue import Part
+from mock_autopilot.faults.fault import Fault, check_fits
+from mock_autopilot.faults.schedule import FaultSchedule, Turn
+from mock_autopilot.faults.servos import bus_fault_of
+from mock_autopilot.physics import plant, plant_one
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.airframe import Demand, Felt
+from mock_autopilot.physics.arms import Arms
+from mock_autopilot.physics.disturbance import Disturbance
+from mock_autopilot.physics.handling import Hand
+from mock_autopilot.physics.plant import PlantState, Wrench
+from mock_autopilot.physics.plant_one import OneActuation, OneState
+from mock_autopilot.physics.quaternion_one import Three
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.px4.estimator import RANGE_OFF_M, Motion
+from mock_autopilot.px4.horizon import Horizon
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.px4.timing import Timing
+from mock_autopilot.px4.vehicle import Vehicle
+from mock_autopilot.servos.rack import ServoRack
 
 STEP_S = 0.002
 """Physics and autopilot both run at 500 Hz of simulated time."""

@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.cli.mock_process import MockPorts, free_ports
+from companion.cli.demo.mock_process import MockPorts, free_ports
 
 _SO_TIMESTAMPNS = 35
 """Linux; missing in Python's socket module."""

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.config_operator import OperatorConfig
+from companion.config.operator_config import OperatorConfig
 from tests.packages import find_program, needs
 from tests.ports import free_port
 

@@ -25,8 +25,8 @@ from tempfile import TemporaryFile
 from typing import IO, Any
 from unittest.mock import patch
 
-from companion.cli import mock_process as cold
-from companion.cli.mock_process import FaultTold, MockPorts
+from companion.cli.demo import mock_process as cold
+from companion.cli.demo.mock_process import FaultTold, MockPorts
 
 _SERVER = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["tests.warm_modules"])
@@ -253,7 +253,7 @@ async def _write_to(end: int) -> asyncio.StreamWriter:
 async def mock_process(
     config: Path, seed: int, ports: MockPorts, faults: Sequence[str] = (), hear: Callable[[FaultTold], None] = print
 ) -> AsyncIterator[asyncio.subprocess.Process]:
-    """Start the mocks as companion.cli.mock_process does."""
+    """Start the mocks as companion.cli.demo.mock_process does."""
     async with contextlib.AsyncExitStack() as stack:
         with patch.object(asyncio, "create_subprocess_exec", create_process):
             process = await stack.enter_async_context(cold.mock_process(config, seed, ports, faults, hear))

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.arms.mass import com_shift_flu_m, reaction_force_b_n, reaction_torque_b_nm
+from companion.arms.dynamics import com_shift_flu_m, reaction_force_b_n, reaction_torque_b_nm
 from companion.arms.model import ArmModel
-from companion.control.components import joined, parts
 from companion.control.controller import VehicleModel
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
+from companion.geometry.array_math import stack, unstack
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ def turning_b_radps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -
 
     The links' reaction, and the thrust, which in a hover is the weight, beside the centre of mass.
     """
-    x, y, _ = parts(com_shift_flu_m(model, motion.position_rad, airframe.mass_kg))
+    x, y, _ = unstack(com_shift_flu_m(model, motion.position_rad, airframe.mass_kg))
     weight_n = airframe.mass_kg * airframe.gravity_mps2
-    lever = joined(-weight_n * y, weight_n * x, 0.0 * x)  # - r x m g e_3: what hangs in front pulls the nose down
+    lever = stack(-weight_n * y, weight_n * x, 0.0 * x)  # - r x m g e_3: what hangs in front pulls the nose down
     return np.asarray((reaction_torque_b_nm(model, motion) + lever) / np.array(airframe.inertia_kgm2))
 
 
@@ -46,15 +46,15 @@ def trimmed_b_radps2(trimmed: Array, turning: Array, airframe: Airframe, dt_s: f
 
 def tilt_accel_b_mps2(untrimmed_b_radps2: Array, airframe: Airframe) -> Array:
     """Horizontal acceleration (..., 3) of the tilt that a torque holds against the attitude loop: g (phi x e_3)."""
-    roll, pitch, _ = parts(untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2)
-    return joined(airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0 * roll)
+    roll, pitch, _ = unstack(untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2)
+    return stack(airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0 * roll)
 
 
 def force_accel_b_mps2(model: ArmModel, airframe: Airframe, across: JointMotion, upward: JointMotion) -> Array:
     """Acceleration (..., 3) that the links' reaction force gives the vehicle: x, y of one motion, z of the other."""
     ahead, above = (reaction_force_b_n(model, motion) / airframe.mass_kg for motion in (across, upward))
-    (x, y, _), (_, _, z) = parts(ahead), parts(above)
-    return joined(x, y, z)
+    (x, y, _), (_, _, z) = unstack(ahead), unstack(above)
+    return stack(x, y, z)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ point along
 import numpy as np
 
 from companion.arms.model import CHAIN, JOINTS_PER_ARM, SIDES, ArmModel
-from companion.types import Array
+from companion.core.types import Array
 
 OUTWARD = np.array([-1.0, 1.0])
 """Sign of body y away from the body, right then left."""

@@ -11,7 +11,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from companion.types import Array
+from companion.core.types import Array
 
 JOINTS_PER_ARM = 4
 CHAIN = 3

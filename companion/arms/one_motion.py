@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from companion.arms.model import JOINTS_PER_ARM, ArmModel
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 
 _Three = tuple[float, float, float]
 _ARMS = ((0, -1.0), (JOINTS_PER_ARM, 1.0))

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.arms.clearance import distances
-from companion.arms.inverse import reach_both_rad
+from companion.arms.collision import distances
+from companion.arms.inverse_kinematics import reach_both_rad
 from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
 from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
-from companion.ports import ArmError
-from companion.types import Array
+from companion.core.interfaces import ArmError
+from companion.core.types import Array
 
 OWN_PACE = 0.5
 """Share of the velocity and acceleration limits that motions take which are not a file's: a gentler push in flight."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 
 
 @dataclass(frozen=True)

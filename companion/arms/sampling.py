@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.arms.clearance import distances
+from companion.arms.collision import distances
 from companion.arms.kinematics import by_arm
 from companion.arms.model import ArmModel
 from companion.arms.trajectory import JointTrajectory
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 
 _PER_PIECE = 48
 """Samples of a piece. The peaks of a quintic's velocity and acceleration are then missed by at most 1 %."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from companion.types import Array
+from companion.core.types import Array
 
 HALVINGS = 16
 """Of a segment, when its point nearest to a shape is looked for. The distance is too large by at most the segment's

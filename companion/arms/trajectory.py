@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from companion.arms.quintic import Quintics, between
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 
 Times = float | Array
 """One time, or an array (...,) of them: a motion is then (8,), or (..., 8)."""

@@ -7,12 +7,12 @@ from typing import Annotated, Any
 import typer
 
 from companion import __version__
-from companion.cli.asked import BAD_INPUT
 from companion.cli.catalogue import ROOT
 from companion.cli.lazy import SETTINGS, LazyGroup, group_of
+from companion.cli.operator.exit_codes import BAD_INPUT
 from companion.cli.word_hints import hint_for
-from companion.errors import CompanionError
-from companion.validation_words import plain
+from companion.core.errors import CompanionError
+from companion.core.validation_messages import plain
 
 
 class _Root(LazyGroup):

@@ -51,7 +51,7 @@ def listed(one: Completion) -> Completion:
 
 def _names(folder: str) -> list[str]:
     """Return the names in a folder of config/, without the ending."""
-    from companion.config_places import project_root  # noqa: PLC0415 - not before somebody presses TAB
+    from companion.config.locations import project_root  # noqa: PLC0415 - not before somebody presses TAB
 
     return sorted(path.stem for path in (project_root() / "config" / folder).glob("*.toml"))
 

@@ -16,11 +16,11 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from companion.arm_files import MOTIONS
-from companion.config import CompanionConfig
-from companion.config_controller import EtnnFile, OwnLawFile, PidFile
-from companion.config_preflight import RecommendedConfig
-from companion.experiments.scene import ExperimentFile
+from companion.config.arm_files import MOTIONS
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
+from companion.config.preflight_config import RecommendedConfig
+from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
 
 HEAD = """# Every key of every configuration file

@@ -6,11 +6,11 @@ from typing import Annotated
 import typer
 
 from companion.cli.complete import controllers
-from companion.config import CompanionConfig, load_config
-from companion.config_arms import Feedforward
-from companion.config_files import read_toml
-from companion.config_places import INSTALLED, default_config_path, vehicle_config_path
-from companion.ports import ConfigError
+from companion.config.arms_config import Feedforward
+from companion.config.companion_config import CompanionConfig, load_config
+from companion.config.locations import INSTALLED, default_config_path, vehicle_config_path
+from companion.config.toml_files import read_toml
+from companion.core.interfaces import ConfigError
 
 ControllerName = Annotated[
     str | None,

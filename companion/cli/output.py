@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from companion.errors import ConfigError
+from companion.core.errors import ConfigError
 
 _TRIAL_BYTES = 65536
 """A full disk still takes the name of a file."""

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import all_by_axis, by_axis, maths
 from companion.control.gains import EtnnGains
 from companion.control.switching import fractional_factor, squared, switch_factor
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
+from companion.geometry.array_math import all_by_axis, by_axis, math_module
 
 _ROUNDS = 20
 """Of the fixed point at which the compensation is at rest."""
@@ -85,7 +85,7 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     """
     (squared_1, theta_1), (squared_2, power_2) = _theta(state.iota1, gains), _power(state.iota2, gains)
     zeta, rho, eps, share_s = gains.zeta, gains.rho, gains.filter_eps, dt_s * gains.compensation
-    quick, m = dt_s / eps**2, maths(squared_1)
+    quick, m = dt_s / eps**2, math_module(squared_1)
 
     def advanced(chi: Any, xi: Any, iota1: Any, iota2: Any, alpha1: Any, f_hat: Any, *diagonals: Any) -> Any:
         (c1, k, k1, c2, k2), late = diagonals, chi - alpha1

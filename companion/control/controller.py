@@ -5,7 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from companion.types import Array, Reference
+from companion.core.types import Array, Reference
 
 
 @dataclass(frozen=True)

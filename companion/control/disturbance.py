@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import all_by_axis, at_least, at_most
 from companion.control.controller import ControlInput
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
+from companion.geometry.array_math import all_by_axis, maximum, minimum
 
 AVERAGE_S = 1.0
 """Time constant of the low pass: with a shorter one the turns of a trajectory would be taken for wind."""
@@ -40,13 +40,13 @@ def no_disturbance(now: ControlInput) -> Disturbance:
 
 def estimate_disturbance(before: Disturbance, now: ControlInput) -> Disturbance:
     """Advance the estimate by one cycle; `sent_accel_w_mps2` is without the arms' part, and so is the estimate."""
-    follow, share = at_most(now.dt_s / FOLLOW_S, 1.0), at_most(now.dt_s / AVERAGE_S, 1.0)
+    follow, share = minimum(now.dt_s / FOLLOW_S, 1.0), minimum(now.dt_s / AVERAGE_S, 1.0)
 
     def estimated(measured: Any, asked: Any, velocity: Any, acting: Any, sent: Any) -> Any:
         acting = acting + follow * (asked - acting)
         sent = sent + share * (acting - sent)
         surprise = measured - velocity
-        accel = at_most(at_least(surprise / AVERAGE_S - sent, -MOST_MPS2), MOST_MPS2)
+        accel = minimum(maximum(surprise / AVERAGE_S - sent, -MOST_MPS2), MOST_MPS2)
         return accel, velocity + share * surprise, acting, sent
 
     vectors = now.velocity_w_mps, now.sent_accel_w_mps2, before.velocity, before.acting, before.sent

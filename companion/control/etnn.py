@@ -8,10 +8,10 @@ from companion.control import command_filter as cf
 from companion.control import event_trigger as et
 from companion.control import network as nn
 from companion.control.controller import ControlInput, ControlOutput
+from companion.control.delay_predictor import Prediction, Predictor, PredictorMemory
 from companion.control.gains import EtnnGains
-from companion.control.prediction import Prediction, Predictor, PredictorMemory
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
 
 
 @value

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from companion.control.components import as_column, at_least, at_most, by_axis, chosen, columns
 from companion.control.gains import EtnnGains
 from companion.control.switching import sign
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
+from companion.geometry.array_math import as_column, by_axis, columns, maximum, minimum, where
 
 
 @value
@@ -40,11 +40,11 @@ def trigger_step(state: TriggerState, u_bar: Array, gains: EtnnGains, dt_s: floa
     """
     x, y, z = columns(np.abs(state.held - u_bar))
     (kappa,), (started,) = columns(state.kappa), columns(state.started)
-    worst, least = at_least(at_least(x, y), z), at_most(at_most(x, y), z)
+    worst, least = maximum(maximum(x, y), z), minimum(minimum(x, y), z)
     quiet = (kappa + gains.delta * (gains.sigma - worst) >= 0.0) & (started > 0.0)
     if gains.every_cycle:
         quiet = quiet & False
-    slack = gains.sigma - chosen(quiet, least, 0.0)  # the largest sigma - |e_j|
+    slack = gains.sigma - where(quiet, least, 0.0)  # the largest sigma - |e_j|
     kappa = kappa + dt_s * (slack - kappa)
-    u = chosen(quiet, state.held, u_bar)
-    return TriggerState(u, as_column(kappa), as_column(at_least(started, 1.0))), u, as_column(1.0 - quiet)
+    u = where(quiet, state.held, u_bar)
+    return TriggerState(u, as_column(kappa), as_column(maximum(started, 1.0))), u, as_column(1.0 - quiet)

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import at_least, at_most, chosen, column, joined, maths, parts
-from companion.control.frames import quat_conjugate, quat_from_rotation_vector, quat_multiply, yaw_of
-from companion.control.values import value
-from companion.types import Array, AttitudeThrust
+from companion.core.types import Array, AttitudeThrust
+from companion.core.values import value
+from companion.geometry.array_math import column, math_module, maximum, minimum, stack, unstack, where
+from companion.geometry.frames import quat_conjugate, quat_from_rotation_vector, quat_multiply, yaw_of
 
 Each = float | Array
 
@@ -105,13 +105,13 @@ def tilt_between(seen: HorizonInput) -> tuple[Any, Any]:
     The turn from one attitude to the other is split into one about the vertical, the headings' difference, and the
     remaining one about a horizontal axis.
     """
-    ahead_s = at_most(at_least(seen.age_s - seen.autopilot_age_s, -_LARGEST_TURN_S), _LARGEST_TURN_S)
+    ahead_s = minimum(maximum(seen.age_s - seen.autopilot_age_s, -_LARGEST_TURN_S), _LARGEST_TURN_S)
     turn = quat_from_rotation_vector(np.asarray(seen.rate_flu_radps * column(ahead_s)))
     then = quat_multiply(seen.q_w_flu_wxyz, turn)
-    w, x, y, z = parts(quat_multiply(then, quat_conjugate(seen.autopilot_q_w_flu_wxyz)))
-    m = maths(w)
-    upright = at_least(m.sqrt(w * w + z * z), _TINY)
-    lean = at_least(m.sqrt(x * x + y * y), _TINY)
+    w, x, y, z = unstack(quat_multiply(then, quat_conjugate(seen.autopilot_q_w_flu_wxyz)))
+    m = math_module(w)
+    upright = maximum(m.sqrt(w * w + z * z), _TINY)
+    lean = maximum(m.sqrt(x * x + y * y), _TINY)
     share = 2.0 * m.atan2(lean, upright) / (lean * upright)
     return _turned(share * (x * w - y * z), share * (y * w + x * z), yaw_of(then), -1.0)
 
@@ -121,15 +121,15 @@ def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) 
     x, y = tilt_between(seen)
     tilt_rad = _size(x, y)
     apart_s = abs(seen.age_s - seen.autopilot_age_s)
-    known = (apart_s <= _LARGEST_TURN_S) & maths(tilt_rad).isfinite(tilt_rad)
-    left = chosen(before.unseen_s > HELD_S, 0.0, _left(rules.time_constant_s, dt_s))
-    off_x = chosen(known, x + left * (before.off_x - x), before.off_x)
-    off_y = chosen(known, y + left * (before.off_y - y), before.off_y)
-    unseen_s = chosen(known, 0.0, before.unseen_s + dt_s)
+    known = (apart_s <= _LARGEST_TURN_S) & math_module(tilt_rad).isfinite(tilt_rad)
+    left = where(before.unseen_s > HELD_S, 0.0, _left(rules.time_constant_s, dt_s))
+    off_x = where(known, x + left * (before.off_x - x), before.off_x)
+    off_y = where(known, y + left * (before.off_y - y), before.off_y)
+    unseen_s = where(known, 0.0, before.unseen_s + dt_s)
     doubtful = (known & (tilt_rad > rules.apart_rad)) | _not(seen.trusted)
-    sound_s = chosen(doubtful, 0.0, before.sound_s + dt_s)
+    sound_s = where(doubtful, 0.0, before.sound_s + dt_s)
     used = (sound_s >= SOUND_S) & (unseen_s <= HELD_S) & seen.flying & rules.enabled
-    share = chosen(used, _share(_size(off_x, off_y), rules.cap_rad), 0.0)
+    share = where(used, _share(_size(off_x, off_y), rules.cap_rad), 0.0)
     to_x, to_y = share * off_x - before.x, share * off_y - before.y
     part = _share(_size(to_x, to_y), rules.rate_radps * dt_s)
     return Horizon(off_x, off_y, before.x + part * to_x, before.y + part * to_y, unseen_s, sound_s)
@@ -138,7 +138,7 @@ def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) 
 def correction_of(horizon: Horizon, q_w_flu_wxyz: Array) -> Array:
     """Return the turn in W, (..., 4), with which a setpoint for a vehicle at this attitude is multiplied from left."""
     x, y = _turned(horizon.x, horizon.y, yaw_of(q_w_flu_wxyz), 1.0)
-    return quat_from_rotation_vector(joined(-x, -y, 0.0 * x))
+    return quat_from_rotation_vector(stack(-x, -y, 0.0 * x))
 
 
 def corrected(setpoint: AttitudeThrust, turn_w: Array) -> AttitudeThrust:
@@ -154,23 +154,23 @@ def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> An
 def _turned(x: Any, y: Any, yaw_rad: Array, sign: float) -> tuple[Any, Any]:
     """Turn horizontal components by the heading: with +1 into W, with -1 into the levelled axes."""
     yaw = yaw_rad if yaw_rad.ndim else yaw_rad.item()
-    m = maths(yaw)
+    m = math_module(yaw)
     c, s = m.cos(yaw), sign * m.sin(yaw)
     return c * x - s * y, s * x + c * y
 
 
 def _size(x: Any, y: Any) -> Any:
-    return maths(x).sqrt(x * x + y * y)
+    return math_module(x).sqrt(x * x + y * y)
 
 
 def _left(time_constant_s: Each, dt_s: float) -> Any:
     """Share of what a low pass knew that is left after a step."""
-    return maths(time_constant_s).exp(-dt_s / time_constant_s)
+    return math_module(time_constant_s).exp(-dt_s / time_constant_s)
 
 
 def _share(size: Any, most: Each) -> Any:
     """What of a vector of this size is left when it is cut to `most`."""
-    return at_most(1.0, most / at_least(size, _TINY))
+    return minimum(1.0, most / maximum(size, _TINY))
 
 
 def _not(flag: Any) -> Any:

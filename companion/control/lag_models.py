@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from companion.types import Array
+from companion.core.types import Array
 
 
 def second_order(bandwidth_radps: float, damping: float) -> Array:

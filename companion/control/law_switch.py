@@ -10,8 +10,8 @@ from math import cos, pi
 import numpy as np
 
 from companion.control.controller import ControlInput, ControlOutput
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
 
 BLEND_S = 0.25
 """How long the difference between the last setpoint and the new law's first command takes to fade: no jump is sent."""

@@ -13,10 +13,10 @@ from enum import StrEnum
 
 import numpy as np
 
-from companion.control.attitude import ThrustModel, setpoint_of_accel
 from companion.control.controller import ControlInput, Controller, VehicleModel
 from companion.control.lag_models import exponential, first_order, second_order
-from companion.types import Array, Reference
+from companion.core.types import Array, Reference
+from companion.geometry.attitude import ThrustModel, setpoint_of_accel
 
 KICKS_MPS = (0.02, 0.3)
 """Velocity that a kick gives: errors of 2 mm, where regularised powers are steepest, and of 5 to 10 cm."""

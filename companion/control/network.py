@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import anywhere, maths
 from companion.control.gains import EtnnGains
-from companion.control.values import value
-from companion.types import Array
+from companion.core.types import Array
+from companion.core.values import value
+from companion.geometry.array_math import any_true, math_module
 
 
 @value
@@ -49,7 +49,7 @@ def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array
 
 def _sigmoid(inner: Any) -> Any:
     """1/(1 + exp(-inner)), which as a tanh never overflows."""
-    return 0.5 + 0.5 * maths(inner).tanh(0.5 * inner)
+    return 0.5 + 0.5 * math_module(inner).tanh(0.5 * inner)
 
 
 def _times(row: Array, matrix: Array) -> Array:
@@ -103,7 +103,7 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
     excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
     outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
     active = (excess > 0.0) & (outward > 0.0)
-    if not anywhere(active):
+    if not any_true(active):
         return rate
     weighted = gamma[..., :, None] * weights
     scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
@@ -116,7 +116,7 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
     A free step that ends in the ball where the projection sleeps needs neither: it began there or points inwards.
     """
     free = np.asarray(weights + dt_s * rate)
-    if not anywhere((1.0 + band) * _square(free) > bound**2):
+    if not any_true((1.0 + band) * _square(free) > bound**2):
         return free
     moved = weights + dt_s * project(weights, rate, gamma, bound, band)
     size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))

@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.control.controller import ControlInput, ControlOutput
 from companion.control.gains import PidGains
-from companion.types import Array
+from companion.core.types import Array
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.components import at_least, at_most, chosen, maths
-from companion.types import Array
+from companion.core.types import Array
+from companion.geometry.array_math import math_module, maximum, minimum, where
 
 Scalar = float | Array
 
@@ -33,7 +33,7 @@ def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -
     """1 / (s's + e)^(1-p) from `square` = s's, shape as given; what s is multiplied by in the fractional powers."""
     base = square + regularisation
     if not _is_on(regularisation):
-        base = chosen(base > 0.0, base, 1.0)
+        base = where(base > 0.0, base, 1.0)
     return base ** (p - 1.0)
 
 
@@ -42,8 +42,8 @@ def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Sc
     factor = fractional_factor(square, p, regularisation)
     if _is_on(regularisation):
         return factor
-    share = at_most(square / epsilon, 1.0)
-    return factor * maths(share).sin(share * (0.5 * math.pi)) ** 2
+    share = minimum(square / epsilon, 1.0)
+    return factor * math_module(share).sin(share * (0.5 * math.pi)) ** 2
 
 
 def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -82,4 +82,4 @@ def sign(y: Any, boundary_layer: Scalar = 0.0) -> Any:
     """sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer, clip(y / layer, -1, 1)."""
     if not _is_on(boundary_layer):
         return np.sign(y) if isinstance(y, np.ndarray) else float((y > 0.0) - (y < 0.0))
-    return at_most(at_least(y / at_least(boundary_layer, 1e-9), -1.0), 1.0)
+    return minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)

@@ -3,12 +3,12 @@
 Works on components: floats for one vehicle, whose frame has to cost microseconds, and arrays (...,) for a batch.
 """
 
-from companion.control.components import maths, parts
-from companion.control.frames import quat_from_matrix
 from companion.control.switching import Scalar
-from companion.control.values import value
+from companion.core.types import Array
+from companion.core.values import value
 from companion.estimation.kalman import Covariance, grow, shrink
-from companion.types import Array
+from companion.geometry.array_math import math_module, unstack
+from companion.geometry.frames import quat_from_matrix
 
 Vec3 = tuple[Scalar, Scalar, Scalar]
 Quat = tuple[Scalar, Scalar, Scalar, Scalar]
@@ -43,7 +43,7 @@ def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bo
 
 def at_rest(rotation: Array, covariance: Covariance) -> Attitude:
     """Start from one matrix, shape (..., 3, 3), not turning."""
-    w, x, y, z = parts(quat_from_matrix(rotation))
+    w, x, y, z = unstack(quat_from_matrix(rotation))
     still = (0.0 * w, 0.0 * w, 0.0 * w)
     return Attitude((w, x, y, z), still, still, covariance)
 
@@ -71,7 +71,7 @@ def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
     about_y = (r00 * c + r10 * f + r20 * i) - (r02 * a + r12 * d + r22 * g)
     about_z = (r01 * a + r11 * d + r21 * g) - (r00 * b + r10 * e + r20 * h)
     trace = (r00 * a + r10 * d + r20 * g) + (r01 * b + r11 * e + r21 * h) + (r02 * c + r12 * f + r22 * i)
-    m = maths(w)
+    m = math_module(w)
     twice_sine = m.sqrt(about_x * about_x + about_y * about_y + about_z * about_z)
     scale = m.atan2(twice_sine, trace - 1.0) / (twice_sine + _TINY)
     return scale * about_x, scale * about_y, scale * about_z
@@ -81,7 +81,7 @@ def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vec3:
     """The same from a measured unit quaternion (w x y z, either sign): less work for a batch, which has no matrices."""
     w, x, y, z = state.q
     turn_w, turn_x, turn_y, turn_z = _multiply((w, -x, -y, -z), measured)
-    m = maths(w)
+    m = math_module(w)
     sine = m.sqrt(turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
     scale = m.copysign(2.0, turn_w) * m.atan2(sine, abs(turn_w)) / (sine + _TINY)
     return scale * turn_x, scale * turn_y, scale * turn_z
@@ -101,7 +101,7 @@ def update(state: Attitude, surprise: Vec3, variance: float) -> Attitude:
 
 def _exp(vector: Vec3) -> Quat:
     x, y, z = vector
-    m = maths(x)
+    m = math_module(x)
     angle = m.sqrt(x * x + y * y + z * z)
     half = 0.5 * angle
     scale = m.sin(half) / (angle + _TINY)
@@ -120,6 +120,6 @@ def _multiply(first: Quat, second: Quat) -> Quat:
 
 def _normalised(quat: Quat) -> Quat:
     w, x, y, z = quat
-    m = maths(w)
+    m = math_module(w)
     scale = m.copysign(1.0, w) / m.sqrt(w * w + x * x + y * y + z * z)
     return scale * w, scale * x, scale * y, scale * z

@@ -11,16 +11,16 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.control.components import column, joined, parts
-from companion.control.frames import matrix_from_quat
 from companion.control.switching import Scalar
+from companion.core.types import Array, VehicleState
 from companion.estimation import attitude as att
 from companion.estimation import kalman
 from companion.estimation.attitude import Attitude
 from companion.estimation.estimator import first_covariances
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import EstimatorParams
-from companion.types import Array, VehicleState
+from companion.geometry.array_math import column, stack, unstack
+from companion.geometry.frames import matrix_from_quat
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ def vehicle_state(estimate: BatchEstimate) -> VehicleState:
         cast(float, estimate.seen_s),  # an array in a batch whose vehicles missed frames
         estimate.motion.position,
         estimate.motion.velocity,
-        joined(*estimate.attitude.q),
-        joined(*estimate.attitude.rate),
+        stack(*estimate.attitude.q),
+        stack(*estimate.attitude.rate),
     )
 
 
@@ -91,7 +91,7 @@ def _seen(
     motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
-    surprise = att.surprise_of_quat_rad(attitude, tuple(parts(q_w_flu_wxyz)))
+    surprise = att.surprise_of_quat_rad(attitude, tuple(unstack(q_w_flu_wxyz)))
     return BatchEstimate(motion, att.update(attitude, surprise, params.noise_rad**2), stamp_s)
 
 

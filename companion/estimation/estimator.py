@@ -6,14 +6,14 @@ from operator import mul, sub
 
 import numpy as np
 
-from companion.control.frames import quat_from_rotation_vector, quat_multiply
+from companion.core.types import Array, MocapFrame, VehicleState
 from companion.estimation import attitude as att
 from companion.estimation import kalman
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
-from companion.types import Array, MocapFrame, VehicleState
+from companion.geometry.frames import quat_from_rotation_vector, quat_multiply
 
 __all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "predict_to", "step"]
 

@@ -11,9 +11,9 @@ w = (density / (sigma^2 dt))^(1/6) rad/s, and the velocity's standard deviation 
 
 from typing import Any
 
-from companion.control.components import along_axes
 from companion.control.switching import Scalar
-from companion.control.values import value
+from companion.core.values import value
+from companion.geometry.array_math import along_axes
 
 Vector = Any
 """Three floats for one vehicle, an array (..., 3) for a batch."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf, sqrt
 
+from companion.core.types import VehicleState
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync
 from companion.estimation.kalman import Motion
-from companion.types import VehicleState
 
 
 class Verdict(StrEnum):

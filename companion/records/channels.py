@@ -12,7 +12,7 @@ from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import Log, LogLevel, Timestamp
 
 from companion.records.json_rows import JsonRows, Shapes, schema_of
-from companion.records.row import Layout, Row
+from companion.records.row_codec import Layout, RecordRow
 
 EVENT = "/event"
 META = "companion"
@@ -38,7 +38,7 @@ class Channels:
         self._event = Channel(EVENT, schema=_EVENT_SCHEMA, context=context)
         self._log = LogChannel("/log", context=context)
 
-    def row(self, row: Row, time_ns: int, recorded: bool) -> None:
+    def row(self, row: RecordRow, time_ns: int, recorded: bool) -> None:
         """All topics of a row; in vain where it is neither recorded nor watched, and then not done."""
         if not recorded and row.layout in self._seen and not any(one.has_sinks() for one in self._json.values()):
             return

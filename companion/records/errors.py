@@ -1,6 +1,6 @@
 """What can be wrong with a record; imports nothing that takes time."""
 
-from companion.errors import CompanionError
+from companion.core.errors import CompanionError
 
 
 class RecordError(CompanionError):

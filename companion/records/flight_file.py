@@ -8,11 +8,11 @@ from typing import Any
 from foxglove import Context
 
 from companion.arms.model import ArmModel
-from companion.config_arms import ArmsConfig
+from companion.config.arms_config import ArmsConfig
 from companion.records.channels import Channels, Mcap, open_mcap
-from companion.records.row import TIME, Row, RowDecoder
+from companion.records.retention import Retention, Unbreakable
+from companion.records.row_codec import TIME, RecordRow, RowDecoder
 from companion.records.scene import Scene
-from companion.records.shelf import Shelf, Unbreakable
 
 AFTER_S = 3.0
 """Recorded after the flight's end: what the arms and the autopilot do then."""
@@ -27,7 +27,7 @@ _ANEW = "preflight"
 class FlightFiles:
     """Takes messages of RowEncoder in their order; what goes wrong with the disk is told, and ends no flight."""
 
-    def __init__(self, shelf: Shelf, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
+    def __init__(self, shelf: Retention, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
         self._shelf, self._context, self._tell = shelf, context, tell
         self._channels, self._scene, self._decoder = Channels(context), Scene(context), RowDecoder()
         self._file: Mcap | None = None
@@ -103,7 +103,7 @@ class FlightFiles:
             return
         self._tell({"closed": str(file.path)})
 
-    def _keep(self, file: Mcap, row: Row, time_s: float) -> None:
+    def _keep(self, file: Mcap, row: RecordRow, time_s: float) -> None:
         """Flush, look for space, and close when the flight is over."""
         if row.cell("airborne") > 0.0:
             self._laws.setdefault(str(row.words["law_name"]))
@@ -126,11 +126,11 @@ class FlightFiles:
         elif time_s - self._over_s > AFTER_S:
             self.close()
 
-    def _is_over(self, row: Row) -> bool:
+    def _is_over(self, row: RecordRow) -> bool:
         phase = row.words["phase"]
         return phase in _OVER or (phase == "handed over" and not row.cell("armed"))
 
-    def _announce(self, row: Row, time_ns: int) -> None:
+    def _announce(self, row: RecordRow, time_ns: int) -> None:
         """Phases and faults for the log panel."""
         said = (row.words["phase"], ", ".join(event["fault"] for event in row.words["events"]))
         if said == self._said:

@@ -11,11 +11,11 @@ import numpy as np
 
 from companion.control.controller import ControlInput
 from companion.control.horizon_correction import HorizonInput
+from companion.core.types import Array, AttitudeThrust, MocapFrame, Reference
 from companion.estimation.state import EstimatorState
 from companion.records.errors import RecordError
-from companion.records.exact import of_json
+from companion.records.exact_json import of_json
 from companion.records.table import HealthEvent, RecordedEvent
-from companion.types import Array, AttitudeThrust, MocapFrame, Reference
 
 _OURS = frozenset({"law_name"})
 _FOR_REPLAY = (

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.records.errors import RecordError
-from companion.records.glance import Glance, glance, unreadable
+from companion.records.flight_summary import Glance, summarize_flight, unreadable
 
 NAME = ".records-index.json"
 """In the folder of records. Only a shortcut: it is written anew where it is missing, damaged or of another version."""
@@ -58,7 +58,7 @@ def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
 
 def _looked_into(path: Path) -> Glance | None:
     try:
-        return glance(path)
+        return summarize_flight(path)
     except RecordError as error:
         return unreadable(path, str(error)) if os.path.lexists(path) else None
 

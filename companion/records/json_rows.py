@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from companion.records.gathered import Column, Shape
-from companion.records.row import TIME, WORDS, Layout, Row
+from companion.records.row_codec import TIME, WORDS, Layout, RecordRow
+from companion.records.tick_columns import Column, Shape
 
 Shapes = dict[str, Shape]
 WITH_WORDS = "/flight"
@@ -50,7 +50,7 @@ class JsonRows:
         self._words: dict[str, Any] = {}
         self._said = ""
 
-    def messages(self, row: Row) -> list[Message]:
+    def messages(self, row: RecordRow) -> list[Message]:
         """All topics of the row."""
         if row.words is not self._words:
             self._words, self._said = row.words, "," + json.dumps(row.words)[1:]
@@ -70,7 +70,7 @@ class JsonRows:
         return [*parts, *self._error(row, number, time)]
 
     @staticmethod
-    def _error(row: Row, number: str, time: str) -> list[Message]:
+    def _error(row: RecordRow, number: str, time: str) -> list[Message]:
         """Where the vehicle is, less where it should be: what everybody wants to plot."""
         if "position_w_m" not in row or "reference_position_w_m" not in row:
             return []

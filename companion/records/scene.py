@@ -25,9 +25,9 @@ from foxglove.messages import (
 
 from companion.arms.kinematics import points_flu_m
 from companion.arms.model import ArmModel
+from companion.core.types import Array
 from companion.records.channels import stamp
-from companion.records.row import Row
-from companion.types import Array
+from companion.records.row_codec import RecordRow
 
 _PERIOD_NS = 50_000_000
 _STATIC_NS = 1_000_000_000
@@ -53,7 +53,7 @@ class Scene:
         self._reference: deque[Point3] = deque(maxlen=_PATH_POINTS)
         self._flown: deque[Point3] = deque(maxlen=_PATH_POINTS)
 
-    def draw(self, row: Row, time_ns: int, recorded: bool) -> None:
+    def draw(self, row: RecordRow, time_ns: int, recorded: bool) -> None:
         """One instant, where it is recorded or watched."""
         if not (recorded or self._scene.has_sinks() or self._frames.has_sinks()):
             return
@@ -71,7 +71,7 @@ class Scene:
         self._frames.log(FrameTransforms(transforms=[pose]), log_time=time_ns)
         self._scene.log(SceneUpdate(entities=self._entities(row, time_ns)), log_time=time_ns)
 
-    def _entities(self, row: Row, time_ns: int) -> list[SceneEntity]:
+    def _entities(self, row: RecordRow, time_ns: int) -> list[SceneEntity]:
         entities = []
         if abs(time_ns - self._told_ns) >= _STATIC_NS:
             self._told_ns = time_ns

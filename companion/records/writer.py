@@ -19,10 +19,10 @@ from typing import Any
 import foxglove
 from foxglove import Context
 
-from companion.config_records import RecordsConfig
+from companion.config.records_config import RecordsConfig
 from companion.records.flight_file import FlightFiles
-from companion.records.row import BATCH, BEGIN, LAYOUT, ROW, START, TOLD, unbatched
-from companion.records.shelf import Shelf
+from companion.records.retention import Retention
+from companion.records.row_codec import BATCH, BEGIN, LAYOUT, ROW, START, TOLD, unbatched
 
 LOG = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ def main() -> None:
     link = socket.socket(fileno=sys.stdin.fileno())
     context = Context()
     tell = _teller(link)
-    files = FlightFiles(Shelf(config, task["vehicle"]), context, tell)
+    files = FlightFiles(Retention(config, task["vehicle"]), context, tell)
     server = _serve(config, context, task["vehicle"], tell)
     tell({"ready": True})
     waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 
 
-class Reaction(IntEnum):
+class FailsafeAction(IntEnum):
     """What is done, weakest first."""
 
-    NOTE = 0
+    WARN = 0
     """Told and recorded; the flight goes on."""
-    STOP = 1
+    DISARM = 1
     """On the ground: preparation ends, the motors stop. Never in the air."""
     HOLD = 2
     """Brake and hover; the trajectory is not taken up again without the operator."""
@@ -22,7 +22,7 @@ class Reaction(IntEnum):
     """Land with our own controller where the vehicle is, arms folded first."""
     AUTOPILOT_LAND = 4
     """Leave a level setpoint and let PX4 land by itself."""
-    LET_GO = 5
+    RELEASE = 5
     """Send nothing more: the autopilot or its pilot has the vehicle."""
     TERMINATE = 6
     """Stop the motors at once, in the air too."""
@@ -30,7 +30,7 @@ class Reaction(IntEnum):
     @property
     def words(self) -> str:
         """As printed."""
-        return "PX4 lands" if self is Reaction.AUTOPILOT_LAND else self.name.lower().replace("_", " ")
+        return "PX4 lands" if self is FailsafeAction.AUTOPILOT_LAND else self.name.lower().replace("_", " ")
 
 
 class Stage(StrEnum):
@@ -111,12 +111,12 @@ class Row:
     """How it is recognised; {names} are keys of SafetyRules and are printed with their values."""
     why: str
     """Why this limit and this reaction."""
-    flying: Reaction
-    landing: Reaction
-    ground: Reaction
-    handed_over: Reaction = Reaction.NOTE
+    flying: FailsafeAction
+    landing: FailsafeAction
+    ground: FailsafeAction
+    handed_over: FailsafeAction = FailsafeAction.WARN
 
-    def reaction(self, stage: Stage) -> Reaction:
+    def reaction(self, stage: Stage) -> FailsafeAction:
         """What is done about it in this stage of the flight."""
         return {
             Stage.GROUND: self.ground,
@@ -126,8 +126,8 @@ class Row:
         }[stage]
 
 
-_NOTE, _STOP, _HOLD, _LAND = Reaction.NOTE, Reaction.STOP, Reaction.HOLD, Reaction.LAND
-_PX4, _LET_GO, _OFF = Reaction.AUTOPILOT_LAND, Reaction.LET_GO, Reaction.TERMINATE
+_NOTE, _STOP, _HOLD, _LAND = FailsafeAction.WARN, FailsafeAction.DISARM, FailsafeAction.HOLD, FailsafeAction.LAND
+_PX4, _LET_GO, _OFF = FailsafeAction.AUTOPILOT_LAND, FailsafeAction.RELEASE, FailsafeAction.TERMINATE
 
 TABLE: tuple[Row, ...] = (
     Row(Fault.MOCAP_LATE, "newest usable frame older than {coast_s} s",
@@ -279,6 +279,6 @@ TABLE: tuple[Row, ...] = (
 ROWS: dict[Fault, Row] = {row.fault: row for row in TABLE}
 
 
-def reaction_to(fault: Fault, stage: Stage) -> Reaction:
+def reaction_to(fault: Fault, stage: Stage) -> FailsafeAction:
     """What the table says."""
     return ROWS[fault].reaction(stage)

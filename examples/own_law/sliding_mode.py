@@ -6,10 +6,16 @@ from functools import cached_property
 import numpy as np
 from pydantic import Field
 
-from companion.control.controller import ControlInput, ControlOutput, VehicleModel
-from companion.control.gains import Gains, Positive
-from companion.control.prediction import Predictor, PredictorMemory
-from companion.types import Array
+from companion.law_api import (
+    Array,
+    ControlInput,
+    ControlOutput,
+    Gains,
+    Positive,
+    Predictor,
+    PredictorMemory,
+    VehicleModel,
+)
 
 
 class SlidingModeGains(Gains):

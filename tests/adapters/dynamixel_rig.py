@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.adapters.system.clock import MonotonicClock
 from companion.arms.model import JOINT_NAMES
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from companion.types import ArmFault, ArmFaultKind, Array
-from mock_autopilot.dynamixel import ServoBus
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind, ServoConfig
-from mock_autopilot.dynamixel_packets import Instruction, Packet
-from mock_autopilot.servo import Servo
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from companion.core.types import ArmFault, ArmFaultKind, Array
+from mock_autopilot.servos.bus import ServoBus
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind, ServoConfig
+from mock_autopilot.servos.packets import Instruction, Packet
+from mock_autopilot.servos.servo import Servo
 
 CLOCK = MonotonicClock()
 PATIENCE_S = 10.0

@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from companion.ports import MocapSource
+from companion.core.interfaces import MocapSource
 
 ARRIVES_S = 5.0
 """Far longer than any arrival takes: only a failing test waits so long."""

@@ -6,12 +6,12 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from unittest.mock import patch
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.mqtt import MqttMocap, mocap_out, open_mqtt_mocap
-from companion.config_mocap import MocapBrokerConfig, MocapConfig
-from companion.mocap_bridge import Bridge
-from companion.ports import MocapSource
-from mock_autopilot.qualisys import QualisysServer
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.mocap_config import MocapBrokerConfig, MocapConfig
+from companion.core.interfaces import MocapSource
+from companion.service.mocap_bridge import Bridge
+from mock_autopilot.qtm.server import QualisysServer
 from tests.adapters.qualisys_rig import ManualClock, QualisysRig, capturing, serving, settings_for
 
 _VEHICLES = itertools.count()

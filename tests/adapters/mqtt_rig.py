@@ -15,13 +15,13 @@ import aiomqtt
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.mqtt import Answering, BusLink, open_bus
 from companion.adapters.mqtt import link as bus_link
-from companion.bus.commands import Command
-from companion.bus.telemetry import Answer, Reply, State
-from companion.bus.topics import Topics
-from companion.config_operator import OperatorConfig
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.operator_config import OperatorConfig
+from companion.protocol.commands import Command
+from companion.protocol.telemetry import Answer, Reply, State
+from companion.protocol.topics import Topics
 
 CLOCK = MonotonicClock()
 PATIENCE_S = 15.0

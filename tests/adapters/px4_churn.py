@@ -23,11 +23,11 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
-from companion.config_px4 import Px4Config
-from companion.control_stage import idle_setpoint
-from companion.ports import AutopilotError
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.px4_config import Px4Config
+from companion.control.pipeline import idle_setpoint
+from companion.core.interfaces import AutopilotError
 from tests.adapters.fake_px4 import FakePx4
 
 _ROOT = Path(__file__).resolve().parents[2]

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
-from companion.cli.mock_process import MockPorts, free_ports
-from companion.config_px4 import Px4Config
-from companion.control.frames import quat_from_yaw
-from companion.control_stage import idle_setpoint
+from companion.adapters.system.clock import MonotonicClock
+from companion.cli.demo.mock_process import MockPorts, free_ports
+from companion.config.px4_config import Px4Config
+from companion.control.pipeline import idle_setpoint
+from companion.geometry.frames import quat_from_yaw
 from mock_autopilot.config import MockConfig
 from mock_autopilot.simulator import Simulator
 

@@ -8,11 +8,11 @@ from typing import Any, Literal
 import numpy as np
 
 from companion.adapters.qualisys import QualisysSource, open_qualisys
-from companion.config_mocap import MocapConfig
-from mock_autopilot.qualisys import QualisysServer
-from mock_autopilot.qualisys_config import Interval, QualisysConfig
-from mock_autopilot.quaternion import Array
-from mock_autopilot.truth import Truth
+from companion.config.mocap_config import MocapConfig
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.qtm.config import Interval, QualisysConfig
+from mock_autopilot.qtm.server import QualisysServer
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 FAR_S = 1e6

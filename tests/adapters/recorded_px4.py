@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from companion.adapters.px4 import direct
-from companion.adapters.px4.direct import Px4Direct
-from companion.adapters.px4.heard import Px4Heard
+from companion.adapters.px4.direct import Px4Mavlink
+from companion.adapters.px4.heard import Px4Telemetry
 from tests.mock_autopilot.reenact.session import Session
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame
 
@@ -72,9 +72,9 @@ class RecordedPx4:
         self.clock = HandClock()
         self.reboots = 0
         system = FakeSystem()
-        reader = Px4Direct(system)
+        reader = Px4Mavlink(system)
         self._plugin: Any = reader._plugin
-        self.heard = Px4Heard(system, reader, self.clock, None, self._rebooted)
+        self.heard = Px4Telemetry(system, reader, self.clock, None, self._rebooted)
         self._silent_s = session.silent_s
         self._messages = _messages(session)
 

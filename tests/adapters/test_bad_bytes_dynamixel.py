@@ -17,8 +17,8 @@ from companion.adapters.dynamixel import DynamixelBus
 from companion.adapters.dynamixel.port import BusPort
 from companion.adapters.dynamixel.registers import Ax, Xm
 from companion.adapters.dynamixel.wire import Wire
-from companion.ports import ArmError
-from mock_autopilot.dynamixel_packets import Block, fast_status, pack1, status2
+from companion.core.interfaces import ArmError
+from mock_autopilot.servos.packets import Block, fast_status, pack1, status2
 from tests.adapters.bad_bytes import bad_stream, nothing_escapes
 from tests.adapters.dynamixel_rig import PATIENCE_S, BusRig, connected, cycles, mock_bus
 

@@ -11,14 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.adapters.mocap.newest_frame import MocapCounts
 from companion.adapters.mqtt import MqttMocap
-from companion.bus.mocap import MocapPose
-from companion.config_mocap import MocapBrokerConfig
+from companion.config.mocap_config import MocapBrokerConfig
+from companion.core.types import MocapFrame
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.mocap_bridge import pose_of
-from companion.newest_frame import MocapCounts
-from companion.types import MocapFrame
+from companion.protocol.mocap import MocapPose
+from companion.service.mocap_bridge import pose_of
 from tests.adapters.bad_bytes import one_bad
 from tests.adapters.qualisys_rig import ManualClock
 

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.qualisys import QualisysSource, open_qualisys
 from companion.adapters.qualisys.packets import MAX_PACKET_BYTES
-from companion.config_mocap import MocapConfig
-from companion.ports import MocapError
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.mocap_config import MocapConfig
+from companion.core.interfaces import MocapError
 from tests.adapters.bad_bytes import bad_stream, nothing_escapes, one_bad
 from tests.adapters.mqtt_rig import ticking
 from tests.adapters.qtm_scripts import (

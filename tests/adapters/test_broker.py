@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from companion.adapters.broker import open_broker, process
-from companion.config_operator import OperatorConfig
-from companion.ports import ConfigError
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import ConfigError
 from tests.ports import free_port
 
 pytestmark = pytest.mark.slow

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from companion.adapters.mqtt import BusLink
-from companion.bus.commands import COMMAND
-from companion.bus.telemetry import Happened, Reply
+from companion.protocol.commands import COMMAND
+from companion.protocol.telemetry import Happened, Reply
 from tests.adapters.mqtt_rig import Vehicle, linked, state, until
 from tests.mosquitto import mosquitto
 from tests.packages import needs

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 
 from companion.adapters.mqtt import open_bus
-from companion.config_operator import OperatorConfig
-from companion.console.client import open_console
-from companion.ports import ConfigError
+from companion.client.client import open_console
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import ConfigError
 from tests.adapters.mqtt_rig import CLOCK, SESSION, Vehicle, until
 
 _CA_USAGE = ("-addext", "keyUsage=critical,keyCertSign,cRLSign")

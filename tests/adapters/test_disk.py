@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.disk import DiskWatch
+from companion.adapters.system.disk import DiskWatch
 
 PERIOD_S = 0.02
 PATIENCE_S = 10.0

@@ -9,9 +9,9 @@ import pytest
 
 from companion.adapters.dynamixel.worker import THREAD_NAME
 from companion.arms.model import ArmModel
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from mock_autopilot.dynamixel_packets import Instruction
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from mock_autopilot.servos.packets import Instruction
 from tests.adapters.dynamixel_rig import BusRig, connected, cycles, mock_bus, until
 
 pytestmark = pytest.mark.realtime

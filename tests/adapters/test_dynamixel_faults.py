@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from companion.adapters.dynamixel.worker import THREAD_NAME
-from companion.ports import ArmError
-from companion.types import ArmFaultKind
-from mock_autopilot.dynamixel_config import FaultKind
+from companion.core.interfaces import ArmError
+from companion.core.types import ArmFaultKind
+from mock_autopilot.servos.config import FaultKind
 from tests.adapters.dynamixel_rig import CLOCK, connected, cycles, fault_of, kinds, mock_bus, place, until
 
 pytestmark = pytest.mark.realtime

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from companion.adapters.dynamixel.joint import Joint, joints_of
 from companion.adapters.dynamixel.limiter import braking_velocity, goal_velocity, next_goal, stopping_point
-from companion.config_arms import ArmsConfig
+from companion.config.arms_config import ArmsConfig
 
 CYCLE_S = 0.01
 FASTEST_RADPS, ACCEL_RADPS2 = 1.2 * 3.0, 20.0

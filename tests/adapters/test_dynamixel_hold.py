@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from companion.adapters.dynamixel import DynamixelBus
-from companion.types import Array
-from mock_autopilot.dynamixel_config import FaultKind
+from companion.core.types import Array
+from mock_autopilot.servos.config import FaultKind
 from tests.adapters.dynamixel_rig import CLOCK, BusRig, connected, cycles, fault_of, mock_bus, servos, until
 
 pytestmark = pytest.mark.realtime

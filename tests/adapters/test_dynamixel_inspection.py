@@ -5,17 +5,17 @@ from typing import Any
 
 import pytest
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import BusCycle
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.port import PortGoneError
 from companion.adapters.dynamixel.torque import torque_on
 from companion.adapters.dynamixel.wire import Wire
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
-from mock_autopilot.servo_rack import ServoRack
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
+from mock_autopilot.servos.rack import ServoRack
 from tests.adapters.dynamixel_rig import servos
 from tests.adapters.virtual_port import VirtualPort
 
@@ -43,7 +43,7 @@ class Bench:
         self.rack = ServoRack(DynamixelConfig.model_validate(mock))
         self.port = VirtualPort(self.config, self.rack, self.clock)
         self.port.patience_ms = 20.0
-        self.chain = Chain(joints_of(self.config), Wire(self.port), FaultLog(), self.config, self.clock)
+        self.chain = BusCycle(joints_of(self.config), Wire(self.port), FaultLog(), self.config, self.clock)
 
     def put(self, servo_id: int, register: str, value: int) -> "Bench":
         self.rack.servo(servo_id).table.put(register, value)

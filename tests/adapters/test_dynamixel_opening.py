@@ -12,9 +12,9 @@ from companion.adapters.dynamixel import port
 from companion.adapters.dynamixel.port import BusPort, latency_warning, name_warning
 from companion.adapters.dynamixel.registers import Xm
 from companion.adapters.dynamixel.wire import Wire
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from mock_autopilot.dynamixel_config import FaultKind
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from mock_autopilot.servos.config import FaultKind
 from tests.adapters.dynamixel_rig import connected, mock_bus, refusal, servos, until
 
 pytestmark = pytest.mark.realtime

@@ -10,7 +10,7 @@ from companion.adapters.dynamixel.conversion import JointScale, at_least_one
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.registers import MODELS, XM_BAUDS, Ax, Register, Xm, ax_baud
 from companion.adapters.dynamixel.wire import fast_answers
-from companion.config_arms import BAUDS, ArmsConfig
+from companion.config.arms_config import BAUDS, ArmsConfig
 
 XM = JointScale(MODELS["XM430-W350"], 1, math.pi)
 AX = JointScale(MODELS["AX-12A"], 1, math.radians(150.0))

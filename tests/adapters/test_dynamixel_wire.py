@@ -9,7 +9,7 @@ import pytest
 from companion.adapters.dynamixel.port import BusPort, PortGoneError
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
 from companion.adapters.dynamixel.wire import Answer, Wire
-from mock_autopilot.dynamixel_packets import pack1, status2
+from mock_autopilot.servos.packets import pack1, status2
 
 
 @dataclass

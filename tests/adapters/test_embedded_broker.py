@@ -11,14 +11,14 @@ from contextlib import asynccontextmanager
 import aiomqtt
 import pytest
 
-from companion.bus.commands import Command
-from companion.bus.telemetry import Answer, Doing, Reply
-from companion.config_operator import OperatorConfig
-from companion.console.client import open_console
-from companion.console.draft import Draft
-from companion.console.errand import Errand
+from companion.client.client import open_console
+from companion.client.command_draft import CommandDraft
+from companion.client.pending_command import PendingCommand
+from companion.config.operator_config import OperatorConfig
+from companion.protocol.commands import Command
+from companion.protocol.telemetry import Answer, Doing, Reply
 from tests.broker import BrokerProcess, broker
-from tests.console.scripted import Answers, ScriptedService, scripted
+from tests.client.scripted import Answers, ScriptedService, scripted
 from tests.ports import free_port
 
 pytestmark = pytest.mark.slow
@@ -60,9 +60,9 @@ async def test_fifty_clients_that_connect_at_one_moment_cost_no_command(capfd: p
     with broker() as own:
         place = OperatorConfig(port=own.port)
 
-        async def operate(draft: Draft) -> list[Answer]:
+        async def operate(draft: CommandDraft) -> list[Answer]:
             async with open_console(place) as console:
-                return [one.answer async for one in Errand(console, draft).said() if isinstance(one, Reply)]
+                return [one.answer async for one in PendingCommand(console, draft).said() if isinstance(one, Reply)]
 
         async def visit(number: int) -> None:
             async with client(own.port) as visitor:
@@ -70,9 +70,9 @@ async def test_fifty_clients_that_connect_at_one_moment_cost_no_command(capfd: p
                 await visitor.publish(f"x/{number}", b"retained", qos=1, retain=True)
 
         async with scripted(own.port, place.vehicle, script) as service:
-            tracking = asyncio.create_task(operate(Draft("track", curve="ellipse")))
+            tracking = asyncio.create_task(operate(CommandDraft("track", curve="ellipse")))
             for _ in range(3):
-                await asyncio.gather(*(visit(number) for number in range(50)), operate(Draft("hold")))
+                await asyncio.gather(*(visit(number) for number in range(50)), operate(CommandDraft("hold")))
             tracked.set()
             assert await tracking == [Answer.ACCEPTED, Answer.DONE]
             assert sorted(one.verb for one in service.taken) == ["hold", "hold", "hold", "track"]

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from companion.adapters.instance_lock import instance_lock, service_lock
-from companion.ports import AutopilotError, ConfigError
+from companion.adapters.system.instance_lock import instance_lock, service_lock
+from companion.core.interfaces import AutopilotError, ConfigError
 
 pytestmark = pytest.mark.realtime  # a lock is the whole machine's: not beside the flights
 URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"

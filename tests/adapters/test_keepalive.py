@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 import uvloop
 
-from companion.adapters.keepalive import keep_alive
+from companion.adapters.system.keepalive import keep_alive
 
 
 async def _options() -> tuple[int, int]:

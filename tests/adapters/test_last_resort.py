@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from companion.adapters.last_resort import LastResort
-from companion.adapters.native_output import standard_output_to_log, unraisable_to_log
-from companion.log_lines import LineLimit
+from companion.adapters.system.last_resort import LastResort
+from companion.adapters.system.log_lines import LineLimit
+from companion.adapters.system.native_output import standard_output_to_log, unraisable_to_log
 
 
 class Shortage:

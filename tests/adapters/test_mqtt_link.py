@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import aiomqtt
 import pytest
 
-from companion.bus.telemetry import Answer, Happened, Kind, Reply
-from companion.ports import FlightError
-from companion.supervisor.safety import SafetyRules
+from companion.core.interfaces import FlightError
+from companion.protocol.telemetry import Answer, Happened, Kind, Reply
+from companion.supervisor.safety_rules import SafetyRules
 from tests.adapters.mqtt_rig import (
     SESSION,
     TOPICS,

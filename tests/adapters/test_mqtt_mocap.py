@@ -13,18 +13,18 @@ import pytest_asyncio
 import uvloop
 
 from companion.adapters.mqtt import MqttMocap, mocap_out, open_mocap_out, open_mqtt_mocap
-from companion.bus.mocap import BridgePresence, MocapPose
-from companion.config_mocap import MocapBrokerConfig, MocapConfig
-from companion.mocap_bridge import Bridge
-from companion.ports import MocapError
+from companion.config.mocap_config import MocapBrokerConfig, MocapConfig
+from companion.core.interfaces import MocapError
+from companion.protocol.mocap import BridgePresence, MocapPose
+from companion.service.mocap_bridge import Bridge
 from tests.adapters.mocap_contract import ARRIVES_S, NOTHING_COMES_S, MocapContract
 from tests.adapters.mqtt_mocap_rig import MqttMocapRig, bridging, mqtt_mocap_rig, on_broker
 from tests.adapters.mqtt_rig import CLOCK, until
 from tests.adapters.qualisys_rig import capturing, serving, settings_for
 from tests.broker import BrokerProcess, broker
-from tests.bus.test_lab_broker import speaking
 from tests.mosquitto import lab as lab_of_the_examples
 from tests.mosquitto import mosquitto, needs_mosquitto
+from tests.protocol.test_lab_broker import speaking
 
 pytestmark = pytest.mark.realtime
 

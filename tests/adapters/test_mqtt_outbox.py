@@ -2,21 +2,21 @@
 
 import asyncio
 
-from companion.adapters.mqtt.outbox import Letter, Outbox
+from companion.adapters.mqtt.outbox import Outbox, OutboxMessage
 
 
 async def test_of_too_many_the_oldest_are_dropped() -> None:
     box = Outbox(3)
     for number in range(5):
-        box.put(Letter(str(number), b""))
+        box.put(OutboxMessage(str(number), b""))
     assert [(await box.next()).topic for _ in range(3)] == ["2", "3", "4"]
     assert not len(box)
 
 
 async def test_what_could_not_be_said_comes_first_again_three_times() -> None:
     box = Outbox(3)
-    box.put(Letter("bad", b""))
-    box.put(Letter("good", b""))
+    box.put(OutboxMessage("bad", b""))
+    box.put(OutboxMessage("good", b""))
     for _ in range(3):
         letter = await box.next()
         assert letter.topic == "bad"
@@ -26,10 +26,10 @@ async def test_what_could_not_be_said_comes_first_again_three_times() -> None:
 
 async def test_what_could_not_be_said_is_the_oldest_when_there_is_no_room() -> None:
     box = Outbox(2)
-    box.put(Letter("old", b""))
+    box.put(OutboxMessage("old", b""))
     old = await box.next()
-    box.put(Letter("new", b""))
-    box.put(Letter("newer", b""))
+    box.put(OutboxMessage("new", b""))
+    box.put(OutboxMessage("newer", b""))
     box.not_said(old)
     assert [(await box.next()).topic for _ in range(2)] == ["new", "newer"]
 
@@ -37,7 +37,7 @@ async def test_what_could_not_be_said_is_the_oldest_when_there_is_no_room() -> N
 async def test_empty_is_when_all_is_said_or_given_up() -> None:
     box = Outbox(3)
     await asyncio.wait_for(box.empty(), 1.0)
-    box.put(Letter("a", b""))
+    box.put(OutboxMessage("a", b""))
     waiting = asyncio.create_task(box.empty())
     for _ in range(3):
         letter = await box.next()
@@ -45,7 +45,7 @@ async def test_empty_is_when_all_is_said_or_given_up() -> None:
         box.not_said(letter)
         await asyncio.sleep(0)
     await asyncio.wait_for(waiting, 1.0)
-    box.put(Letter("b", b""))
+    box.put(OutboxMessage("b", b""))
     await box.next()
     box.said()
     await asyncio.wait_for(box.empty(), 1.0)

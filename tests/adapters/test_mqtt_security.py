@@ -20,10 +20,10 @@ import pytest
 from hypothesis import Phase, given, settings
 
 from companion.adapters.mqtt import BusLink
-from companion.ports import ConfigError
+from companion.core.interfaces import ConfigError
 from tests.adapters.mqtt_rig import TOPICS, V5, Operator, Vehicle, command, linked, operating, until
-from tests.bus.payloads import bad_payloads
 from tests.mosquitto import mosquitto, needs_mosquitto
+from tests.protocol.payloads import bad_payloads
 
 pytestmark = [pytest.mark.realtime, needs_mosquitto]
 

@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import open_px4
-from companion.config_px4 import Px4Config
-from companion.control.frames import yaw_of
-from companion.control_stage import idle_setpoint
-from companion.ports import AutopilotError
-from companion.types import AttitudeThrust, FlightMode
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.px4_config import Px4Config
+from companion.control.pipeline import idle_setpoint
+from companion.core.interfaces import AutopilotError
+from companion.core.types import AttitudeThrust, FlightMode
+from companion.geometry.frames import yaw_of
 from tests.adapters.px4_rig import START_NED_M, linked, see, standing_off_the_origin, until_armable
 from tests.beside import Beside
 

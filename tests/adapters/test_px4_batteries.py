@@ -6,8 +6,8 @@ import pytest
 
 from companion.adapters.px4.batteries import flight_battery, merged, reading
 from companion.adapters.px4.texts import TextPieces
-from companion.log_lines import printable
-from companion.types import BatteryReading
+from companion.adapters.system.log_lines import printable
+from companion.core.types import BatteryReading
 
 SERVOS = BatteryReading(id=1, fraction=0.12, voltage_v=10.9)
 FLIGHT = BatteryReading(id=0, fraction=0.9, voltage_v=15.8)

@@ -5,10 +5,10 @@ import time
 
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import open_px4
-from companion.config_px4 import Px4Config
-from companion.ports import AutopilotError
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.px4_config import Px4Config
+from companion.core.interfaces import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, acknowledgement
 from tests.adapters.px4_churn import churn
 

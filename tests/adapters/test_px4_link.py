@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
-from companion.config_px4 import Px4Config
-from companion.control_stage import idle_setpoint
-from companion.ports import AutopilotError
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.px4_config import Px4Config
+from companion.control.pipeline import idle_setpoint
+from companion.core.interfaces import AutopilotError
 from tests.adapters.fake_px4 import FakePx4, battery, extended_sys_state, text
 
 pytestmark = pytest.mark.slow

@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.px4 import Px4, open_px4
-from companion.cli.mock_process import free_ports
-from companion.config_px4 import Px4Config
-from companion.control_stage import idle_setpoint
-from companion.types import AttitudeThrust, FlightMode
+from companion.adapters.system.clock import MonotonicClock
+from companion.cli.demo.mock_process import free_ports
+from companion.config.px4_config import Px4Config
+from companion.control.pipeline import idle_setpoint
+from companion.core.types import AttitudeThrust, FlightMode
 from mock_autopilot.simulator import Simulator
 from tests.adapters.px4_rig import linked, see, standing_off_the_origin, until_armable
 from tests.beside import Beside

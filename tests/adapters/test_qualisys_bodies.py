@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from qtm_rt.packet import QRTPacket
 
+from companion.adapters.mocap.newest_frame import MocapCounts
 from companion.adapters.qualisys import QualisysSource, keeping, open_qualisys
 from companion.adapters.qualisys.bodies import RigidBody, misfit, objection, place_in_frame, rigid_bodies
 from companion.adapters.qualisys.packets import MalformedError
-from companion.newest_frame import MocapCounts
-from mock_autopilot.fault_mocap import MocapFaults
-from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.fault_words import parse
-from mock_autopilot.qualisys import QualisysServer
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.server import QualisysServer
 from tests.adapters.qtm_scripts import LEVEL_BODY, frame
 from tests.adapters.qualisys_rig import ManualClock, capturing, settings_for
 

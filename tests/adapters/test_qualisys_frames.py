@@ -12,12 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from qtm_rt.packet import QRTPacket
 
+from companion.adapters.mocap.newest_frame import MocapCounts
 from companion.adapters.qualisys.bodies import RigidBody
 from companion.adapters.qualisys.link import Datagrams, Link
 from companion.adapters.qualisys.packets import MalformedError, body_count, body_pose, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
-from companion.newest_frame import MocapCounts
-from companion.ports import MocapError
+from companion.core.interfaces import MocapError
 from tests.adapters.qtm_scripts import COMMAND, DATA, EVENT, GOOD, LEVEL_BODY, WELCOME, XML, frame, packet
 from tests.adapters.qualisys_rig import ManualClock
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
-from companion.adapters.clock import MonotonicClock
+from companion.adapters.mocap.newest_frame import MocapCounts
 from companion.adapters.qualisys import QualisysSource, keeping, open_qualisys
-from companion.config_mocap import MocapConfig
-from companion.newest_frame import MocapCounts
-from companion.ports import MocapError
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.mocap_config import MocapConfig
+from companion.core.interfaces import MocapError
 from tests.adapters.qtm_scripts import (
     COMMAND,
     DATA,

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.adapters.recorder import Recorder
+from companion.core.types import AutopilotStatus, FlightMode, VehicleState
+from companion.flight.tick import Tick
+from companion.records.recorder import Recorder
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.flight import Flight, Phase
-from companion.tick import Tick
-from companion.types import AutopilotStatus, FlightMode, VehicleState
+from companion.supervisor.flight_state import FlightState, Phase
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 WRONG = (Event(Fault.BATTERY_LOW, "20 % left"), Event(Fault.DISK_FULL, "1 MB free"))
@@ -27,7 +27,7 @@ def tick(number: int, seen: bool) -> Tick:
         vehicle,
         0.01,
         STATUS,
-        Flight(Phase.STANDBY),
+        FlightState(Phase.STANDBY),
         None,
         None,
         None,

@@ -11,7 +11,7 @@ import pytest
 from companion.adapters.mqtt import BusLink, open_bus
 from companion.adapters.mqtt import link as link_module
 from companion.adapters.mqtt.rival import Rival
-from companion.config_operator import OperatorConfig
+from companion.config.operator_config import OperatorConfig
 from tests.adapters.mqtt_rig import CLOCK, TOPICS, Vehicle, operating, until
 from tests.broker import BrokerProcess, broker
 

@@ -4,11 +4,11 @@ import heapq
 from typing import Protocol
 
 from companion.adapters.dynamixel.port import BusPort, PortGoneError
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from mock_autopilot.dynamixel_config import FaultKind
-from mock_autopilot.dynamixel_instructions import Answer
-from mock_autopilot.dynamixel_packets import Packet, Parser
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from mock_autopilot.servos.config import FaultKind
+from mock_autopilot.servos.instructions import Answer
+from mock_autopilot.servos.packets import Packet, Parser
 
 _INSTANT_S = 1e-6
 

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from companion.arms.model import JOINT_COUNT
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 
 
 def joints(**angles_rad: float) -> Array:

@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.arms.dynamics import com_shift_flu_m, momentum_b_ns, reaction_force_b_n, reaction_torque_b_nm
 from companion.arms.feedforward import Airframe, turning_b_radps2
-from companion.arms.mass import com_shift_flu_m, momentum_b_ns, reaction_force_b_n, reaction_torque_b_nm
 from companion.arms.model import ArmModel
-from companion.types import Array, JointMotion
-from mock_autopilot import plant
-from mock_autopilot.arm_bodies import ArmBodies, JointState, Moving, add, arm_motion
-from mock_autopilot.arms import Arms, Assembly
+from companion.core.types import Array, JointMotion
+from mock_autopilot.physics import plant
+from mock_autopilot.physics.arm_bodies import ArmBodies, JointState, Moving, add, arm_motion
+from mock_autopilot.physics.arms import Arms, Assembly
 
 MODEL, BODIES = ArmModel(), ArmBodies()
 MASS_KG = 4.85

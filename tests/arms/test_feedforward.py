@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from companion.arms.dynamics import com_shift_flu_m, reaction_force_b_n
 from companion.arms.feedforward import (
     Airframe,
     force_accel_b_mps2,
@@ -12,10 +13,9 @@ from companion.arms.feedforward import (
     trimmed_b_radps2,
     turning_b_radps2,
 )
-from companion.arms.mass import com_shift_flu_m, reaction_force_b_n
 from companion.arms.model import ArmModel
 from companion.arms.trajectory import at_rest
-from companion.types import JointMotion
+from companion.core.types import JointMotion
 
 MODEL = ArmModel()
 AIRFRAME = Airframe(4.85, 9.8, (0.11, 0.10, 0.13), 7.7, 0.75)

@@ -7,7 +7,7 @@ from hypothesis import given
 
 from companion.arms.kinematics import points_flu_m, tip_jacobian_m, tips_flu_m
 from companion.arms.model import ArmModel
-from companion.types import Array
+from companion.core.types import Array
 from tests.arms.poses import joints, vectors
 
 MODEL = ArmModel()

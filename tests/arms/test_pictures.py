@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.arms.model import ArmModel
-from companion.experiments.arm_plots import plot_poses
+from companion.studies.paper.arm_plots import plot_poses
 
 
 def test_poses_are_drawn_into_a_picture(tmp_path: Path) -> None:

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.arms.clearance import clearance, distances
+from companion.arms.collision import clearance, distances
 from companion.arms.kinematics import tips_flu_m
 from companion.arms.model import ArmModel, JointLimit, Side
 from companion.arms.planning import OWN_PACE, Plan, grip, plan, reach, to_pose
 from companion.arms.trajectory import Hold, JointTrajectory, MinimumJerk, Sinusoid, Slowed, Waypoints, at_rest
-from companion.config_arms import PosesConfig
-from companion.ports import ArmError
-from companion.types import Array, JointMotion
+from companion.config.arms_config import PosesConfig
+from companion.core.interfaces import ArmError
+from companion.core.types import Array, JointMotion
 from tests.arms.poses import joints, vectors
 
 MODEL = ArmModel()

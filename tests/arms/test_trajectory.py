@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.arms.trajectory import Hold, InTurn, JointTrajectory, MinimumJerk, Sinusoid, Slowed, Waypoints, at_rest
-from companion.types import Array, JointMotion
+from companion.core.types import Array, JointMotion
 from tests.arms.poses import MOTIONS, vectors
 
 RNG = np.random.default_rng(7)

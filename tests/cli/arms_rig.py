@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from companion.config_arms import ArmsConfig
-from companion.types import Array
-from mock_autopilot.dynamixel_alone import BusAlone
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
-from mock_autopilot.servo import Servo
+from companion.config.arms_config import ArmsConfig
+from companion.core.types import Array
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
+from mock_autopilot.servos.servo import Servo
+from mock_autopilot.servos.standalone import BusAlone
 from tests import warm
 from tests.flights.command import ROOT, Ran, Running, run, start
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.system.clock import MonotonicClock
 from companion.arms.model import JOINT_NAMES
-from companion.config_arms import ArmsConfig
-from mock_autopilot.dynamixel_config import FaultKind
+from companion.config.arms_config import ArmsConfig
+from mock_autopilot.servos.config import FaultKind
 from tests.cli.arms_rig import ARMS, arms_rig, until
 
 pytestmark = pytest.mark.realtime

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.adapters.clock import MonotonicClock
 from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.system.clock import MonotonicClock
 from companion.arms.model import JOINT_NAMES
-from companion.config_arms import ArmsConfig
-from companion.types import Array
-from mock_autopilot.dynamixel_config import FaultKind
+from companion.config.arms_config import ArmsConfig
+from companion.core.types import Array
+from mock_autopilot.servos.config import FaultKind
 from tests.cli.arms_rig import ARMS, ArmsRig, arms_rig, on_terminal, until
 from tests.flights.command import Ran, Running
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
-from companion.arms.clearance import clearance
+from companion.arms.collision import clearance
 from companion.arms.model import ArmModel
 from companion.arms.trajectory import MinimumJerk, at_rest
-from companion.experiments.arm_motion import numbers_of
+from companion.studies.paper.arm_motion import numbers_of
 from tests.cli.arms_rig import ARMS
 from tests.cli.typed import Type, typing
 from tests.flights.command import ROOT
@@ -74,7 +74,7 @@ def test_an_interrupt_while_planning_says_that_nothing_was_moved(typed: Type, mo
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("companion.cli.arms_carry_out.preview", interrupted)
+    monkeypatch.setattr("companion.cli.arms.carry_out.preview", interrupted)
     ran = typed("home", "--dry-run", "--config", DEMO)
     assert (ran.code, ran.out, ran.err) == (130, "", "interrupted: nothing was moved\n")
 

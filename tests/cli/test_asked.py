@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.asked import names_of, seeds_of
+from companion.cli.operator.exit_codes import names_of, seeds_of
 from companion.cli.output import check_output
-from companion.ports import ConfigError
+from companion.core.interfaces import ConfigError
 
 
 @pytest.mark.parametrize(

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from companion.adapters.recorder import Recorder
-from companion.cli.demo import _say_next
-from companion.cli.flight_report import print_report
+from companion.analysis.summary import Spread, Summary
+from companion.cli.demo.command import _say_next
+from companion.cli.demo.flight_report import print_report
+from companion.cli.demo.progress import FlightDisplay
 from companion.cli.output import kept
-from companion.cli.progress import FlightDisplay
-from companion.config_controller import ErrorLimits, LoadedController, load_controller
+from companion.config.controller_config import ErrorLimits, LoadedController, load_controller
 from companion.control.controller import VehicleModel
-from companion.experiments.summary import Spread, Summary
-from companion.supervisor.flight import Phase
-from companion.types import Reference
+from companion.core.types import Reference
+from companion.records.recorder import Recorder
+from companion.supervisor.flight_state import Phase
 from tests.adapters.test_recorder import tick
 from tests.cli.typed import disk_full_after, typing
 

@@ -8,9 +8,9 @@ import pytest
 
 from companion.cli.catalogue import COMMANDS
 from companion.cli.lazy import Group, imported
-from companion.config import load_config
-from companion.trajectory_check import check_trajectory
-from companion.trajectory_files import read_waypoints
+from companion.config.companion_config import load_config
+from companion.config.trajectory_files import read_waypoints
+from companion.trajectories.room_check import check_trajectory
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]

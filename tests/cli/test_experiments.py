@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli import experiments as command
-from companion.experiments import campaign
-from companion.experiments.campaign import Flown, Item
+from companion.cli.studies import experiments as command
+from companion.studies.paper import campaign
+from companion.studies.paper.campaign import Flown, Item
 from tests.cli.typed import Type, typing
-from tests.experiments.short_experiments import short_experiment
-from tests.first_law import FAILING_LINE, failing_law
+from tests.control.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
+from tests.studies.short_experiments import short_experiment
 
 pytestmark = pytest.mark.slow
 

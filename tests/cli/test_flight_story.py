@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.cli.flight_story import NEXT, FlightStory
-from companion.cli.flight_words import done, owner, shorter, still_there
-from companion.control.reference import Hold
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Brake, Fly, Land, Phase, TakeOff
-from companion.types import FlightMode
+from companion.cli.demo.fault_messages import done, owner, shorter, still_there
+from companion.cli.demo.flight_log import NEXT, FlightStory
+from companion.core.types import FlightMode
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import HoldRequest, LandRequest, Phase, TakeoffRequest, TrackRequest
+from companion.trajectories.reference import Hold
 from tests.flights.simulated import Flight, Step, fly
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
 
-UP = [*ARM, ask(TakeOff(0.4)), until(Phase.HOLD)]
+UP = [*ARM, ask(TakeoffRequest(0.4)), until(Phase.HOLD)]
 TASK = Hold(np.array([0.0, 0.0, 0.4]), 0.0, 3.0)
-DOWN = [ask(Land()), until(Phase.DISARMED), wait(0.1)]
-TRACKING = [*UP, ask(Fly(TASK, 0.0)), until(Phase.TRACK)]
+DOWN = [ask(LandRequest()), until(Phase.DISARMED), wait(0.1)]
+TRACKING = [*UP, ask(TrackRequest(TASK, 0.0)), until(Phase.TRACK)]
 
 
 def told(flight: Flight, lands_at: int | None = None) -> tuple[list[str], FlightStory]:
@@ -50,7 +50,7 @@ async def test_a_flight_as_planned_tells_its_phases_and_ends_without_a_word() ->
 
 
 async def test_an_operators_hold_is_no_end_of_the_trajectory() -> None:
-    lines, story = await flown(*TRACKING, wait(1.0), ask(Brake()), wait(0.3), *DOWN)
+    lines, story = await flown(*TRACKING, wait(1.0), ask(HoldRequest()), wait(0.3), *DOWN)
     assert only(lines, "operator ordered it; abort").endswith(
         "hold: the operator ordered it; abort or land brings it down"
     )
@@ -60,7 +60,7 @@ async def test_an_operators_hold_is_no_end_of_the_trajectory() -> None:
 
 
 async def test_a_landing_that_the_operator_orders_is_told_as_that() -> None:
-    lines, story = await flown(*UP, wait(0.2), ask(Land("the operator aborted")), until(Phase.DISARMED))
+    lines, story = await flown(*UP, wait(0.2), ask(LandRequest("the operator aborted")), until(Phase.DISARMED))
     assert only(lines, "land:").endswith("land: the operator ordered it")
     assert story.ending().startswith("ended by the operator before its task; landed, disarmed at ")
 
@@ -107,7 +107,7 @@ async def test_nothing_is_called_a_flight_that_was_none() -> None:
 
 
 async def test_why_it_did_not_lift_off_is_told() -> None:
-    flight = await fly([*ARM, ask(TakeOff(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
+    flight = await fly([*ARM, ask(TakeoffRequest(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
     lines, story = told(flight)
     assert "lift-off not seen: no lift-off seen at thrust 0.62" in only(lines, "no lift-off")
     assert story.ending().startswith("stopped before it flew, by lift-off not seen at ")
@@ -138,6 +138,6 @@ def test_what_servos_say_alike_is_said_once() -> None:
     ],
 )
 def test_who_had_it_is_told(cause: Fault, mode: FlightMode, words: str) -> None:
-    assert done(Reaction.LET_GO, cause, mode, over=True) == words
-    assert done(Reaction.AUTOPILOT_LAND, cause, mode, over=False) == "PX4 was told to land"
+    assert done(FailsafeAction.RELEASE, cause, mode, over=True) == words
+    assert done(FailsafeAction.AUTOPILOT_LAND, cause, mode, over=False) == "PX4 was told to land"
     assert "nobody has it" in owner(FlightMode.OFFBOARD)

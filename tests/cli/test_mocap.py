@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.cli.mock_process import free_ports
+from companion.cli.demo.mock_process import free_ports
+from companion.core.types import MocapFrame, VehicleState
 from companion.estimation.estimator import EstimatorState
-from companion.mocap_watch import MocapWatch
-from companion.onlooker import DevicesMissingError
-from companion.preflight.check import Check
-from companion.types import MocapFrame, VehicleState
-from mock_autopilot.qualisys import QualisysServer
+from companion.preflight.checks.check import Check
+from companion.preflight.live_observer import DevicesMissingError
+from companion.preflight.mocap_watch import MocapWatch
+from mock_autopilot.qtm.server import QualisysServer
 from tests.adapters.qualisys_rig import capturing, serving
 from tests.flights.command import run, start
 

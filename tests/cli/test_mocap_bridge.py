@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from companion.cli import mocap_bridge
 from companion.cli.commands import app
-from companion.cli.mocap_bridge import line_of
-from companion.mocap_bridge import Glance
-from companion.ports import ConfigError
+from companion.cli.vehicle import mocap_bridge
+from companion.cli.vehicle.mocap_bridge import line_of
+from companion.core.interfaces import ConfigError
+from companion.service.mocap_bridge import Glance
 from tests.adapters.qualisys_rig import capturing, serving
 from tests.broker import broker
 from tests.flights.command import run, start

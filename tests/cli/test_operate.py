@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from companion.bus.commands import Arms, Command, Track
-from companion.bus.telemetry import Answer, Doing
-from companion.waypoint_limits import MAX_WAYPOINTS
+from companion.core.waypoint_limits import MAX_WAYPOINTS
+from companion.protocol.commands import Arms, Command, Track
+from companion.protocol.telemetry import Answer, Doing
 from tests.broker import BrokerProcess, broker
 from tests.cli.typed import typing
-from tests.console.scripted import Answers, ScriptedService, scripted
+from tests.client.scripted import Answers, ScriptedService, scripted
 from tests.flights.command import Ran, run, start
 
 pytestmark = pytest.mark.slow

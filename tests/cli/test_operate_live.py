@@ -8,10 +8,10 @@ import sys
 
 import pytest
 
-from companion.bus.telemetry import Kind
+from companion.protocol.telemetry import Kind
 from tests import warm
 from tests.broker import broker
-from tests.console.scripted import scripted
+from tests.client.scripted import scripted
 
 _PATIENCE_S = 30.0
 

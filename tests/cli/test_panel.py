@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from companion.bus.telemetry import Doing, Happened, Kind, Presence, State
-from companion.cli.operate_look import panel
-from companion.cli.operate_voice import words_of
+from companion.cli.operator.output_formats import words_of
+from companion.cli.operator.panel import panel
+from companion.protocol.telemetry import Doing, Happened, Kind, Presence, State
 
 STATE = State(time_s=0.0, session="a", phase="hold", armed=True, in_air=True, mode="OFFBOARD")
 

@@ -13,19 +13,19 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from companion.adapters.instance_lock import instance_lock
-from companion.by_hand_file import check_can_keep, kept_file, read_kept, write_kept
-from companion.cli.mock_process import free_ports
-from companion.cli.preflight import CARRIED, carry_and_keep, show
-from companion.config import load_config
-from companion.config_preflight import PreflightConfig, load_recommended
-from companion.errors import ConfigError
-from companion.preflight.by_hand import Kept, Move, check_kept
-from companion.preflight.check import Check
-from mock_autopilot.dynamixel_packets import Instruction, Packet
-from mock_autopilot.params import ParamTable
+from companion.adapters.system.instance_lock import instance_lock
+from companion.cli.demo.mock_process import free_ports
+from companion.cli.vehicle.preflight import CARRIED, carry_and_keep, show
+from companion.config.companion_config import load_config
+from companion.config.preflight_config import PreflightConfig, load_recommended
+from companion.core.errors import ConfigError
+from companion.preflight.checks.check import Check
+from companion.preflight.checks.hand_test import Kept, Move, check_kept
+from companion.preflight.hand_test_file import check_can_keep, kept_file, read_kept, write_kept
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.servos.packets import Instruction, Packet
 from mock_autopilot.simulator import Simulator
-from mock_autopilot.truth import Truth
 from mock_autopilot.world import World
 from tests.broker import broker
 from tests.cli.typed import disk_full_after, typing
@@ -182,7 +182,7 @@ def test_ctrl_c_before_anything_has_begun_is_a_word(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    for place in ("companion.cli.preflight.vehicle_settings", "companion.cli.commands.run"):
+    for place in ("companion.cli.vehicle.preflight.vehicle_settings", "companion.cli.commands.run"):
         monkeypatch.setattr(place, interrupted)
         typed = typing("preflight", monkeypatch, capsys)("--out", ".")  # without a word no running service is asked
         assert (typed.code, typed.out, typed.err) == (130, "", "interrupted\n")
@@ -192,7 +192,7 @@ def test_ctrl_c_before_anything_has_begun_is_a_word(
 async def test_a_move_by_hand_that_does_not_come_says_what_was_seen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.cli.by_hand._PATIENCE_S", 1.5)
+    monkeypatch.setattr("companion.cli.vehicle.hand_test._PATIENCE_S", 1.5)
     real = room(tmp_path)
     async with real.mock:
         checks = await carry_and_keep(load_config(real.config), tmp_path, Console(file=io.StringIO(), width=300))

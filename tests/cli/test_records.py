@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from companion.adapters.recorder import Recorder
+from companion.analysis.report.number_tables import head
+from companion.analysis.report.numbers import numbers_of
+from companion.analysis.report.recorded_flight import Flown
 from companion.cli.commands import app
-from companion.cli.records import _line, _row
+from companion.cli.records.records import _line, _row
 from companion.cli.working import Counted
-from companion.ports import CompanionError
+from companion.core.interfaces import CompanionError
 from companion.records.index import glances
 from companion.records.read import read_flight
-from companion.reports.flown import Flown
-from companion.reports.numbers import numbers_of
-from companion.reports.words import head
+from companion.records.recorder import Recorder
 from tests.records.flown import flight
 from tests.records.test_round_trip import written
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from companion.cli import simulate
-from companion.experiments.summary import summarise
+from companion.analysis.summary import summarise
+from companion.cli.studies import simulate
 from tests.cli.typed import Type, typing
-from tests.first_law import FAILING_LINE, failing_law
+from tests.control.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
 
 pytestmark = pytest.mark.slow

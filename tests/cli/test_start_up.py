@@ -47,14 +47,20 @@ def test_what_only_lists_commands_loads_typer_alone(words: tuple[str, ...]) -> N
     modules, _ = loaded(*words)
     parses = words in {("help",), ("stop",)}  # typer parses a word by pydantic
     assert foreign(modules) <= _TYPER | (_MODELS if parses else set())
-    assert not modules & {"asyncio", "ssl", "logging.handlers", "companion.types", "companion.config"}
+    assert not modules & {
+        "asyncio",
+        "ssl",
+        "logging.handlers",
+        "companion.core.types",
+        "companion.config.companion_config",
+    }
 
 
 @pytest.mark.parametrize("words", [("arms",), ("arms", "--help"), ("arms", "live", "--help")])
 def test_a_group_lists_its_commands_without_importing_them(words: tuple[str, ...]) -> None:
     modules, _ = loaded(*words)
     assert foreign(modules) <= _TYPER | _MODELS
-    assert not modules & {"companion.cli.arms", "companion.cli.operate_arms", "asyncio"}
+    assert not modules & {"companion.cli.arms.commands", "companion.cli.arms.live", "asyncio"}
 
 
 @pytest.mark.parametrize(("command", "draws"), [("status", False), ("watch", False), ("hold", True), ("arms", True)])
@@ -63,7 +69,11 @@ def test_a_command_to_the_service_answers_without_numpy(command: str, draws: boo
     modules, answer = loaded(*words, "--broker", _NO_SERVICE)
     assert answer.startswith("companion: nobody there"), "it came to its answer"
     assert foreign(modules) <= _TYPER | _MODELS | _BROKER | ({"rich"} if draws else set())
-    assert not modules & {"companion.types", "companion.config", "companion.trajectory_files"}
+    assert not modules & {
+        "companion.core.types",
+        "companion.config.companion_config",
+        "companion.config.trajectory_files",
+    }
 
 
 def test_a_list_of_records_needs_neither_numpy_nor_rich(tmp_path: Path) -> None:

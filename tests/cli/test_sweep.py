@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-import companion.cli.sweep as command
+import companion.cli.studies.sweep as command
 from companion.cli.commands import app
-from companion.experiments.sweep import Sweep
-from companion.ports import ConfigError
-from tests.experiments.sweep_rig import short_experiment
-from tests.first_law import FAILING_LINE, failing_law
+from companion.core.interfaces import ConfigError
+from companion.studies.sweep.sweep import Sweep
+from tests.control.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
+from tests.studies.sweep_rig import short_experiment
 
 pytestmark = pytest.mark.slow
 
@@ -58,7 +58,7 @@ def test_summary_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert name.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
     assert name.with_suffix(".pdf").read_bytes().startswith(b"%PDF")
 
-    monkeypatch.setattr("companion.experiments.sweep_plots.plot_sweep", lambda *_: None)  # seconds, and seen above
+    monkeypatch.setattr("companion.studies.sweep.sweep_plots.plot_sweep", lambda *_: None)  # seconds, and seen above
     again = _sweep(tmp_path, "--vehicles", "6", "--seed", "3", "--summary", str(tmp_path / "again.json"))
     repeated = _json(tmp_path / "again.json")
     assert "6 of them by an earlier run" in again.output
@@ -80,7 +80,7 @@ def test_a_vehicle_that_diverges_is_exit_code_one(tmp_path: Path) -> None:
 
 
 def test_two_controllers_of_one_name_leave_two_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("companion.experiments.sweep_plots.plot_sweep", lambda *_: None)
+    monkeypatch.setattr("companion.studies.sweep.sweep_plots.plot_sweep", lambda *_: None)
     shipped = (ROOT / "config" / "controllers" / "pid.toml").read_text(encoding="utf-8")
     for folder in ("a", "b"):
         path = tmp_path / folder / "pid.toml"

@@ -5,10 +5,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from companion.cli.commands import app
-from companion.config_controller import load_controller
+from companion.config.controller_config import load_controller
 from companion.control.controller import VehicleModel
-from companion.ports import ConfigError
-from tests.experiments.short_experiments import short_experiment
+from companion.core.interfaces import ConfigError
+from tests.studies.short_experiments import short_experiment
 
 pytestmark = pytest.mark.slow
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from companion.cli.tune import Checked, best_of, elsewhere, verdict
-from companion.experiments.gain_space import START, shares_of
-from companion.experiments.scene import load_scene
-from companion.experiments.search import Centre
-from companion.experiments.tuning import WORST_M, shortened
+from companion.cli.studies.tune import Checked, best_of, elsewhere, verdict
+from companion.simulation.scene import load_scene
+from companion.studies.tuning.gain_space import START, shares_of
+from companion.studies.tuning.search import Centre
+from companion.studies.tuning.tuning import WORST_M, shortened
 
 
 def _checked(error_m: float, update_share: float, worst_m: float = 0.1, **changed: float) -> Checked:

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.control.fence import Fence
-from companion.control.frames import flip_quat, flip_yz, quat_from_yaw
-from companion.control.guard import Guard
-from companion.types import Array, AttitudeThrust, VehicleState
-from mock_autopilot import plant_one
-from mock_autopilot.plant import GRAVITY_MPS2, PlantParams
-from mock_autopilot.plant_one import OneActuation, OneState
+from companion.core.types import Array, AttitudeThrust, VehicleState
+from companion.geometry.frames import flip_quat, flip_yz, quat_from_yaw
+from companion.guard.geofence import Fence
+from companion.guard.guard import Guard
+from mock_autopilot.physics import plant_one
+from mock_autopilot.physics.plant import GRAVITY_MPS2, PlantParams
+from mock_autopilot.physics.plant_one import OneActuation, OneState
 
 DT_S = 0.01
 DELAY_CYCLES = 4

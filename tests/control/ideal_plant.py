@@ -8,8 +8,8 @@ import numpy as np
 from companion.control.controller import ControlInput
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
-from companion.control.reference import Trajectory
-from companion.types import Array
+from companion.core.types import Array
+from companion.trajectories.reference import Trajectory
 
 TOO_FAR_M = 2.0
 

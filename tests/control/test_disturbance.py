@@ -5,7 +5,7 @@ import pytest
 
 from companion.control.controller import ControlInput
 from companion.control.disturbance import MOST_MPS2, Disturbance, estimate_disturbance, no_disturbance
-from companion.types import Array, Reference
+from companion.core.types import Array, Reference
 
 ZERO = np.zeros(3)
 DT_S = 0.01

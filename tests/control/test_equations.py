@@ -10,8 +10,8 @@
 | cmd-filter, iota-dyn | test_command_filter.py `one_step_of_..._by_hand` |
 | alpha1, alpha_2 | test_command_filter.py; here: with every term at once |
 | ETC-law, key-ineq | test_event_trigger.py; here: two crossings, for eq. zeno |
-| V_1, V_2, V-comp, DNN:Vtilde | tests/experiments/test_lyapunov.py |
-| Vdot_ft, V_bound, T_bound, and every eq. from S-Lip1 to V-dot | tests/experiments/test_fixed_time.py |
+| V_1, V_2, V-comp, DNN:Vtilde | tests/studies/test_lyapunov.py |
+| Vdot_ft, V_bound, T_bound, and every eq. from S-Lip1 to V-dot | tests/studies/test_fixed_time.py |
 | the PID of section 5.1 | test_pid.py |
 """
 
@@ -30,8 +30,8 @@ from companion.control.event_trigger import TriggerState, continuous_control, tr
 from companion.control.gains import EtnnGains
 from companion.control.network import NetworkState, hidden_layer, network_step, project
 from companion.control.switching import switch_map
-from companion.types import Array, Reference
-from mock_autopilot import plant
+from companion.core.types import Array, Reference
+from mock_autopilot.physics import plant
 from tests.control import by_hand
 
 GAINS = EtnnGains()

@@ -12,7 +12,7 @@ from companion.control.event_trigger import (
     trigger_step,
 )
 from companion.control.gains import EtnnGains
-from companion.types import Array
+from companion.core.types import Array
 from tests.control import by_hand
 
 GAINS = EtnnGains()  # sigma = 0.05, delta = 0.1

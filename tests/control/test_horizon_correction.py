@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.control.frames import quat_conjugate, quat_from_rotation_vector, quat_from_yaw, quat_multiply, up_axis
 from companion.control.horizon_correction import (
     HELD_S,
     SOUND_S,
@@ -22,7 +21,8 @@ from companion.control.horizon_correction import (
     step,
     tilt_between,
 )
-from companion.types import Array, AttitudeThrust
+from companion.core.types import Array, AttitudeThrust
+from companion.geometry.frames import quat_conjugate, quat_from_rotation_vector, quat_from_yaw, quat_multiply, up_axis
 
 DT_S = 0.01
 RULES = HorizonRules()

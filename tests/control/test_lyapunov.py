@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from companion.control.gains import EtnnGains
-from companion.control.reference import Ellipse, Hold
-from companion.experiments.fixed_time import FixedTimeBound, fixed_time_bound
-from companion.experiments.lyapunov import Lyapunov, fit_ideal_output_weights, lyapunov_of, measured_bounds
-from companion.types import Array
+from companion.core.types import Array
+from companion.studies.theory.fixed_time import FixedTimeBound, fixed_time_bound
+from companion.studies.theory.lyapunov import Lyapunov, fit_ideal_output_weights, lyapunov_of, measured_bounds
+from companion.trajectories.reference import Ellipse, Hold
 from tests.control.ideal_plant import Run, simulate
 
 CENTRE = np.array([0.0, 0.0, 1.2])

@@ -10,7 +10,7 @@ from companion.control.controller import ControlInput, ControlOutput, VehicleMod
 from companion.control.gains import PidGains
 from companion.control.margin import TooLongError, Verdict, measure_margin
 from companion.control.pid import Pid
-from companion.types import Array
+from companion.core.types import Array
 
 VEHICLE = VehicleModel(mocap_age_s=0.01)
 RECORDED_1_KG = VehicleModel(1.0, 9.8, 11.0, 0.99, 0.044, 0.063, 0.01, 0.01)

@@ -17,7 +17,7 @@ from companion.control.network import (
     output,
     project,
 )
-from companion.types import Array
+from companion.core.types import Array
 from tests.control import by_hand
 
 GAINS = EtnnGains()

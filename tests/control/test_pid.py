@@ -4,11 +4,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.control.attitude import ThrustModel, force_of_accel
 from companion.control.controller import ControlInput
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
-from companion.types import Array, Reference
+from companion.core.types import Array, Reference
+from companion.geometry.attitude import ThrustModel, force_of_accel
 
 LAW = Pid(PidGains())
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

@@ -6,10 +6,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from companion.config_places import project_root
+from companion.config.locations import project_root
 from companion.control.command_filter import at_lift_off, filter_step, virtual_control_1, virtual_control_2
 from companion.control.gains import EtnnGains
-from companion.control.reference import Ellipse, Hold
+from companion.trajectories.reference import Ellipse, Hold
 from tests.control.ideal_plant import Run, simulate
 
 CENTRE = np.array([0.0, 0.0, 1.2])

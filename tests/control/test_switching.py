@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.control.attitude import ThrustModel, accel_of_setpoint
 from companion.control.command_filter import compensation_at_rest
 from companion.control.controller import ControlInput, ControlOutput, SeededLaw, VehicleModel
+from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.law_switch import BLEND_S, HELD_S
-from companion.control.limits import Limits
 from companion.control.pid import Pid
-from companion.control.prediction import Predictor
-from companion.control_stage import Asked, ControlStage
-from companion.types import Array, Reference, VehicleState
+from companion.control.pipeline import ControlPipeline, PipelineOutput
+from companion.core.types import Array, Reference, VehicleState
+from companion.geometry.attitude import ThrustModel, accel_of_setpoint
+from companion.guard.limits import Limits
 
 MODEL = ThrustModel(4.85, 9.8, 0.5, 0.0)
 DT_S = 0.01
@@ -53,7 +53,7 @@ class Observing(Constant):
         return memory + 1, ControlOutput(-min(DT_S * memory, 1.0) * WIND_W_MPS2, np.array([1.0]), {})
 
 
-def fly(stage: ControlStage, cycles: int) -> list[Asked]:
+def fly(stage: ControlPipeline, cycles: int) -> list[PipelineOutput]:
     """Fly at rest, as by a vehicle whose rotors and wind are in balance."""
     zero = np.zeros(3)
     reference = Reference(zero, zero, zero, 0.0)
@@ -66,13 +66,13 @@ def fly(stage: ControlStage, cycles: int) -> list[Asked]:
     return flown
 
 
-def sent_w_mps2(asked: Asked) -> Array:
+def sent_w_mps2(asked: PipelineOutput) -> Array:
     return accel_of_setpoint(asked.gated.setpoint, MODEL)
 
 
-def switched(law: Any, cycles: int) -> tuple[Asked, list[Asked]]:
+def switched(law: Any, cycles: int) -> tuple[PipelineOutput, list[PipelineOutput]]:
     """From a law that counters the wind to `law`: the last cycle before, and the cycles after."""
-    stage = ControlStage(Constant(-WIND_W_MPS2), MODEL, LIMITS)
+    stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
     last = fly(stage, 800)[-1]
     stage.switch(law)
     return last, fly(stage, cycles)
@@ -152,7 +152,7 @@ def test_a_law_that_finds_the_wind_by_itself_is_not_helped_any_longer() -> None:
 
 
 def test_at_lift_off_nothing_is_known_and_a_switch_on_the_ground_is_no_switch() -> None:
-    stage = ControlStage(Constant(-WIND_W_MPS2), MODEL, LIMITS)
+    stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
     fly(stage, 800)
     law = Seeded((0.3, 0.0, 0.0))
     stage.switch(law)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from companion.control.controller import ControlInput, Controller, VehicleModel
+from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.network import initial_network
 from companion.control.pid import Pid
-from companion.control.prediction import Predictor
-from companion.types import Array, Reference
+from companion.core.types import Array, Reference
 from tests.control.by_hand import PRINTED, PRINTED_NUMBERS, ByHand, alpha_1
 
 VEHICLE = VehicleModel()

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.control.frames import matrix_from_quat, quat_from_rotation_vector, quat_multiply
+from companion.core.types import Array, MocapFrame
 from companion.estimation.estimator import EstimatorParams, EstimatorState, step
-from companion.types import Array, MocapFrame
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_multiply
 
 OFFSET_S = 300.0
 """Our clock minus the cameras'."""

@@ -7,13 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.control.frames import (
-    matrix_from_quat,
-    quat_conjugate,
-    quat_from_rotation_vector,
-    quat_multiply,
-    rotation_vector_from_quat,
-)
+from companion.core.types import Array
 from companion.estimation.attitude import (
     Attitude,
     at_rest,
@@ -24,7 +18,13 @@ from companion.estimation.attitude import (
     update,
 )
 from companion.estimation.kalman import Covariance
-from companion.types import Array
+from companion.geometry.frames import (
+    matrix_from_quat,
+    quat_conjugate,
+    quat_from_rotation_vector,
+    quat_multiply,
+    rotation_vector_from_quat,
+)
 
 SURE = Covariance(1e-12, 0.0, 0.0, 0.0, 0.0, 0.0)
 UNSURE = Covariance(1e9, 0.0, 0.0, 1.0, 0.0, 1.0)

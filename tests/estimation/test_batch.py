@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.control.frames import matrix_from_quat, quat_from_rotation_vector, quat_from_yaw, quat_multiply, yaw_of
+from companion.core.types import Array, MocapFrame
 from companion.estimation import batch, estimator
 from companion.estimation.batch import BatchEstimate
 from companion.estimation.estimator import EstimatorState
-from companion.types import Array, MocapFrame
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_from_yaw, quat_multiply, yaw_of
 from tests.estimation.flights import PARAMS
 
 FRAMES, VEHICLES = 200, 6

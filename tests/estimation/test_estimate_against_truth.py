@@ -5,14 +5,14 @@ from qtm_rt.packet import QRTPacket
 
 from companion.adapters.qualisys import QualisysSource
 from companion.adapters.qualisys.bodies import RigidBody
-from companion.control.frames import flip_quat, flip_yz, matrix_from_quat
+from companion.core.types import Array, VehicleState
 from companion.estimation.estimator import EstimatorParams, EstimatorState, predict_to, step
-from companion.types import Array, VehicleState
-from mock_autopilot import quaternion as quat
-from mock_autopilot.qtm_camera import Camera
-from mock_autopilot.qtm_packets import Component, data_packet
-from mock_autopilot.qualisys_config import QualisysConfig
-from mock_autopilot.truth import Truth
+from companion.geometry.frames import flip_quat, flip_yz, matrix_from_quat
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.qtm.camera import Camera
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.packets import Component, data_packet
 
 RADIUS_M, TURN_RADPS = 1.0, 1.2
 LEAST_DELAY_S = 0.010

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.control.frames import matrix_from_quat, quat_from_rotation_vector, quat_from_yaw
+from companion.core.types import Array, VehicleState
 from companion.estimation.estimator import EstimatorState, Verdict, age_s, predict_to, step
-from companion.types import Array, VehicleState
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_from_yaw
 from tests.estimation.flights import DELAY_S, NOISELESS, OFFSET_S, PARAMS, Sway, followed, frame, noisy
 
 VEHICLE_RADPS = 6.3

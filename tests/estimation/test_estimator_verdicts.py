@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.control.frames import matrix_from_quat, quat_from_rotation_vector
+from companion.core.types import MocapFrame
 from companion.estimation.estimator import EstimatorState, Verdict, step
-from companion.types import MocapFrame
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector
 from tests.estimation.flights import NOISELESS, PARAMS, Sway, followed, frame, lost, noisy
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.core.types import Array
 from companion.estimation.kalman import Covariance, Motion, grow, predict, shrink, update
-from companion.types import Array
 
 START = Covariance(1e-7, 0.0, 0.0, 1.0, 0.0, 25.0)
 DT_S = st.floats(0.001, 0.5)

@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 import uvloop
 
-from companion.adapters.dead_man import KernelDeadMan
-from companion.config import CompanionConfig, load_config
-from companion.config_controller import load_controller
-from companion.ports import FlightError
-from companion.service import open_service
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+from companion.config.companion_config import CompanionConfig, load_config
+from companion.config.controller_config import load_controller
+from companion.core.interfaces import FlightError
+from companion.service.vehicle_service import open_service
 from tests.flights.command import ROOT
 
 HEIGHT_M = 1.0
@@ -47,7 +47,7 @@ def configured(url: str, qualisys_port: int) -> CompanionConfig:
 async def fly_and_hang(config: CompanionConfig) -> None:
     """Hover, and hang when told."""
     law = load_controller("etnn", config.vehicle_model(), 0.01).law
-    dead_man = KernelDeadMan(config.safety.dead_man_s)
+    dead_man = KernelWatchdogTimer(config.safety.dead_man_s)
     async with open_service(config, law, lambda _tick: None, dead_man) as service:
         await service.ready()
         try:

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from companion.bus.telemetry import Happened, State
-from companion.cli.mock_process import MockPorts, free_ports
-from companion.config_operator import OperatorConfig
-from companion.console.client import Link, open_console
+from companion.cli.demo.mock_process import MockPorts, free_ports
+from companion.client.client import Link, open_console
+from companion.config.operator_config import OperatorConfig
+from companion.protocol.telemetry import Happened, State
 from tests.flights.command import ROOT, Ran, Running, mock_config, run, start
 from tests.ports import free_port
 from tests.warm import mock_process

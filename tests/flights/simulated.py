@@ -12,25 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from companion.config import CompanionConfig, FlightConfig
-from companion.config_arms import ArmsConfig
-from companion.config_controller import load_controller
+from companion.adapters.mocap.newest_frame import RESTART_S
+from companion.config.arms_config import ArmsConfig
+from companion.config.companion_config import CompanionConfig, FlightConfig
+from companion.config.controller_config import load_controller
 from companion.control.controller import Controller
-from companion.control.frames import flip_yz
-from companion.flight_loop import Devices, FlightLoop
-from companion.newest_frame import RESTART_S
-from companion.ports import MocapError
-from companion.supervisor.flight import Phase
-from companion.tick import Tick
-from companion.types import Array, MocapFrame
+from companion.core.interfaces import MocapError
+from companion.core.types import Array, MocapFrame
+from companion.flight.flight_loop import Devices, FlightLoop
+from companion.flight.tick import Tick
+from companion.geometry.frames import flip_yz
+from companion.supervisor.flight_state import Phase
 from mock_autopilot.config import MockConfig
-from mock_autopilot.fault_mocap import MocapFaults
-from mock_autopilot.fault_schedule import Turn
-from mock_autopilot.fault_words import parse
-from mock_autopilot.qtm_camera import Camera
-from mock_autopilot.qualisys_config import QualisysConfig
-from mock_autopilot.streams import TICK_S
-from mock_autopilot.truth import Truth
+from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.faults.schedule import Turn
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.mavlink.streams import TICK_S
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.qtm.camera import Camera
+from mock_autopilot.qtm.config import QualisysConfig
 from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot

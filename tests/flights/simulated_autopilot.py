@@ -10,11 +10,11 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.adapters.px4 import flight_mode
-from companion.config_px4 import Px4Config
-from companion.control.frames import flip_quat, flip_yz
-from companion.ports import AutopilotError
-from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
-from mock_autopilot.streams import DEFAULTS
+from companion.config.px4_config import Px4Config
+from companion.core.interfaces import AutopilotError
+from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+from companion.geometry.frames import flip_quat, flip_yz
+from mock_autopilot.mavlink.streams import DEFAULTS
 from tests.mock_autopilot.bench import Bench, Sent
 
 ARMED_BIT = 128

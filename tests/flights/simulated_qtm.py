@@ -4,12 +4,12 @@ from qtm_rt.packet import QRTPacket
 
 from companion.adapters.qualisys import QualisysSource
 from companion.adapters.qualisys.bodies import rigid_bodies
-from companion.ports import Clock
-from companion.types import MocapFrame
-from mock_autopilot.fault_mocap import MocapFaults
-from mock_autopilot.qtm_packets import HEADER, Component, Frame, data_packet, parameters_xml
-from mock_autopilot.qtm_session import bodies_of
-from mock_autopilot.qualisys_config import QualisysConfig
+from companion.core.interfaces import Clock
+from companion.core.types import MocapFrame
+from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.packets import HEADER, Component, Frame, data_packet, parameters_xml
+from mock_autopilot.qtm.session import bodies_of
 
 ANSWER_S = 0.01
 """From asking for the list of bodies to having it."""

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from companion.arms.model import JOINT_COUNT, JOINT_NAMES
-from companion.config_arms import ArmsConfig
-from companion.types import ArmFault, ArmFaultKind, ArmStatus, Array
+from companion.config.arms_config import ArmsConfig
+from companion.core.types import ArmFault, ArmFaultKind, ArmStatus, Array
 
 if TYPE_CHECKING:
     from tests.flights.simulated import Room

@@ -5,18 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig
-from companion.config_controller import load_controller
-from companion.experiments.demo_scene import demo_scene
-from companion.experiments.metrics import Score, score
-from companion.experiments.mission import stacked
-from companion.experiments.simulation import simulate
-from companion.supervisor.flight import Phase
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
+from companion.simulation.demo_scene import demo_scene
+from companion.simulation.metrics import Score, score
+from companion.simulation.mission import stacked
+from companion.simulation.simulation import simulate
+from companion.supervisor.flight_state import Phase
 from mock_autopilot.config import MockConfig
-from tests.experiments.scenes import PERFECT_HORIZON
 from tests.flights.simulated import BRISK, Flight
 from tests.flights.test_simulated_arms import ARMS, LAP, error_w_m, lap, mock_arms
 from tests.mock_autopilot.bench import NO_GPS
+from tests.simulation.scenes import PERFECT_HORIZON
 
 pytestmark = pytest.mark.slow
 

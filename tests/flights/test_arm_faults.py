@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.adapters.recorder import Recorder
-from companion.arm_files import motion_named
-from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_COUNT, JOINT_NAMES
 from companion.arms.planning import plan
-from companion.cli.mock_process import free_ports
-from companion.config import CompanionConfig, load_config
-from companion.config_arms import ArmsConfig
-from companion.config_controller import load_controller
-from companion.flight_loop import FlightLoop
-from companion.service import Service, open_service
-from companion.supervisor.flight import Phase, TakeOff
-from mock_autopilot.dynamixel_config import Fault
+from companion.arms.state_machine import ArmPhase
+from companion.cli.demo.mock_process import free_ports
+from companion.config.arm_files import motion_named
+from companion.config.arms_config import ArmsConfig
+from companion.config.companion_config import CompanionConfig, load_config
+from companion.config.controller_config import load_controller
+from companion.flight.flight_loop import FlightLoop
+from companion.records.recorder import Recorder
+from companion.service.vehicle_service import FlightActions, open_service
+from companion.supervisor.flight_state import Phase, TakeoffRequest
+from mock_autopilot.servos.config import Fault
 from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
@@ -106,7 +106,7 @@ def rows(ends: str, *, real: bool) -> list[Row]:
 class Stack:
     """Service, mocks and record of one flight."""
 
-    service: Service
+    service: FlightActions
     mocks: asyncio.subprocess.Process
     config: CompanionConfig
     recorder: Recorder
@@ -233,7 +233,7 @@ def broken(fault: dict[str, Any]) -> Step:
 async def flown(fault: dict[str, Any], end: list[Step]) -> tuple[Flight, Recorder]:
     """In simulated time: up and swinging, the fault, and its end."""
     config = CompanionConfig(flight=BRISK, arms=ArmsConfig(silent_s=SILENT_S))
-    up = [torque, *ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD), play(swing()), wait(0.5 * swing().approach_s)]
+    up = [torque, *ARM, ask(TakeoffRequest(HEIGHT_M)), until(Phase.HOLD), play(swing()), wait(0.5 * swing().approach_s)]
     flight = await fly([*up, broken(fault), *end], config=config, arms=mock_arms(), real_driver=True)
     recorder = Recorder()
     for tick in flight.ticks:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.mock_process import free_ports
+from companion.cli.demo.mock_process import free_ports
 from tests.flights.command import ROOT, mock_config, run
 from tests.warm import mock_process
 

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from companion.adapters.px4 import flight_mode
-from companion.types import FlightMode
+from companion.core.types import FlightMode
 from tests.flights.command import ROOT, mock_config
 from tests.mavlink_relay import Relay
 from tests.warm import mock_process

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from companion.cli.mock_process import free_ports, mock_process
+from companion.cli.demo.mock_process import free_ports, mock_process
 from companion.records.read import read_flight
 from tests.flights.command import ROOT, mock_config, read_json, run, size_of_only, start
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.mock_process import free_ports
-from companion.config import load_config
+from companion.cli.demo.mock_process import free_ports
+from companion.config.companion_config import load_config
 from companion.supervisor.faults import Fault
 from tests.broker import BrokerProcess, broker
 from tests.flights.command import ROOT, Running, read_json, run, start

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from companion.adapters.px4 import flight_mode
+from companion.core.types import FlightMode
 from companion.records.read import read_flight
-from companion.types import FlightMode
 from tests.flights.command import run
 from tests.flights.served import NO_ARMS, Served, Site, looking_on, mocks, serving
 from tests.mavlink_relay import Relay

@@ -5,7 +5,7 @@ from typing import Never
 
 import pytest
 
-from companion.supervisor.flight import Phase
+from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Flight, FlightTimeoutError, fly
 from tests.flights.test_simulated_flights import UP, until, wait
 

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.arm_files import motion_named
-from companion.arms.machine import ArmPhase
 from companion.arms.model import JOINT_NAMES
 from companion.arms.planning import Plan, plan
-from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig, Feedforward
-from companion.control.reference import Ellipse, LapTiming, Trajectory
-from companion.ports import MocapError
-from companion.preflight.check import Check
-from companion.service import Service
-from companion.supervisor.flight import Fly, Land, Phase
-from companion.types import Array
+from companion.arms.state_machine import ArmPhase
+from companion.config.arm_files import motion_named
+from companion.config.arms_config import ArmsConfig, Feedforward
+from companion.config.companion_config import CompanionConfig
+from companion.core.interfaces import MocapError
+from companion.core.types import Array
+from companion.preflight.checks.check import Check
+from companion.service.vehicle_service import FlightActions
+from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
+from companion.trajectories.reference import Ellipse, LapTiming, Trajectory
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
@@ -108,7 +108,7 @@ async def lap(
     if key not in FLOWN:
         config = CompanionConfig(flight=BRISK, arms=ARMS.model_copy(update=changes))
         begin = [play(swing())] if swinging else []
-        there = [torque, wait(0.5), *UP, *begin, ask(Fly(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD)]
+        there = [torque, wait(0.5), *UP, *begin, ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD)]
         end = [wait(0.5), *DOWN] if lands else []
         FLOWN[key] = await fly([wait(0.2), *there, *end], config=config, arms=mock_arms() | (mock or {}))
     return FLOWN[key]
@@ -170,7 +170,16 @@ async def test_goals_never_jump() -> None:
 async def failed_lap() -> Flight:
     """A servo fails on the way."""
     if "failed" not in FLOWN:
-        script = [torque, wait(0.5), *UP, play(swing()), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(4.0), fail]
+        script = [
+            torque,
+            wait(0.5),
+            *UP,
+            play(swing()),
+            ask(TrackRequest(LAP, 0.5)),
+            until(Phase.TRACK),
+            wait(4.0),
+            fail,
+        ]
         FLOWN["failed"] = await fly([*script, until(Phase.DISARMED)], arms=mock_arms())
     return FLOWN["failed"]
 
@@ -295,11 +304,11 @@ async def _no_preflight(_: Trajectory | None) -> Sequence[Check]:
 
 
 async def test_a_service_knows_of_a_fault_that_did_not_end_the_flight() -> None:
-    script = [torque, wait(0.5), *UP, wait(0.5), ask(Land()), wait(1.0), fail, until(Phase.DISARMED)]
+    script = [torque, wait(0.5), *UP, wait(0.5), ask(LandRequest()), wait(1.0), fail, until(Phase.DISARMED)]
     flight = await fly(script, arms=mock_arms())
     assert flight.loop.flight.reason == "", "it was landing anyway"
     ticking = asyncio.get_running_loop().create_task(asyncio.sleep(0), name="ticking")
-    service = Service(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, _no_preflight)
+    service = FlightActions(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, _no_preflight)
     await ticking
     assert service.trouble == "left.elbow_pitch (servo 6): overload"
     assert flight.loop.arms is not None

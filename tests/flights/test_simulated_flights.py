@@ -6,14 +6,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig, VehicleConfig
+from companion.config.companion_config import CompanionConfig, VehicleConfig
 from companion.control.controller import ControlInput, ControlOutput, VehicleModel
-from companion.control.frames import up_axis, yaw_of
 from companion.control.gains import PidGains
 from companion.control.pid import Pid
-from companion.control.reference import Ellipse, LapTiming
-from companion.supervisor.flight import Fly, HandOver, Land, Phase, Prepare, Request, TakeOff
-from companion.types import Array, FlightMode
+from companion.core.types import Array, FlightMode
+from companion.geometry.frames import up_axis, yaw_of
+from companion.supervisor.flight_state import (
+    ArmRequest,
+    HandOverRequest,
+    LandRequest,
+    Phase,
+    Request,
+    TakeoffRequest,
+    TrackRequest,
+)
+from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import BRISK, Flight, Step, fly
 
 pytestmark = pytest.mark.slow
@@ -56,15 +64,15 @@ def command(number: int, *params: float) -> Step:
 
 ARM = [
     wait(3.0),  # until PX4 trusts its pose
-    ask(Prepare()),
+    ask(ArmRequest()),
     wait(0.3),
     command(176, 1.0, 6.0, 0.0),
     wait(1.2),
     command(400, 1.0),
     until(Phase.ARMED),
 ]
-UP = [*ARM, ask(TakeOff(1.2)), until(Phase.HOLD)]
-DOWN = [ask(Land()), until(Phase.DISARMED), wait(0.5)]
+UP = [*ARM, ask(TakeoffRequest(1.2)), until(Phase.HOLD)]
+DOWN = [ask(LandRequest()), until(Phase.DISARMED), wait(0.5)]
 
 
 def _error_w_m(flight: Flight, phase: Phase) -> Array:
@@ -78,7 +86,7 @@ def _error_w_m(flight: Flight, phase: Phase) -> Array:
 
 
 async def test_a_flight_from_standby_to_disarmed() -> None:
-    script = [*UP, ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
+    script = [*UP, ask(TrackRequest(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
     flight = await fly(script, config=CompanionConfig())
     assert flight.phases() == [
         Phase.STANDBY, Phase.PREFLIGHT, Phase.ARMED, Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.HOLD, Phase.LAND,
@@ -99,7 +107,9 @@ async def test_a_flight_from_standby_to_disarmed() -> None:
 @pytest.mark.parametrize("yaw_rad", [0.8, -2.5])
 async def test_where_it_stands_and_looks_does_not_matter(yaw_rad: float) -> None:
     start = {"start_position_ned_m": (0.5, -0.4, 0.0), "start_yaw_rad": -yaw_rad}
-    flight = await fly([*UP, wait(1.0), ask(Fly(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD)], start=start)
+    flight = await fly(
+        [*UP, wait(1.0), ask(TrackRequest(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD)], start=start
+    )
     climb = _error_w_m(flight, Phase.TAKEOFF)
     assert np.abs(climb).max() < 0.15
     above = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HOLD)
@@ -152,7 +162,7 @@ async def test_a_misjudged_hover_thrust_still_takes_off_and_holds(hover_thrust: 
 
 async def test_without_lift_off_px4_ends_it_with_a_reason() -> None:
     """Its land detector goes by the throttle: it does not say that a vehicle stands whose rotors turn fast."""
-    flight = await fly([*ARM, ask(TakeOff(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
+    flight = await fly([*ARM, ask(TakeoffRequest(1.2)), until(Phase.DISARMED)], plant={"max_thrust_n": 70.0})
     assert Phase.HOLD not in flight.phases()
     assert "no lift-off seen at thrust 0.62, and PX4 does not say" in flight.loop.flight.reason
     assert all(truth[2] < 0.02 for truth in flight.truths_w_m)
@@ -183,10 +193,10 @@ async def test_an_autopilots_landing_that_ends_in_offboard_is_not_told_to_land_a
 
 
 async def test_what_one_flight_was_refused_is_no_reason_of_the_next() -> None:
-    flight = await fly([*ARM, ask(Land()), until(Phase.DISARMED)])
+    flight = await fly([*ARM, ask(LandRequest()), until(Phase.DISARMED)])
     flight.loop._calls.failure = "the autopilot refused to disarm: not landed"
     assert flight.loop.action_failure
-    assert flight.loop.ask(Prepare())
+    assert flight.loop.ask(ArmRequest())
     assert flight.loop.action_failure == ""
 
 
@@ -202,7 +212,7 @@ async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
     over_s = flight.loop.flight.since_s
     assert flight.loop.flight.reason == "the autopilot shows mode land, not offboard: Landing at current position"
     assert all(at_s <= over_s for at_s, _ in flight.autopilot.setpoints), "it fought the pilot"
-    assert not flight.loop.ask(Fly(LAP, 1.0)), "nothing but a new beginning is accepted"
+    assert not flight.loop.ask(TrackRequest(LAP, 1.0)), "nothing but a new beginning is accepted"
 
 
 async def test_a_kill_ends_the_flight() -> None:
@@ -230,7 +240,7 @@ async def test_a_law_that_raises_makes_the_autopilot_land_with_its_vision() -> N
 
 async def test_the_last_setpoint_before_handing_over_is_level() -> None:
     mocap = {"silences": [{"start_s": 19.5, "for_s": 100.0}]}
-    flight = await fly([*UP, ask(Fly(LAP, 0.5)), until(Phase.HANDED_OVER), wait(1.0)], mocap=mocap)
+    flight = await fly([*UP, ask(TrackRequest(LAP, 0.5)), until(Phase.HANDED_OVER), wait(1.0)], mocap=mocap)
     last = flight.autopilot.setpoints[-1][1]
     assert up_axis(last.q_w_flu_wxyz)[2] == pytest.approx(1.0, abs=1e-9)
     assert 0.4 < float(last.thrust) < 0.5, "a little less than hovering takes"
@@ -244,7 +254,7 @@ async def test_a_lost_land_command_is_repeated() -> None:
 
 
 async def test_handing_over_on_request_lands() -> None:
-    flight = await fly([*UP, ask(HandOver("somebody asked")), wait(2.0)])
+    flight = await fly([*UP, ask(HandOverRequest("somebody asked")), wait(2.0)])
     assert flight.autopilot.land_calls == 1
     assert flight.autopilot.status().mode is FlightMode.LAND
 
@@ -269,7 +279,7 @@ async def test_an_armed_vehicle_is_not_taken_over() -> None:
 
     def take_over(flight: Flight) -> bool:
         flight.loop._enter(replace(flight.loop.flight, phase=Phase.STANDBY))
-        refused.append(not flight.loop.ask(Prepare()))
+        refused.append(not flight.loop.ask(ArmRequest()))
         return True
 
     flight = await fly([*UP, wait(1.0), take_over])

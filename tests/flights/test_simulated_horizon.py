@@ -7,13 +7,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig, ControlConfig
-from companion.control.frames import up_axis
-from companion.records.gathered import frozen
-from companion.records.row import RowEncoder
+from companion.config.companion_config import CompanionConfig, ControlConfig
+from companion.core.types import Array
+from companion.geometry.frames import up_axis
+from companion.records.row_codec import RowEncoder
+from companion.records.tick_columns import frozen
 from companion.supervisor.faults import Fault
-from companion.supervisor.flight import Phase
-from companion.types import Array
+from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import BRISK, Flight, fly
 from tests.flights.test_simulated_flights import DOWN, UP, wait
 from tests.flights.test_simulated_safety import inject

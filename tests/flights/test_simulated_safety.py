@@ -12,13 +12,22 @@ import numpy as np
 import pytest
 
 from companion.control.controller import ControlInput, ControlOutput
-from companion.control.frames import up_axis
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
-from companion.ports import AutopilotError, MocapError
-from companion.supervisor.flight import Action, FlightRules, Fly, HandOver, Kill, Land, Phase, Resume
-from companion.types import Array, AttitudeThrust, FlightMode, MocapFrame
-from mock_autopilot.px4 import Mode
+from companion.core.interfaces import AutopilotError, MocapError
+from companion.core.types import Array, AttitudeThrust, FlightMode, MocapFrame
+from companion.geometry.frames import up_axis
+from companion.supervisor.flight_state import (
+    Action,
+    FlightRules,
+    HandOverRequest,
+    KillRequest,
+    LandRequest,
+    Phase,
+    ResumeRequest,
+    TrackRequest,
+)
+from mock_autopilot.px4.vocabulary import Mode
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, LAP, UP, ask, until, wait
@@ -91,11 +100,11 @@ async def test_when_the_loop_fails_the_autopilot_lands_and_sees_where_it_is(monk
 async def test_a_failed_loop_takes_a_kill_and_nothing_else() -> None:
     flight = await flown_to_its_failure(UP, MocapError, mocap_lost_at_s=12.0)
     assert flight.room.bench.setpoint is None, "nobody repeats the last setpoint"
-    for wanted in (Resume(), Land(), HandOver("")):
+    for wanted in (ResumeRequest(), LandRequest(), HandOverRequest("")):
         assert "the flight loop has failed" in flight.loop.refusal(wanted)
         assert not flight.loop.ask(wanted)
     assert flight.room.bench.setpoint is None
-    assert flight.loop.ask(Kill())
+    assert flight.loop.ask(KillRequest())
     while flight.loop._calls.pending:
         await asyncio.sleep(0)
         flight.room.bench.run(0.02)
@@ -116,7 +125,7 @@ async def test_closing_while_the_vehicle_is_taken_back_lands_it() -> None:
         answered_by(flight, Action.OFFBOARD, start_offboard)
 
     def resume_and_close(flight: Flight) -> None:
-        assert flight.loop.ask(Resume())
+        assert flight.loop.ask(ResumeRequest())
         closed.append(asyncio.create_task(flight.loop.close()))
 
     pilot = [inject("autopilot wrong (pilot takes over)"), until(Phase.HANDED_OVER), wait(1.0)]
@@ -149,13 +158,13 @@ def setpoints_fail(times: float) -> Step:
 
 
 async def test_a_setpoint_that_cannot_be_sent_is_sent_a_cycle_later() -> None:
-    flight = await fly([*UP, setpoints_fail(3), ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(1.0), *DOWN])
+    flight = await fly([*UP, setpoints_fail(3), ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(1.0), *DOWN])
     assert flight.phase is Phase.DISARMED
     assert flight.loop.flight.reason == ""
 
 
 async def test_when_no_setpoint_can_be_sent_any_more_the_autopilot_lands() -> None:
-    moving = [ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(2.0)]
+    moving = [ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(2.0)]
     flight = await fly([*UP, *moving, setpoints_fail(np.inf), until(Phase.HANDED_OVER), until(Phase.DISARMED)])
     assert "no setpoint could be sent for 0.4" in flight.loop.flight.reason
     assert "CONNECTION_ERROR" in flight.loop.flight.reason
@@ -163,7 +172,7 @@ async def test_when_no_setpoint_can_be_sent_any_more_the_autopilot_lands() -> No
 
 
 async def test_the_command_to_land_does_not_hang_on_the_setpoint_before_it() -> None:
-    flight = await fly([*UP, wait(1.0), setpoints_fail(np.inf), ask(HandOver("somebody asked")), wait(1.0)])
+    flight = await fly([*UP, wait(1.0), setpoints_fail(np.inf), ask(HandOverRequest("somebody asked")), wait(1.0)])
     assert flight.autopilot.land_calls == 1
     assert flight.autopilot.status().mode is FlightMode.LAND
 
@@ -230,9 +239,9 @@ async def test_taking_the_vehicle_back_ends_the_stream_that_was_left() -> None:
     def take_back(flight: Flight) -> None:
         assert flight.room.bench.setpoint is not None, "level, until the autopilot lands"
         listen(flight)
-        assert flight.loop.ask(Resume())
+        assert flight.loop.ask(ResumeRequest())
 
-    script = [*UP, ask(HandOver("somebody asked")), wait(0.1), do(take_back), until(Phase.HOLD), wait(2.0)]
+    script = [*UP, ask(HandOverRequest("somebody asked")), wait(0.1), do(take_back), until(Phase.HOLD), wait(2.0)]
     flight = await fly(script, lost_land_commands=1)
     assert flight.phase is Phase.HOLD
     assert said[0] == "stopped"

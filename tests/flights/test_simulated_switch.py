@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig
-from companion.config_controller import load_controller
-from companion.control.attitude import accel_of_setpoint
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
 from companion.control.controller import ControlInput, ControlOutput
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
-from companion.control.reference import Ellipse, FigureEight, LapTiming, Trajectory
-from companion.supervisor.flight import Fly, Land, Phase
-from companion.types import Array
+from companion.core.types import Array
+from companion.geometry.attitude import accel_of_setpoint
+from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
+from companion.trajectories.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from tests.flights.command import ROOT
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
@@ -81,7 +81,7 @@ async def flown(path: str, laws: Sequence[str]) -> tuple[float, float]:
         return True
 
     trajectory = PATHS[path]
-    there = [ask(Fly(trajectory, 1.0)), until(Phase.TRACK), wait(6.0)] if trajectory is not None else []
+    there = [ask(TrackRequest(trajectory, 1.0)), until(Phase.TRACK), wait(6.0)] if trajectory is not None else []
     then = [step for name in laws[1:] for step in (switch(name), wait(EVERY_S))]
     flight = await fly([*UP, blow, wait(8.0), *there, begin, *then], controller=laws[0])
     assert flight.phase is (Phase.HOLD if trajectory is None else Phase.TRACK)
@@ -157,7 +157,7 @@ async def test_right_after_lift_off_and_while_it_lands() -> None:
         return flight.loop.flight.airborne
 
     early = [*UP[:-1], risen, wait(0.1), switch("pid"), until(Phase.HOLD), wait(3.0), switch("etnn"), wait(3.0)]
-    flight = await fly([*early, ask(Land()), wait(1.0), switch("pid"), until(Phase.DISARMED)], controller="etnn")
+    flight = await fly([*early, ask(LandRequest()), wait(1.0), switch("pid"), until(Phase.DISARMED)], controller="etnn")
     ticks = zip(flight.ticks, flight.truths_w_m, strict=True)
     above = [(tick.reference.position_w_m, truth) for tick, truth in ticks if tick.reference is not None]
     errors_m = [np.linalg.norm(truth - wanted) for wanted, truth in above if wanted[2] > 0.05]

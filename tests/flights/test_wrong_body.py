@@ -11,13 +11,13 @@ from pathlib import Path
 
 import pytest
 
-from companion import service_preflight
-from companion.config import load_config
-from companion.config_mocap import MocapConfig
-from companion.ports import CompanionError
-from companion.service import Service
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Phase
+from companion.config.companion_config import load_config
+from companion.config.mocap_config import MocapConfig
+from companion.core.interfaces import CompanionError
+from companion.preflight import service_facts
+from companion.service.vehicle_service import FlightActions
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import Phase
 from tests.broker import broker
 from tests.flights.faults.real import Scene, _hover, mock
 from tests.flights.faults.rows import REAL_S, RULES, within
@@ -45,7 +45,7 @@ async def mocap(way: str, folder: Path, qtm_port: int) -> AsyncIterator[MocapCon
             yield load_config(config).mocap
 
 
-async def until(service: Service, phase: Phase) -> None:
+async def until(service: FlightActions, phase: Phase) -> None:
     async with asyncio.timeout(_PATIENCE_S):
         while service.phase is not phase:  # noqa: ASYNC110 - the loop tells nobody
             await asyncio.sleep(0.01)
@@ -55,7 +55,7 @@ async def until(service: Service, phase: Phase) -> None:
 async def test_another_body_is_refused_on_the_ground_and_in_the_air_px4_lands(
     way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(service_preflight, "_SETTLE_S", 0.5)  # vision is not fused while there is none
+    monkeypatch.setattr(service_facts, "_SETTLE_S", 0.5)  # vision is not fused while there is none
     told = Told()
     with Relay() as relay:
         async with mock(relay.ports) as autopilot:
@@ -77,7 +77,7 @@ async def test_another_body_is_refused_on_the_ground_and_in_the_air_px4_lands(
                 await until(service, Phase.HANDED_OVER)
                 assert time.monotonic() - replaced_s < within(RULES.silent_s) + REAL_S + 0.1
                 flight = service.loop.flight
-                assert (flight.cause, flight.level) == (Fault.MOCAP_SILENT, Reaction.AUTOPILOT_LAND)
+                assert (flight.cause, flight.level) == (Fault.MOCAP_SILENT, FailsafeAction.AUTOPILOT_LAND)
                 if way == "tcp":  # one blind landing of PX4's is enough
                     await until(service, Phase.DISARMED)
                 await asyncio.sleep(0.2)

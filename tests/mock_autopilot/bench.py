@@ -11,10 +11,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot import quaternion as quat
 from mock_autopilot.config import LinkConfig, MockConfig
-from mock_autopilot.mavlink import MavlinkLink
-from mock_autopilot.streams import TICK_S
+from mock_autopilot.mavlink.link import MavlinkLink
+from mock_autopilot.mavlink.streams import TICK_S
+from mock_autopilot.physics import quaternion as quat
 from mock_autopilot.world import World
 
 NAN = math.nan

@@ -9,8 +9,8 @@ from typing import Any, TypeVar
 
 import dynamixel_sdk as dxl
 
-from mock_autopilot.dynamixel_alone import BusAlone
-from mock_autopilot.dynamixel_config import DynamixelConfig
+from mock_autopilot.servos.config import DynamixelConfig
+from mock_autopilot.servos.standalone import BusAlone
 
 Result = TypeVar("Result")
 

@@ -1,10 +1,10 @@
 """An XM and an AX without a port, in simulated time, for the tests of the servos."""
 
-from mock_autopilot.dynamixel_config import DynamixelConfig, ServoConfig
-from mock_autopilot.dynamixel_memory import Refusal
-from mock_autopilot.dynamixel_packets import Instruction, Packet
-from mock_autopilot.servo import Servo
-from mock_autopilot.servo_rack import ServoRack
+from mock_autopilot.servos.config import DynamixelConfig, ServoConfig
+from mock_autopilot.servos.memory import Refusal
+from mock_autopilot.servos.packets import Instruction, Packet
+from mock_autopilot.servos.rack import ServoRack
+from mock_autopilot.servos.servo import Servo
 
 STEP_S = 0.002
 XM, AX = 1, 2

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mock_autopilot.arm_bodies import Moving, add, arm_motion
-from mock_autopilot.arm_table import SETTLE_S, ArmTable, table_of
 from mock_autopilot.config import ArmsConfig, MockConfig
+from mock_autopilot.physics.arm_bodies import Moving, add, arm_motion
+from mock_autopilot.physics.arm_table import SETTLE_S, ArmTable, table_of
 from mock_autopilot.world import STEP_S, World
 
 CONFIG = MockConfig.load(Path(__file__).parents[2] / "config" / "mock.toml")

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mock_autopilot import plant
-from mock_autopilot import quaternion as quat
-from mock_autopilot.arm_bodies import ArmBodies, JointState, Moving, Three, add, arm_motion, gravity_load_nm
-from mock_autopilot.arms import JOINT_COUNT, Arms, Assembly, Coupling
-from mock_autopilot.plant import GRAVITY_MPS2, PlantState
+from mock_autopilot.physics import plant
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.arm_bodies import ArmBodies, JointState, Moving, Three, add, arm_motion, gravity_load_nm
+from mock_autopilot.physics.arms import JOINT_COUNT, Arms, Assembly, Coupling
+from mock_autopilot.physics.plant import GRAVITY_MPS2, PlantState
 
 BODIES = ArmBodies()
 MASS_KG = 4.85

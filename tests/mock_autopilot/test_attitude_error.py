@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mock_autopilot.attitude_error import (
+from mock_autopilot.physics.quaternion import Array, from_rotation_vector
+from mock_autopilot.px4.attitude_error import (
     RECORDED,
     SAMPLE_HZ,
     AttitudeErrorParams,
@@ -15,7 +16,6 @@ from mock_autopilot.attitude_error import (
     turn_of,
     turns_of,
 )
-from mock_autopilot.quaternion import Array, from_rotation_vector
 
 FLIGHTS: tuple[AttitudeErrorSource, ...] = ("px4-a", "px4-b", "px4-tight")
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mock_autopilot.config import MockConfig, MockConfigError
-from mock_autopilot.params import INT32, ParamTable, UnknownParamError
+from mock_autopilot.px4.params import INT32, ParamTable, UnknownParamError
 
 DEMO = Path(__file__).parents[2] / "config" / "mock.toml"
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mock_autopilot.disturbance import BLOCK, Disturbance, Forces, Sinusoid, force_series
+from mock_autopilot.physics.disturbance import BLOCK, Disturbance, Forces, Sinusoid, force_series
 
 DT_S = 0.005
 WAVES = (Sinusoid((1.4, 0.0, 0.2), 9.0), Sinusoid((0.0, 1.1, 0.0), 13.0, phase_rad=1.0))

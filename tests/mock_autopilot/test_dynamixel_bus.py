@@ -5,7 +5,7 @@ import time
 import dynamixel_sdk as dxl
 import pytest
 
-from mock_autopilot.dynamixel_config import DynamixelConfig, ServoConfig
+from mock_autopilot.servos.config import DynamixelConfig, ServoConfig
 from tests.mock_autopilot.dynamixel_host import (
     AX_IDS,
     NO_ANSWER,

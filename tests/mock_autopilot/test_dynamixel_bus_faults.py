@@ -7,7 +7,7 @@ import time
 import dynamixel_sdk as dxl
 import pytest
 
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
 from tests.mock_autopilot.dynamixel_host import (
     BROKEN,
     NO_ANSWER,

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
-from mock_autopilot.dynamixel_tables import MODELS, Model
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
+from mock_autopilot.servos.control_tables import MODELS, Model
 
 
 def test_by_default_there_are_two_arms_of_three_xm_and_an_ax() -> None:

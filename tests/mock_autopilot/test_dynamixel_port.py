@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from mock_autopilot.dynamixel import BusStartError, ServoBus
-from mock_autopilot.dynamixel_config import DynamixelConfig, Fault, FaultKind
-from mock_autopilot.dynamixel_packets import pack2
+from mock_autopilot.servos.bus import BusStartError, ServoBus
+from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
+from mock_autopilot.servos.packets import pack2
 from tests.mock_autopilot.dynamixel_examples import PROTOCOL_2
 
 PING = PROTOCOL_2[0].request_bytes

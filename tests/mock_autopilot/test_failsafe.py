@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from mock_autopilot.failsafe import CRITICAL, EMERGENCY, LOW, Action, Failsafe, Situation
-from mock_autopilot.params import ParamTable
-from mock_autopilot.px4 import Mode
-from mock_autopilot.sticks import Sticks
+from mock_autopilot.px4.failsafe import CRITICAL, EMERGENCY, LOW, Action, Failsafe, Situation
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.px4.sticks import Sticks
+from mock_autopilot.px4.vocabulary import Mode
 
 WELL = Situation(
     now_s=10.0, landed=False, local_ok=True, global_ok=False, offboard_ok=True, offboard_attitude=True, remote=True

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mock_autopilot import quaternion as quat
-from mock_autopilot.fault_words import parse
-from mock_autopilot.px4 import Mode, Result
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.px4.vocabulary import Mode, Result
 from tests.mock_autopilot.bench import NO_GPS, SIH_PLANT, Bench
 
 HOVER = 0.5

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from companion.supervisor.flight import Phase
-from companion.types import FlightMode
+from companion.core.types import FlightMode
+from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Flight, fly
 from tests.flights.test_simulated_flights import UP, wait
 

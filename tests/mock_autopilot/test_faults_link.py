@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from mock_autopilot.fault_link import LinkFaults
-from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.fault_ways import FROM, TO
-from mock_autopilot.fault_words import parse
-from mock_autopilot.px4 import Mode
+from mock_autopilot.faults.catalogue import FROM, TO
+from mock_autopilot.faults.link import LinkFaults
+from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.px4.vocabulary import Mode
 from tests.mock_autopilot.bench import NO_GPS, Bench
 
 EVERY_S = 0.01

@@ -5,11 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mock_autopilot.fault_mocap import CORNER_M, MocapFaults
-from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.fault_words import parse
-from mock_autopilot.qtm_packets import HEADER, Body, BodyPose, Component, Frame, PacketType, data_packet
-from mock_autopilot.quaternion import Array
+from mock_autopilot.faults.mocap import CORNER_M, MocapFaults
+from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.qtm.packets import HEADER, Body, BodyPose, Component, Frame, PacketType, data_packet
 
 RATE_HZ = 100.0
 BEGIN_S, END_S = 1.0, 2.0

@@ -13,14 +13,14 @@ import pytest_asyncio
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.config import MockConfig
-from mock_autopilot.dynamixel_config import FaultKind
-from mock_autopilot.fault_mocap import MocapFaults
-from mock_autopilot.fault_schedule import FaultSchedule
-from mock_autopilot.fault_words import parse
-from mock_autopilot.px4 import Mode
-from mock_autopilot.qtm_packets import HEADER, PacketType, text_packet
-from mock_autopilot.qualisys import QualisysServer
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.faults.sentences import parse
+from mock_autopilot.px4.vocabulary import Mode
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.packets import HEADER, PacketType, text_packet
+from mock_autopilot.qtm.server import QualisysServer
+from mock_autopilot.servos.config import FaultKind
 from mock_autopilot.simulator import Simulator
 from tests.mock_autopilot.process import Client, running, start
 from tests.mock_autopilot.truths import flight

@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from mock_autopilot.fault_schedule import FaultSchedule, Turn
-from mock_autopilot.fault_ways import Part
-from mock_autopilot.fault_words import parse
+from mock_autopilot.faults.catalogue import Part
+from mock_autopilot.faults.schedule import FaultSchedule, Turn
+from mock_autopilot.faults.sentences import parse
 from tests.mock_autopilot.bench import NO_GPS, Bench
 
 STEP_S = 0.01

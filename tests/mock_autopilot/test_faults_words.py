@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from mock_autopilot.config import MockConfig, MockConfigError
-from mock_autopilot.fault_document import document
-from mock_autopilot.fault_ways import WAYS, Kind, Part, Phase, Way
-from mock_autopilot.fault_words import EXAMPLES, FaultError, parse, sentence_of
-from mock_autopilot.faults import Fault
+from mock_autopilot.faults.catalogue import WAYS, Kind, Part, Phase, Way
+from mock_autopilot.faults.document import document
+from mock_autopilot.faults.fault import Fault
+from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
 
 
 def test_the_document_is_what_the_code_prints() -> None:
     written = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
-    assert written == document(), "python -m mock_autopilot.fault_document > docs/faults.md"
+    assert written == document(), "python -m mock_autopilot.faults.document > docs/faults.md"
 
 
 def test_a_sentence_is_a_fault() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.frames import messages_in
+from mock_autopilot.mavlink.frames import messages_in
 from tests.mock_autopilot.bench import Bench
 
 CODEC = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)

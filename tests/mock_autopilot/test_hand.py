@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mock_autopilot import quaternion as quat
+from mock_autopilot.physics import quaternion as quat
 from tests.mock_autopilot.bench import NO_GPS, Bench
 
 

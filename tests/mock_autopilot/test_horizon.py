@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mock_autopilot import quaternion as quat
-from mock_autopilot.attitude_error import AttitudeErrorParams
-from mock_autopilot.estimator import Estimator, Motion
-from mock_autopilot.horizon import Horizon
-from mock_autopilot.params import ParamTable
-from mock_autopilot.quaternion import Array
-from mock_autopilot.vision import VisionSample
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.px4.attitude_error import AttitudeErrorParams
+from mock_autopilot.px4.estimator import Estimator, Motion
+from mock_autopilot.px4.horizon import Horizon
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.px4.vision import VisionSample
 from tests.mock_autopilot.bench import NO_GPS, PERFECT, SIH_PLANT, Bench
 
 HOVERING = Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)

@@ -11,10 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mock_autopilot import plant, plant_one
-from mock_autopilot import quaternion as quat
-from mock_autopilot import quaternion_one as plain
-from mock_autopilot.plant import GRAVITY_MPS2, ROLL, YAW, Actuation, PlantParams, PlantState, Wrench
+from mock_autopilot.physics import plant, plant_one
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics import quaternion_one as plain
+from mock_autopilot.physics.plant import GRAVITY_MPS2, ROLL, YAW, Actuation, PlantParams, PlantState, Wrench
 
 Step = Callable[[PlantState, Actuation, Wrench, PlantParams, float], PlantState]
 DT_S = 0.002

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mock_autopilot.qtm_camera import Camera
-from mock_autopilot.qtm_packets import Component, Frame, data_packet
-from mock_autopilot.qualisys_config import Interval, QualisysConfig
-from mock_autopilot.quaternion import from_euler
+from mock_autopilot.physics.quaternion import from_euler
+from mock_autopilot.qtm.camera import Camera
+from mock_autopilot.qtm.config import Interval, QualisysConfig
+from mock_autopilot.qtm.packets import Component, Frame, data_packet
 from tests.mock_autopilot.truths import flight, truth_at
 
 RIGHT = np.array([0.0, 0.0, 2.0])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mock_autopilot import qtm_packets as qtm
-from mock_autopilot.qtm_packets import BodyPose, Component, Frame, PacketType
+from mock_autopilot.qtm import packets as qtm
+from mock_autopilot.qtm.packets import BodyPose, Component, Frame, PacketType
 
 ROTATION = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 """A quarter turn to the left: row 1 is (0, -1, 0), so column by column it reads 0 1 0, -1 0 0, 0 0 1."""

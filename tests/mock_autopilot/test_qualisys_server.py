@@ -11,8 +11,8 @@ import qtm_rt
 from qtm_rt.packet import QRTEvent
 from qtm_rt.protocol import QRTCommandException
 
-from mock_autopilot.qualisys import QualisysServer, ServerStartError
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.server import QualisysServer, ServerStartError
 from tests.mock_autopilot.truths import flight, truth_at
 
 pytestmark = pytest.mark.realtime
@@ -176,7 +176,7 @@ async def test_a_taken_port_is_said_in_a_sentence(server: QualisysServer) -> Non
 
 
 async def test_a_client_that_reads_nothing_is_cut_off(server: QualisysServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("mock_autopilot.qualisys.MAX_BACKLOG_BYTES", 1000)
+    monkeypatch.setattr("mock_autopilot.qtm.server.MAX_BACKLOG_BYTES", 1000)
     with socket.socket() as deaf:
         deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1024)  # before connecting, when the window is agreed
         deaf.connect(("127.0.0.1", server.port))

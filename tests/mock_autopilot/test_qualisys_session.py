@@ -2,9 +2,9 @@
 
 import pytest
 
-from mock_autopilot import qtm_packets as qtm
-from mock_autopilot.qtm_session import NO_MORE_DATA, RefusedError, Session, StreamRequest, parse_stream
-from mock_autopilot.qualisys_config import QualisysConfig
+from mock_autopilot.qtm import packets as qtm
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.session import NO_MORE_DATA, RefusedError, Session, StreamRequest, parse_stream
 
 CONFIG = QualisysConfig(body="dauam", extra_bodies=("leader",))
 

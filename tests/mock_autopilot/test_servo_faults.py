@@ -2,10 +2,10 @@
 
 import pytest
 
-from mock_autopilot.dynamixel_config import Fault, FaultKind
-from mock_autopilot.dynamixel_packets import Error1, Instruction, Packet
-from mock_autopilot.servo import Servo
-from mock_autopilot.servo_rack import ServoRack
+from mock_autopilot.servos.config import Fault, FaultKind
+from mock_autopilot.servos.packets import Error1, Instruction, Packet
+from mock_autopilot.servos.rack import ServoRack
+from mock_autopilot.servos.servo import Servo
 from tests.mock_autopilot.servo_rig import AX, CONFIG, XM, pings, read, run, write
 
 

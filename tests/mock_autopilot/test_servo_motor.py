@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mock_autopilot.servo_motor import AX_12A, XM430_W210, XM430_W350, Motor, MotorSpec
+from mock_autopilot.servos.motor import AX_12A, XM430_W210, XM430_W350, Motor, MotorSpec
 
 STEP_S = 0.002
 SPECS = [XM430_W350, XM430_W210, AX_12A]

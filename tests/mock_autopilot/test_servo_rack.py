@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from mock_autopilot.dynamixel_config import DynamixelConfig, ServoConfig
-from mock_autopilot.dynamixel_memory import Refusal
-from mock_autopilot.dynamixel_packets import Error1
-from mock_autopilot.servo import Servo
-from mock_autopilot.servo_rack import ServoRack
+from mock_autopilot.servos.config import DynamixelConfig, ServoConfig
+from mock_autopilot.servos.memory import Refusal
+from mock_autopilot.servos.packets import Error1
+from mock_autopilot.servos.rack import ServoRack
+from mock_autopilot.servos.servo import Servo
 from tests.mock_autopilot.servo_rig import AX, CONFIG, STEP_S, XM, pings, read, run, write
 
 

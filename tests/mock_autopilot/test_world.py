@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mock_autopilot import plant
-from mock_autopilot import quaternion as quat
 from mock_autopilot.config import MockConfig
-from mock_autopilot.plant import GRAVITY_MPS2, Wrench
-from mock_autopilot.setpoint import LEVEL, AttitudeTarget
-from mock_autopilot.truth import Truth
+from mock_autopilot.physics import plant
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.plant import GRAVITY_MPS2, Wrench
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.px4.setpoint import LEVEL, AttitudeTarget
 from mock_autopilot.world import STEP_S, World
 from tests.mock_autopilot.bench import NO_GPS, Bench
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mock_autopilot.quaternion import Array
-from mock_autopilot.truth import Truth
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.physics.truth import Truth
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 STEP_S = 0.002

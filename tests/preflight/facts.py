@@ -6,16 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.config_preflight import load_recommended
-from companion.preflight.agreement import Apart, VisionSeen
-from companion.preflight.by_hand import Kept
-from companion.preflight.machine import MachineSeen
-from companion.preflight.mocap import MocapSeen
-from companion.preflight.vehicle import ArmsSeen
-from companion.preflight.whole import CURVE, DELAY, HOVER, Facts
-from companion.types import AutopilotStatus, FlightMode
+from companion.config.preflight_config import load_recommended
+from companion.core.types import AutopilotStatus, FlightMode
+from companion.preflight.checks.agreement import Apart, VisionSeen
+from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts
+from companion.preflight.checks.computer import MachineSeen
+from companion.preflight.checks.hand_test import Kept
+from companion.preflight.checks.mocap import MocapSeen
+from companion.preflight.checks.vehicle import ArmsSeen
 from mock_autopilot.config import MockConfig
-from mock_autopilot.params import ParamTable
+from mock_autopilot.px4.params import ParamTable
 
 ROOT = Path(__file__).resolve().parents[2]
 NOW_S = 100.0

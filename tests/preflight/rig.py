@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.cli.mock_process import MockPorts, free_ports
+from companion.cli.demo.mock_process import MockPorts, free_ports
 from mock_autopilot.config import MockConfig
 from mock_autopilot.simulator import Simulator
 

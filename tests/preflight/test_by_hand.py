@@ -8,8 +8,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
-from companion.control.frames import matrix_from_quat, quat_from_matrix, quat_from_yaw
-from companion.preflight.by_hand import (
+from companion.core.types import Array
+from companion.geometry.frames import matrix_from_quat, quat_from_matrix, quat_from_yaw
+from companion.preflight.checks.hand_test import (
     Kept,
     Move,
     Moved,
@@ -22,7 +23,6 @@ from companion.preflight.by_hand import (
     moved,
     settled,
 )
-from companion.types import Array
 
 FAR_M = {Move.LIFT: 0.3, Move.FORWARD: 0.5, Move.LEFT: 0.5}
 RATE_HZ = 50.0

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 
 from companion.adapters.px4 import LocalEstimate
-from companion.config import CompanionConfig
-from companion.config_preflight import PreflightConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.preflight_config import PreflightConfig
 from companion.control.controller import ControlInput, ControlOutput
-from companion.control.frames import quat_from_rotation_vector, quat_from_yaw, quat_multiply
-from companion.dry_law import DryLaw
+from companion.core.types import AutopilotStatus, MocapFrame
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.preflight.check import refusal
-from companion.preflight.dry import check_health, check_law
-from companion.service_preflight import Running, machine_of, preflight, watch
+from companion.flight.tick import Tick
+from companion.geometry.frames import quat_from_rotation_vector, quat_from_yaw, quat_multiply
+from companion.preflight.checks.check import refusal
+from companion.preflight.checks.dry_run_report import check_health, check_law
+from companion.preflight.dry_run import DryRun
+from companion.preflight.service_facts import Running, machine_of, preflight, watch
 from companion.supervisor.faults import Fault
-from companion.tick import Tick
-from companion.types import AutopilotStatus, MocapFrame
 from tests.preflight.facts import STATUS, mock_parameters
 
 CONFIG = CompanionConfig(preflight=PreflightConfig(realtime=False, by_hand_within_h=0.0))
@@ -225,13 +225,13 @@ class Law:
         return None, ControlOutput(self._accel, np.array([1.0]), {})
 
 
-def dry(scripted: Scripted, law: Law, cycles: int = 200) -> tuple[DryLaw, list[Tick]]:
+def dry(scripted: Scripted, law: Law, cycles: int = 200) -> tuple[DryRun, list[Tick]]:
     ticks: list[Tick] = []
 
     def sink(tick: Tick) -> None:
         ticks.append(tick)
 
-    law_in_front = DryLaw(scripted.running, CONFIG, law, None, sink)
+    law_in_front = DryRun(scripted.running, CONFIG, law, None, sink)
     for _ in range(cycles * 10):
         scripted.pass_time(0.001)
         law_in_front(scripted.now_s(), math.nan)

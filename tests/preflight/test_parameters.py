@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from companion.config_preflight import load_recommended
-from companion.config_recommended import Recommended
-from companion.ports import ConfigError
-from companion.preflight.parameters import check_parameters
+from companion.config.preflight_config import load_recommended
+from companion.config.recommended_parameter import Recommended
+from companion.core.interfaces import ConfigError
+from companion.preflight.checks.parameters import check_parameters
 from mock_autopilot.config import MockConfig
-from mock_autopilot.params import ParamTable
+from mock_autopilot.px4.params import ParamTable
 
 ROOT = Path(__file__).resolve().parents[2]
 LIST = {one.name: one for one in load_recommended("recommended")}

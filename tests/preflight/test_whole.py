@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig
-from companion.config_operator import OperatorConfig
-from companion.config_preflight import PreflightConfig
-from companion.control.frames import quat_from_rotation_vector, quat_from_yaw
-from companion.control.reference import Ellipse, LapTiming
-from companion.ports import ConfigError
-from companion.preflight.agreement import Apart, VisionSeen, apart, check_heading, check_tilts
-from companion.preflight.by_hand import Kept
-from companion.preflight.check import Check, refusal
-from companion.preflight.whole import Facts, check_all
-from companion.trajectory_check import check_trajectory
-from companion.types import Array, AutopilotStatus, BatteryReading, Reference
+from companion.config.arms_config import ArmsConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.operator_config import OperatorConfig
+from companion.config.preflight_config import PreflightConfig
+from companion.core.interfaces import ConfigError
+from companion.core.types import Array, AutopilotStatus, BatteryReading, Reference
+from companion.geometry.frames import quat_from_rotation_vector, quat_from_yaw
+from companion.preflight.checks.agreement import Apart, VisionSeen, apart, check_heading, check_tilts
+from companion.preflight.checks.all_checks import Facts, check_all
+from companion.preflight.checks.check import Check, refusal
+from companion.preflight.checks.hand_test import Kept
+from companion.trajectories.reference import Ellipse, LapTiming
+from companion.trajectories.room_check import check_trajectory
 from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
 
 CONFIG = CompanionConfig(arms=ArmsConfig(), operator=OperatorConfig())

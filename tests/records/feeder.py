@@ -6,8 +6,8 @@ Prints the writer's process, then the number of every tick.
 import sys
 import time
 
-from companion.adapters.record_process import RecordSink
-from companion.config_records import RecordsConfig
+from companion.config.records_config import RecordsConfig
+from companion.records.record_process import RecordSink
 from tests.records.flown import flight
 from tests.records.writer_process import wait_until_it_reads
 

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.arm_stage import ArmTick
-from companion.arms.machine import ArmPhase
-from companion.config import CompanionConfig
-from companion.config_controller import load_controller
-from companion.control_stage import ControlStage
+from companion.arms.state_machine import ArmPhase
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
+from companion.control.pipeline import ControlPipeline
+from companion.core.types import ArmStatus, AutopilotStatus, FlightMode, JointMotion, MocapFrame, Reference
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.flight.arm_step import ArmTick
+from companion.flight.tick import Tick
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.flight import Flight, Phase
-from companion.tick import Tick
-from companion.types import ArmStatus, AutopilotStatus, FlightMode, JointMotion, MocapFrame, Reference
+from companion.supervisor.flight_state import FlightState, Phase
 
 PERIOD_S = 0.01
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -32,7 +32,7 @@ def flight(
     """Standby, preflight, track under each controller in turn, disarmed; no frame in every seventh tick."""
     seed = np.random.default_rng(1)
     estimate, time_s = EstimatorState(), start_s
-    stage: ControlStage | None = None
+    stage: ControlPipeline | None = None
     phases = [
         (Phase.STANDBY, "", 10),
         (Phase.PREFLIGHT, "", 10),
@@ -44,7 +44,7 @@ def flight(
         if name:
             law = load_controller(name, CONFIG.vehicle_model(), PERIOD_S).law
             if stage is None:
-                stage = ControlStage(law, CONFIG.vehicle.thrust_model(), CONFIG.limits.limits())
+                stage = ControlPipeline(law, CONFIG.vehicle.thrust_model(), CONFIG.limits.limits())
             else:
                 stage.switch(law)
         for _ in range(ticks):
@@ -64,7 +64,7 @@ def _tick(
     name: str,
     frame: MocapFrame | None,
     estimate: EstimatorState,
-    stage: ControlStage | None,
+    stage: ControlPipeline | None,
 ) -> Tick:
     flown = stage is not None and estimate.vehicle is not None
     reference = Reference(np.array([math.cos(time_s), math.sin(time_s), 1.0]), ZERO, ZERO, 0.1)
@@ -81,7 +81,7 @@ def _tick(
         vehicle=estimate.vehicle,
         age_s=estimator.age_s(estimate, time_s),
         status=replace(STATUS, armed=flown, mode=FlightMode.OFFBOARD if flown else FlightMode.HOLD),
-        flight=Flight(phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""),
+        flight=FlightState(phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""),
         reference=reference if flown else None,
         asked=asked,
         gated=asked.gated if asked else None,

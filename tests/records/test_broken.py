@@ -15,16 +15,16 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, Writer
 
-from companion.adapters.recorder import Recorder
-from companion.ports import CompanionError
-from companion.records.glance import glance
+from companion.analysis.replay.laws import config_of
+from companion.analysis.report.numbers import numbers_of
+from companion.analysis.report.recorded_flight import Flown
+from companion.core.interfaces import CompanionError
+from companion.records.flight_summary import summarize_flight
 from companion.records.index import NAME, glances
 from companion.records.mcap_file import MAGIC
 from companion.records.read import RecordError, read_flight
-from companion.replay.laws import config_of
-from companion.reports.flown import Flown
-from companion.reports.numbers import numbers_of
-from companion.supervisor.flight import Phase
+from companion.records.recorder import Recorder
+from companion.supervisor.flight_state import Phase
 from tests.records.flown import flight
 from tests.records.test_round_trip import written
 
@@ -75,7 +75,7 @@ def foreign(path: Path, compression: CompressionType = CompressionType.ZSTD, top
 
 def use_all(path: Path) -> None:
     """All that commands make of a record; CompanionError where they refuse it in a sentence."""
-    glance(path)
+    summarize_flight(path)
     record = read_flight(path)
     json.dumps(numbers_of(Flown(record)).as_dict(), allow_nan=False)
     config_of(record)
@@ -127,7 +127,7 @@ def test_a_wrong_length_in_a_file_that_is_cut_off_keeps_what_was_before(
     record = read_flight(path)
     assert record.truncated
     assert len(record.columns["tick"]) > 50
-    assert glance(path).truncated
+    assert summarize_flight(path).truncated
 
 
 @pytest.mark.parametrize("size", [2**60, 200 << 30, 255_000_000, 5])
@@ -305,14 +305,14 @@ def test_a_folder_that_cannot_be_written_to_is_listed_all_the_same(
 
 def test_all_laws_of_a_flight_are_listed_and_not_only_the_last(tmp_path: Path) -> None:
     (path,) = written(tmp_path, flight(controllers=("practical", "pid")))
-    assert glance(path).law == "practical, pid"
+    assert summarize_flight(path).law == "practical, pid"
     path.write_bytes(path.read_bytes()[:-500])
-    assert glance(path).law == "practical, pid"
+    assert summarize_flight(path).law == "practical, pid"
 
 
 def test_a_flight_in_which_no_law_ran_has_no_law(tmp_path: Path) -> None:
     ticks = [replace(tick, law="etnn") for tick in flight() if tick.flight.phase is not Phase.TRACK]
     (path,) = written(tmp_path, ticks)
-    assert glance(path).law == ""
+    assert summarize_flight(path).law == ""
     assert read_flight(path).laws == ()
     assert not read_flight(path).law_flew

@@ -18,10 +18,10 @@ import psutil  # type: ignore[import-untyped]
 import pytest
 from websockets.sync.client import connect
 
-from companion.adapters.record_process import RecordSink
-from companion.cli.mock_process import free_ports
-from companion.config_records import RecordsConfig
+from companion.cli.demo.mock_process import free_ports
+from companion.config.records_config import RecordsConfig
 from companion.records.read import RecordError, read_flight
+from companion.records.record_process import RecordSink
 from tests.flights.command import ROOT
 from tests.records.flown import flight
 from tests.records.writer_process import wait_until_it_reads
@@ -105,7 +105,7 @@ def has_a_tick(folder: Path) -> bool:
 def test_a_writer_that_dies_is_told_of_and_is_there_again_for_the_next_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.adapters.record_process._AGAIN_S", 0.0)
+    monkeypatch.setattr("companion.records.record_process._AGAIN_S", 0.0)
 
     def kill(count: int) -> None:
         if count == 30:
@@ -157,8 +157,8 @@ def test_a_writer_that_is_kept_waiting_catches_up_without_a_gap(tmp_path: Path) 
 def test_a_writer_that_does_not_keep_up_is_told_of_once_and_the_gap_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("companion.adapters.record_process._MOST_BACKLOG", 3)
-    monkeypatch.setattr("companion.adapters.record_process._BUFFER", 200_000)
+    monkeypatch.setattr("companion.records.record_process._MOST_BACKLOG", 3)
+    monkeypatch.setattr("companion.records.record_process._BUFFER", 200_000)
 
     told: list[int] = []
 

@@ -10,19 +10,19 @@ import numpy as np
 import pytest
 from foxglove import Context
 
-from companion.adapters.recorder import Recorder
-from companion.config_arms import ArmsConfig
-from companion.config_records import RecordsConfig
+from companion.config.arms_config import ArmsConfig
+from companion.config.records_config import RecordsConfig
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.records.exact import of_json, to_json
+from companion.flight.tick import Tick
+from companion.records.exact_json import of_json, to_json
 from companion.records.flight_file import FlightFiles
-from companion.records.gathered import frozen
 from companion.records.read import FlightRecord, RecordError, read_flight
-from companion.records.row import LAYOUT, ROW, START, RowDecoder, RowEncoder
-from companion.records.shelf import Shelf
-from companion.supervisor.flight import Phase
-from companion.tick import Tick
+from companion.records.recorder import Recorder
+from companion.records.retention import Retention
+from companion.records.row_codec import LAYOUT, ROW, START, RowDecoder, RowEncoder
+from companion.records.tick_columns import frozen
+from companion.supervisor.flight_state import Phase
 from tests.records.flown import CONFIG, flight
 
 BEGIN = {"unix_offset_s": 1.7e9, "config": CONFIG.model_dump(mode="json"), "seed": 7}
@@ -31,7 +31,7 @@ BEGIN = {"unix_offset_s": 1.7e9, "config": CONFIG.model_dump(mode="json"), "seed
 def written(folder: Path, ticks: Iterable[Tick], begin: dict[str, Any] | None = None, **config: Any) -> list[Path]:
     """All that the writer does, in this process."""
     settings = RecordsConfig.model_validate({"folder": str(folder), "live_port": 0, "min_free_mb": 0.0} | config)
-    files = FlightFiles(Shelf(settings, "one"), Context(), lambda _: None)
+    files = FlightFiles(Retention(settings, "one"), Context(), lambda _: None)
     usual = BEGIN | {"config": {"arms": ArmsConfig().model_dump(mode="json")}}
     files.begin(b"B" + json.dumps(usual if begin is None else begin).encode())
     encoder = RowEncoder()

@@ -2,7 +2,7 @@
 
 import time
 
-from companion.adapters.record_process import RecordSink
+from companion.records.record_process import RecordSink
 
 
 def wait_until_it_reads(sink: RecordSink) -> None:

@@ -6,25 +6,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.control.reference import Ellipse, Trajectory
+from companion.core.types import FlightMode
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.flight import (
+from companion.supervisor.flight_state import (
     Action,
-    Facts,
-    Flight,
+    ArmRequest,
+    FlightInputs,
     FlightRules,
-    Fly,
-    HandOver,
-    Kill,
-    Land,
+    FlightState,
+    HandOverRequest,
+    KillRequest,
+    LandRequest,
     Phase,
-    Prepare,
     Request,
-    Resume,
-    TakeOff,
+    ResumeRequest,
+    TakeoffRequest,
+    TrackRequest,
 )
-from companion.supervisor.phases import advance, reference_at, request
-from companion.types import FlightMode
+from companion.supervisor.state_machine import advance, reference_at, request
+from companion.trajectories.reference import Ellipse, Trajectory
 
 RULES = FlightRules()
 DT_S = 0.01
@@ -44,18 +44,18 @@ def facts(
     climb_mps: float = 0.0,
     armed: bool = True,
     mode: FlightMode = FlightMode.OFFBOARD,
-) -> Facts:
+) -> FlightInputs:
     """A vehicle above its ground, with these faults there."""
     position = GROUND + np.array([0.0, 0.0, height_m])
     events = tuple(event(fault) for fault in faults)
-    return Facts(time_s, position, np.array([0.0, 0.0, climb_mps]), 0.3, armed, mode, events=events)
+    return FlightInputs(time_s, position, np.array([0.0, 0.0, climb_mps]), 0.3, armed, mode, events=events)
 
 
-def with_faults(seen: Facts, *faults: Fault) -> Facts:
+def with_faults(seen: FlightInputs, *faults: Fault) -> FlightInputs:
     return replace(seen, events=tuple(event(fault) for fault in faults))
 
 
-def on_reference(flight: Flight, time_s: float) -> Facts:
+def on_reference(flight: FlightState, time_s: float) -> FlightInputs:
     """The vehicle exactly where it should be, on the ground at the lowest."""
     if not flight.airborne:
         return facts(time_s, 0.0)
@@ -66,8 +66,8 @@ def on_reference(flight: Flight, time_s: float) -> Facts:
 
 
 def until(
-    flight: Flight, time_s: float, done: Callable[[Flight], bool], within_s: float = 60.0
-) -> tuple[Flight, float]:
+    flight: FlightState, time_s: float, done: Callable[[FlightState], bool], within_s: float = 60.0
+) -> tuple[FlightState, float]:
     """Tick with the vehicle on its reference until `done`."""
     end_s = time_s + within_s
     while not done(flight):
@@ -77,41 +77,41 @@ def until(
     return flight, time_s
 
 
-def preflight() -> Flight:
-    return request(Flight(), Prepare(), facts(0.0, armed=False), RULES)
+def preflight() -> FlightState:
+    return request(FlightState(), ArmRequest(), facts(0.0, armed=False), RULES)
 
 
-def armed() -> Flight:
+def armed() -> FlightState:
     return advance(preflight(), facts(0.1), RULES)
 
 
-def spooling() -> Flight:
-    return request(armed(), TakeOff(1.2), facts(1.0), RULES)
+def spooling() -> FlightState:
+    return request(armed(), TakeoffRequest(1.2), facts(1.0), RULES)
 
 
-def climbing() -> Flight:
+def climbing() -> FlightState:
     return advance(spooling(), facts(2.5, 0.05, climb_mps=0.2), RULES)
 
 
-def hovering() -> tuple[Flight, float]:
+def hovering() -> tuple[FlightState, float]:
     return until(climbing(), 2.5, lambda flight: flight.phase is Phase.HOLD)
 
 
-def _asked(state: tuple[Flight, float], wanted: Request) -> tuple[Flight, float]:
+def _asked(state: tuple[FlightState, float], wanted: Request) -> tuple[FlightState, float]:
     flight, time_s = state
     return request(flight, wanted, on_reference(flight, time_s), RULES), time_s
 
 
-def _hit(state: tuple[Flight, float], fault: Fault) -> tuple[Flight, float]:
+def _hit(state: tuple[FlightState, float], fault: Fault) -> tuple[FlightState, float]:
     flight, time_s = state
     return advance(flight, with_faults(on_reference(flight, time_s + DT_S), fault), RULES), time_s + DT_S
 
 
-def approaching() -> tuple[Flight, float]:
-    return _asked(hovering(), Fly(CURVE, 1.0))
+def approaching() -> tuple[FlightState, float]:
+    return _asked(hovering(), TrackRequest(CURVE, 1.0))
 
 
-def tracking() -> tuple[Flight, float]:
+def tracking() -> tuple[FlightState, float]:
     flight, time_s = until(*approaching(), lambda now: now.phase is Phase.TRACK)
     full_speed_s = time_s + 5.0
     while time_s < full_speed_s:
@@ -120,32 +120,32 @@ def tracking() -> tuple[Flight, float]:
     return flight, time_s
 
 
-def descending() -> tuple[Flight, float]:
-    return _asked(hovering(), Land())
+def descending() -> tuple[FlightState, float]:
+    return _asked(hovering(), LandRequest())
 
 
-def stowing() -> tuple[Flight, float]:
+def stowing() -> tuple[FlightState, float]:
     flight, time_s = tracking()
-    return request(flight, Land(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
+    return request(flight, LandRequest(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
 
 
-def touched_down() -> tuple[Flight, float]:
+def touched_down() -> tuple[FlightState, float]:
     flight, time_s = descending()
     return until(flight, time_s, lambda now: now.touched_down)
 
 
-def given_up() -> tuple[Flight, float]:
-    return _asked(hovering(), HandOver("it broke"))
+def given_up() -> tuple[FlightState, float]:
+    return _asked(hovering(), HandOverRequest("it broke"))
 
 
-def resuming() -> tuple[Flight, float]:
+def resuming() -> tuple[FlightState, float]:
     flight, time_s = _hit(hovering(), Fault.MODE_CHANGED)
     time_s += 1.0
-    return request(flight, Resume(), facts(time_s, 1.0, mode=FlightMode.POSITION), RULES), time_s
+    return request(flight, ResumeRequest(), facts(time_s, 1.0, mode=FlightMode.POSITION), RULES), time_s
 
 
-STATES: dict[str, tuple[Flight, float]] = {
-    "standby": (Flight(), 0.0),
+STATES: dict[str, tuple[FlightState, float]] = {
+    "standby": (FlightState(), 0.0),
     "preflight": (preflight(), 0.1),
     "armed": (armed(), 0.5),
     "stopping": _hit((armed(), 0.5), Fault.MOCAP_SLOW),
@@ -159,11 +159,11 @@ STATES: dict[str, tuple[Flight, float]] = {
     "descending": descending(),
     "landing by a fault": _hit(tracking(), Fault.BATTERY_LOW),
     "touched down": touched_down(),
-    "disarmed": (request(preflight(), Land(), facts(0.2, armed=False), RULES), 0.3),
+    "disarmed": (request(preflight(), LandRequest(), facts(0.2, armed=False), RULES), 0.3),
     "handed over": given_up(),
     "let go": _hit(hovering(), Fault.AUTOPILOT_SILENT),
     "resuming": resuming(),
-    "terminated": _asked(hovering(), Kill()),
+    "terminated": _asked(hovering(), KillRequest()),
 }
 IN_THE_AIR = [
     "climbing", "hovering", "approaching", "tracking", "held by a fault", "stowing", "descending", "landing by a fault",
@@ -172,7 +172,7 @@ ON_THE_GROUND = ["armed", "spooling up", "stopping", "touched down"]
 COMMANDED = IN_THE_AIR + ON_THE_GROUND
 
 
-def usual(state: str, later_s: float = DT_S) -> Facts:
+def usual(state: str, later_s: float = DT_S) -> FlightInputs:
     """What is seen in a state as long as nothing happens."""
     flight, time_s = STATES[state]
     seen = on_reference(flight, time_s + later_s)
@@ -194,5 +194,5 @@ def bits(value: object) -> object:
     return [bits(one) for one in value] if isinstance(value, tuple) else value
 
 
-def end_of(flight: Flight) -> tuple[Phase, Action | None]:
+def end_of(flight: FlightState) -> tuple[Phase, Action | None]:
     return flight.phase, flight.action

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from companion.control.fence import Fence
-from companion.control.frames import quat_multiply
+from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, VehicleState
 from companion.estimation.state import Verdict
+from companion.geometry.frames import quat_multiply
+from companion.guard.geofence import Fence
 from companion.supervisor.faults import Event, Fault, Stage
-from companion.supervisor.health import Health, assess
-from companion.supervisor.observed import Observed, Seen
-from companion.supervisor.safety import SafetyRules
-from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, VehicleState
+from companion.supervisor.health.checks import Health, assess
+from companion.supervisor.health_inputs import HealthInputs, MocapInputs
+from companion.supervisor.safety_rules import SafetyRules
 
 CYCLE_S = 1.0 / 128.0
 START_S = 1000.0
@@ -43,15 +43,15 @@ RULES = SafetyRules(
 )
 """The usual ones, but as binary fractions."""
 
-Change = Callable[[Observed], Observed]
+Change = Callable[[HealthInputs], HealthInputs]
 
 
-def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)) -> Observed:
+def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)) -> HealthInputs:
     """One cycle of a hover: a frame came in it and was used."""
     time_s = START_S + cycle * CYCLE_S
     place = np.array(position)
     vehicle = VehicleState(time_s - 1.0 / 64.0, place, np.zeros(3), LEVEL, np.zeros(3))
-    seen = Seen(1.0 / 64.0, Verdict.ACCEPTED, cycle, 7.0 + cycle * CYCLE_S, time_s, vehicle)
+    seen = MocapInputs(1.0 / 64.0, Verdict.ACCEPTED, cycle, 7.0 + cycle * CYCLE_S, time_s, vehicle)
     status = AutopilotStatus(
         True,
         time_s,
@@ -67,7 +67,7 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
         boot_s=50.0 + time_s,
     )
     sent = AttitudeThrust(LEVEL, np.array(0.5))
-    return Observed(
+    return HealthInputs(
         *(time_s, Stage.FLYING, True, True, True, seen, status, place, sent, False, "", 0.0),
         phase_since_s=START_S,
         landing_due_s=math.inf,
@@ -80,42 +80,42 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
     )
 
 
-def with_seen(now: Observed, **changes: Any) -> Observed:
+def with_seen(now: HealthInputs, **changes: Any) -> HealthInputs:
     """Motion capture seen differently."""
     return replace(now, seen=replace(now.seen, **changes))
 
 
-def with_vehicle(now: Observed, **changes: Any) -> Observed:
+def with_vehicle(now: HealthInputs, **changes: Any) -> HealthInputs:
     """The estimate differently."""
     assert now.seen.vehicle is not None
     return with_seen(now, vehicle=replace(now.seen.vehicle, **changes))
 
 
-def with_status(now: Observed, **changes: Any) -> Observed:
+def with_status(now: HealthInputs, **changes: Any) -> HealthInputs:
     """The autopilot differently."""
     return replace(now, autopilot=replace(now.autopilot, **changes))
 
 
-def on_ground(now: Observed) -> Observed:
+def on_ground(now: HealthInputs) -> HealthInputs:
     """Before arming, nothing sent."""
     now = replace(now, stage=Stage.GROUND, commanded=False, streaming=False, airborne=False, reference_w_m=None)
     return replace(with_status(now, armed=False, mode=FlightMode.HOLD, in_air=False), sent=None)
 
 
-def standing(now: Observed) -> Observed:
+def standing(now: HealthInputs) -> HealthInputs:
     """With turning rotors, commanded by us, before lift-off."""
     now = replace(now, stage=Stage.GROUND, airborne=False, reference_w_m=None)
     return with_status(now, in_air=False)
 
 
-def handed_over(now: Observed) -> Observed:
+def handed_over(now: HealthInputs) -> HealthInputs:
     """The autopilot lands by itself, on the poses it is given."""
     now = replace(now, stage=Stage.HANDED_OVER, commanded=False, streaming=False, airborne=False, reference_w_m=None)
     return replace(with_status(now, mode=FlightMode.LAND), sent=None)
 
 
 def watched(
-    flight: Iterator[Observed] | list[Observed], rules: SafetyRules = RULES, fence: Fence = FENCE
+    flight: Iterator[HealthInputs] | list[HealthInputs], rules: SafetyRules = RULES, fence: Fence = FENCE
 ) -> list[tuple[Event, ...]]:
     """The events of each cycle."""
     memory, events = Health(), []

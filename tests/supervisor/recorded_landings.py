@@ -6,7 +6,7 @@ Times are those of the recordings, s. EXTENDED_SYS_STATE came at 1 Hz there.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from companion.types import FlightMode
+from companion.core.types import FlightMode
 
 OFFBOARD, LAND, POSITION = FlightMode.OFFBOARD, FlightMode.LAND, FlightMode.POSITION
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from companion.control.fence import Fence
-from companion.control.frames import flip_yz
-from companion.control.reference import Hold
+from companion.core.types import AttitudeThrust, AutopilotStatus, MocapFrame
 from companion.estimation.estimator import EstimatorParams, EstimatorState, step
-from companion.health_stage import Cycle, HealthStage, Sides, facts_of
+from companion.flight.health_step import Cycle, HealthStep, Sides, facts_of
+from companion.geometry.frames import flip_yz
+from companion.guard.geofence import Fence
 from companion.supervisor.faults import Event
-from companion.supervisor.flight import STREAMING, Action, Flight, FlightRules, Leg, Phase, Request
-from companion.supervisor.phases import advance, request
-from companion.supervisor.safety import SafetyRules
-from companion.types import AttitudeThrust, AutopilotStatus, MocapFrame
+from companion.supervisor.flight_state import STREAMING, Action, FlightRules, FlightState, Leg, Phase, Request
+from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.state_machine import advance, request
+from companion.trajectories.reference import Hold
 from tests.adapters.recorded_px4 import RecordedPx4
 from tests.mock_autopilot.reenact.known import CAPTURES, SAVED
 from tests.mock_autopilot.reenact.session import Pose, Session, load
@@ -40,7 +40,7 @@ class Cycled:
     """One cycle: what the supervisor knew, and what it made of it."""
 
     time_s: float
-    flight: Flight
+    flight: FlightState
     events: tuple[Event, ...]
     status: AutopilotStatus
     action: Action | None
@@ -52,7 +52,7 @@ def watched(
 ) -> list[Cycled]:
     """Let the supervisor see a session from its hover on; `asked` are the operator's requests and their times."""
     session = load(CAPTURES / f"{name}{SAVED}")
-    px4, health = RecordedPx4(session, monkeypatch), HealthStage(SAFETY, FENCE, Sides())
+    px4, health = RecordedPx4(session, monkeypatch), HealthStep(SAFETY, FENCE, Sides())
     start_s = _hover_from_s(session)
     frames, left = _frames([pose for pose in session.poses if pose.at_s >= start_s - SEEN_BEFORE_S]), list(asked)
     frame, estimate, cycles = None, EstimatorState(), list[Cycled]()
@@ -95,12 +95,14 @@ def _frames(poses: Sequence[Pose]) -> list[MocapFrame]:
     return frames
 
 
-def _hovering(first: MocapFrame, start_s: float) -> Flight:
+def _hovering(first: MocapFrame, start_s: float) -> FlightState:
     place = first.position_w_m
     assert place[2] > LEAST_M
     ground = np.array([place[0], place[1], 0.0])
     legs = (Leg(Phase.HOLD, Hold(place, 0.0)),)
-    return Flight(phase=Phase.HOLD, since_s=start_s, legs=legs, leg_start_s=start_s, ground_w_m=ground, airborne=True)
+    return FlightState(
+        phase=Phase.HOLD, since_s=start_s, legs=legs, leg_start_s=start_s, ground_w_m=ground, airborne=True
+    )
 
 
 def phases_of(cycles: Sequence[Cycled]) -> list[Phase]:

@@ -7,11 +7,11 @@ import string
 
 import pytest
 
-from companion.supervisor.faults import ROWS, TABLE, Fault, Reaction, Row, Stage, reaction_to
-from companion.supervisor.flight import STREAMING, Action, Flight, Kill, Phase, Resume
-from companion.supervisor.phases import advance, request, strongest
-from companion.supervisor.safety import SafetyRules
-from companion.types import FlightMode
+from companion.core.types import FlightMode
+from companion.supervisor.faults import ROWS, TABLE, FailsafeAction, Fault, Row, Stage, reaction_to
+from companion.supervisor.flight_state import STREAMING, Action, FlightState, KillRequest, Phase, ResumeRequest
+from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.state_machine import advance, request, strongest
 from tests.supervisor.flown import (
     DT_S,
     IN_THE_AIR,
@@ -61,10 +61,10 @@ def test_every_number_of_the_safety_rules_is_explained_by_a_row() -> None:
 
 def test_the_words_of_the_reactions() -> None:
     words = ["note", "stop", "hold", "land", "PX4 lands", "let go", "terminate"]
-    assert [reaction.words for reaction in Reaction] == words
-    assert [int(reaction) for reaction in sorted(Reaction)] == list(range(7))
+    assert [reaction.words for reaction in FailsafeAction] == words
+    assert [int(reaction) for reaction in sorted(FailsafeAction)] == list(range(7))
     for left, right in itertools.pairwise(("NOTE", "STOP", "HOLD", "LAND", "AUTOPILOT_LAND", "LET_GO", "TERMINATE")):
-        assert Reaction[left] < Reaction[right]
+        assert FailsafeAction[left] < FailsafeAction[right]
 
 
 def test_the_table_answers_by_stage() -> None:
@@ -81,18 +81,27 @@ def test_the_table_answers_by_stage() -> None:
 @EVERY_FAULT
 def test_reactions_are_sane(fault: Fault) -> None:
     row = ROWS[fault]
-    ends = {Reaction.AUTOPILOT_LAND, Reaction.LET_GO, Reaction.TERMINATE}
-    assert row.flying is not Reaction.STOP, "motors do not stop in the air, unless they are killed"
-    assert row.landing in {Reaction.NOTE, *ends}, "a landing is not held up, nor begun anew"
-    assert row.landing == (row.flying if row.flying in ends else Reaction.NOTE), "what ends a flight ends a landing"
-    assert row.ground in {Reaction.NOTE, Reaction.STOP, Reaction.LET_GO, Reaction.TERMINATE}, "nobody lands there"
-    assert row.handed_over in {Reaction.NOTE, Reaction.LET_GO, Reaction.TERMINATE}, "somebody else flies it"
-    if row.flying > Reaction.HOLD:
+    ends = {FailsafeAction.AUTOPILOT_LAND, FailsafeAction.RELEASE, FailsafeAction.TERMINATE}
+    assert row.flying is not FailsafeAction.DISARM, "motors do not stop in the air, unless they are killed"
+    assert row.landing in {FailsafeAction.WARN, *ends}, "a landing is not held up, nor begun anew"
+    assert row.landing == (row.flying if row.flying in ends else FailsafeAction.WARN), (
+        "what ends a flight ends a landing"
+    )
+    assert row.ground in {
+        FailsafeAction.WARN,
+        FailsafeAction.DISARM,
+        FailsafeAction.RELEASE,
+        FailsafeAction.TERMINATE,
+    }, "nobody lands there"
+    assert row.handed_over in {FailsafeAction.WARN, FailsafeAction.RELEASE, FailsafeAction.TERMINATE}, (
+        "somebody else flies it"
+    )
+    if row.flying > FailsafeAction.HOLD:
         never_there = {
             Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.THRUST_SATURATED, Fault.LANDING_TOO_LONG,
             Fault.HOLD_TOO_LONG, Fault.AUTOPILOT_DISARMED,
         }  # fmt: skip
-        assert row.ground > Reaction.NOTE or fault in never_there, "who would not fly on does not take off"
+        assert row.ground > FailsafeAction.WARN or fault in never_there, "who would not fly on does not take off"
 
 
 TERMINATING = {Fault.KILL, Fault.ROOM_LEFT}
@@ -109,17 +118,17 @@ BLIND = {
 
 
 def test_motors_stop_in_the_air_for_kill_and_the_net_only() -> None:
-    assert {row.fault for row in TABLE if row.flying is Reaction.TERMINATE} == TERMINATING | ONLY_OURS
-    assert {row.fault for row in TABLE if row.handed_over is Reaction.TERMINATE} == TERMINATING
-    assert {row.fault for row in TABLE if row.ground is Reaction.TERMINATE} == {Fault.KILL}
+    assert {row.fault for row in TABLE if row.flying is FailsafeAction.TERMINATE} == TERMINATING | ONLY_OURS
+    assert {row.fault for row in TABLE if row.handed_over is FailsafeAction.TERMINATE} == TERMINATING
+    assert {row.fault for row in TABLE if row.ground is FailsafeAction.TERMINATE} == {Fault.KILL}
     kill = ROWS[Fault.KILL]
-    assert {kill.flying, kill.landing, kill.ground, kill.handed_over} == {Reaction.TERMINATE}, "in every phase"
+    assert {kill.flying, kill.landing, kill.ground, kill.handed_over} == {FailsafeAction.TERMINATE}, "in every phase"
 
 
 def test_who_loses_the_autopilot_lets_go_and_who_loses_sight_has_px4_land() -> None:
     """The estimate is PX4's in the second case; in the first it, or a pilot, has the vehicle already."""
-    assert {row.fault for row in TABLE if row.flying is Reaction.LET_GO} == LETTING_GO
-    px4 = {row.fault for row in TABLE if row.flying is Reaction.AUTOPILOT_LAND}
+    assert {row.fault for row in TABLE if row.flying is FailsafeAction.RELEASE} == LETTING_GO
+    px4 = {row.fault for row in TABLE if row.flying is FailsafeAction.AUTOPILOT_LAND}
     assert px4 >= BLIND
     assert px4 - BLIND == {
         Fault.SETPOINT_NOT_FOLLOWED, Fault.TRACKING_LOST, Fault.FENCE_LEFT, Fault.LAW_FAILED, Fault.BATTERY_CRITICAL,
@@ -130,42 +139,42 @@ def test_who_loses_the_autopilot_lets_go_and_who_loses_sight_has_px4_land() -> N
 def test_a_stream_to_an_autopilot_that_is_gone_or_somebody_elses_ends_in_every_stage() -> None:
     """PX4 takes OFFBOARD up again by itself when setpoints come back."""
     gone = {Fault.AUTOPILOT_SILENT, Fault.LOOP_STOPPED}
-    assert {row.fault for row in TABLE if row.ground is Reaction.LET_GO} == {*gone, Fault.MODE_CHANGED}
-    assert {row.fault for row in TABLE if row.handed_over is Reaction.LET_GO} == {*gone, Fault.LAND_REFUSED}
+    assert {row.fault for row in TABLE if row.ground is FailsafeAction.RELEASE} == {*gone, Fault.MODE_CHANGED}
+    assert {row.fault for row in TABLE if row.handed_over is FailsafeAction.RELEASE} == {*gone, Fault.LAND_REFUSED}
 
 
 @pytest.mark.parametrize(
     ("fault", "flying"),
     [
-        (Fault.MOCAP_LATE, Reaction.NOTE),
-        (Fault.MOCAP_DEGRADED, Reaction.NOTE),
-        (Fault.LAND_REFUSED, Reaction.NOTE),
-        (Fault.HORIZON_CAPPED, Reaction.NOTE),
-        (Fault.OPERATOR_GONE, Reaction.NOTE),
-        (Fault.DISK_FULL, Reaction.NOTE),
-        (Fault.OFFBOARD_REFUSED, Reaction.NOTE),
-        (Fault.SERVICE_TWICE, Reaction.NOTE),
-        (Fault.FENCE_NEAR, Reaction.HOLD),
-        (Fault.MOCAP_SLOW, Reaction.LAND),
-        (Fault.MOCAP_DELAYED, Reaction.LAND),
-        (Fault.MOCAP_OUT_OF_ORDER, Reaction.LAND),
-        (Fault.HORIZON_WRONG, Reaction.LAND),
-        (Fault.TRACKING_ERROR, Reaction.LAND),
-        (Fault.THRUST_SATURATED, Reaction.LAND),
-        (Fault.LOOP_LATE, Reaction.LAND),
-        (Fault.BATTERY_LOW, Reaction.LAND),
-        (Fault.ARMS, Reaction.LAND),
-        (Fault.HOLD_TOO_LONG, Reaction.LAND),
-        (Fault.ABORT, Reaction.LAND),
+        (Fault.MOCAP_LATE, FailsafeAction.WARN),
+        (Fault.MOCAP_DEGRADED, FailsafeAction.WARN),
+        (Fault.LAND_REFUSED, FailsafeAction.WARN),
+        (Fault.HORIZON_CAPPED, FailsafeAction.WARN),
+        (Fault.OPERATOR_GONE, FailsafeAction.WARN),
+        (Fault.DISK_FULL, FailsafeAction.WARN),
+        (Fault.OFFBOARD_REFUSED, FailsafeAction.WARN),
+        (Fault.SERVICE_TWICE, FailsafeAction.WARN),
+        (Fault.FENCE_NEAR, FailsafeAction.HOLD),
+        (Fault.MOCAP_SLOW, FailsafeAction.LAND),
+        (Fault.MOCAP_DELAYED, FailsafeAction.LAND),
+        (Fault.MOCAP_OUT_OF_ORDER, FailsafeAction.LAND),
+        (Fault.HORIZON_WRONG, FailsafeAction.LAND),
+        (Fault.TRACKING_ERROR, FailsafeAction.LAND),
+        (Fault.THRUST_SATURATED, FailsafeAction.LAND),
+        (Fault.LOOP_LATE, FailsafeAction.LAND),
+        (Fault.BATTERY_LOW, FailsafeAction.LAND),
+        (Fault.ARMS, FailsafeAction.LAND),
+        (Fault.HOLD_TOO_LONG, FailsafeAction.LAND),
+        (Fault.ABORT, FailsafeAction.LAND),
     ],
 )
-def test_what_is_not_that_bad(fault: Fault, flying: Reaction) -> None:
+def test_what_is_not_that_bad(fault: Fault, flying: FailsafeAction) -> None:
     assert ROWS[fault].flying is flying
 
 
 def test_what_does_not_hinder_a_take_off() -> None:
     """All else ends the preparation."""
-    assert {row.fault for row in TABLE if row.ground is Reaction.NOTE} == {
+    assert {row.fault for row in TABLE if row.ground is FailsafeAction.WARN} == {
         Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.FENCE_NEAR,
         Fault.THRUST_SATURATED, Fault.AUTOPILOT_DISARMED, Fault.LAND_REFUSED, Fault.LANDING_TOO_LONG,
         Fault.HOLD_TOO_LONG, Fault.HORIZON_CAPPED,
@@ -174,13 +183,13 @@ def test_what_does_not_hinder_a_take_off() -> None:
 
 # --- and the machine ---
 
-CARRIED_OUT: dict[Reaction, tuple[Phase, Action | None]] = {
-    Reaction.STOP: (Phase.LAND, None),
-    Reaction.HOLD: (Phase.HOLD, None),
-    Reaction.LAND: (Phase.LAND, None),
-    Reaction.AUTOPILOT_LAND: (Phase.HANDED_OVER, Action.AUTOPILOT_LAND),
-    Reaction.LET_GO: (Phase.HANDED_OVER, None),
-    Reaction.TERMINATE: (Phase.TERMINATED, Action.KILL),
+CARRIED_OUT: dict[FailsafeAction, tuple[Phase, Action | None]] = {
+    FailsafeAction.DISARM: (Phase.LAND, None),
+    FailsafeAction.HOLD: (Phase.HOLD, None),
+    FailsafeAction.LAND: (Phase.LAND, None),
+    FailsafeAction.AUTOPILOT_LAND: (Phase.HANDED_OVER, Action.AUTOPILOT_LAND),
+    FailsafeAction.RELEASE: (Phase.HANDED_OVER, None),
+    FailsafeAction.TERMINATE: (Phase.TERMINATED, Action.KILL),
 }
 """With folded arms and an armed vehicle."""
 
@@ -194,16 +203,16 @@ def stage_of(state: str) -> Stage:
     return Stage.FLYING if state in {*IN_THE_AIR, "resuming"} else Stage.GROUND
 
 
-def expected(state: str, flight: Flight, reaction: Reaction) -> tuple[Phase, Action | None] | None:
+def expected(state: str, flight: FlightState, reaction: FailsafeAction) -> tuple[Phase, Action | None] | None:
     """Where it leads; None: as if nothing were wrong."""
     if flight.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} or reaction <= flight.level:
         return None
-    if reaction is Reaction.STOP and state in {"touched down", "stopping"}:
+    if reaction is FailsafeAction.DISARM and state in {"touched down", "stopping"}:
         return None
-    if state == "preflight" and reaction in {Reaction.STOP, Reaction.LET_GO}:
+    if state == "preflight" and reaction in {FailsafeAction.DISARM, FailsafeAction.RELEASE}:
         return Phase.DISARMED, None
-    if state == "resuming" and reaction is not Reaction.TERMINATE:
-        return CARRIED_OUT[Reaction.LET_GO]
+    if state == "resuming" and reaction is not FailsafeAction.TERMINATE:
+        return CARRIED_OUT[FailsafeAction.RELEASE]
     return CARRIED_OUT[reaction]
 
 
@@ -222,11 +231,13 @@ def test_the_reaction_carried_out_is_the_tables(state: str) -> None:
             continue
         assert end_of(after) == outcome, fault
         assert (after.cause, after.since_s) == (fault, seen.time_s)
-        assert after.level == (Reaction.LET_GO if state == "resuming" and reaction < Reaction.LET_GO else reaction)
+        assert after.level == (
+            FailsafeAction.RELEASE if state == "resuming" and reaction < FailsafeAction.RELEASE else reaction
+        )
         assert after.reason == (f"{flight.reason}; then {fault} it is" if flight.reason else f"{fault} it is")
-        assert after.airborne == (reaction in {Reaction.HOLD, Reaction.LAND} and state != "resuming")
+        assert after.airborne == (reaction in {FailsafeAction.HOLD, FailsafeAction.LAND} and state != "resuming")
         if after.phase is Phase.LAND:
-            assert after.touched_down == (reaction is Reaction.STOP)
+            assert after.touched_down == (reaction is FailsafeAction.DISARM)
 
 
 @EVERY_STATE
@@ -257,18 +268,18 @@ def test_of_two_the_stronger_is_taken_and_the_first_of_equals(state: str) -> Non
 
 def test_the_strongest_is_told_with_its_words() -> None:
     hovering = STATES["hovering"][0]
-    assert strongest(hovering, usual("hovering"), RULES) == (None, Reaction.NOTE)
+    assert strongest(hovering, usual("hovering"), RULES) == (None, FailsafeAction.WARN)
     weak, strong = event(Fault.MOCAP_LATE), event(Fault.FENCE_NEAR, "0.10 m inside the fence")
     seen = dataclasses.replace(usual("hovering"), events=(weak, strong))
-    assert strongest(hovering, seen, RULES) == (strong, Reaction.HOLD)
+    assert strongest(hovering, seen, RULES) == (strong, FailsafeAction.HOLD)
     noted = dataclasses.replace(seen, events=(weak,))
-    assert strongest(hovering, noted, RULES) == (None, Reaction.NOTE)
+    assert strongest(hovering, noted, RULES) == (None, FailsafeAction.WARN)
 
 
 # --- the worst moments ---
 
 
-@pytest.mark.parametrize("fault", sorted({row.fault for row in TABLE if row.ground <= Reaction.STOP}))
+@pytest.mark.parametrize("fault", sorted({row.fault for row in TABLE if row.ground <= FailsafeAction.DISARM}))
 def test_whatever_ends_a_preparation_does_not_keep_a_landed_vehicle_from_being_disarmed(fault: Fault) -> None:
     for state in ("touched down", "stopping"):
         flight, time_s = STATES[state]
@@ -284,7 +295,7 @@ def test_a_vehicle_on_the_ground_whose_link_is_lost_or_mode_changed_is_left_to_t
     """Also the stream ends: it would be taken up again when the link is back."""
     for fault in (Fault.AUTOPILOT_SILENT, Fault.MODE_CHANGED):
         after = advance(STATES[state][0], facts(30.0, 0.0, fault), RULES)
-        assert (end_of(after), after.level) == ((Phase.HANDED_OVER, None), Reaction.LET_GO)
+        assert (end_of(after), after.level) == ((Phase.HANDED_OVER, None), FailsafeAction.RELEASE)
 
 
 @EVERY_FAULT
@@ -293,10 +304,10 @@ def test_a_fault_as_offboard_is_given_back_leaves_nobody_without_a_pilot(fault: 
     reaction = ROWS[fault].flying
     flight, time_s = STATES["resuming"]
     after = advance(flight, facts(time_s + DT_S, 1.0, fault), RULES)
-    if reaction is Reaction.NOTE:
+    if reaction is FailsafeAction.WARN:
         assert after.phase is Phase.HOLD
         return
-    taken = max(reaction, Reaction.AUTOPILOT_LAND)
+    taken = max(reaction, FailsafeAction.AUTOPILOT_LAND)
     assert (end_of(after), after.level) == (CARRIED_OUT[taken], taken)
     assert after.cause is fault
 
@@ -304,16 +315,16 @@ def test_a_fault_as_offboard_is_given_back_leaves_nobody_without_a_pilot(fault: 
 def test_a_fault_in_resume_asks_px4_to_land_once_a_late_offboard_shows() -> None:
     flight, time_s = STATES["resuming"]
     gone = advance(flight, facts(time_s + 0.1, 1.0, Fault.MOCAP_SLOW, mode=FlightMode.POSITION), RULES)
-    assert (end_of(gone), gone.level) == ((Phase.HANDED_OVER, None), Reaction.LET_GO)
+    assert (end_of(gone), gone.level) == ((Phase.HANDED_OVER, None), FailsafeAction.RELEASE)
     assert end_of(advance(gone, facts(time_s + 0.2, 1.0), RULES)) == (Phase.HANDED_OVER, Action.AUTOPILOT_LAND)
 
 
 def test_a_link_lost_while_px4_is_told_to_land_ends_the_stream() -> None:
     flight, time_s = STATES["handed over"]
-    assert flight.level is Reaction.AUTOPILOT_LAND, "the level setpoint is still sent"
+    assert flight.level is FailsafeAction.AUTOPILOT_LAND, "the level setpoint is still sent"
     after = advance(flight, facts(time_s + 0.6, 1.0, Fault.AUTOPILOT_SILENT), RULES)
     assert (after.phase, after.level, after.reason) == (
-        Phase.HANDED_OVER, Reaction.LET_GO, "it broke; then autopilot silent it is",
+        Phase.HANDED_OVER, FailsafeAction.RELEASE, "it broke; then autopilot silent it is",
     )  # fmt: skip
 
 
@@ -339,7 +350,7 @@ def test_escalation_all_the_way_tells_the_whole_story() -> None:
         assert (flight.phase, flight.cause) == (phase, fault)
         levels.append(flight.level)
     assert levels == sorted(levels)
-    assert levels[0] is Reaction.HOLD
+    assert levels[0] is FailsafeAction.HOLD
     assert flight.reason == (
         "fence near it is; then battery low it is; then fence left it is; then landing refused it is; "
         "then room left it is"
@@ -358,7 +369,7 @@ def test_a_pilots_motors_are_never_stopped_but_those_nobody_flies_are(began: Fau
     after = advance(gone, facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=mode), RULES)
     nobodys = {FlightMode.OFFBOARD} if began is Fault.MODE_CHANGED else {FlightMode.OFFBOARD, FlightMode.LAND}
     assert (after.phase is Phase.TERMINATED) is (mode in nobodys)
-    killed = request(gone, Kill(), facts(time_s + 1.0, 1.0, mode=mode), RULES)
+    killed = request(gone, KillRequest(), facts(time_s + 1.0, 1.0, mode=mode), RULES)
     assert killed.phase is Phase.TERMINATED, "the operator may"
 
 
@@ -371,7 +382,7 @@ def test_a_pilot_who_takes_it_out_of_px4s_landing_may_land_it_beyond_the_fence()
     beyond = facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=FlightMode.LAND)
     assert advance(flight, beyond, RULES).phase is Phase.HANDED_OVER
     assert advance(flight, dataclasses.replace(beyond, mode=FlightMode.OFFBOARD), RULES).phase is Phase.TERMINATED
-    resumed = request(flight, Resume(), facts(time_s + 1.1, 1.0, mode=FlightMode.LAND), RULES)
+    resumed = request(flight, ResumeRequest(), facts(time_s + 1.1, 1.0, mode=FlightMode.LAND), RULES)
     assert not resumed.theirs, "the operator's again"
 
 

@@ -6,27 +6,27 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.supervisor.faults import TABLE, Event, Fault, Reaction
-from companion.supervisor.flight import (
+from companion.core.types import FlightMode
+from companion.supervisor.faults import TABLE, Event, FailsafeAction, Fault
+from companion.supervisor.flight_state import (
     COMMANDED,
     IN_THE_AIR,
     STREAMING,
     Action,
-    Brake,
-    Facts,
-    Flight,
-    Fly,
-    HandOver,
-    Kill,
-    Land,
+    ArmRequest,
+    FlightInputs,
+    FlightState,
+    HandOverRequest,
+    HoldRequest,
+    KillRequest,
+    LandRequest,
     Phase,
-    Prepare,
     Request,
-    Resume,
-    TakeOff,
+    ResumeRequest,
+    TakeoffRequest,
+    TrackRequest,
 )
-from companion.supervisor.phases import advance, ground_thrust, reference_at, request
-from companion.types import FlightMode
+from companion.supervisor.state_machine import advance, ground_thrust, reference_at, request
 from tests.supervisor.flown import CURVE, GROUND, RULES, STATES
 
 WAYS: dict[Phase, set[Phase]] = {
@@ -44,8 +44,8 @@ WAYS: dict[Phase, set[Phase]] = {
     Phase.TERMINATED: {Phase.PREFLIGHT},
 }
 """Every way there is, apart from the one to TERMINATED, which leads from everywhere."""
-BEGINNING_ANEW = (Prepare, Fly, Resume)
-SILENT = Facts(
+BEGINNING_ANEW = (ArmRequest, TrackRequest, ResumeRequest)
+SILENT = FlightInputs(
     0.0, GROUND, np.zeros(3), 0.0, True, FlightMode.OFFBOARD, events=(Event(Fault.AUTOPILOT_SILENT, "silent"),)
 )
 
@@ -56,14 +56,23 @@ events = st.sets(st.sampled_from(list(Fault)), max_size=2).map(
 )
 quiet = st.just(())
 requests: st.SearchStrategy[Request] = st.sampled_from(
-    [Prepare(), TakeOff(1.2), Fly(CURVE, 1.0), Brake(), Land(), HandOver("it broke"), Resume(), Kill()]
+    [
+        ArmRequest(),
+        TakeoffRequest(1.2),
+        TrackRequest(CURVE, 1.0),
+        HoldRequest(),
+        LandRequest(),
+        HandOverRequest("it broke"),
+        ResumeRequest(),
+        KillRequest(),
+    ]
 )
 
 
 @st.composite
-def some_facts(draw: st.DrawFn) -> Facts:
+def some_facts(draw: st.DrawFn) -> FlightInputs:
     """Mostly a vehicle that does as told, seen `time_s` after the last time."""
-    return Facts(
+    return FlightInputs(
         time_s=draw(st.sampled_from([0.01, 0.02, 0.3, 1.0, 7.0])),
         position_w_m=GROUND + np.array([0.0, 0.0, draw(heights_m)]),
         velocity_w_mps=np.array([0.0, 0.0, draw(speeds_mps)]),
@@ -83,7 +92,7 @@ def some_facts(draw: st.DrawFn) -> Facts:
 steps = st.lists(st.tuples(some_facts(), st.none() | st.none() | requests), min_size=1, max_size=30)
 
 
-def check(before: Flight, after: Flight, wanted: Request | None, seen: Facts) -> None:
+def check(before: FlightState, after: FlightState, wanted: Request | None, seen: FlightInputs) -> None:
     way = before.phase, after.phase
     assert after.phase in WAYS[before.phase] | {before.phase, Phase.TERMINATED}, way
     anew = after is not before and isinstance(wanted, BEGINNING_ANEW)
@@ -93,10 +102,10 @@ def check(before: Flight, after: Flight, wanted: Request | None, seen: Facts) ->
         assert seen.armed
         assert seen.mode is FlightMode.OFFBOARD
     if after.phase in STREAMING and before.phase not in STREAMING:
-        assert isinstance(wanted, Prepare | Resume), "a stream once ended begins on the operator's command"
+        assert isinstance(wanted, ArmRequest | ResumeRequest), "a stream once ended begins on the operator's command"
     assert not after.airborne or after.phase in IN_THE_AIR
-    assert (after.level is Reaction.TERMINATE) == (after.phase is Phase.TERMINATED)
-    assert after.phase is not Phase.HANDED_OVER or after.level >= Reaction.AUTOPILOT_LAND
+    assert (after.level is FailsafeAction.TERMINATE) == (after.phase is Phase.TERMINATED)
+    assert after.phase is not Phase.HANDED_OVER or after.level >= FailsafeAction.AUTOPILOT_LAND
     assert not (before.touched_down and after.airborne), "the law does not begin again on the ground"
     allowed = {
         Action.DISARM: after.phase is Phase.LAND and after.touched_down,
@@ -113,7 +122,7 @@ def check(before: Flight, after: Flight, wanted: Request | None, seen: Facts) ->
 
 @settings(max_examples=100)
 @given(state=st.sampled_from(sorted(STATES)), steps=steps)
-def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[Facts, Request | None]]) -> None:
+def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[FlightInputs, Request | None]]) -> None:
     flight, time_s = STATES[state]
     for seen, wanted in steps:
         time_s += seen.time_s
@@ -127,7 +136,7 @@ def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[Facts
 
 @settings(max_examples=30)
 @given(state=st.sampled_from(sorted(STATES)), steps=st.lists(some_facts(), max_size=10))
-def test_who_lost_the_vehicle_does_not_get_it_back_by_itself(state: str, steps: list[Facts]) -> None:
+def test_who_lost_the_vehicle_does_not_get_it_back_by_itself(state: str, steps: list[FlightInputs]) -> None:
     """Everything but Resume and Prepare, against a vehicle that shows OFFBOARD again and again."""
     flight, time_s = STATES[state]
     if flight.phase in STREAMING:
@@ -137,6 +146,12 @@ def test_who_lost_the_vehicle_does_not_get_it_back_by_itself(state: str, steps: 
         time_s += seen.time_s
         now = replace(seen, time_s=time_s)
         flight = advance(flight, now, RULES)
-        for wanted in (TakeOff(1.0), Fly(CURVE, 1.0), Brake(), Land(), HandOver("it broke")):
+        for wanted in (
+            TakeoffRequest(1.0),
+            TrackRequest(CURVE, 1.0),
+            HoldRequest(),
+            LandRequest(),
+            HandOverRequest("it broke"),
+        ):
             flight = request(flight, wanted, now, RULES)
         assert flight.phase not in STREAMING

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from companion.core.types import FlightMode
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.flight import Action, Facts, Flight, HandOver, Phase
-from companion.supervisor.health_autopilot import AutopilotHealth, look_at_autopilot
-from companion.supervisor.phases import advance, request
-from companion.supervisor.safety import SafetyRules
-from companion.types import FlightMode
+from companion.supervisor.flight_state import Action, FlightInputs, FlightState, HandOverRequest, Phase
+from companion.supervisor.health.autopilot import AutopilotHealth, look_at_autopilot
+from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.state_machine import advance, request
 from tests.supervisor.flown import DT_S, GROUND, RULES, STATES, facts
 from tests.supervisor.observing import healthy
 from tests.supervisor.recorded_landings import LANDINGS, TOUCHDOWN_TO_LANDED_S, Landing, Seen
@@ -18,12 +18,12 @@ from tests.supervisor.recorded_landings import LANDINGS, TOUCHDOWN_TO_LANDED_S, 
 SAFETY = SafetyRules()
 
 
-def facts_of(seen: Seen, events: tuple[Event, ...] = ()) -> Facts:
+def facts_of(seen: Seen, events: tuple[Event, ...] = ()) -> FlightInputs:
     known = facts(seen.time_s, 0.5 if seen.in_air else 0.0, armed=seen.armed, mode=seen.mode)
     return replace(known, in_air=seen.in_air, events=events)
 
 
-def events_of(flight: Flight, seen: Seen) -> tuple[Event, ...]:
+def events_of(flight: FlightState, seen: Seen) -> tuple[Event, ...]:
     """What the health checks say of the autopilot, which is heard all the time."""
     usual = healthy(0)
     status = replace(usual.autopilot, armed=seen.armed, mode=seen.mode, in_air=seen.in_air, heard_s=seen.time_s)
@@ -32,11 +32,11 @@ def events_of(flight: Flight, seen: Seen) -> tuple[Event, ...]:
     return tuple(look_at_autopilot(AutopilotHealth(), observed, SAFETY)[1])
 
 
-def begun(landing: Landing) -> Flight:
+def begun(landing: Landing) -> FlightState:
     hovering, _ = STATES["hovering"]
     now = facts(landing.given_up_s, 0.5)
     if not landing.taken:
-        return request(hovering, HandOver("motion capture is silent"), now, RULES)
+        return request(hovering, HandOverRequest("motion capture is silent"), now, RULES)
     taken = Event(Fault.MODE_CHANGED, "the autopilot shows mode land, not offboard")
     return advance(hovering, replace(now, mode=FlightMode.LAND, events=(taken,)), RULES)
 
@@ -53,7 +53,7 @@ def test_px4s_fall_back_to_offboard_when_it_disarms_is_no_refused_landing(landin
     assert flight.since_s == pytest.approx(landing.end_s, abs=2 * DT_S)
 
 
-def after(flight: Flight, start_s: float, for_s: float, seen: Facts) -> list[float]:
+def after(flight: FlightState, start_s: float, for_s: float, seen: FlightInputs) -> list[float]:
     """When PX4 was told to land (s after `start_s`), while nothing changes."""
     asked_s = []
     for n in range(1, round(for_s / DT_S) + 1):
@@ -62,7 +62,7 @@ def after(flight: Flight, start_s: float, for_s: float, seen: Facts) -> list[flo
     return asked_s
 
 
-def landing_seen() -> tuple[Flight, float]:
+def landing_seen() -> tuple[FlightState, float]:
     flight, time_s = STATES["handed over"]
     return advance(flight, facts(time_s + 3.0, 0.5, mode=FlightMode.LAND), RULES), time_s + 3.0
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from companion.supervisor.flight import Action, Kill, Phase, Resume
-from companion.types import FlightMode
+from companion.core.types import FlightMode
+from companion.supervisor.flight_state import Action, KillRequest, Phase, ResumeRequest
 from tests.supervisor.recorded_sessions import Cycled, actions_of, first_s, phases_of, sentences_of, watched
 
 
@@ -42,7 +42,7 @@ def test_px4s_own_landing_after_the_remote_control_was_lost_is_no_pilots(monkeyp
 
 
 def test_the_pilots_position_mode_is_a_pilots_until_the_operator_takes_it_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    cycles = watched("px4-pilot_position", monkeypatch, [(30.6, Resume())], until_s=33.0)
+    cycles = watched("px4-pilot_position", monkeypatch, [(30.6, ResumeRequest())], until_s=33.0)
     assert phases_of(cycles) == [Phase.HOLD, Phase.HANDED_OVER, Phase.RESUME]
     assert last(cycles).flight.phase is Phase.HOLD
     assert first_s(cycles, Phase.HANDED_OVER) == pytest.approx(25.532, abs=0.02)
@@ -69,7 +69,7 @@ def test_the_battery_is_low_when_a_quarter_is_left_and_before_px4_says_so(monkey
 
 
 def test_a_killed_vehicle_is_terminated_and_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    cycles = watched("px4-killcmd", monkeypatch, [(26.445, Kill())])
+    cycles = watched("px4-killcmd", monkeypatch, [(26.445, KillRequest())])
     assert phases_of(cycles) == [Phase.HOLD, Phase.TERMINATED]
     assert (last(cycles).status.armed, last(cycles).status.mode) == (False, FlightMode.OFFBOARD)
     assert last(cycles).status.last_text == "Disarmed by external command"

@@ -7,12 +7,23 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.config_safety import FenceConfig
-from companion.control.reference import Ellipse, FigureEight, Hold, MinimumJerk, Trajectory
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Action, Brake, Facts, Flight, FlightRules, Fly, Land, Leg, Phase, TakeOff
-from companion.supervisor.phases import advance, reference_at, request
-from companion.types import Reference
+from companion.config.safety_config import FenceConfig
+from companion.core.types import Reference
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import (
+    Action,
+    FlightInputs,
+    FlightRules,
+    FlightState,
+    HoldRequest,
+    LandRequest,
+    Leg,
+    Phase,
+    TakeoffRequest,
+    TrackRequest,
+)
+from companion.supervisor.state_machine import advance, reference_at, request
+from companion.trajectories.reference import Ellipse, FigureEight, Hold, MinimumJerk, Trajectory
 from tests.supervisor.flown import (
     CENTRE,
     CURVE,
@@ -33,7 +44,7 @@ from tests.supervisor.flown import (
 BROKEN = "left.elbow_pitch (servo 6): overload"
 
 
-def check_continuous(flight: Flight, from_s: float, for_s: float) -> None:
+def check_continuous(flight: FlightState, from_s: float, for_s: float) -> None:
     """No step in position or velocity over all legs, including the ends."""
     h = 0.01
     times = np.arange(from_s, from_s + for_s, h)
@@ -59,7 +70,7 @@ def check_taken_over(before: Reference, after: Reference, acceleration: bool = T
 @pytest.mark.parametrize("state", ["hovering", "approaching", "tracking", "held by a fault"])
 def test_the_reference_is_continuous_over_the_legs(state: str, trajectory: Trajectory) -> None:
     flight, time_s = STATES[state]
-    flown = request(flight, Fly(trajectory, 1.0), on_reference(flight, time_s), RULES)
+    flown = request(flight, TrackRequest(trajectory, 1.0), on_reference(flight, time_s), RULES)
     check_taken_over(reference_at(flight, time_s), reference_at(flown, time_s))
     check_continuous(flown, time_s, sum(min(leg.trajectory.duration_s, 40.0) for leg in flown.legs) + 1.0)
 
@@ -67,7 +78,7 @@ def test_the_reference_is_continuous_over_the_legs(state: str, trajectory: Traje
 def test_the_way_to_a_trajectory_waits_there_and_the_end_is_held() -> None:
     flight, time_s = STATES["hovering"]
     trajectory = Ellipse(CENTRE, yaw_rad=0.5)
-    flown = request(flight, Fly(trajectory, 2.5), on_reference(flight, time_s), RULES)
+    flown = request(flight, TrackRequest(trajectory, 2.5), on_reference(flight, time_s), RULES)
     way, wait, curve, rest = flown.legs
     assert [leg.phase for leg in flown.legs] == [Phase.HOLD, Phase.HOLD, Phase.TRACK, Phase.HOLD]
     assert (wait.trajectory.duration_s, curve.trajectory) == (2.5, trajectory)
@@ -88,7 +99,7 @@ def test_a_turn_takes_its_time_the_short_way(from_rad: float, to_rad: float, way
     here = reference_at(flight, time_s).position_w_m
     flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, from_rad)),))
     rules = replace(RULES, turn_radps=turn_radps)
-    flown = request(flight, Fly(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), rules)
+    flown = request(flight, TrackRequest(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), rules)
     assert flown.legs[0].trajectory.duration_s == pytest.approx(max(1.0, 1.875 * way_rad / turn_radps))
 
 
@@ -96,14 +107,18 @@ def test_a_small_turn_is_not_begun_with_a_jerk() -> None:
     flight, time_s = STATES["hovering"]
     here = reference_at(flight, time_s).position_w_m
     flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, 0.0)),))
-    way = request(flight, Fly(Hold(here, 0.5, 5.0), 1.0), on_reference(flight, time_s), RULES).legs[0].trajectory
+    way = (
+        request(flight, TrackRequest(Hold(here, 0.5, 5.0), 1.0), on_reference(flight, time_s), RULES).legs[0].trajectory
+    )
     turned = np.array([way.at(0.01 * n).yaw_rad for n in range(300)])
     accels = np.abs(np.diff(turned, n=2)) / 1e-4
     assert accels.max() == pytest.approx(RULES.turn_accel_radps2, rel=0.01)
 
 
-@pytest.mark.parametrize("order", [Brake(), Land(), Fly(Hold(GROUND + np.array([0.0, 0.0, 1.0]), -1.0), 1.0)])
-def test_a_heading_that_turns_comes_to_rest_as_the_place_does(order: Brake | Land | Fly) -> None:
+@pytest.mark.parametrize(
+    "order", [HoldRequest(), LandRequest(), TrackRequest(Hold(GROUND + np.array([0.0, 0.0, 1.0]), -1.0), 1.0)]
+)
+def test_a_heading_that_turns_comes_to_rest_as_the_place_does(order: HoldRequest | LandRequest | TrackRequest) -> None:
     flight, time_s = STATES["hovering"]
     here = reference_at(flight, time_s).position_w_m
     turning = MinimumJerk(here, here, 4.0, 3.0, 3.0 + 2.0)
@@ -123,7 +138,7 @@ def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     here, speed = GROUND + np.array([0.0, 0.0, 1.2]), np.array([0.5, 0.0, 0.0])
     moving = MinimumJerk(here, here + 5.0 * speed, 10.0, 0.0, 0.0, speed)
     flight = replace(flight, legs=(Leg(Phase.TRACK, moving),), leg_start_s=time_s)
-    flown = request(flight, Fly(Hold(here, 0.0, 5.0), 1.0), on_reference(flight, time_s), RULES)
+    flown = request(flight, TrackRequest(Hold(here, 0.0, 5.0), 1.0), on_reference(flight, time_s), RULES)
     way = flown.legs[0].trajectory
     pushes = [np.linalg.norm(way.at(0.01 * n).acceleration_w_mps2) for n in range(int(100 * way.duration_s))]
     assert 0.9 * RULES.climb_accel_mps2 < max(pushes) <= RULES.climb_accel_mps2
@@ -167,7 +182,7 @@ def test_take_off_ends_above_where_it_stood() -> None:
 
 
 def test_the_climb_begins_where_the_vehicle_left_the_ground() -> None:
-    spooling = request(armed(), TakeOff(1.0), facts(1.0), RULES)
+    spooling = request(armed(), TakeoffRequest(1.0), facts(1.0), RULES)
     drifted = replace(facts(2.5, 0.03, climb_mps=0.2), position_w_m=GROUND + np.array([0.1, -0.2, 0.03]))
     climbing = advance(replace(spooling, yaw_rad=0.4), drifted, RULES)
     np.testing.assert_array_equal(reference_at(climbing, 2.5).position_w_m, drifted.position_w_m)
@@ -181,16 +196,16 @@ def test_the_climb_begins_where_the_vehicle_left_the_ground() -> None:
 # --- stopping ---
 
 
-@pytest.mark.parametrize("wanted", [Brake(), None], ids=["asked", "fault"])
+@pytest.mark.parametrize("wanted", [HoldRequest(), None], ids=["asked", "fault"])
 @pytest.mark.parametrize("state", ["climbing", "hovering", "approaching", "tracking"])
-def test_a_stop_takes_over_the_motion_and_rests(state: str, wanted: Brake | None) -> None:
+def test_a_stop_takes_over_the_motion_and_rests(state: str, wanted: HoldRequest | None) -> None:
     flight, time_s = STATES[state]
     seen = on_reference(flight, time_s)
     stopped = (
         request(flight, wanted, seen, RULES) if wanted else advance(flight, with_faults(seen, Fault.FENCE_NEAR), RULES)
     )
     assert (stopped.phase, stopped.since_s, stopped.leg_start_s) == (Phase.HOLD, time_s, time_s)
-    assert stopped.level is (Reaction.NOTE if wanted else Reaction.HOLD)
+    assert stopped.level is (FailsafeAction.WARN if wanted else FailsafeAction.HOLD)
     check_taken_over(reference_at(flight, time_s), reference_at(stopped, time_s))
     check_continuous(stopped, time_s, 5.0)
     rest = reference_at(stopped, time_s + 5.0)
@@ -232,7 +247,7 @@ class _Straight:
 @pytest.mark.parametrize("state", IN_THE_AIR)
 def test_landing_takes_over_the_motion(state: str) -> None:
     flight, time_s = STATES[state]
-    down = request(flight, Land(), on_reference(flight, time_s), RULES)
+    down = request(flight, LandRequest(), on_reference(flight, time_s), RULES)
     assert {leg.phase for leg in down.legs} == {down.phase}
     check_taken_over(reference_at(flight, time_s), reference_at(down, time_s), acceleration=False)
     check_continuous(down, time_s, 5.0)
@@ -244,9 +259,9 @@ def test_a_landing_says_when_it_should_be_over() -> None:
     assert STATES["stowing"][0].landing_due_s == float("inf")
     assert STATES["hovering"][0].landing_due_s == float("inf")
     below = replace(STATES["hovering"][0], ground_w_m=GROUND + np.array([0.0, 0.0, 2.0]))
-    assert request(below, Land(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 0.8 / 0.25)
+    assert request(below, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 0.8 / 0.25)
     unknown = replace(STATES["hovering"][0], ground_w_m=None)
-    assert request(unknown, Land(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 1.3 / 0.25)
+    assert request(unknown, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 1.3 / 0.25)
     down, down_s = STATES["touched down"]
     over = advance(down, facts(down_s + DT_S, armed=False), RULES)
     assert (over.phase, over.landing_due_s) == (Phase.DISARMED, float("inf"))  # it is not overdue for ever after
@@ -258,7 +273,7 @@ def test_arms_are_folded_first(state: str, ask: bool) -> None:
     flight, time_s = STATES[state]
     hanging = replace(on_reference(flight, time_s), arms_stowed=False)
     stowing = (
-        request(flight, Land(), hanging, RULES)
+        request(flight, LandRequest(), hanging, RULES)
         if ask
         else advance(flight, with_faults(hanging, Fault.BATTERY_LOW), RULES)
     )
@@ -273,7 +288,7 @@ def test_broken_arms_are_not_folded(state: str, ask: bool) -> None:
     """In STOW the table has nothing more to say: the waiting ends."""
     flight, time_s = STATES[state]
     broken = replace(on_reference(flight, time_s), arms_stowed=False, arm_fault=BROKEN)
-    after = request(flight, Land(), broken, RULES) if ask else flight
+    after = request(flight, LandRequest(), broken, RULES) if ask else flight
     after = advance(after, with_faults(broken, Fault.ARMS), RULES)
     assert (after.phase, after.airborne) == (Phase.LAND, True)
     check_taken_over(reference_at(flight, time_s), reference_at(after, time_s), acceleration=False)
@@ -291,7 +306,7 @@ def test_an_arm_fault_may_be_told_not_to_end_the_flight(state: str) -> None:
     assert advance(flight, weak, RULES).cause is Fault.ARMS
 
 
-def _stowing_at(later_s: float) -> tuple[Flight, Facts]:
+def _stowing_at(later_s: float) -> tuple[FlightState, FlightInputs]:
     flight, time_s = STATES["stowing"]
     return flight, replace(on_reference(flight, time_s + later_s), arms_stowed=False)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from companion.config import load_config
-from companion.config_controller import controller_path
+from companion.config.companion_config import load_config
+from companion.config.controller_config import controller_path
 from tests.packages import needs
 from tests.units.tools import ROOT, SYSTEMD, said
 

@@ -15,7 +15,7 @@ from typing import TextIO
 
 import pytest
 
-from companion.adapters import systemd
+from companion.adapters.system import systemd
 
 LOG = logging.getLogger("companion.tests.journal")
 

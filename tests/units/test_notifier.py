@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.systemd import Notifier
+from companion.adapters.system.systemd import Notifier
 
 
 @pytest.fixture(params=["path", "abstract"])
@@ -53,7 +53,7 @@ def test_signs_of_life_come_four_times_in_a_period_however_often_the_loop_ticks(
 ) -> None:
     listening, address = systemd
     now_s = 100.0
-    monkeypatch.setattr("companion.adapters.systemd.time.monotonic", lambda: now_s)
+    monkeypatch.setattr("companion.adapters.system.systemd.time.monotonic", lambda: now_s)
     notify = Notifier.from_environment({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "4000000"})
     assert notify.period_s == 4.0
     for _ in range(8 * 128):  # eight seconds
@@ -119,6 +119,6 @@ def test_systemd_gone_is_no_error(systemd: tuple[socket.socket, str]) -> None:
 
 def test_a_real_process_finds_the_socket_in_its_environment(systemd: tuple[socket.socket, str]) -> None:
     listening, address = systemd
-    program = "from companion.adapters.systemd import Notifier; Notifier.from_environment().ready('here')"
+    program = "from companion.adapters.system.systemd import Notifier; Notifier.from_environment().ready('here')"
     subprocess.run([sys.executable, "-c", program], check=True, env={**os.environ, "NOTIFY_SOCKET": address})
     assert said(listening) == ["READY=1\nSTATUS=here"]

@@ -58,7 +58,7 @@ resource.setrlimit(resource.RLIMIT_MEMLOCK, (65536, 65536))
 if os.geteuid() == 0:
     os.setgid(65534); os.setuid(65534)
 """
-    program = "import companion.adapters.realtime\n" + LOCK.format(before=no_right)
+    program = "import companion.adapters.system.realtime\n" + LOCK.format(before=no_right)
     out, log = run(program)
     assert out == ["False False"]
     assert log == "memory is not locked: we may lock 64 kB only (systemd: LimitMEMLOCK=infinity)\n"

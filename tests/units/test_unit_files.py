@@ -81,7 +81,7 @@ def test_the_brokers_drop_in_takes_rights_away(root: Path) -> None:
 
 
 def test_a_whole_landing_fits_between_sigterm_and_sigkill() -> None:
-    from companion.config import load_config
+    from companion.config.companion_config import load_config
 
     config = load_config(SYSTEMD.parent / "config/lab.toml")
     assert config.arms is not None

@@ -7,7 +7,7 @@ import sys
 
 from companion.adapters.broker.process import ALIVE, ALIVE_EVERY_S, READY
 from companion.adapters.broker.server import EmbeddedBroker
-from companion.adapters.realtime import beside_the_loop
+from companion.adapters.system.realtime import beside_the_loop
 
 
 async def serve(host: str, port: int) -> None:

@@ -10,9 +10,9 @@ import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from companion import child_process
-from companion.config_operator import OperatorConfig
-from companion.ports import ConfigError
+from companion.adapters.system import child_process
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import ConfigError
 
 LOG = logging.getLogger(__name__)
 

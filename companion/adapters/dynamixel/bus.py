@@ -7,11 +7,11 @@ from contextlib import asynccontextmanager
 from companion.adapters.dynamixel.inspection import Inspected
 from companion.adapters.dynamixel.orders import Goals
 from companion.adapters.dynamixel.torque import Steps
-from companion.adapters.dynamixel.worker import Worker
+from companion.adapters.dynamixel.worker import BusThread
 from companion.arms.model import JOINT_COUNT
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError, Clock
-from companion.types import ArmStatus, Array
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError, Clock
+from companion.core.types import ArmStatus, Array
 
 TORQUE_TIMEOUT_S = 3.0
 CLEAR_TIMEOUT_S = 20.0
@@ -27,7 +27,7 @@ async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) 
     the servos by connecting. On leaving, the port is closed and the torque stays as it is, on or off: arms that go
     limp in the air are a danger, so whoever wants that says `torque_off`.
     """
-    worker = Worker(config, clock, strict)
+    worker = BusThread(config, clock, strict)
     worker.start()
     try:
         await worker.connected
@@ -39,7 +39,7 @@ async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) 
 class DynamixelBus:
     """`ports.ArmBus` over dynamixel-sdk; made by `open_dynamixel`."""
 
-    def __init__(self, worker: Worker) -> None:
+    def __init__(self, worker: BusThread) -> None:
         self._worker = worker
 
     @property

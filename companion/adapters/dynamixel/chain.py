@@ -12,9 +12,9 @@ from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import ALERT, Xm
 from companion.adapters.dynamixel.wire import Answer, Wire
-from companion.config_arms import ArmsConfig
-from companion.ports import Clock
-from companion.types import ArmFaultKind
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import Clock
+from companion.core.types import ArmFaultKind
 
 LOG = logging.getLogger(__name__)
 
@@ -41,7 +41,7 @@ class Way(Enum):
     SINGLE = "single reads"
 
 
-class Chain:
+class BusCycle:
     """All servos on one bus; for one thread."""
 
     def __init__(

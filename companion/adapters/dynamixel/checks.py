@@ -6,7 +6,7 @@ from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.found import NO_ID, Found
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import MODELS, OPERATING_MODES, OTHER_MODELS, POSITION_MODE
-from companion.config_arms import ArmsConfig
+from companion.config.arms_config import ArmsConfig
 
 RESTS_WITHIN_RAD = 0.05
 """A limp joint may lie a little outside its limits."""

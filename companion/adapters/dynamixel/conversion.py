@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from companion.adapters.dynamixel.registers import MODELS, OVERLOAD, XM_RATED_CURRENT_A, Ax, Model, Register, Xm
-from companion.config_arms import ServoConfig
+from companion.config.arms_config import ServoConfig
 
 _SIGN_BIT = 0x400
 """AX: bit 10 of speed and load, "0: CCW, 1: CW"."""

@@ -5,7 +5,7 @@ import logging
 from companion.adapters.dynamixel.conversion import Health
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import AX_ALARMS, OVERLOAD, XM_HARDWARE_ERRORS
-from companion.types import ArmFault, ArmFaultKind
+from companion.core.types import ArmFault, ArmFaultKind
 
 LOG = logging.getLogger(__name__)
 

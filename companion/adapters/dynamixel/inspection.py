@@ -3,16 +3,16 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import BusCycle
 from companion.adapters.dynamixel.checks import complaints
 from companion.adapters.dynamixel.found import Found, found_ax, found_xm
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
 from companion.adapters.dynamixel.remarks import remarks
 from companion.adapters.dynamixel.search import ATTEMPTS, absent, partly_heard, ping
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError
-from companion.types import ArmFaultKind
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError
+from companion.core.types import ArmFaultKind
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Inspected:
     """Settings that somebody left in the servos, with which they work."""
 
 
-def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
+def inspect(chain: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
     """Look at every servo and take its first state; ArmError when any is missing or wrong.
 
     Not `strict`: only when none answers; one that is missing or reports an error begins with its fault latched.
@@ -61,13 +61,13 @@ def inspect(chain: Chain, config: ArmsConfig, stopped: Callable[[], bool], stric
     return Inspected(tuple(found.get(joint.place) for joint in chain.joints), (*lines, *gone), tuple(left))
 
 
-def _first_look(chain: Chain, joint: Joint, found: Found) -> bool:
+def _first_look(chain: BusCycle, joint: Joint, found: Found) -> bool:
     """A servo of another model is not read: its registers may mean something else."""
     joint.paused = found.model_number != joint.scale.model.number
     return joint.paused or chain.first_look(joint)
 
 
-def _found(chain: Chain, joint: Joint) -> Found | None:
+def _found(chain: BusCycle, joint: Joint) -> Found | None:
     number = ping(chain, joint, joint.protocol)
     if number is None:
         return None
@@ -83,7 +83,7 @@ def _found(chain: Chain, joint: Joint) -> Found | None:
     return one and replace(one, answers=answers)
 
 
-def _read(chain: Chain, joint: Joint, block: Block) -> tuple[bytes, int] | None:
+def _read(chain: BusCycle, joint: Joint, block: Block) -> tuple[bytes, int] | None:
     for _ in range(ATTEMPTS):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:

@@ -8,8 +8,8 @@ from companion.adapters.dynamixel.conversion import Health, JointScale, Reading,
 from companion.adapters.dynamixel.limiter import braking_velocity, goal_velocity, next_goal, stopping_point
 from companion.adapters.dynamixel.registers import AX_ALARMS, Ax, Xm
 from companion.arms.model import JOINT_NAMES, KINDS, JointLimit
-from companion.config_arms import ArmsConfig
-from companion.types import ArmFaultKind
+from companion.config.arms_config import ArmsConfig
+from companion.core.types import ArmFaultKind
 
 LIMITER_HEADROOM = 1.2
 """Goals move at most so much faster than the joint's limit: a good trajectory is never touched."""

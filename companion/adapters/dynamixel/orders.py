@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from companion.adapters.dynamixel.torque import Steps
-from companion.ports import ArmError
+from companion.core.interfaces import ArmError
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pathlib import Path
 import dynamixel_sdk.port_handler
 import serial
 
-from companion.ports import ArmError
+from companion.core.interfaces import ArmError
 
 _NUMBERED = re.compile(r".*/tty(USB|ACM)\d+")
 _BY_ID = "; the number changes when an adapter is plugged in again, /dev/serial/by-id/... does not"

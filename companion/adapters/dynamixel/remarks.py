@@ -10,7 +10,7 @@ from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.found import FACTORY_GAINS, Found
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import OVERHEATING, OVERLOAD, Xm
-from companion.config_arms import ArmsConfig
+from companion.config.arms_config import ArmsConfig
 
 MOST_HOMING_OFFSET = 1024
 """Position control ignores a larger one."""

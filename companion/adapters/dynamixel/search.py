@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import BusCycle
 from companion.adapters.dynamixel.checks import answer_all, model_name
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.port import PortGoneError
 from companion.adapters.dynamixel.registers import LIKELY_BAUDS
-from companion.config_arms import ArmsConfig
+from companion.config.arms_config import ArmsConfig
 
 ATTEMPTS = 3
 _PATIENCE_MS = 5.0
@@ -17,7 +17,7 @@ _LOW_IDS = range(1, 21)
 _WIZARD = "with DYNAMIXEL Wizard 2.0"
 
 
-def partly_heard(chain: Chain, joint: Joint) -> str | None:
+def partly_heard(chain: BusCycle, joint: Joint) -> str | None:
     """Return why a servo cannot be read though bytes come from it; None when it is silent."""
     if any(chain.wire.ping_answers(joint.protocol, joint.servo_id) for _ in range(2)):
         chain.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
@@ -31,7 +31,7 @@ def partly_heard(chain: Chain, joint: Joint) -> str | None:
     )
 
 
-def absent(chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
+def absent(chain: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
     """Return a line for each servo that is silent, with where it was found instead, then lines on strangers."""
     if not missing:
         return []
@@ -49,13 +49,13 @@ def absent(chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Call
     return lines + strangers
 
 
-def ping(chain: Chain, joint: Joint, protocol: int) -> int | None:
+def ping(chain: BusCycle, joint: Joint, protocol: int) -> int | None:
     """Return its model number, if it answers within some attempts."""
     answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
     return next((number for number in answers if number is not None), None)
 
 
-def _strangers(chain: Chain) -> list[str]:
+def _strangers(chain: BusCycle) -> list[str]:
     """Servos of Protocol 2.0 with an ID that nobody has asked for: one of the missing, perhaps."""
     known = {joint.servo_id for joint in chain.joints}
     return [
@@ -65,7 +65,7 @@ def _strangers(chain: Chain) -> list[str]:
     ]
 
 
-def _strangers_of_protocol_1(chain: Chain) -> list[str]:
+def _strangers_of_protocol_1(chain: BusCycle) -> list[str]:
     known = {joint.servo_id for joint in chain.joints if joint.protocol == 1}
     found = {servo_id: chain.wire.ping(1, servo_id) for servo_id in _LOW_IDS if servo_id not in known}
     return [
@@ -76,7 +76,7 @@ def _strangers_of_protocol_1(chain: Chain) -> list[str]:
     ]
 
 
-def _other_protocol(chain: Chain, joint: Joint) -> str | None:
+def _other_protocol(chain: BusCycle, joint: Joint) -> str | None:
     other, model = 3 - joint.protocol, joint.scale.model
     number = ping(chain, joint, other)
     if number is None:
@@ -90,7 +90,7 @@ def _other_protocol(chain: Chain, joint: Joint) -> str | None:
 
 
 def _other_bauds(
-    chain: Chain, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]
+    chain: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]
 ) -> dict[int, str | None]:
     hints: dict[int, str | None] = {joint.place: None for joint in missing}
     likely = dict.fromkeys(baud for joint in missing for baud in LIKELY_BAUDS[joint.protocol] if baud != config.baud)
@@ -109,7 +109,7 @@ def _other_bauds(
     return hints
 
 
-def _tuned(chain: Chain, baud: int) -> bool:
+def _tuned(chain: BusCycle, baud: int) -> bool:
     """Change the port's baud rate for the search; return False where the adapter does not have that one."""
     try:
         chain.wire.port.change_baud(baud)

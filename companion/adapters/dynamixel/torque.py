@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Generator
 
-from companion.adapters.dynamixel.chain import ATTEMPTS, Chain
+from companion.adapters.dynamixel.chain import ATTEMPTS, BusCycle
 from companion.adapters.dynamixel.checks import misplaced
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.registers import Ax, Block, Xm
 from companion.arms.model import CLAWS
-from companion.ports import ArmError, Clock
+from companion.core.interfaces import ArmError, Clock
 
 Steps = Generator[None, None, None]
 Repair = Generator[None, None, str | None]
 """Its value is what is still wrong."""
-Action = Callable[[Chain, Joint], str | None]
+Action = Callable[[BusCycle, Joint], str | None]
 
 REBOOT_S = 2.0
 """So long a rebooting XM may stay away."""
@@ -29,7 +29,7 @@ _REFUSALS = {1: 0x5A, 2: 0x7F}
 """Bits of the error field that say that the instruction itself was not taken."""
 
 
-def torque_on(chain: Chain) -> Steps:
+def torque_on(chain: BusCycle) -> Steps:
     """Every joint on, where it is; ArmError naming those that refuse. None is touched while faults are latched."""
     if chain.faults.faults:
         said = "\n  ".join(fault.text for fault in chain.faults.faults)
@@ -37,14 +37,14 @@ def torque_on(chain: Chain) -> Steps:
     yield from _each(chain, _switch_on, "torque is not on everywhere")
 
 
-def torque_off(chain: Chain) -> Steps:
+def torque_off(chain: BusCycle) -> Steps:
     """Every joint limp; ArmError naming those that do not answer, after all others are."""
     for joint in chain.joints:
         joint.driven = False  # before the first write: an AX takes torque on again with its next goal
     yield from _each(chain, _switch_off, "torque is not off everywhere")
 
 
-def clear_faults(chain: Chain, clock: Clock) -> Steps:
+def clear_faults(chain: BusCycle, clock: Clock) -> Steps:
     """Forget what is over; reboot XMs with a hardware error; ArmError naming what is still wrong."""
     problems = []
     for joint in chain.joints:
@@ -57,7 +57,7 @@ def clear_faults(chain: Chain, clock: Clock) -> Steps:
         raise ArmError("not all faults could be cleared:\n  " + "\n  ".join(problems))
 
 
-def _each(chain: Chain, act: Action, headline: str) -> Steps:
+def _each(chain: BusCycle, act: Action, headline: str) -> Steps:
     problems = []
     for joint in chain.joints:
         problem = act(chain, joint)
@@ -68,7 +68,7 @@ def _each(chain: Chain, act: Action, headline: str) -> Steps:
         raise ArmError(f"{headline}:\n  " + "\n  ".join(problems))
 
 
-def _switch_on(chain: Chain, joint: Joint) -> str | None:
+def _switch_on(chain: BusCycle, joint: Joint) -> str | None:
     """Goal := present position before the torque, so that whatever goal was left there is never gone to.
 
     One that has torque and stands near its goal keeps that: its load bends it away, and to begin where it stands would
@@ -93,7 +93,7 @@ def _switch_on(chain: Chain, joint: Joint) -> str | None:
     return problem
 
 
-def _first_goal(chain: Chain, joint: Joint) -> int:
+def _first_goal(chain: BusCycle, joint: Joint) -> int:
     """In counts."""
     assert joint.reading is not None
     register = joint.scale.model.goal
@@ -106,7 +106,7 @@ def _first_goal(chain: Chain, joint: Joint) -> int:
     return counts if bent_rad < _BENT_RAD or joint.place in CLAWS else joint.reading.counts
 
 
-def _not_shown(chain: Chain, joint: Joint, on: bool) -> str | None:
+def _not_shown(chain: BusCycle, joint: Joint, on: bool) -> str | None:
     """Whether the servo itself says what it was told."""
     if not chain.insist(lambda: chain.read_health(joint)):
         return _SILENT
@@ -126,12 +126,12 @@ def _switching_on(joint: Joint, goal: bytes) -> list[tuple[int, bytes]]:
     ]
 
 
-def _switch_off(chain: Chain, joint: Joint) -> str | None:
+def _switch_off(chain: BusCycle, joint: Joint) -> str | None:
     register = Ax.TORQUE_ENABLE if joint.protocol == 1 else Xm.TORQUE_ENABLE
     return _write(chain, joint, register.address, b"\x00") or _not_shown(chain, joint, on=False)
 
 
-def _write(chain: Chain, joint: Joint, address: int, data: bytes) -> str | None:
+def _write(chain: BusCycle, joint: Joint, address: int, data: bytes) -> str | None:
     """What went wrong, if anything; all our writes may be repeated.
 
     Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
@@ -147,7 +147,7 @@ def _write(chain: Chain, joint: Joint, address: int, data: bytes) -> str | None:
     return f"does not keep {data.hex(' ')} in register {address}, or does not answer: look at its cable and its supply"
 
 
-def _cleared(chain: Chain, joint: Joint, clock: Clock) -> Repair:
+def _cleared(chain: BusCycle, joint: Joint, clock: Clock) -> Repair:
     joint.driven, joint.paused = False, True
     try:
         problem = yield from _repaired(chain, joint, clock)
@@ -161,7 +161,7 @@ def _cleared(chain: Chain, joint: Joint, clock: Clock) -> Repair:
     return "is at fault again" if joint.faults else None
 
 
-def _repaired(chain: Chain, joint: Joint, clock: Clock) -> Repair:
+def _repaired(chain: BusCycle, joint: Joint, clock: Clock) -> Repair:
     errors = _errors(chain, joint)
     if errors is None:
         return _SILENT
@@ -180,7 +180,7 @@ def _repaired(chain: Chain, joint: Joint, clock: Clock) -> Repair:
     return f"still reports {described(errors, joint.protocol)}: remove the cause and try again" if errors else None
 
 
-def _errors_left(chain: Chain, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
+def _errors_left(chain: BusCycle, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
     """Its errors, once they are gone or have had time to go."""
     begun_s = clock.now_s()
     while (errors := _errors(chain, joint)) and clock.now_s() - begun_s < _SETTLE_S:
@@ -188,7 +188,7 @@ def _errors_left(chain: Chain, joint: Joint, clock: Clock) -> Generator[None, No
     return errors
 
 
-def _errors(chain: Chain, joint: Joint) -> int | None:
+def _errors(chain: BusCycle, joint: Joint) -> int | None:
     block = Ax.STATE if joint.protocol == 1 else Xm.HEALTH
     for _ in range(ATTEMPTS):
         answer = chain.wire.read(joint.protocol, joint.servo_id, block)
@@ -197,7 +197,7 @@ def _errors(chain: Chain, joint: Joint) -> int | None:
     return None
 
 
-def _until_back(chain: Chain, joint: Joint, clock: Clock) -> Steps:
+def _until_back(chain: BusCycle, joint: Joint, clock: Clock) -> Steps:
     begun_s = clock.now_s()
     look_s = begun_s + _FIRST_LOOK_S
     while clock.now_s() - begun_s < REBOOT_S:
@@ -208,7 +208,7 @@ def _until_back(chain: Chain, joint: Joint, clock: Clock) -> Steps:
             look_s = clock.now_s() + _LOOK_EVERY_S
 
 
-def _restore_torque_limit(chain: Chain, joint: Joint) -> str | None:
+def _restore_torque_limit(chain: BusCycle, joint: Joint) -> str | None:
     """An AX's shutdown sets Torque Limit (34) to 0 and has no other mark; off first, so that it stays limp."""
     identity = chain.wire.read(1, joint.servo_id, Ax.IDENTITY)
     if identity is None:

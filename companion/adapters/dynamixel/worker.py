@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 
-from companion.adapters.dynamixel.chain import Chain
+from companion.adapters.dynamixel.chain import BusCycle
 from companion.adapters.dynamixel.conversion import Reading
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
@@ -16,9 +16,9 @@ from companion.adapters.dynamixel.orders import Commands, Goals, deliver
 from companion.adapters.dynamixel.port import BusPort, PortGoneError, latency_warning, name_warning
 from companion.adapters.dynamixel.torque import Steps, clear_faults, torque_off, torque_on
 from companion.adapters.dynamixel.wire import Wire
-from companion.config_arms import ArmsConfig
-from companion.ports import ArmError, Clock
-from companion.types import ArmStatus, Array
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import ArmError, Clock
+from companion.core.types import ArmStatus, Array
 
 LOG = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ COMMAND_PATIENCE_MS = 5.0
 """Less: the healthy joints wait meanwhile."""
 
 
-class Worker:
+class BusThread:
     """`goals`, `status`, `commands.submit`, `start` and `close` are for the event loop, the rest is the thread's."""
 
     def __init__(self, config: ArmsConfig, clock: Clock, strict: bool = True) -> None:
@@ -46,7 +46,7 @@ class Worker:
         self._faults = FaultLog()
         self._port = BusPort(config.port, config.baud)
         self._wire = Wire(self._port)
-        self._chain = Chain(joints_of(config), self._wire, self._faults, config, clock)
+        self._chain = BusCycle(joints_of(config), self._wire, self._faults, config, clock)
         self._cycles, self._cycle_s = 0, 0.0
         self.status = self._status()
         self._thread = threading.Thread(target=self._run, name=THREAD_NAME)

@@ -13,16 +13,16 @@ from pydantic import BaseModel
 
 from companion import __version__
 from companion.adapters.mqtt.connection import V5, V311, Connection
-from companion.adapters.mqtt.outbox import Letter, Outbox
+from companion.adapters.mqtt.outbox import Outbox, OutboxMessage
 from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.adapters.mqtt.return_path import ReturnPath
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
-from companion.bus.commands import Command
-from companion.bus.intake import Intake, Refusal
-from companion.bus.telemetry import Answer, Happened, Presence, Reply, State
-from companion.config_operator import OperatorConfig
-from companion.ports import Clock, CompanionError
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import Clock, CompanionError
+from companion.protocol.commands import Command
+from companion.protocol.intake import Intake, Refusal
+from companion.protocol.telemetry import Answer, Happened, Presence, Reply, State
 
 LOG = logging.getLogger(__name__)
 
@@ -219,7 +219,7 @@ class BusLink:
 
     def _put(self, box: Outbox, topic: str, said: BaseModel, correlation: bytes | None = None) -> None:
         try:
-            box.put(Letter(topic, said.model_dump_json().encode(), correlation))
+            box.put(OutboxMessage(topic, said.model_dump_json().encode(), correlation))
         except Exception:  # text that is no Unicode, data that is no JSON
             LOG.exception("cannot be said over the bus: %r", type(said).__name__)
 

@@ -12,16 +12,16 @@ import numpy as np
 import paho.mqtt.client as paho
 from pydantic import ValidationError
 
+from companion.adapters.mocap.newest_frame import NewestFrame
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
-from companion.bus.mocap import BridgePresence, MocapPose
-from companion.config_mocap import MocapConfig
-from companion.config_operator import OperatorConfig
-from companion.newest_frame import NewestFrame
-from companion.ports import Clock, MocapError
-from companion.types import Array, MocapFrame
-from companion.validation_words import plain
+from companion.config.mocap_config import MocapConfig
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import Clock, MocapError
+from companion.core.types import Array, MocapFrame
+from companion.core.validation_messages import plain
+from companion.protocol.mocap import BridgePresence, MocapPose
 
 LOG = logging.getLogger(__name__)
 

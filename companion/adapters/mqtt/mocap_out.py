@@ -16,9 +16,9 @@ from pydantic import ValidationError
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
-from companion.bus.mocap import BridgePresence, MocapPose
-from companion.config_operator import OperatorConfig
-from companion.ports import MocapError
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import MocapError
+from companion.protocol.mocap import BridgePresence, MocapPose
 
 LOG = logging.getLogger(__name__)
 

@@ -15,7 +15,7 @@ _TRIES = 3
 
 
 @dataclass
-class Letter:
+class OutboxMessage:
     """One message at QoS 1."""
 
     topic: str
@@ -35,7 +35,7 @@ class Outbox:
     """First in, first out; of more than `most` the oldest is dropped. Waits in `next` and `empty` only."""
 
     def __init__(self, most: int) -> None:
-        self._most, self._letters, self._there = most, deque[Letter](), asyncio.Event()
+        self._most, self._letters, self._there = most, deque[OutboxMessage](), asyncio.Event()
         self._open = 0
         self._all_said = asyncio.Event()
         self._all_said.set()
@@ -43,7 +43,7 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._letters)
 
-    def put(self, letter: Letter) -> None:
+    def put(self, letter: OutboxMessage) -> None:
         """To be said when its turn comes."""
         if len(self._letters) >= self._most:
             self._letters.popleft()
@@ -51,7 +51,7 @@ class Outbox:
         self._there.set()
         self._all_said.clear()
 
-    async def next(self) -> Letter:
+    async def next(self) -> OutboxMessage:
         """The oldest, once there is one; it is taken out, until `said` or `not_said`."""
         while not self._letters:
             self._there.clear()
@@ -65,7 +65,7 @@ class Outbox:
         if not self._letters and not self._open:
             self._all_said.set()
 
-    def not_said(self, letter: Letter) -> None:
+    def not_said(self, letter: OutboxMessage) -> None:
         """It comes first again, but not for ever."""
         letter.tries += 1
         if letter.tries < _TRIES and len(self._letters) < self._most:

@@ -6,8 +6,8 @@ import ssl
 import aiomqtt
 
 from companion.adapters.mqtt.connection import Reached
-from companion.config_operator import OperatorConfig
-from companion.errors import ConfigError
+from companion.config.operator_config import OperatorConfig
+from companion.core.errors import ConfigError
 
 
 def reached(config: OperatorConfig, will: aiomqtt.Will | None) -> Reached:

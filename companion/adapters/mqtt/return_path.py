@@ -6,8 +6,8 @@ from typing import Self
 import aiomqtt
 from pydantic import BaseModel
 
-from companion.bus.telemetry import Happened, Kind, Reply
-from companion.bus.topics import Topics
+from companion.protocol.telemetry import Happened, Kind, Reply
+from companion.protocol.topics import Topics
 
 _MAX_CORRELATION_BYTES = 256
 """More is no number of anybody's, and would come back with every reply."""

@@ -5,8 +5,8 @@ import time
 import aiomqtt
 from pydantic import ValidationError
 
-from companion.bus.telemetry import Presence
-from companion.ports import Clock
+from companion.core.interfaces import Clock
+from companion.protocol.telemetry import Presence
 
 LISTEN_S = 1.2
 """Another service is heard more than once within this: it says twice a second that it is there."""

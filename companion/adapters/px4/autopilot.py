@@ -21,12 +21,12 @@ from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, Vis
 from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 
 from companion.adapters.px4.commands import CommandSender, MavResult
-from companion.adapters.px4.direct import Px4Direct
-from companion.adapters.px4.heard import LocalEstimate, Px4Heard
-from companion.config_px4 import Px4Config
-from companion.control.frames import euler_ned_frd_deg, flip_yz
-from companion.ports import AutopilotError, Clock
-from companion.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+from companion.adapters.px4.direct import Px4Mavlink
+from companion.adapters.px4.heard import LocalEstimate, Px4Telemetry
+from companion.config.px4_config import Px4Config
+from companion.core.interfaces import AutopilotError, Clock
+from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+from companion.geometry.frames import euler_ned_frd_deg, flip_yz
 
 _POLL_S = 0.02
 _RETRY_S = 0.5
@@ -53,9 +53,9 @@ class Px4:
         """`own_ids` are our system and component in MAVLink."""
         self._config, self._clock = config, clock
         self._loop = asyncio.get_running_loop()
-        self._offboard, self._mocap, self._direct = Offboard(system), Mocap(system), Px4Direct(system)
+        self._offboard, self._mocap, self._direct = Offboard(system), Mocap(system), Px4Mavlink(system)
         self._commands = CommandSender(self._direct, own_ids)
-        self._heard = Px4Heard(system, self._direct, clock, config.battery_id, self._ask_again)
+        self._heard = Px4Telemetry(system, self._direct, clock, config.battery_id, self._ask_again)
         self._told: Attitude | None = None
         """The setpoint that MAVSDK repeats; None while nothing leaves."""
         self._stream_begun_s = math.inf

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from companion.types import BatteryReading
+from companion.core.types import BatteryReading
 
 _NOT_MEASURED = 65535
 """UINT16_MAX, mV."""

@@ -10,7 +10,7 @@ import asyncio
 from enum import IntEnum
 from typing import Any
 
-from companion.adapters.px4.direct import Px4Direct
+from companion.adapters.px4.direct import Px4Mavlink
 
 _RESEND_S = 0.5
 """As MAVSDK and QGroundControl do."""
@@ -45,7 +45,7 @@ class MavResult(IntEnum):
 class CommandSender:
     """Sends commands to the autopilot, one of a kind at a time: an acknowledgement names the command's number alone."""
 
-    def __init__(self, direct: Px4Direct, own_ids: tuple[int, int]) -> None:
+    def __init__(self, direct: Px4Mavlink, own_ids: tuple[int, int]) -> None:
         """`own_ids` are our system and component: acknowledgements to others (a ground station) are not ours."""
         self._direct, self._own_ids = direct, own_ids
         self._loop = asyncio.get_running_loop()

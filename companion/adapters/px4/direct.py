@@ -17,8 +17,8 @@ from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
 from companion.adapters.px4.callback_thread import CallbackThreads
-from companion.ports import AutopilotError
-from companion.types import FlightMode
+from companion.core.interfaces import AutopilotError
+from companion.core.types import FlightMode
 
 LOG = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ def flight_mode(custom_mode: int) -> FlightMode:
     return (_AUTO_MODES.get(sub) if main == _AUTO else _MODES.get(main)) or FlightMode.OTHER
 
 
-class Px4Direct:
+class Px4Mavlink:
     """Requests and subscriptions by message. Callbacks run on MAVSDK's thread, in the order of arrival."""
 
     def __init__(self, system: Any) -> None:

@@ -5,8 +5,8 @@ import math
 
 from companion.adapters.px4.admission import Admission
 from companion.adapters.px4.sender_filter import SenderFilter
-from companion.config_px4 import Px4Config
-from companion.ports import Clock
+from companion.config.px4_config import Px4Config
+from companion.core.interfaces import Clock
 
 LOG = logging.getLogger(__name__)
 

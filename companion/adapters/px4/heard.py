@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from companion.adapters.px4.batteries import flight_battery, merged, reading
-from companion.adapters.px4.direct import Px4Direct
+from companion.adapters.px4.direct import Px4Mavlink
 from companion.adapters.px4.texts import TextPieces
-from companion.control.frames import flip_quat, flip_yz
-from companion.log_lines import LineLimit, printable
-from companion.ports import Clock
-from companion.types import Array, AutopilotStatus, BatteryReading, FlightMode
+from companion.adapters.system.log_lines import LineLimit, printable
+from companion.core.interfaces import Clock
+from companion.core.types import Array, AutopilotStatus, BatteryReading, FlightMode
+from companion.geometry.frames import flip_quat, flip_yz
 
 LOG = logging.getLogger(__name__)
 
@@ -68,11 +68,11 @@ class LocalEstimate:
         return self.flags & _FROM_VISION == _FROM_VISION
 
 
-class Px4Heard:
+class Px4Telemetry:
     """The newest of everything."""
 
     def __init__(
-        self, system: Any, direct: Px4Direct, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
+        self, system: Any, direct: Px4Mavlink, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
     ) -> None:
         """`battery_id` is the battery that carries the vehicle, None: the lowest number heard.
 

@@ -13,8 +13,8 @@ from mavsdk.mavsdk import Configuration, Mavsdk
 from companion.adapters.px4.autopilot import Px4
 from companion.adapters.px4.doorkeeper import Doorkeeper
 from companion.adapters.px4.native_log import take_native_log
-from companion.config_px4 import Px4Config
-from companion.ports import AutopilotError, Clock
+from companion.config.px4_config import Px4Config
+from companion.core.interfaces import AutopilotError, Clock
 
 _LOOK_S, _LOOK_AGAIN_S = 0.02, 0.2
 _ADVICE = {

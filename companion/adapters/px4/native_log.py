@@ -8,7 +8,7 @@ from typing import Any
 from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.logging import LogCallback
 
-from companion.log_lines import LineLimit, printable
+from companion.adapters.system.log_lines import LineLimit, printable
 
 LOG = logging.getLogger("companion.adapters.px4.mavsdk")
 

@@ -12,8 +12,8 @@ from companion.adapters.qualisys.dial import UnreachableError, agree_on_version,
 from companion.adapters.qualisys.keeping import end_when_silent, keep_bodies_current
 from companion.adapters.qualisys.link import Datagrams, Link
 from companion.adapters.qualisys.source import QualisysSource
-from companion.config_mocap import MocapConfig
-from companion.ports import Clock, MocapError
+from companion.config.mocap_config import MocapConfig
+from companion.core.interfaces import Clock, MocapError
 
 LOG = logging.getLogger(__name__)
 

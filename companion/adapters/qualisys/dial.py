@@ -8,8 +8,8 @@ from qtm_rt.protocol import QRTCommandException
 from companion.adapters.qualisys.bodies import RigidBody, rigid_bodies
 from companion.adapters.qualisys.link import Link
 from companion.adapters.qualisys.packets import MalformedError
-from companion.config_mocap import MocapConfig
-from companion.ports import MocapError
+from companion.config.mocap_config import MocapConfig
+from companion.core.interfaces import MocapError
 
 LOG = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from qtm_rt.packet import QRTEvent, QRTPacket
 from qtm_rt.protocol import QRTCommandException, QTMProtocol
 from qtm_rt.receiver import Receiver
 
-from companion.adapters.keepalive import keep_alive
 from companion.adapters.qualisys.packets import DATA, HEADER, MalformedError, check_packet, split_packets
 from companion.adapters.qualisys.source import QualisysSource
+from companion.adapters.system.keepalive import keep_alive
 
 LOG = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from qtm_rt.packet import QRTComponentType
 
-from companion.types import Array
+from companion.core.types import Array
 
 HEADER = struct.Struct("<II")
 ERROR, COMMAND, XML, DATA, NO_MORE_DATA, EVENT = 0, 1, 2, 3, 4, 6

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from companion.adapters.mocap.newest_frame import NewestFrame
 from companion.adapters.qualisys.bodies import RigidBody, listed, misfit, objection, place_in_frame
 from companion.adapters.qualisys.packets import body_count, body_pose
-from companion.newest_frame import NewestFrame
-from companion.ports import Clock
-from companion.types import MocapFrame
+from companion.core.interfaces import Clock
+from companion.core.types import MocapFrame
 
 LOG = logging.getLogger(__name__)
 

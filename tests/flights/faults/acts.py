@@ -6,16 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from companion.control.controller import ControlInput, ControlOutput
-from companion.control.frames import flip_yz
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
-from companion.health_stage import Sides
-from companion.supervisor.flight import Kill, Land, TakeOff
-from companion.types import AutopilotStatus
-from mock_autopilot.dynamixel_config import Fault, FaultKind
-from mock_autopilot.fault_ways import Part
-from mock_autopilot.plant import Wrench, no_wrench
-from mock_autopilot.truth import Truth
+from companion.core.types import AutopilotStatus
+from companion.flight.health_step import Sides
+from companion.geometry.frames import flip_yz
+from companion.supervisor.flight_state import KillRequest, LandRequest, TakeoffRequest
+from mock_autopilot.faults.catalogue import Part
+from mock_autopilot.physics.plant import Wrench, no_wrench
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.servos.config import Fault, FaultKind
 from tests.flights.faults.rows import Act
 from tests.flights.simulated import Flight
 
@@ -24,12 +24,12 @@ ANOTHER_BODY_S = 0.5
 
 def abort(flight: Flight) -> None:
     """The operator's, Ctrl-C or land."""
-    flight.loop.ask(Land())
+    flight.loop.ask(LandRequest())
 
 
 def kill(flight: Flight) -> None:
     """The operator's, confirmed."""
-    flight.loop.ask(Kill())
+    flight.loop.ask(KillRequest())
 
 
 def gust(force_w_n: tuple[float, float, float], for_s: float = math.inf) -> Act:
@@ -50,7 +50,7 @@ def gust(force_w_n: tuple[float, float, float], for_s: float = math.inf) -> Act:
 def take_off_by_another_body(flight: Flight) -> None:
     """Motion capture has looked at a body in the corner for half a second when the operator says takeoff."""
     flight.room.inject("mocap wrong (swapped)")
-    waiting, due_s = [TakeOff(1.2)], flight.room.now_s() + ANOTHER_BODY_S
+    waiting, due_s = [TakeoffRequest(1.2)], flight.room.now_s() + ANOTHER_BODY_S
 
     def go_on(truth: Truth) -> None:
         if waiting and truth.time_s >= due_s:

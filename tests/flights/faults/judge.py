@@ -3,8 +3,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Phase
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import Phase
 from tests.flights.faults.rows import End, Row, When
 from tests.flights.faults.watch import Flown, Told
 
@@ -63,7 +63,7 @@ def end_of(flown: Flown, planned_s: float | None, told: Told) -> End:
     at_last = [mode for at_s, mode in flown.modes if at_s < flown.disarmed_s][-1]
     if at_last != "OFFBOARD":
         return End.HANDED_OVER
-    reacted = any(said.level > Reaction.NOTE for said in told.changes)
+    reacted = any(said.level > FailsafeAction.WARN for said in told.changes)
     return End.FLIES_ON if planned_s is not None and not reacted else End.LANDED
 
 
@@ -74,13 +74,13 @@ def reaction_of(row: Row, flown: Flown, told: Told, planned_s: float | None) -> 
         return None
     until_s = planned_s if planned_s is not None else float("inf")
     times = {
-        Reaction.NOTE: (at_s for at_s, fault in told.events if fault is row.fault),
-        Reaction.STOP: _when_down(told),
-        Reaction.HOLD: _when_done(row, told),
-        Reaction.LAND: _when_down(told),
-        Reaction.AUTOPILOT_LAND: (at_s for at_s, mode in flown.modes if mode != "OFFBOARD"),
-        Reaction.LET_GO: _last_setpoint(flown, told),
-        Reaction.TERMINATE: () if flown.disarmed_s is None else (flown.disarmed_s,),
+        FailsafeAction.WARN: (at_s for at_s, fault in told.events if fault is row.fault),
+        FailsafeAction.DISARM: _when_down(told),
+        FailsafeAction.HOLD: _when_done(row, told),
+        FailsafeAction.LAND: _when_down(told),
+        FailsafeAction.AUTOPILOT_LAND: (at_s for at_s, mode in flown.modes if mode != "OFFBOARD"),
+        FailsafeAction.RELEASE: _last_setpoint(flown, told),
+        FailsafeAction.TERMINATE: () if flown.disarmed_s is None else (flown.disarmed_s,),
     }[row.reaction]
     return next((at_s - begin_s for at_s in times if begin_s <= at_s < until_s), None)
 
@@ -140,13 +140,17 @@ def _late(row: Row, reaction_s: float | None) -> Iterable[str]:
 
 def _other_reaction(row: Row, told: Told) -> Iterable[str]:
     """What the table says must be done for this fault, and before it nothing that is as strong."""
-    expected = Reaction.NOTE if row.fault in _BY_THE_SERVICE else row.reaction
-    before = Reaction.LET_GO if row.when is When.HANDED_OVER and expected is Reaction.NOTE else Reaction.NOTE
+    expected = FailsafeAction.WARN if row.fault in _BY_THE_SERVICE else row.reaction
+    before = (
+        FailsafeAction.RELEASE
+        if row.when is When.HANDED_OVER and expected is FailsafeAction.WARN
+        else FailsafeAction.WARN
+    )
     done = [said for said in told.changes if said.level > before]
     first = next((said for said in done if said.level >= expected), None)
-    if expected is Reaction.NOTE and first is not None:
+    if expected is FailsafeAction.WARN and first is not None:
         yield f"{first.level.words} for {first.cause or 'no fault'} ({first.reason}), although nothing is to be done"
-    elif expected > Reaction.NOTE and first is None:
+    elif expected > FailsafeAction.WARN and first is None:
         yield f"nothing was done, not {expected.words}"
     elif first is not None and (first.level, first.cause) != (expected, row.fault):
         yield f"{first.level.words} for {first.cause or 'no fault'} ({first.reason}), not {expected.words}"

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import uvloop
 
-from companion.cli.mock_process import MockPorts
-from companion.config import CompanionConfig, load_config
-from companion.config_controller import load_controller
-from companion.config_operator import OperatorConfig
-from companion.ports import AutopilotError, CompanionError
-from companion.service import Service, open_service
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Flight, Phase
+from companion.cli.demo.mock_process import MockPorts
+from companion.config.companion_config import CompanionConfig, load_config
+from companion.config.controller_config import load_controller
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import AutopilotError, CompanionError
+from companion.service.vehicle_service import FlightActions, open_service
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import FlightState, Phase
 from tests import warm
 from tests.broker import broker
 from tests.dead_man import NoDeadMan
@@ -116,7 +116,7 @@ class Scene:
     told: Told
 
     @asynccontextmanager
-    async def service(self, **changes: object) -> AsyncIterator[Service]:
+    async def service(self, **changes: object) -> AsyncIterator[FlightActions]:
         """The real one, in this process; no timer watches it, which would end the tests."""
         config = configured(self.relay).model_copy(update=changes)
         law = load_controller("etnn", config.vehicle_model(), 0.01).law
@@ -132,13 +132,13 @@ async def _in_the_air(how: str, scene: Scene) -> float | None:
         return await _to_the_end(service)
 
 
-async def _hover(service: Service) -> None:
+async def _hover(service: FlightActions) -> None:
     await service.ready()
     await service.arm()
     await service.take_off(HEIGHT_M)
 
 
-async def _to_the_end(service: Service) -> float | None:
+async def _to_the_end(service: FlightActions) -> float | None:
     planned_s: float | None = None
     begun_s = time.monotonic()
     while service.phase not in _OVER and time.monotonic() - begun_s < _PATIENCE_S:
@@ -174,7 +174,9 @@ async def _twice(_: str, scene: Scene) -> None:
             async with scene.service():
                 pass
         except AutopilotError as error:
-            stopped = Flight(Phase.DISARMED, level=Reaction.STOP, cause=Fault.SERVICE_TWICE, reason=str(error))
+            stopped = FlightState(
+                Phase.DISARMED, level=FailsafeAction.DISARM, cause=Fault.SERVICE_TWICE, reason=str(error)
+            )
             scene.told.take(time.monotonic(), stopped, frozenset())
 
 
@@ -202,7 +204,9 @@ async def _stopped(how: str, scene: Scene) -> None:
             while not (beats := modes_after(scene.relay, since_s)) or beats[-1][1]:  # noqa: ASYNC110 - nobody tells
                 await asyncio.sleep(0.05)
         if flying.process.returncode == -signal.SIGKILL:
-            gone = Flight(Phase.HANDED_OVER, level=Reaction.LET_GO, cause=Fault.LOOP_STOPPED, reason="SIGKILL")
+            gone = FlightState(
+                Phase.HANDED_OVER, level=FailsafeAction.RELEASE, cause=Fault.LOOP_STOPPED, reason="SIGKILL"
+            )
             scene.told.take(time.monotonic(), gone, frozenset())
 
 

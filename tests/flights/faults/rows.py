@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from companion.config import CompanionConfig
-from companion.config_arms import ArmsConfig
-from companion.config_safety import SafetyConfig
-from companion.supervisor.faults import Fault, Reaction, Stage, reaction_to
+from companion.config.arms_config import ArmsConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.safety_config import SafetyConfig
+from companion.supervisor.faults import FailsafeAction, Fault, Stage, reaction_to
 from tests.flights.simulated import BRISK, Flight
 from tests.flights.test_simulated_arms import mock_arms
 
@@ -128,6 +128,6 @@ class Row:
         return f"{self.fault}: {self.variant}, {self.when}"
 
     @property
-    def reaction(self) -> Reaction:
+    def reaction(self) -> FailsafeAction:
         """What faults.TABLE says."""
-        return Reaction.NOTE if self.harmless else reaction_to(self.fault, STAGES[self.when])
+        return FailsafeAction.WARN if self.harmless else reaction_to(self.fault, STAGES[self.when])

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.control.reference import Ellipse, LapTiming
-from companion.ports import ArmError
-from companion.supervisor.faults import Reaction
-from companion.supervisor.flight import Fly, Phase
-from mock_autopilot.fault_ways import WAYS, Kind, Part, Way
+from companion.core.interfaces import ArmError
+from companion.supervisor.faults import FailsafeAction
+from companion.supervisor.flight_state import Phase, TrackRequest
+from companion.trajectories.reference import Ellipse, LapTiming
+from mock_autopilot.faults.catalogue import WAYS, Kind, Part, Way
 from tests.flights.faults import acts
 from tests.flights.faults.judge import end_of
 from tests.flights.faults.rows import ARMS, CONFIG, Conditions, End
@@ -29,7 +29,7 @@ _HUNG = frozenset(way for way in WAYS if way.part is Part.AUTOPILOT and way.kind
 """Motors that keep their last signals and hear nobody: where it falls, and from which height, is chance and nobody's
 reaction. The table flies it from a hover."""
 _WAYS = tuple(way for way in WAYS if way not in _SPOKEN | _HUNG)
-_LAP = Fly(Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=1)), 0.5)
+_LAP = TrackRequest(Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=1)), 0.5)
 _LAST_S = 22.0
 """Take-off, approach, lap and landing: a fault begins at any time of it."""
 _FOR_EVER = 0.4
@@ -91,7 +91,11 @@ class _Mission:
         self._asked = self._tracked = False
 
     def __call__(self, flight: Flight) -> bool:
-        if flight.loop.flight.level > Reaction.NOTE or flight.phase not in {Phase.TAKEOFF, Phase.HOLD, Phase.TRACK}:
+        if flight.loop.flight.level > FailsafeAction.WARN or flight.phase not in {
+            Phase.TAKEOFF,
+            Phase.HOLD,
+            Phase.TRACK,
+        }:
             return True
         self._tracked = self._tracked or flight.phase is Phase.TRACK
         if flight.phase is Phase.HOLD and not self._asked:
@@ -101,7 +105,7 @@ class _Mission:
 
 def _swing_once_up(flight: Flight) -> bool:
     """The arms begin with the hover, unless they, or the flight, already are at fault."""
-    if flight.phase is not Phase.HOLD or flight.loop.flight.level > Reaction.NOTE:
+    if flight.phase is not Phase.HOLD or flight.loop.flight.level > FailsafeAction.WARN:
         return flight.phase is not Phase.TAKEOFF
     with contextlib.suppress(ArmError):
         play(swing())(flight)

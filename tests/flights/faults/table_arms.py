@@ -1,7 +1,7 @@
 """Flights in which a servo or the arms' bus goes wrong, with the arms' real driver."""
 
 from companion.supervisor.faults import Fault
-from mock_autopilot.dynamixel_config import FaultKind
+from mock_autopilot.servos.config import FaultKind
 from tests.flights.faults.acts import one_servo
 from tests.flights.faults.rows import ARMS, Act, End, Row, When, within
 

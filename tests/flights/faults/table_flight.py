@@ -1,9 +1,9 @@
 """Flights in which autopilot, law, loop, arms, operator or room go wrong."""
 
-from companion.config import CompanionConfig, FlightConfig, RoomConfig
-from companion.config_safety import FenceConfig, SafetyConfig
+from companion.config.companion_config import CompanionConfig, FlightConfig, RoomConfig
+from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.supervisor.faults import Fault
-from mock_autopilot.truth import Truth
+from mock_autopilot.physics.truth import Truth
 from tests.flights.faults import acts
 from tests.flights.faults.rows import ARMS as MOVING_ARMS
 from tests.flights.faults.rows import BOOT_S, MODE_S, RULES, Act, Conditions, End, Row, When, within

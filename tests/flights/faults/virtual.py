@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.control.reference import Ellipse, LapTiming
-from companion.supervisor.flight import Fly, Land, Phase, Resume, TakeOff
+from companion.supervisor.flight_state import LandRequest, Phase, ResumeRequest, TakeoffRequest, TrackRequest
+from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.faults.judge import Result, judged
 from tests.flights.faults.rows import CONFIG, Conditions, Row, When
 from tests.flights.faults.table import VIRTUAL
@@ -29,14 +29,14 @@ _PILOT_FLIES_S = 2.0
 
 HALFWAY_S = 1.0
 """Through the approach to the swing."""
-UP = [*ARM, ask(TakeOff(HEIGHT_M)), until(Phase.HOLD)]
+UP = [*ARM, ask(TakeoffRequest(HEIGHT_M)), until(Phase.HOLD)]
 PRELUDES: dict[When, list[Step]] = {
     When.GROUND: [*ARM, wait(0.3)],
     When.LIFT_OFF: [*ARM, wait(0.3)],
-    When.TAKEOFF: [*ARM, ask(TakeOff(HEIGHT_M)), lambda flight: bool(flight.room.truth_w_m[2] > 0.5)],
+    When.TAKEOFF: [*ARM, ask(TakeoffRequest(HEIGHT_M)), lambda flight: bool(flight.room.truth_w_m[2] > 0.5)],
     When.HOVER: [*UP, wait(1.0)],
-    When.TRACK: [*UP, ask(Fly(LAP, 0.5)), until(Phase.TRACK), wait(3.0)],
-    When.LANDING: [*UP, ask(Land()), lambda flight: bool(flight.room.truth_w_m[2] < 0.8)],
+    When.TRACK: [*UP, ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(3.0)],
+    When.LANDING: [*UP, ask(LandRequest()), lambda flight: bool(flight.room.truth_w_m[2] < 0.8)],
     When.HANDED_OVER: [*UP, wait(1.0)],
     When.SWINGING: [torque, *UP, play(swing()), wait(HALFWAY_S)],
 }
@@ -70,14 +70,14 @@ class Operator:
     def _take_back(self, flight: Flight, now_s: float) -> None:
         self._piloted_s = now_s if self._piloted_s is None else self._piloted_s
         if now_s - self._piloted_s > _PILOT_FLIES_S and flight.phase is Phase.HANDED_OVER:
-            flight.loop.ask(Resume())
+            flight.loop.ask(ResumeRequest())
 
     def _end_it(self, flight: Flight, now_s: float) -> None:
         assert self._since_s is not None
         if self._piloted_s is not None or now_s - self._since_s > self.patience_s:
             if self._piloted_s is None:
                 self.planned_s = now_s if self.planned_s is None else self.planned_s
-            flight.loop.ask(Land())
+            flight.loop.ask(LandRequest())
 
 
 def fly_row(row: Row, seed: int = 1) -> Result:

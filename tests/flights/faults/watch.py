@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass, field
 
-from companion.config import CompanionConfig
-from companion.supervisor.faults import Fault, Reaction
-from companion.supervisor.flight import Flight, Phase
-from companion.tick import Tick
-from mock_autopilot.estimator import REGAIN_AFTER_S
-from mock_autopilot.fault_ways import Kind, Part
-from mock_autopilot.px4 import Mode
-from mock_autopilot.truth import Truth
+from companion.config.companion_config import CompanionConfig
+from companion.flight.tick import Tick
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import FlightState, Phase
+from mock_autopilot.faults.catalogue import Kind, Part
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.px4.estimator import REGAIN_AFTER_S
+from mock_autopilot.px4.vocabulary import Mode
 from mock_autopilot.world import World
 
 Box = tuple[tuple[float, float], tuple[float, float], float]
@@ -105,7 +105,7 @@ class Said:
 
     time_s: float
     phase: Phase
-    level: Reaction
+    level: FailsafeAction
     cause: Fault | None
     reason: str
 
@@ -123,7 +123,7 @@ class Told:
         """Take one tick."""
         self.take(tick.time_s, tick.flight, frozenset(event.fault for event in tick.events))
 
-    def take(self, time_s: float, flight: Flight, faults: frozenset[Fault]) -> None:
+    def take(self, time_s: float, flight: FlightState, faults: frozenset[Fault]) -> None:
         """What was there at a time."""
         said = Said(time_s, flight.phase, flight.level, flight.cause, flight.reason)
         last = self.changes[-1] if self.changes else None

@@ -10,9 +10,9 @@ from dataclasses import asdict
 
 import uvloop
 
-from companion.cli.mock_process import MockPorts
+from companion.cli.demo.mock_process import MockPorts
 from mock_autopilot.config import MockConfig
-from mock_autopilot.fault_words import parse
+from mock_autopilot.faults.sentences import parse
 from mock_autopilot.simulator import Simulator
 from tests.flights.command import ROOT
 from tests.flights.faults.rows import CONFIG

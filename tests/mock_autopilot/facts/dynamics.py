@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mock_autopilot import plant, plant_one
-from mock_autopilot import quaternion as quat
-from mock_autopilot.plant import Actuation, PlantParams
-from mock_autopilot.quaternion import Array
+from mock_autopilot.physics import plant, plant_one
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.plant import Actuation, PlantParams
+from mock_autopilot.physics.quaternion import Array
 from tests.mock_autopilot.bench import SIH_PLANT, Bench
 from tests.mock_autopilot.fact import Fact, near
 

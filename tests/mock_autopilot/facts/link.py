@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.timing import Timing
+from mock_autopilot.px4.timing import Timing
 from tests.mock_autopilot.bench import NO_GPS, Bench
 from tests.mock_autopilot.fact import Fact, acks, near, same, state
 

@@ -5,7 +5,7 @@ from functools import cache
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot import quaternion as quat
+from mock_autopilot.physics import quaternion as quat
 from tests.mock_autopilot.bench import NO_GPS, Bench
 from tests.mock_autopilot.fact import acks, near, same, state
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mock_autopilot.params import ParamTable, UnknownParamError
+from mock_autopilot.px4.params import ParamTable, UnknownParamError
 from tests.mock_autopilot.reenact.events import Event, EventReader, param_value
 from tests.mock_autopilot.reenact.pilot import inferred_pilot
 from tests.mock_autopilot.reenact.session import GCS, ONBOARD, Pose, SentFrame, Session, Setpoint, Sticks

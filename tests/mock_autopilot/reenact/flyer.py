@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot import quaternion as quat
-from mock_autopilot.plant import GRAVITY_MPS2
-from mock_autopilot.truth import Truth
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.plant import GRAVITY_MPS2
+from mock_autopilot.physics.truth import Truth
 from tests.mock_autopilot.reenact.session import Pose, Setpoint
 
 PULL_PER_S2, BRAKE_PER_S = 4.0, 3.0

@@ -11,8 +11,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.commander import AUTO_SUB_MODES, MAIN_MODES
-from mock_autopilot.px4 import AUTO_MAIN_MODE, Mode
+from mock_autopilot.px4.commander import AUTO_SUB_MODES, MAIN_MODES
+from mock_autopilot.px4.vocabulary import AUTO_MAIN_MODE, Mode
 from tests.mock_autopilot.reenact.events import Event
 from tests.mock_autopilot.reenact.session import GCS, SentFrame, Sticks
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot import quaternion as quat
 from mock_autopilot.config import LinkConfig, MockConfig
-from mock_autopilot.faults import Fault
-from mock_autopilot.frames import messages_in
-from mock_autopilot.mavlink import MavlinkLink
-from mock_autopilot.streams import DEFAULTS, TICK_S
+from mock_autopilot.faults.fault import Fault
+from mock_autopilot.mavlink.frames import messages_in
+from mock_autopilot.mavlink.link import MavlinkLink
+from mock_autopilot.mavlink.streams import DEFAULTS, TICK_S
+from mock_autopilot.physics import quaternion as quat
 from mock_autopilot.world import World
 from tests.mock_autopilot.bench import SIH_PLANT
 from tests.mock_autopilot.reenact.events import FAILSAFE_OVER, READERS, Event, EventReader

@@ -1,0 +1,1 @@
+"""Motion capture from any source: newest frame, choice of the source."""

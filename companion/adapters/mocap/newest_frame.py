@@ -1,0 +1,134 @@
+"""The slot that holds a motion-capture source's newest frame, and the counts of those that never made it there."""
+
+import asyncio
+import logging
+from dataclasses import dataclass, replace
+
+from companion.core.interfaces import Clock, MocapError
+from companion.core.types import MocapFrame
+
+LOG = logging.getLogger(__name__)
+
+RESTART_S = 0.2
+"""A stamp that goes back further than this is a new measurement, not a frame that was overtaken.
+
+Less would do for a network; more would turn a clock that jumped back into silence.
+"""
+_DOUBT = 3
+"""So many whole frames are not believed after a packet that nobody can read.
+
+TCP and UDP have checksums: whoever sends broken packets sends wrong numbers, too, in those that can still be read.
+"""
+_MOST_DOUBT = 10
+"""After however many."""
+
+
+@dataclass(frozen=True)
+class MocapCounts:
+    """What became of the frames so far."""
+
+    received: int = 0
+    """Frames that were newer than all before them."""
+    lost: int = 0
+    """Frame numbers that were skipped, those of doubted frames among them."""
+    late: int = 0
+    """Frames dropped because a newer one, or the same, was already here."""
+    malformed: int = 0
+    """Packets dropped because nobody can read them."""
+    doubted: int = 0
+    """Frames dropped because such packets came just before."""
+
+
+class NewestFrame:
+    """`ports.MocapSource`, less the way on which frames come: that calls `put`, `on_malformed` and `fail`."""
+
+    def __init__(self, where: str, clock: Clock) -> None:
+        """`where` begins the sentences that say what it did: 'QTM at ...'."""
+        self.counts = MocapCounts()
+        self._where, self._clock = where, clock
+        self._doubt = 0
+        self._latest: MocapFrame | None = None
+        self._unseen = False
+        self._failure: str | None = None
+        self._waiter: asyncio.Future[None] | None = None
+
+    def latest(self) -> MocapFrame | None:
+        """The newest frame, or None before the first one."""
+        return self._latest
+
+    async def wait_frame(self, timeout_s: float) -> bool:
+        """Wait for a frame newer than the last one this returned for; False on time-out.
+
+        Raises MocapError once the source is closed.
+        """
+        fresh = await self.wait_unseen(timeout_s)
+        self._unseen = False
+        return fresh
+
+    async def wait_unseen(self, timeout_s: float) -> bool:
+        """Like `wait_frame`, but leaves the frame for the next `wait_frame` to return for."""
+        if not self._unseen and self._failure is None:
+            await self._woken(timeout_s)
+        if self._failure is not None:
+            raise MocapError(self._failure)
+        return self._unseen
+
+    def why_silent(self) -> str:
+        """Return why no frames come: here that is not known."""
+        return ""
+
+    def is_overtaken(self, number: int, stamp_s: float) -> bool:
+        """Whether a newer frame, or the same, is here already; that is counted.
+
+        The order is that of capture: some QTM versions number every live frame 1.
+        """
+        last = self._latest
+        if last is None or stamp_s < last.stamp_s - RESTART_S or (stamp_s, number) > (last.stamp_s, last.frame):
+            return False
+        self.counts = replace(self.counts, late=self.counts.late + 1)
+        return True
+
+    def put(self, frame: MocapFrame) -> None:
+        """Take a frame that is not overtaken, unless it is in doubt."""
+        if self._doubt > 0:
+            self._doubt -= 1
+            self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
+            return
+        self._count(frame.frame)
+        self._latest, self._unseen = frame, True
+        self._wake()
+
+    def on_malformed(self, error: Exception) -> None:
+        """Count a packet that nobody can read, and doubt the next ones; the first one is told."""
+        if self.counts.malformed == 0:
+            LOG.warning("%s sent %s: such packets are dropped, and counted", self._where, error)
+        self.counts = replace(self.counts, malformed=self.counts.malformed + 1)
+        self._doubt = min(self._doubt + _DOUBT, _MOST_DOUBT)
+
+    def fail(self, sentence: str) -> None:
+        """Let every `wait_frame` from now on raise MocapError; the first reason stays."""
+        if self._failure is None:
+            self._failure = f"{self._where} {sentence}"
+        self._wake()
+
+    async def _woken(self, timeout_s: float) -> None:
+        """Until a frame, a failure or the time-out; a bare future wakes a third sooner than asyncio.timeout and Event.
+
+        There is one consumer, so one future is enough.
+        """
+        loop = asyncio.get_running_loop()
+        self._waiter = loop.create_future()
+        timer = loop.call_later(timeout_s, self._wake)
+        try:
+            await self._waiter
+        finally:
+            timer.cancel()
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def _count(self, number: int) -> None:
+        skipped = max(0, number - self._latest.frame - 1) if self._latest is not None else 0
+        c = self.counts
+        self.counts = replace(c, received=c.received + 1, lost=c.lost + skipped)

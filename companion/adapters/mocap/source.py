@@ -1,0 +1,15 @@
+"""Motion capture by the way that the configuration names."""
+
+from contextlib import AbstractAsyncContextManager
+
+from companion.adapters.mqtt import open_mqtt_mocap
+from companion.adapters.qualisys import open_qualisys
+from companion.config.companion_config import CompanionConfig
+from companion.core.interfaces import Clock, MocapSource
+
+
+def open_mocap(config: CompanionConfig, clock: Clock) -> AbstractAsyncContextManager[MocapSource]:
+    """Frames flow once it is entered; MocapError when they do not."""
+    if config.mocap.source == "mqtt":
+        return open_mqtt_mocap(config.mocap, config.mocap_broker(), clock)
+    return open_qualisys(config.mocap, clock)

@@ -1,0 +1,1 @@
+"""Services of the operating system: clock, disk, systemd, watchdog timer, lock."""

@@ -1,0 +1,1 @@
+"""Parameters of vehicle and room, identified from a recorded hover flight. Pure."""

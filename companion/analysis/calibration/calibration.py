@@ -1,0 +1,162 @@
+"""All that one flight says about vehicle and room, beside what is configured, with how sure it is."""
+
+import math
+from dataclasses import dataclass
+
+from companion.analysis.calibration.attitude import fit_attitude
+from companion.analysis.calibration.delay import fit_mocap_delay
+from companion.analysis.calibration.fitting import Fit
+from companion.analysis.calibration.signals import Observed
+from companion.analysis.calibration.thrust import Hover, fit_rotors, hover
+from companion.config.companion_config import CompanionConfig
+
+_EXPLAINED = 0.8
+"""A model that explains less of what is seen is not the vehicle's."""
+_AUTOPILOT_S = 0.003
+"""How long the autopilot's attitude may be on its way itself."""
+_ROTORS_S = 0.005
+"""What the fit of the rotors is off by in flights whose truth is known."""
+_CURVE = 0.03
+"""The same of the curve."""
+_VARIED = 0.006
+"""Share of hover thrust by which the thrust must vary."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A value of the configuration as the flight shows it."""
+
+    table: str
+    key: str
+    value: float
+    sd: float
+    configured: float
+    digits: int
+    says: str
+
+    @property
+    def name(self) -> str:
+        """As in the configuration."""
+        return f"{self.table}.{self.key}"
+
+
+@dataclass(frozen=True)
+class Left:
+    """What the flight does not show, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """What came out."""
+
+    findings: tuple[Finding, ...]
+    left: tuple[Left, ...]
+
+    def toml(self) -> str:
+        """The lines to set."""
+        lines = []
+        for table in dict.fromkeys(finding.table for finding in self.findings):
+            lines.append(f"[{table}]")
+            lines += [f"{one.key} = {one.value:.{one.digits}f}" for one in self.findings if one.table == table]
+        return "\n".join(lines)
+
+
+def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
+    """Every quantity for itself; what cannot be had to a useful accuracy is left out and said to be."""
+    vehicle = config.vehicle
+    results: list[Finding | Left] = []
+    delay = _mocap_delay(seen, config)
+    level = hover(seen, vehicle.gravity_mps2)
+    results.append(_hover_thrust(level, config))
+    known_s = delay.value if isinstance(delay, Finding) else config.mocap.delay_s
+    results += _rotors(seen, level, known_s, config)
+    results += _attitude(fit_attitude(seen), known_s, config)
+    results.append(delay)
+    findings = tuple(one for one in results if isinstance(one, Finding))
+    return Calibrated(findings, tuple(one for one in results if isinstance(one, Left)))
+
+
+def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Left:
+    name = "mocap.delay_s"
+    if len(seen.heard_s) < 100:
+        return Left(name, "the autopilot's attitude hardly came")
+    found = fit_mocap_delay(seen)
+    delay_s, sd_s = float(found.values[0]), math.hypot(float(found.sd[0]), _AUTOPILOT_S)
+    if found.explained < _EXPLAINED:
+        return Left(name, _unlike("the tilts that motion capture and the autopilot saw", found, "fly an ellipse"))
+    if sd_s > 0.01 or delay_s < 0.0:
+        return Left(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
+    says = "from capture to arrival, less what the autopilot's attitude takes to get here"
+    return Finding("mocap", "delay_s", delay_s, sd_s, config.mocap.delay_s, 3, says)
+
+
+def _hover_thrust(level: Hover | None, config: CompanionConfig) -> Finding | Left:
+    if level is None:
+        return Left("vehicle.hover_thrust", "it hovered for less than 10 s: hold for half a minute, arms stowed")
+    says = f"over {level.for_s:.0f} s, in which it varied by {level.spread:.4f} (standard deviation)"
+    return Finding("vehicle", "hover_thrust", level.thrust, level.sd, config.vehicle.hover_thrust, 3, says)
+
+
+def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
+    vehicle = config.vehicle
+    names = ("vehicle.thrust_curve", "vehicle.thrust_lag_s")
+    if level is None:
+        return [Left(name, "hover thrust is not known") for name in names]
+    rotors = fit_rotors(seen, level.thrust, vehicle.gravity_mps2)
+    found = rotors.fit
+    if rotors.varied < _VARIED:
+        why = f"the thrust varied by {rotors.varied:.1%} only: {_CLIMB}"
+        return [Left(name, why) for name in names]
+    if found.explained < _EXPLAINED:
+        why = _unlike("vertical motion and the thrust asked for", found, _CLIMB)
+        return [Left(name, why) for name in names]
+    curve, curve_sd = max(float(found.values[2]), 0.0), math.hypot(float(found.sd[2]), _CURVE)
+    lag_s = float(found.values[0]) - mocap_s - vehicle.thrust_delay_s
+    lag_sd_s = math.hypot(float(found.sd[0]), _ROTORS_S)
+    results: list[Finding | Left] = []
+    if curve_sd > 0.1:
+        results.append(Left(names[0], f"{curve:.2f} ± {curve_sd:.2f} is too uncertain: {_CLIMB}"))
+    else:
+        says = "f in force = f t^2 + (1 - f) t, as PX4 leaves it"
+        results.append(Finding("vehicle", "thrust_curve", curve, curve_sd, vehicle.thrust_curve, 2, says))
+    if lag_sd_s > 0.012 or lag_s <= 0.0:
+        results.append(Left(names[1], f"{_ms(lag_s, lag_sd_s)} is too uncertain: {_CLIMB}"))
+    else:
+        says = f"with thrust_delay_s = {vehicle.thrust_delay_s:g} left as it is: only their sum shows"
+        results.append(Finding("vehicle", "thrust_lag_s", lag_s, lag_sd_s, vehicle.thrust_lag_s, 3, says))
+    return results
+
+
+def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
+    vehicle = config.vehicle
+    keys = ("setpoint_delay_s", "attitude_bandwidth_radps", "attitude_damping")
+    total_s, bandwidth, damping = (float(value) for value in found.values)
+    delay_sd_s, bandwidth_sd, damping_sd = (float(sd) for sd in found.sd)
+    why = ""
+    if found.explained < _EXPLAINED:
+        why = _unlike("setpoints and measured attitude", found, "something else turned the vehicle")
+    elif bandwidth_sd > 0.15 * bandwidth or delay_sd_s > 0.015 or damping_sd > 0.15:
+        why = f"{bandwidth:.1f} ± {bandwidth_sd:.1f} rad/s is too uncertain: it must tilt more, fly an ellipse"
+    if why:
+        return [Left(f"vehicle.{key}", why) for key in keys]
+    says = f"delay and second order explain {found.explained:.1%} of the motion; take all three"
+    delay_s = max(total_s - mocap_s, 0.0)
+    return [
+        Finding("vehicle", keys[0], delay_s, delay_sd_s, vehicle.setpoint_delay_s, 3, says),
+        Finding("vehicle", keys[1], bandwidth, bandwidth_sd, vehicle.attitude_bandwidth_radps, 2, says),
+        Finding("vehicle", keys[2], damping, damping_sd, vehicle.attitude_damping, 2, says),
+    ]
+
+
+_CLIMB = "fly climbs and descents (docs/reports.md has a file)"
+
+
+def _unlike(what: str, found: Fit, todo: str) -> str:
+    return f"{what} agree in {max(found.explained, 0.0):.0%} of their motion only: {todo}"
+
+
+def _ms(value_s: float, sd_s: float) -> str:
+    return f"{1e3 * value_s:.0f} ± {1e3 * sd_s:.0f} ms"

@@ -1,0 +1,161 @@
+"""What was asked of the vehicle and what it did, out of a record and on one clock."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.analysis.report.recorded_flight import Flown, Mask
+from companion.core.types import Array
+from companion.geometry.frames import up_axis
+from companion.records.errors import RecordError, UnfitFlightError
+
+WINDOW_S = 10.0
+"""Clocks are compared over so long, as the estimator does it."""
+_NEEDED = ("frame_stamp_s", "estimate_clock_offset_s", "setpoint_thrust", "setpoint_q_w_flu_wxyz", "attitude_s")
+_CLEAR_M = 0.25
+"""Height from which the ground does not help to carry."""
+_LEAST_S = 8.0
+_MOVES_RADPS = 0.02
+_RINGS_S = 1.0
+"""So long after a motion of the arms the vehicle is taken to be at rest again."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One flight, from clear of the ground to near it again; times are the service's, s."""
+
+    begin_s: float
+    end_s: float
+    sent_s: Array
+    """When each setpoint left, (m,), from before `begin_s` on."""
+    sent_up_w: Array
+    """Up axis that it asks for, (m, 3)."""
+    sent_thrust: Array
+    came_s: Array
+    """When each frame would have come without waiting, (n,); the delay from the capture is still in it."""
+    position_w_m: Array
+    up_w: Array
+    """The body's up axis as motion capture saw it, (n, 3)."""
+    heard_s: Array
+    """When each attitude of the autopilot would have come without waiting, (k,)."""
+    autopilot_up_w: Array
+    """(k, 3)."""
+    quiet: Mask
+    """Frames in which the arms had been at rest for a while, (n,): what they do to the vehicle is not asked for."""
+
+
+def observed(flown: Flown) -> Observed:
+    """Read what is needed out of the record.
+
+    Raises UnfitFlightError for a flight that is none to calibrate with, RecordError for a record without the columns.
+    """
+    path = flown.record.path
+    if not flown.airborne.any():
+        raise UnfitFlightError(f"{path}: the law was never in charge in this flight: nothing to calibrate from")
+    missing = [name for name in _NEEDED if not flown.has(name)]
+    if missing:
+        raise RecordError(f"{path}: no column {missing[0]}: a record of `companion serve` is needed")
+    begin_s, end_s = _clear_of_ground(flown)
+    if end_s - begin_s < _LEAST_S:
+        raise UnfitFlightError(
+            f"{path}: only {max(end_s - begin_s, 0.0):.0f} s above {_CLEAR_M:g} m: hover for at least half a minute"
+        )
+    time_s = flown.column("time_s")
+    sent = flown.sent & np.isfinite(flown.column("setpoint_thrust"))
+    framed = np.isfinite(flown.column("frame_stamp_s")) & np.isfinite(flown.column("frame_position_w_m", 3)).all(axis=1)
+    framed &= (time_s >= begin_s) & (time_s <= end_s)
+    rotation = np.asarray(flown.record.columns["frame_rotation_w_b"])
+    heard_s, their_up_w = _autopilots(flown)
+    quiet = _arms_at_rest(flown)[framed]
+    if quiet.mean() * (end_s - begin_s) < _LEAST_S:
+        raise UnfitFlightError(f"{path}: the arms moved nearly all the time: hover with the arms stowed")
+    return Observed(
+        begin_s,
+        end_s,
+        flown.column("sent_s")[sent],
+        up_axis(_left(flown)[sent]),
+        flown.column("setpoint_thrust")[sent],
+        (flown.column("frame_stamp_s") + flown.column("estimate_clock_offset_s"))[framed],
+        flown.column("frame_position_w_m", 3)[framed],
+        rotation[framed][:, :, 2],
+        heard_s,
+        their_up_w,
+        quiet,
+    )
+
+
+def _left(flown: Flown) -> Array:
+    """Return the attitudes that the autopilot was sent, (n, 4): with its horizon corrected, in a record that has it."""
+    on_wire = flown.column("wire_q_w_flu_wxyz", 4)
+    return np.where(np.isfinite(on_wire), on_wire, flown.column("setpoint_q_w_flu_wxyz", 4))
+
+
+def _clear_of_ground(flown: Flown) -> tuple[float, float]:
+    height = flown.column("position_w_m", 3)[:, 2]
+    flying = flown.airborne & np.isfinite(height)
+    if not flying.any():
+        return 0.0, 0.0
+    clear = flying & (height > height[np.argmax(flying)] + _CLEAR_M)
+    if not clear.any():
+        return 0.0, 0.0
+    first = int(np.argmax(clear))
+    ends = np.flatnonzero(~clear[first:])
+    last = first + int(ends[0]) - 1 if ends.size else len(clear) - 1
+    return float(flown.column("time_s")[first]), float(flown.column("time_s")[last])
+
+
+def _arms_at_rest(flown: Flown) -> Mask:
+    time_s = flown.column("time_s")
+    goals = flown.column("joint_goal_velocity_radps", 8)
+    moved_s = time_s[np.nan_to_num(np.abs(goals)).max(axis=1) > _MOVES_RADPS]
+    if not moved_s.size:
+        return np.ones(len(time_s), dtype=bool)
+    last = np.searchsorted(moved_s, time_s, side="right") - 1
+    return np.asarray((last < 0) | (time_s - moved_s[np.maximum(last, 0)] > _RINGS_S))
+
+
+def _autopilots(flown: Flown) -> tuple[Array, Array]:
+    """Its attitudes, each once."""
+    heard, boot = flown.column("attitude_s"), flown.column("boot_s")
+    fresh = np.isfinite(heard) & np.isfinite(boot) & np.append(True, np.diff(heard) > 0.0)
+    up_w = up_axis(flown.column("autopilot_q_w_flu_wxyz", 4)[fresh])
+    return without_waiting(boot[fresh], heard[fresh]), up_w
+
+
+def without_waiting(stamp_s: Array, came_s: Array) -> Array:
+    """Arrivals (n,) as they would have been had none waited on the way: by the quickest of the last seconds."""
+    on_way = came_s - stamp_s
+    quickest = np.empty_like(on_way)
+    first = 0
+    for row, now_s in enumerate(came_s):
+        while now_s - came_s[first] > WINDOW_S:
+            first += 1
+        quickest[row] = on_way[first : row + 1].min()
+    return np.asarray(stamp_s + quickest)
+
+
+def held(at_s: Array, sent_s: Array, values: Array) -> Array:
+    """What was asked for at each of these instants; the first value before the first one was sent."""
+    return values[np.clip(np.searchsorted(sent_s, at_s, side="right") - 1, 0, None)]
+
+
+def smooth_held(grid_s: Array, sent_s: Array, values: Array) -> Array:
+    """The same on a grid, each step shared by the two points around it so that its instant is kept, (n, ...)."""
+    step_s = float(grid_s[1] - grid_s[0])
+    start = held(grid_s[:1], sent_s, values)[0]
+    inside = (sent_s > grid_s[0]) & (sent_s < grid_s[-2])
+    rows = np.flatnonzero(inside)
+    changes = values[rows] - np.concatenate(([start], values[rows][:-1])) if rows.size else values[:0]
+    place = (sent_s[rows] - grid_s[0]) / step_s
+    low = place.astype(int)
+    share = (place - low).reshape(-1, *[1] * (values.ndim - 1))
+    jumps = np.zeros((len(grid_s), *values.shape[1:]))
+    np.add.at(jumps, low, (1.0 - share) * changes)
+    np.add.at(jumps, low + 1, share * changes)
+    return np.asarray(start + np.cumsum(jumps, axis=0))
+
+
+def blocks(at_s: Array, for_s: float) -> NDArray[np.int_]:
+    """Which block of `for_s` each sample belongs to, (n,)."""
+    return np.asarray((at_s - at_s[0]) / for_s, dtype=np.int_)

@@ -1,0 +1,128 @@
+"""What carries the vehicle: hover thrust, the thrust curve, and how late the rotors are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.analysis.calibration.fitting import Fit, fit
+from companion.analysis.calibration.signals import Observed, blocks, smooth_held
+from companion.core.types import Array
+
+_STEP_S = 0.005
+_BLOCK_S = 3.0
+_NARROW_S, _WIDE_S = 0.06, 0.5
+"""Standard deviations of the two averages whose difference is looked at: slower motion is pushed by the room, quicker
+motion is the noise of a second derivative."""
+_SLOW_MPS = 0.15
+_DRY_MPS = 0.04
+"""Speed over which dry friction changes its sign, as far as a smoothed speed can tell."""
+_NEARLY = 0.999
+_FIRST = np.array([0.08, 0.05, 0.1, 0.1, 0.05])
+_STEPS = np.array([0.002, 0.004, 0.02, 0.02, 0.01])
+_BOUNDS = (np.array([0.0, 0.001, -0.5, -2.0, -0.5]), np.array([0.4, 0.3, 1.5, 3.0, 0.5]))
+_WINDOW_S = 2.0
+_LEAST_WINDOWS = 5
+
+
+@dataclass(frozen=True)
+class Hover:
+    """Of the seconds without much vertical speed."""
+
+    thrust: float
+    sd: float
+    """Of the mean."""
+    spread: float
+    """Standard deviation over the flight, averaged over seconds: battery, room, and law."""
+    for_s: float
+
+
+def hover(seen: Observed, gravity_mps2: float) -> Hover | None:
+    """The level thrust that carries the weight; None when it never hovered for long enough."""
+    grid_s, height, cosine, asked = _on_grid(seen)
+    lift = asked * cosine
+    velocity = np.gradient(_averaged(height, 0.1), _STEP_S)
+    quiet = np.interp(grid_s, seen.came_s, seen.quiet.astype(np.float64)) > _NEARLY
+    calm = (np.abs(velocity) < _SLOW_MPS) & quiet
+    window = blocks(grid_s, _WINDOW_S)
+    means = []
+    for number in np.unique(window)[:-1]:  # the last one is not whole
+        here = np.flatnonzero(window == number)
+        if calm[here].all():
+            gained_mps2 = (velocity[here[-1]] - velocity[here[0]]) / (grid_s[here[-1]] - grid_s[here[0]])
+            means.append(float(lift[here].mean()) / (1.0 + gained_mps2 / gravity_mps2))
+    if len(means) < _LEAST_WINDOWS:
+        return None
+    values = np.array(means)
+    alike = 1.0 + 2.0 * max(0.0, _correlation(values))  # neighbours are: the room pushes for seconds
+    spread = float(values.std(ddof=1))
+    return Hover(float(values.mean()), spread * float(np.sqrt(alike / len(values))), spread, _WINDOW_S * len(values))
+
+
+def _correlation(values: Array) -> float:
+    off = values - values.mean()
+    return float((off[1:] * off[:-1]).sum() / max((off * off).sum(), 1e-12))
+
+
+def _on_grid(seen: Observed) -> tuple[Array, Array, Array, Array]:
+    """Times, height, cosine of the tilt, and the thrust asked for; (n,)."""
+    grid_s = np.arange(seen.came_s[0], seen.came_s[-1], _STEP_S)
+    height = np.interp(grid_s, seen.came_s, seen.position_w_m[:, 2])
+    cosine = np.interp(grid_s, seen.came_s, seen.up_w[:, 2])
+    return grid_s, height, cosine, smooth_held(grid_s, seen.sent_s, seen.sent_thrust)
+
+
+def _kernel(sd_s: float) -> Array:
+    t = np.arange(-4.0 * sd_s, 4.0 * sd_s + _STEP_S / 2, _STEP_S)
+    bell = np.exp(-0.5 * (t / sd_s) ** 2)
+    return np.asarray(bell / bell.sum())
+
+
+def _averaged(values: Array, sd_s: float) -> Array:
+    kernel = _kernel(sd_s)
+    wide = np.pad(values, len(kernel) // 2, mode="edge")
+    size = 1 << len(wide).bit_length()
+    done = np.fft.irfft(np.fft.rfft(wide, size * 2) * np.fft.rfft(kernel, size * 2), size * 2)
+    return np.asarray(done[len(kernel) - 1 : len(kernel) - 1 + len(values)])
+
+
+def _band(values: Array) -> Array:
+    return _averaged(values, _NARROW_S) - _averaged(values, _WIDE_S)
+
+
+@dataclass(frozen=True)
+class Rotors:
+    """What a flight with vertical motion says."""
+
+    fit: Fit
+    """(5,): from setpoint sent to the frame's arrival, rotors' lag and all (s); the lag alone (s); the curve's f; drag
+    (1/s); dry friction (m/s^2)."""
+    varied: float
+    """Standard deviation of the thrust in the band that is looked at, as a share of hover thrust."""
+
+
+def fit_rotors(seen: Observed, hover_thrust: float, gravity_mps2: float) -> Rotors:
+    """Vertical motion against the thrust asked for.
+
+    The curve shows in how much more force a little more thrust gives, beside what carries the weight. Drag and dry
+    friction are fitted along: left out they would be taken for lag and curve.
+    """
+    grid_s, height, cosine, asked = _on_grid(seen)
+    speed = np.gradient(_band(height), _STEP_S)
+    did = np.gradient(speed, _STEP_S)
+    dry = _band(np.tanh(np.gradient(_averaged(height, _NARROW_S), _STEP_S) / _DRY_MPS))
+    quiet = np.interp(grid_s, seen.came_s, seen.quiet.astype(np.float64)) > _NEARLY
+    shown = quiet & (grid_s > grid_s[0] + 4.0 * _WIDE_S) & (grid_s < grid_s[-1] - 4.0 * _WIDE_S)
+    size = 2 << len(grid_s).bit_length()
+    turns = 1j * np.fft.rfftfreq(size, _STEP_S) * 2.0 * np.pi
+
+    def residuals(values: Array) -> Array:
+        total_s, lag_s, curve, drag, friction = values
+        weight = curve * hover_thrust**2 + (1.0 - curve) * hover_thrust
+        more = (curve * asked**2 + (1.0 - curve) * asked) / weight - 1.0
+        late = np.exp(-turns * (total_s - lag_s)) / (1.0 + turns * lag_s)
+        lift = (1.0 + np.fft.irfft(np.fft.rfft(more, size) * late, size)[: len(grid_s)]) * cosine
+        return np.asarray((did - _band(gravity_mps2 * lift) + drag * speed + friction * dry)[shown])
+
+    power = float((did[shown] ** 2).mean())
+    found = fit(residuals, _FIRST, _STEPS, _BOUNDS, blocks(grid_s[shown], _BLOCK_S), power)
+    return Rotors(found, float(_band(asked)[shown].std() / hover_thrust))

@@ -1,0 +1,1 @@
+"""Recorded inputs through estimator and control law again, compared to the last bit. Pure."""

@@ -1,0 +1,63 @@
+"""The configuration and the control laws of a record."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import controller_text, load_controller
+from companion.config.toml_files import validate
+from companion.control.controller import Controller
+from companion.core.interfaces import ConfigError
+from companion.records.read import FlightRecord, RecordError
+
+
+def config_of(record: FlightRecord) -> CompanionConfig:
+    """The configuration that was in force; RecordError where the record has none, ConfigError where it is not ours."""
+    data = record.metadata.get("config")
+    if not isinstance(data, dict):
+        raise RecordError(f"{record.path}: has no configuration: too old for this, or not written by the service")
+    return validate(CompanionConfig, _without_files(data), record.path, "config")
+
+
+def _without_files(data: dict[str, object]) -> dict[str, object]:
+    """Passwords and certificates of the vehicle's computer are not here, and nothing is asked of them."""
+    return {name: value for name, value in data.items() if name != "operator"}
+
+
+def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:
+    """Every law that flew, by its name; ConfigError or RecordError when one cannot be had any more."""
+    columns = record.columns
+    if "law_name" not in columns:
+        raise RecordError(
+            f"{record.path}: does not say which law flew: too old a record, or one of `companion simulate`"
+        )
+    names = sorted({str(name) for name in np.unique(columns["law_name"]) if name})
+    if not names and record.law_flew:
+        raise RecordError(f"{record.path}: does not say which law flew: too old a record for a replay")
+    texts: dict[str, str] = record.metadata.get("laws", {})
+    return {name: law_of(name, texts.get(name), config) for name in names}
+
+
+def law_of(name: str, text: str | None, config: CompanionConfig) -> Controller:
+    """Return the law of a controller file's text, or else of the file of that name; RecordError if it is foreign."""
+    period_s = 1.0 / config.control.rate_hz
+    if text is None or _is_same(name, text):
+        return load_controller(name, config.vehicle_model(), period_s, allow_unstable=True).law
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"{Path(name).stem}.toml"
+        path.write_text(text, encoding="utf-8")
+        try:
+            return load_controller(str(path), config.vehicle_model(), period_s, allow_unstable=True).law
+        except ConfigError as error:
+            why = str(error).removeprefix(f"{path}: ")
+            raise RecordError(f"the law {name!r} as it flew cannot be had in this version: {why}") from error
+
+
+def _is_same(name: str, text: str) -> bool:
+    """Then a law's own Python file is found beside it, too."""
+    try:
+        return controller_text(name) == text
+    except ConfigError:
+        return False

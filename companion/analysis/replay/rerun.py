@@ -1,0 +1,218 @@
+"""Recorded inputs through the controller again.
+
+What the estimator makes of the frames, and what law and guard make of what they were given, is worked out anew, each
+from its recorded input, so that one difference does not hide behind another. On the ground the law sleeps: there is
+nothing to compare but the estimate.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from companion.config.companion_config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.pipeline import ControlPipeline
+from companion.control.wire_setpoint import WireSetpoint
+from companion.core.types import Array, AttitudeThrust, VehicleState
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.records.errors import RecordError
+from companion.records.read import FlightRecord, RecordedTick
+
+
+@dataclass
+class Apart:
+    """How far one quantity of the replay is from the record."""
+
+    name: str
+    compared: int = 0
+    """Cycles."""
+    differ: int = 0
+    """Cycles in which it is not the same to the last bit."""
+    most: float = 0.0
+    """Largest absolute difference of a component."""
+    square_sum: float = 0.0
+    first_s: float | None = None
+    """Where it differs first, since the record's begin."""
+
+    @property
+    def rms(self) -> float:
+        """Of the difference's norm."""
+        return float(np.sqrt(self.square_sum / self.compared)) if self.compared else 0.0
+
+    def take(self, recorded: Array, again: Array, at_s: float) -> None:
+        """Compare one cycle's; NaN equals NaN."""
+        self.compared += 1
+        if np.array_equal(recorded, again, equal_nan=True):
+            return
+        self.differ += 1
+        self.first_s = at_s if self.first_s is None else self.first_s
+        off = np.asarray(again, np.float64) - np.asarray(recorded, np.float64)
+        self.most = max(self.most, float(np.abs(off).max()) if np.isfinite(off).all() else np.inf)
+        self.square_sum += float(np.sum(off * off))
+
+
+@dataclass
+class Replayed:
+    """What a replay came to."""
+
+    law: str
+    """That was replayed; the record's own where empty."""
+    ticks: int = 0
+    flown: int = 0
+    """Cycles in which the law was in charge."""
+    apart: dict[str, Apart] = field(default_factory=dict)
+    events: tuple[int, int] = (0, 0)
+    """Cycles worth sending, in the record and now."""
+    time_s: list[float] = field(default_factory=list)
+    """Of the flown cycles, since the record's begin."""
+    recorded_accel_w_mps2: list[Array] = field(default_factory=list)
+    accel_w_mps2: list[Array] = field(default_factory=list)
+
+    @property
+    def identical(self) -> bool:
+        """All that was compared is the same to the last bit."""
+        return all(one.differ == 0 for one in self.apart.values())
+
+    def compare(self, name: str, recorded: Array, again: Array, at_s: float) -> None:
+        """Note one quantity of one cycle."""
+        self.apart.setdefault(name, Apart(name)).take(recorded, again, at_s)
+
+
+def replay(
+    record: FlightRecord, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None = None
+) -> Replayed:
+    """The whole record again, by the laws that flew it (by name) or by another one in their place.
+
+    RecordError for a record that is too old for it, or in which no law was in charge. Another law is given what the
+    recorded one was given: it shows what that law would have wanted there, not how the vehicle would have flown.
+    """
+    if not record.law_flew:
+        raise RecordError(f"{record.path}: the law was never in charge in this flight: nothing to compare")
+    done = Replayed("" if other is None else "another")
+    begin_s = float(record.columns["time_s"][0])
+    estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
+    flying = _Flying(record.path, config, laws, other)
+    sending = _Sending(config)
+    for row, tick in enumerate(record.ticks()):
+        done.ticks += 1
+        if row > 0 and other is None:
+            estimating.step(row, tick, done, tick.time_s - begin_s)
+        flying.step(tick, done, tick.time_s - begin_s)
+        if other is None:
+            sending.step(tick, done, tick.time_s - begin_s)
+    return done
+
+
+class _Estimating:
+    """Frames to estimates."""
+
+    def __init__(self, record: FlightRecord, params: EstimatorParams) -> None:
+        self._state: EstimatorState | None = record.first_estimate
+        self._columns, self._params = record.columns, params
+
+    def step(self, row: int, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        if self._state is None or tick.frame is None:
+            return
+        self._state = estimator.step(self._state, tick.frame, self._params)
+        vehicle = self._state.vehicle
+        if vehicle is None:
+            return
+        for name, again in (
+            ("position_w_m", vehicle.position_w_m),
+            ("velocity_w_mps", vehicle.velocity_w_mps),
+            ("q_w_flu_wxyz", vehicle.q_w_flu_wxyz),
+            ("rate_flu_radps", vehicle.rate_flu_radps),
+        ):
+            done.compare(f"estimate {name}", self._columns[name][row], again, at_s)
+
+
+class _Sending:
+    """What the law wanted, after the gate, to what left: with the autopilot's horizon corrected."""
+
+    def __init__(self, config: CompanionConfig) -> None:
+        rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
+        self._stage = WireSetpoint(rules, config.limits.limits())
+
+    def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        wire, setpoint = tick.wire, tick.setpoint
+        if wire is None or setpoint is None:
+            return
+        if wire.begun:
+            self._stage.reset()
+        last = AttitudeThrust(wire.last_q_w_flu_wxyz, setpoint.thrust)
+        again = self._stage.put(setpoint, wire.is_new, last, wire.seen, wire.dt_s)
+        done.compare("sent attitude", wire.setpoint.q_w_flu_wxyz, again.setpoint.q_w_flu_wxyz, at_s)
+        done.compare("sent thrust", wire.setpoint.thrust, again.setpoint.thrust, at_s)
+        h = again.horizon
+        done.compare("horizon", wire.error_rad, np.array([float(v) for v in (h.off_x, h.off_y, h.x, h.y)]), at_s)
+
+
+class _Flying:
+    """What the law was given to what goes out."""
+
+    def __init__(
+        self, path: Path, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None
+    ) -> None:
+        self._path = path
+        self._laws, self._other = laws, other
+        self._model = config.vehicle.thrust_model()
+        first = other if other is not None else next(iter(laws.values()))
+        self._stage = ControlPipeline(first, self._model, config.limits.limits(), guard=config.guard())
+        self._law: str | None = None
+        self._airborne = False
+
+    def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
+        given = tick.given
+        if given is not None:
+            self._begin(tick)
+            vehicle = VehicleState(
+                tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
+            )
+            asked = self._stage.fly(vehicle, given.age_s, given.reference, given.dt_s, given.known_accel_w_mps2)
+            late = self._stage.settle()
+            self._compare(tick, done, at_s, asked.output.accel_w_mps2, asked.output.signals | late)
+            if self._other is None and tick.setpoint is not None:
+                again = asked.gated.setpoint
+                done.compare("setpoint attitude", tick.setpoint.q_w_flu_wxyz, again.q_w_flu_wxyz, at_s)
+                done.compare("setpoint thrust", tick.setpoint.thrust, again.thrust, at_s)
+            before, now = done.events
+            done.events = before + tick.event, now + bool(asked.output.event.any())
+            done.flown += 1
+        self._airborne = given is not None
+        if tick.setpoint is not None:
+            self._stage.sent = tick.setpoint
+
+    def _begin(self, tick: RecordedTick) -> None:
+        """The law begins anew where it did: with nothing learnt, or in another one's place."""
+        if not tick.begun:
+            return
+        switched = self._airborne and self._law is not None  # also to the law of the same name, loaded again
+        if self._other is None and (switched or tick.law != self._law):
+            self._stage.switch(self._laws[tick.law])
+        if not switched:
+            self._stage.forget()
+        self._law = tick.law
+
+    def _compare(
+        self, tick: RecordedTick, done: Replayed, at_s: float, accel_w_mps2: Array, signals: Mapping[str, Array]
+    ) -> None:
+        assert tick.accel_w_mps2 is not None
+        done.compare("command", tick.accel_w_mps2, accel_w_mps2, at_s)
+        done.time_s.append(at_s)
+        done.recorded_accel_w_mps2.append(tick.accel_w_mps2)
+        done.accel_w_mps2.append(accel_w_mps2)
+        if self._other is not None:
+            return
+        for name in _both(tick.signals, signals):
+            shape, again = np.shape(tick.signals[name]), np.asarray(signals[name])
+            if again.size != math.prod(shape):
+                raise RecordError(f"{self._path}: the law's {name} has another shape now: it was another version's law")
+            done.compare(f"law {name}", tick.signals[name], again.reshape(shape), at_s)
+
+
+def _both(recorded: Mapping[str, Array], again: Mapping[str, Array]) -> Iterable[str]:
+    return [name for name in recorded if name in again]

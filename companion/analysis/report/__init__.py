@@ -1,0 +1,1 @@
+"""Reports of flights: numbers, figures, HTML pages."""

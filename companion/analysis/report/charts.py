@@ -1,0 +1,199 @@
+"""What all figures share: sizes, colours, time axes with the phases behind them."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.lines import Line2D
+
+from companion.analysis.report.recorded_flight import Flown, Mask
+from companion.core.types import Array
+
+AXES = ("x", "y", "z")
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Told apart by colour-blind readers, too."""
+GREY = "0.45"
+PHASE_SHADES = {
+    "takeoff": "#e8f1fa", "hold": "#f7f7f7", "track": "#fff3d9", "stow": "#e9f5ec", "land": "#f5e6f0",
+    "handed over": "#fbe3dc", "terminated": "#f6cfc4",
+}  # fmt: skip
+"""Behind whatever is drawn over time."""
+_DPI = 150
+_NARROW_IN = 5.0
+_MOST_BESIDE = 3
+"""Entries of a legend in one line of a narrow figure."""
+
+
+class Medium(StrEnum):
+    """What a figure is drawn for."""
+
+    PAGE = "page"
+    PAPER = "paper"
+    """A column of a two-column paper."""
+
+
+_WIDTHS_IN = {
+    (Medium.PAGE, True): 9.6,
+    (Medium.PAGE, False): 4.7,
+    (Medium.PAPER, True): 3.5,
+    (Medium.PAPER, False): 3.5,
+}
+"""By medium, and whether the figure takes the page's whole width."""
+_LEFT_IN = {Medium.PAGE: 0.74, Medium.PAPER: 0.56}
+"""Room for the labels left of axes over time: the same second stands below itself in all figures of a page."""
+_RIGHT_IN = 0.08
+_EARLIEST_S = -5.0
+"""Before lift-off; what was commanded earlier is marked at the left edge."""
+_OVER_TIME = "over time"
+_STYLES: dict[Medium, dict[str, Any]] = {
+    Medium.PAGE: {"font.size": 9.0, "axes.titlesize": 9.0, "legend.fontsize": 8.0, "lines.linewidth": 1.1},
+    Medium.PAPER: {
+        "font.size": 8.0, "axes.titlesize": 8.0, "legend.fontsize": 7.0, "lines.linewidth": 0.9, "axes.linewidth": 0.6,
+        "xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "pdf.fonttype": 42,
+    },
+}  # fmt: skip
+_ALWAYS = {"axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.6, "axes.axisbelow": True, "legend.frameon": False}
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One figure of a report."""
+
+    name: str
+    """Of its file."""
+    caption: str
+    draw: Callable[[Figure], None]
+    height_in: float
+    wide: bool = True
+    """Takes the page's whole width; others stand two and two."""
+    paper_height_in: float | None = None
+    """Where a column of a paper needs another height."""
+
+    def figure(self, medium: Medium) -> Figure:
+        """Drawn."""
+        height_in = self.paper_height_in if medium is Medium.PAPER and self.paper_height_in else self.height_in
+        with mpl.rc_context(_ALWAYS | _STYLES[medium]):
+            figure = Figure(figsize=(_WIDTHS_IN[medium, self.wide], height_in), layout="constrained")
+            self.draw(figure)
+            _align_left(figure, _LEFT_IN[medium])
+            return figure
+
+    def save(self, into: Path | BytesIO, medium: Medium) -> None:
+        """Into a file, by its suffix; or as PNG."""
+        figure = self.figure(medium)
+        with mpl.rc_context(_ALWAYS | _STYLES[medium]):
+            figure.savefig(into, dpi=300 if medium is Medium.PAPER else _DPI)
+
+
+def _align_left(figure: Figure, left_in: float) -> None:
+    """Give all axes over time the same left and right edge, whatever their labels need."""
+    rows = [axes for axes in figure.axes if axes.get_label() == _OVER_TIME]
+    if not rows:
+        return
+    figure.draw_without_rendering()  # the layout is found while drawing
+    figure.set_layout_engine("none")
+    left, right = left_in / figure.get_figwidth(), 1.0 - _RIGHT_IN / figure.get_figwidth()
+    for axes in rows:
+        place = axes.get_position()
+        axes.set_position((left, place.y0, right - left, place.height))
+
+
+def rows_over_time(figure: Figure, labels: Sequence[str], flown: Flown) -> list[Axes]:
+    """Axes below each other, times since lift-off below the last, the phases behind all of them."""
+    rows: list[Axes] = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0].tolist()
+    for axes, label in zip(rows, labels, strict=True):
+        axes.set_ylabel(label)
+        axes.set_label(_OVER_TIME)
+        shade_phases(axes, flown)
+    begin_s, end_s = _shown_s(flown)
+    rows[0].set_xlim(begin_s, end_s)
+    rows[-1].set_xlabel("time since lift-off (s)")
+    figure.align_ylabels(rows)
+    return rows
+
+
+def _shown_s(flown: Flown) -> tuple[float, float]:
+    """From the first command shortly before lift-off until the motors stop; all of it when nothing flew."""
+    if not flown.airborne.any():
+        return float(flown.time_s[0]), max(float(flown.time_s[-1]), float(flown.time_s[0]) + 1.0)
+    turning = flown.in_the_air | (flown.column("armed") > 0.0)
+    last_s = float(flown.time_s[turning][-1])
+    told_s = [event.time_s - flown.zero_s - 0.5 for event in flown.record.events if event.kind == "command"]
+    begin_s = max(min([-1.0, *told_s]), _EARLIEST_S, float(flown.time_s[0]))
+    return begin_s, min(float(flown.time_s[-1]), last_s + 1.0) + 1e-3
+
+
+def shade_phases(axes: Axes, flown: Flown) -> None:
+    """Colours behind the curves."""
+    for stretch in flown.phases:
+        if stretch.name in PHASE_SHADES:
+            axes.axvspan(stretch.begin_s, stretch.end_s, color=PHASE_SHADES[stretch.name], zorder=0, lw=0)
+
+
+def xyz(axes: Axes, time_s: Array, values: Array, *, labels: bool = False, **how: Any) -> None:
+    """Three curves in the colours of x, y, z."""
+    for axis, (name, colour) in enumerate(zip(AXES, COLOURS, strict=False)):
+        axes.plot(time_s, values[:, axis], color=colour, label=name if labels else None, **how)
+
+
+def only(among: Mask, values: Array) -> Array:
+    """NaN but where it is asked for, (n, ...): curves break there, and nothing is drawn that was never flown."""
+    return np.where(among.reshape(-1, *[1] * (values.ndim - 1)), values, np.nan)
+
+
+def free_only(flown: Flown, values: Array) -> Array:
+    """NaN on the ground, where the law's values mean nothing, (n, ...)."""
+    return only(flown.free, values)
+
+
+def at_least_wide(axes: Axes, span: float) -> None:
+    """A line that hardly moves shall not look wild."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        middle = 0.5 * (low + high)
+        axes.set_ylim(middle - 0.5 * span, middle + 0.5 * span)
+
+
+def legend_of_axes(figure: Figure, **other: Any) -> None:
+    """One for curves in the colours of x, y and z, and for others in their own."""
+    ours = tuple(Line2D([], [], color=colour) for colour, _ in zip(COLOURS, AXES, strict=False))
+    handles: list[Any] = [ours, *(Line2D([], [], **how) for how in other.values())]
+    figure.legend(
+        handles, ["flown", *other], loc="outside upper center", ncols=len(handles), handlelength=3.0,
+        handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
+    )  # fmt: skip
+
+
+def legend_above(figure: Figure, axes: Axes, columns: int = 0) -> None:
+    """One for all axes, where no curve is."""
+    handles, labels = axes.get_legend_handles_labels()
+    most = 2 if figure.get_figwidth() < _NARROW_IN and len(labels) > _MOST_BESIDE else len(labels)
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or most, most))
+
+
+def symmetric(axes: Iterable[Axes]) -> None:
+    """The same limits for all, so that they can be compared."""
+    every = list(axes)
+    low = min(one.get_ylim()[0] for one in every)
+    high = max(one.get_ylim()[1] for one in every)
+    for one in every:
+        one.set_ylim(low, high)
+
+
+def thinned(time_s: Array, *values: Array, most: int = 6000) -> tuple[Array, ...]:
+    """Every so-many-th row, so that a long flight is drawn in a moment: no eye sees more."""
+    every = max(1, -(-len(time_s) // most))
+    return tuple(one[::every] for one in (time_s, *values))
+
+
+def percentile_limit(values: Array, share: float = 99.8) -> float:
+    """Up to where a histogram is worth drawing."""
+    return float(np.percentile(values, share)) if values.size else 1.0

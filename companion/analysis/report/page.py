@@ -1,0 +1,145 @@
+"""The report of one or several flights: one page that needs nothing but itself."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
+from io import BytesIO
+from itertools import groupby
+
+from companion import __version__
+from companion.analysis.report import number_tables
+from companion.analysis.report.charts import PHASE_SHADES, Chart, Medium
+from companion.analysis.report.compare import overlaid
+from companion.analysis.report.comparison import comparison
+from companion.analysis.report.figures import charts_of
+from companion.analysis.report.html import facts, lead, picture, swatches, table, tables, whole
+from companion.analysis.report.number_tables import letters
+from companion.analysis.report.numbers import Numbers, numbers_of
+from companion.analysis.report.recorded_flight import Flown
+from companion.analysis.report.summary import summary, verdict
+from companion.analysis.report.tables import Grid
+from companion.analysis.report.trajectories import law_label
+
+Progress = Callable[[str], None]
+"""Told before each figure what comes."""
+
+
+@dataclass(frozen=True)
+class Chapter:
+    """One flight of a report."""
+
+    flown: Flown
+    numbers: Numbers
+    charts: Sequence[Chart]
+
+
+def chapter_of(flown: Flown) -> Chapter:
+    """All but the drawing."""
+    numbers = numbers_of(flown)
+    return Chapter(flown, numbers, charts_of(flown, numbers.story))
+
+
+def page(chapters: Sequence[Chapter], progress: Progress) -> str:
+    """HTML; takes some seconds a flight."""
+    if len(chapters) == 1:
+        (only,) = chapters
+        return whole(escape(f"Flight {only.flown.name}"), _chapter(only, progress) + _made())
+    names = letters(len(chapters))
+    listed = [(name, chapter.flown.name) for name, chapter in zip(names, chapters, strict=True)]
+    charts = overlaid([chapter.flown for chapter in chapters])
+    body = [
+        facts(listed),
+        table(comparison([chapter.numbers for chapter in chapters])),
+        *(_drawn(chart, progress) for chart in charts),
+        *(
+            f"<section>\n<h2>{name}: {escape(chapter.flown.name)}</h2>\n{_chapter(chapter, progress)}\n</section>"
+            for name, chapter in zip(names, chapters, strict=True)
+        ),
+    ]
+    return whole(f"{len(chapters)} flights", "\n".join(body) + _made())
+
+
+def _made() -> str:
+    return f"<p class=note>Drawn by dauam-companion {escape(__version__)}. Times are seconds since lift-off.</p>"
+
+
+def _chapter(chapter: Chapter, progress: Progress) -> str:
+    numbers = chapter.numbers
+    first, *rest = chapter.charts
+    grids: list[Grid | None] = [
+        number_tables.trajectory_table(numbers), number_tables.error_table(numbers),
+        number_tables.trigger_table(numbers), number_tables.latency_table(numbers),
+        number_tables.horizon_table(numbers),
+    ]  # fmt: skip
+    happened: list[Grid | None] = [
+        number_tables.fault_table(numbers), number_tables.reaction_table(numbers), number_tables.said_table(numbers),
+    ]  # fmt: skip
+    return "\n".join(
+        [
+            lead(verdict(numbers), summary(numbers)),
+            facts(number_tables.head(numbers)),
+            tables(grid for grid in grids if grid is not None),
+            "<h3>What happened</h3>",
+            _drawn(first, progress),
+            swatches(_shades(chapter.flown)),
+            tables(grid for grid in happened if grid is not None),
+            "<h3>How it flew</h3>" if rest else "",
+            _figures(rest, progress),
+            _settings(chapter.flown),
+        ]
+    )
+
+
+def _shades(flown: Flown) -> list[tuple[str, str]]:
+    """Phases of the flight and the colours that they have in all figures over time, in order."""
+    names = dict.fromkeys(stretch.name for stretch in flown.phases)
+    return [(name, PHASE_SHADES[name]) for name in names if name in PHASE_SHADES]
+
+
+def _figures(charts: Sequence[Chart], progress: Progress) -> str:
+    """Wide ones below each other, narrow ones two and two."""
+    parts = []
+    for wide, group in groupby(_paired(charts), key=lambda chart: chart.wide):
+        drawn = "\n".join(_drawn(chart, progress) for chart in group)
+        parts.append(drawn if wide else f'<div class="pair">\n{drawn}\n</div>')
+    return "\n".join(parts)
+
+
+def _paired(charts: Sequence[Chart]) -> list[Chart]:
+    """In their order, but a narrow one comes up to the next narrow one."""
+    left, order = list(charts), []
+    while left:
+        chart = left.pop(0)
+        order.append(chart)
+        if not chart.wide:
+            other = next((one for one in left if not one.wide), None)
+            if other is not None:
+                left.remove(other)
+                order.append(other)
+    return order
+
+
+def _drawn(chart: Chart, progress: Progress) -> str:
+    progress(chart.name)
+    into = BytesIO()
+    chart.save(into, Medium.PAGE)
+    return picture(chart.name, chart.caption, into.getvalue(), wide=chart.wide)
+
+
+def _settings(flown: Flown) -> str:
+    """Folded: the configuration and every law's file as they were."""
+    metadata = flown.record.metadata
+    parts = []
+    if metadata.get("config"):
+        text = json.dumps(metadata["config"], indent=2)
+        parts.append(f"<details><summary>Configuration</summary>\n<pre>{escape(text)}</pre></details>")
+    told = metadata.get("controller") or {}
+    laws = dict(metadata.get("laws") or {})
+    if told.get("file"):
+        laws.setdefault(str(told.get("name", "law")), told["file"])
+    for name, text in laws.items():
+        parts.append(
+            f"<details><summary>Law {escape(law_label(str(name)))}</summary>\n<pre>{escape(str(text))}</pre></details>"
+        )
+    return "\n".join(parts)

@@ -1,0 +1,128 @@
+"""What happened in a flight: phases, faults and what followed, commands and replies, and how it ended. Pure."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.analysis.report.recorded_flight import Flown, Stretch
+from companion.supervisor.faults import FailsafeAction
+from companion.supervisor.flight_state import IN_THE_AIR, Phase
+
+_SAID = ("command", "reply", "log")
+"""Kinds of events that the columns do not have; phases and faults they have themselves."""
+
+
+@dataclass(frozen=True)
+class FaultSeen:
+    """From begin to end, s since lift-off; the end None when it was there to the last."""
+
+    fault: str
+    text: str
+    reaction: str
+    """What was done about it, or else what the reaction table says to it at that stage."""
+    begin_s: float
+    end_s: float | None
+
+
+@dataclass(frozen=True)
+class Reacted:
+    """The flight's machine went a step further."""
+
+    at_s: float
+    reaction: str
+    cause: str
+    """The fault; empty when an operator or the autopilot was it."""
+    reason: str
+
+
+@dataclass(frozen=True)
+class Said:
+    """A command, a reply, or something for the log."""
+
+    at_s: float
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Story:
+    """In order of time."""
+
+    phases: tuple[Stretch, ...]
+    laws: tuple[Stretch, ...]
+    faults: tuple[FaultSeen, ...]
+    reactions: tuple[Reacted, ...]
+    said: tuple[Said, ...]
+    ended: str
+    """In a sentence."""
+    over: bool
+    """It ended within the record."""
+
+
+def story_of(flown: Flown) -> Story:
+    """Out of columns and events."""
+    reactions = _reactions(flown)
+    faults = _faults(flown, reactions)
+    return Story(flown.phases, flown.laws, faults, reactions, _said(flown), _ended(flown), _is_over(flown))
+
+
+def _faults(flown: Flown, reactions: tuple[Reacted, ...]) -> tuple[FaultSeen, ...]:
+    """What was done about a fault goes before what the table says to it at the stage that it led to."""
+    done = {one.cause: one.reaction for one in reactions}
+    return tuple(
+        FaultSeen(
+            one.fault,
+            one.text,
+            done.get(one.fault, one.reaction),
+            one.time_s - flown.zero_s,
+            one.end_s - flown.zero_s if math.isfinite(one.end_s) else None,
+        )
+        for one in flown.record.health
+    )
+
+
+def _reactions(flown: Flown) -> tuple[Reacted, ...]:
+    level = np.nan_to_num(flown.column("level"))
+    rises = np.flatnonzero(np.diff(level) > 0) + 1
+    cause, reason = flown.words("cause"), flown.words("reason")
+    return tuple(
+        Reacted(
+            float(flown.time_s[row]),
+            FailsafeAction(int(level[row])).words,
+            str(cause[row]),
+            _new_words(str(reason[row - 1]), str(reason[row])),
+        )
+        for row in rises
+    )
+
+
+def _new_words(before: str, after: str) -> str:
+    """Reasons are told one after the other; the last one."""
+    return after.removeprefix(before).removeprefix("; then ")
+
+
+def _said(flown: Flown) -> tuple[Said, ...]:
+    return tuple(
+        Said(event.time_s - flown.zero_s, event.kind, event.text)
+        for event in sorted(flown.record.events, key=lambda one: one.time_s)
+        if event.kind in _SAID
+    )
+
+
+def _is_over(flown: Flown) -> bool:
+    return flown.words("phase")[-1] not in {*IN_THE_AIR, Phase.ARMED} and not flown.column("armed")[-1] > 0.0
+
+
+def _ended(flown: Flown) -> str:
+    phase, reason = str(flown.words("phase")[-1]), str(flown.words("reason")[-1])
+    why = f": {reason}" if reason else ""
+    if phase == Phase.DISARMED:
+        down = "landed and disarmed" if flown.airborne.any() else "disarmed, it never left the ground"
+        return down + why
+    if phase == Phase.HANDED_OVER:
+        armed = "" if flown.column("armed")[-1] > 0.0 else ", which landed and disarmed"
+        return f"handed over to the autopilot or its pilot{armed}{why}"
+    if phase == Phase.TERMINATED:
+        return f"the motors were stopped{why}"
+    return f"not known: the record ends in phase {phase}{why}"

@@ -1,0 +1,58 @@
+"""Trajectories that were flown, out of phases and commands. Pure."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.types import Array
+from companion.records.table import RecordedEvent
+
+Mask = NDArray[np.bool_]
+LEAST_CYCLES = 10
+"""A goto ends with one cycle of phase track; less than this is no trajectory."""
+UNNAMED = "trajectory"
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """One trajectory, from its first cycle to its last."""
+
+    name: str
+    """As it was commanded: ellipse, figure8, waypoints; `trajectory` where the record does not say."""
+    law: str
+    """That was in charge; several with commas between."""
+    begin_s: float
+    """Since lift-off, as all times of a report."""
+    end_s: float
+    mask: Mask
+    """Its cycles, (n,)."""
+
+
+def runs(among: Mask, tick: Array) -> NDArray[np.int_]:
+    """Number the stretches of cycles that follow each other without a gap, (n,); -1 for cycles that are not `among`."""
+    begins = among.copy()
+    begins[1:] &= ~among[:-1] | (np.diff(tick) > 1.0)
+    return np.where(among, np.cumsum(begins) - 1, -1)
+
+
+def trajectory_name(events: Sequence[RecordedEvent], begin_s: float, otherwise: str) -> str:
+    """Return the name of what was commanded last before `begin_s`, the service's time; empty for a goto."""
+    for event in sorted(events, key=lambda event: event.time_s, reverse=True):
+        if event.kind != "command" or event.time_s > begin_s:
+            continue
+        verb, _, rest = event.text.partition(" ")
+        if verb == "goto":
+            return ""
+        if verb == "track":
+            curve = re.search(r"\bcurve=(\w+)", rest)
+            return curve[1] if curve else "waypoints"
+    return otherwise
+
+
+def law_label(name: str) -> str:
+    """Return a law's name without the folder that its file was in."""
+    return PurePath(name).name if "/" in name else name

@@ -1,0 +1,124 @@
+"""Numbers of a recorded flight: errors, updates, timing. Pure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.arms.state_machine import ArmPhase
+from companion.core.types import Array
+from companion.supervisor.flight_state import Phase
+
+Columns = dict[str, NDArray[np.generic]]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Median and 99th percentile of something, in ms."""
+
+    median: float
+    p99: float
+
+    def as_dict(self) -> dict[str, float]:
+        """For JSON."""
+        return {"median": self.median, "p99": self.p99}
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a flight is judged by. Errors per axis x, y, z in W, over the cycles that track the trajectory."""
+
+    mean_error_m: tuple[float, float, float]
+    max_error_m: tuple[float, float, float]
+    rms_error_m: tuple[float, float, float]
+    update_share: float
+    """Cycles that sent a new setpoint, while tracking."""
+    control_cycles: int
+    """Cycles while tracking."""
+    tick_late_ms: Spread
+    """Begin of the cycle after the frame's arrival, or after the deadline when no frame came."""
+    frame_to_setpoint_ms: Spread
+    """From the frame's arrival to the setpoint handed to the autopilot's link."""
+    capture_to_setpoint_ms: Spread
+    """From the capture itself, as far as the clocks can be compared."""
+    cycles_without_frame: int
+    landed: bool
+    disarmed: bool
+    arms: "ArmSummary | None" = None
+    """None for a vehicle without arms."""
+
+
+@dataclass(frozen=True)
+class ArmSummary:
+    """How the arms and their bus did, over the same cycles."""
+
+    moving_share: float
+    """Cycles in which a motion was run."""
+    largest_off_goal_rad: float
+    """Largest distance of a joint from where it was asked to be."""
+    bus_cycle_ms: Spread
+    bad_packets: int
+    """Late, broken or missing answers that were asked for again."""
+
+
+def summarise(columns: Columns) -> Summary | None:
+    """The summary of a recorded flight, or None when it never tracked anything."""
+    phase = columns["phase"]
+    tracking = phase == str(Phase.TRACK)
+    if not tracking.any():
+        return None
+    error = np.abs(tracking_error_w_m(columns)[tracking])
+    sent = columns["sent_s"]
+    has_setpoint = tracking & np.isfinite(_floats(sent))
+    with_frame = has_setpoint & np.isfinite(_floats(columns["frame_received_s"]))
+    to_setpoint = _floats(sent)[with_frame] - _floats(columns["frame_received_s"])[with_frame]
+    from_capture = (_floats(sent) - _floats(columns["time_s"]) + _floats(columns["age_s"]))[has_setpoint]
+    last = str(phase[-1])
+    return Summary(
+        _triple(error.mean(axis=0)),
+        _triple(error.max(axis=0)),
+        _triple(np.sqrt((error**2).mean(axis=0))),
+        float(has_setpoint.sum() / tracking.sum()),
+        int(tracking.sum()),
+        spread_ms(_floats(columns["late_s"])[tracking]),
+        spread_ms(to_setpoint),
+        spread_ms(from_capture),
+        int((tracking & ~np.isfinite(_floats(columns["frame_received_s"]))).sum()),
+        last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
+        not bool(columns["armed"][-1]),
+        _summarise_arms(columns, tracking) if "arm_phase" in columns else None,
+    )
+
+
+def _summarise_arms(columns: Columns, tracking: NDArray[np.bool_]) -> ArmSummary:
+    off_rad = np.abs(_floats(columns["joint_position_rad"]) - _floats(columns["joint_goal_rad"]))[tracking]
+    known = off_rad[np.isfinite(off_rad).all(axis=1)]
+    bad = _floats(columns["arm_bad_packets"])[tracking]
+    return ArmSummary(
+        float((columns["arm_phase"][tracking] == str(ArmPhase.MOVING)).mean()),
+        float(known.max()) if known.size else float("nan"),
+        spread_ms(_floats(columns["arm_bus_cycle_s"])[tracking]),
+        int(bad[-1] - bad[0]),
+    )
+
+
+def tracking_error_w_m(columns: Columns) -> Array:
+    """Estimated position, carried to the instant of the cycle, less the reference, (n, 3) in W."""
+    carried = _floats(columns["age_s"])[:, None] * _floats(columns["velocity_w_mps"])
+    return np.asarray(_floats(columns["position_w_m"]) + carried - _floats(columns["reference_position_w_m"]))
+
+
+def spread_ms(values_s: Array) -> Spread:
+    """Median and 99th percentile; NaN for nothing."""
+    if values_s.size == 0:
+        return Spread(float("nan"), float("nan"))
+    median, p99 = np.percentile(values_s, [50.0, 99.0]) * 1e3
+    return Spread(float(median), float(p99))
+
+
+def _floats(column: NDArray[np.generic]) -> Array:
+    return np.asarray(column, dtype=np.float64)
+
+
+def _triple(values: Array) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

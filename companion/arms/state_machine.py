@@ -1,0 +1,191 @@
+"""The arms' state machine, tied to the flight's: facts and requests in, phase and joint goal out. Pure.
+
+Arms move only where the flight allows it, fold before a landing, and after a fault hold still: neither limp nor moving.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from companion.arms.braking import Braked
+from companion.arms.model import JOINT_NAMES
+from companion.arms.trajectory import JointTrajectory, at_rest
+from companion.core.interfaces import ArmError
+from companion.core.types import Array, JointMotion
+from companion.supervisor.flight_state import Phase
+
+
+class ArmPhase(StrEnum):
+    """What the arms are doing."""
+
+    OFF = "off"
+    """Limp, or holding by what an earlier program left: not ours to move."""
+    HOLDING = "holding"
+    MOVING = "moving"
+    STOWING = "stowing"
+    """Folding for the landing."""
+    FAULT = "fault"
+    """A servo failed: everything that can, holds still until the operator clears it."""
+
+
+MAY_MOVE = frozenset({Phase.STANDBY, Phase.HOLD, Phase.TRACK, Phase.DISARMED})
+"""Flight phases in which the operator's motions are run; on the ground only while nothing is armed."""
+MUST_STOW = frozenset({Phase.STOW, Phase.HANDED_OVER})
+"""Flight phases that end on the floor soon: folded arms survive it."""
+
+
+_BRAKING_S = 0.5
+_SAME_RAD = 0.02
+"""A motion that begins so near to where the joints are held begins there."""
+
+
+class ArmAction(StrEnum):
+    """What the machine has to ask of the bus, apart from goals; set for one cycle."""
+
+    HOLD = "hold"
+    TORQUE_OFF = "torque off"
+
+
+@dataclass(frozen=True)
+class ArmRules:
+    """Numbers of the machine, and the way to the stowed pose."""
+
+    stow_from: Callable[[Array], JointTrajectory | None]
+    """A motion from a pose (8,) to the stowed one, None if it is that one; ArmError when there is no way."""
+    torque_off_after_landing: bool = False
+
+
+@dataclass(frozen=True)
+class ArmFacts:
+    """What is known at a cycle."""
+
+    time_s: float
+    held_rad: Array
+    """The goals that hold the joints (8,), NaN for one that obeys none."""
+    obey: bool
+    """Every joint has torque and takes our goals."""
+    fault: str
+    """The first latched fault in words; empty when there is none."""
+    stowed: bool
+    """Folded, and at rest."""
+    flight: Phase
+    touched_down: bool
+
+
+@dataclass(frozen=True)
+class ArmState:
+    """The machine's state."""
+
+    phase: ArmPhase = ArmPhase.OFF
+    since_s: float = 0.0
+    motion: JointTrajectory | None = None
+    """What is being run: while HOLDING, a motion coming to rest."""
+    started_s: float = 0.0
+    hold_rad: Array | None = None
+    """Where the joints are held; None while they move, or nobody holds them."""
+    action: ArmAction | None = None
+    reason: str = ""
+    """Why the last motion was ended before its time; empty when it was not."""
+    no_way: str = ""
+    """Why the arms cannot be folded from where they are; empty when they can, or nobody asked."""
+    released: bool = False
+    """After this landing the torque has been taken off once."""
+
+
+def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
+    """The joint motion asked for at a time (s), which may lie ahead; None while no goal is given."""
+    if arms.motion is not None:
+        return arms.motion.at(time_s - arms.started_s)
+    return None if arms.hold_rad is None else at_rest(arms.hold_rad)
+
+
+def refusal(arms: ArmState, motion: JointTrajectory, flight: Phase) -> str:
+    """Why a motion may not begin now; empty when it may."""
+    if arms.hold_rad is None:
+        return f"the arms must hold still first, they are {arms.phase}"
+    if flight not in MAY_MOVE:
+        return f"the arms may not move in flight phase {flight}"
+    off_rad = np.abs(motion.at(0.0).position_rad - arms.hold_rad)
+    worst = int(np.argmax(off_rad))
+    if off_rad[worst] > _SAME_RAD:
+        return f"the motion begins {math.degrees(off_rad[worst]):.0f} degrees from where {JOINT_NAMES[worst]} is held"
+    return ""
+
+
+def play(arms: ArmState, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
+    """Begin a motion that was planned from where the joints are held; ignored where `refusal` has a reason."""
+    if refusal(arms, motion, facts.flight):
+        return arms
+    return _begin(arms, ArmPhase.MOVING, motion, facts)
+
+
+def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
+    """One cycle: what the facts make of the phase."""
+    arms = replace(arms, action=None) if arms.action else arms
+    if facts.flight is not Phase.DISARMED and arms.released:
+        arms = replace(arms, released=False)
+    if facts.fault:
+        return arms if arms.phase is ArmPhase.FAULT else _fail(arms, facts)
+    if not facts.obey:
+        return arms if arms.phase is ArmPhase.OFF else _limp(arms, facts)
+    if arms.phase in {ArmPhase.OFF, ArmPhase.FAULT}:
+        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=facts.held_rad, reason="")
+    if facts.flight in MUST_STOW and arms.phase is ArmPhase.MOVING:
+        return stop(arms, facts, "")  # the fold begins at rest
+    if arms.phase is ArmPhase.MOVING and facts.flight not in MAY_MOVE:
+        return stop(arms, facts, f"arms may not move in flight phase {facts.flight}")
+    return _next(arms, facts, rules)
+
+
+def _next(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
+    """A motion that has ended is held; at rest the arms fold where they must, and may go limp after the landing."""
+    if arms.motion is not None:
+        if facts.time_s - arms.started_s < arms.motion.duration_s:
+            return arms
+        end = arms.motion.at(arms.motion.duration_s)
+        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=end.position_rad)
+    if facts.flight in MUST_STOW and not facts.stowed and not arms.no_way:
+        return _stow(arms, facts, rules)
+    landed = facts.flight is Phase.DISARMED and facts.touched_down
+    if landed and rules.torque_off_after_landing and not arms.released:
+        return replace(arms, action=ArmAction.TORQUE_OFF, released=True)
+    return arms
+
+
+def _stow(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
+    """If there is no way to fold them the arms stay as they are, and say so once."""
+    assert arms.hold_rad is not None
+    try:
+        fold = rules.stow_from(arms.hold_rad)
+    except ArmError as error:
+        return replace(arms, no_way=f"the arms cannot be stowed: {error}")
+    return arms if fold is None else _begin(arms, ArmPhase.STOWING, fold, facts)
+
+
+def _begin(arms: ArmState, phase: ArmPhase, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
+    begun = _enter(arms, phase, facts)
+    return replace(begun, motion=motion, started_s=facts.time_s, hold_rad=None, reason="", no_way="")
+
+
+def stop(arms: ArmState, facts: ArmFacts, reason: str) -> ArmState:
+    """Come to rest along the way that was planned, and hold."""
+    if arms.motion is None or isinstance(arms.motion, Braked):
+        return arms
+    braking = Braked(arms.motion, facts.time_s - arms.started_s, _BRAKING_S)
+    return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=braking, started_s=facts.time_s, reason=reason)
+
+
+def _fail(arms: ArmState, facts: ArmFacts) -> ArmState:
+    failed = _enter(arms, ArmPhase.FAULT, facts)
+    return replace(failed, motion=None, hold_rad=None, action=ArmAction.HOLD, reason=facts.fault)
+
+
+def _limp(arms: ArmState, facts: ArmFacts) -> ArmState:
+    return replace(_enter(arms, ArmPhase.OFF, facts), motion=None, hold_rad=None)
+
+
+def _enter(arms: ArmState, phase: ArmPhase, facts: ArmFacts) -> ArmState:
+    return replace(arms, phase=phase, since_s=facts.time_s)

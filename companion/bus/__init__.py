@@ -1,1 +1,0 @@
-"""What service and operators say to each other over MQTT: topics, messages and what counts as a command; pure."""

@@ -1,0 +1,1 @@
+"""Commands for the arms, on the bench and in the running service."""

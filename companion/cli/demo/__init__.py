@@ -1,0 +1,1 @@
+"""`companion demo`: a whole flight against the mocks."""

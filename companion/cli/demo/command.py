@@ -1,0 +1,239 @@
+"""`companion demo`: a whole flight against the mocks, over the real protocols, in real time."""
+
+import json
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import uvloop
+from rich.console import Console
+
+from companion.analysis.summary import Summary
+from companion.cli.complete import controllers, motions_or_off, trajectories
+from companion.cli.demo.arms import plan_arms
+from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
+from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
+from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
+from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
+from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
+from companion.cli.output import as_typed, check_output, kept
+from companion.config.arms_config import Feedforward
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController, load_controller
+from companion.config.law_margin import require_margin
+from companion.config.locations import default_config_path
+from companion.config.trajectory_files import Curve, trajectory_named
+from companion.supervisor.faults import Fault
+from companion.trajectories.reference import Trajectory
+from companion.trajectories.room_check import check_trajectory
+
+_BUSY = frozenset({
+    Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_SLOW, Fault.MOCAP_DELAYED,
+    Fault.AUTOPILOT_SILENT, Fault.LOOP_LATE, Fault.ARMS,
+})  # fmt: skip
+"""Faults of a computer that cannot serve its mocks in time, when nobody asked for one."""
+_BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have not answered")
+
+
+def demo(
+    trajectory: Annotated[
+        str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
+    ] = "ellipse",
+    controller: ControllerName = None,
+    allow_unstable: AllowUnstable = False,
+    arms: Annotated[
+        str,
+        typer.Option(
+            help="swing, off, another name in config/arms/, or a file of joint motion.", autocompletion=motions_or_off
+        ),
+    ] = "swing",
+    feedforward: ArmsFeedforward = None,
+    laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
+    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
+    size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
+    compare: Annotated[
+        str | None, typer.Option(help="Fly this controller, too, and show both.", autocompletion=controllers)
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the mocks' noise and disturbances.")] = 1,
+    config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
+    mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
+    summary: SummaryFile = None,
+    out: Annotated[Path, typer.Option(help="Folder for the plot and the record.")] = Path("flights"),
+    mocks: Annotated[
+        bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")
+    ] = True,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="SENTENCE",
+            help="Let something go wrong; may be given again: 'mocap stuck at 12 s for 2 s', 'link delayed by 0.2 s at "
+            "10 s', 'autopilot wrong (pilot takes over) in the air after 8 s'. Times count from lift-off. All there "
+            "is: docs/faults.md.",
+        ),
+    ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show everything the parts say.")] = False,
+    free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
+) -> None:
+    """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and say how good it was.
+
+    Exit code 0 only if it landed, disarmed and stayed inside the controller's error limits; 1 if not, 2 for what could
+    not be started, 130 after Ctrl-C, which lands.
+    """
+    logging.basicConfig(level=logging.CRITICAL, format="%(levelname)s %(name)s: %(message)s")
+    if verbose:
+        logging.getLogger("companion").setLevel(logging.DEBUG)
+    console = Console()
+    settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
+    _check_faults(fault or (), mocks, settings)
+    curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
+    ports = free_ports() if free else MockPorts()
+    flown = trajectory_named(trajectory, curve)
+    flights = [
+        DemoFlight(
+            _on_ports(settings, ports),
+            _law(name, settings, allow_unstable),
+            trajectory,
+            flown,
+            arms,
+            _check_arms(arms, settings, flown, trajectory),
+            mock_config or default_config_path("mock.toml"),
+            ports,
+            seed,
+            mocks,
+            tuple(fault or ()),
+            out,
+        )
+        for name in (controller or settings.control.controller, *([compare] if compare else []))
+    ]
+    check_output(out, summary)
+    results = []
+    for flight in flights:
+        try:
+            outcome = uvloop.run(fly_demo(flight, console))
+        except KeyboardInterrupt:
+            console.print("[yellow]interrupted[/] before the flight")
+            raise typer.Exit(INTERRUPTED) from None
+        results.append(_conclude(flight, outcome, console, out))
+        if outcome.interrupted:
+            break
+    if len(results) > 1:
+        print_comparison(
+            console,
+            [(flight.controller.name, result.summary) for flight, result in zip(flights, results, strict=False)],
+        )
+    _say_next([result.record for result in results if result.record is not None], console)
+    if summary is not None:
+        first, *others = [result.as_dict for result in results]
+        text = json.dumps(first | ({"compared": others} if others else {}), indent=2)
+        summary.write_text(text + "\n", encoding="utf-8")
+    raise typer.Exit(max(result.code for result in results))
+
+
+def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> CompanionConfig:
+    if wanted is None or config.arms is None:
+        return config
+    return config.model_copy(update={"arms": config.arms.model_copy(update={"feedforward": wanted})})
+
+
+def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
+    """The configuration, with the ports that were chosen for it."""
+    if ports.client is None or ports.qualisys is None:
+        return config
+    px4 = config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"})
+    mocap = config.mocap.model_copy(update={"port": ports.qualisys})
+    arms = config.arms.model_copy(update={"port": ports.servo_link}) if config.arms else None
+    return config.model_copy(update={"px4": px4, "mocap": mocap, "arms": arms})
+
+
+def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedController:
+    """Load a law that has enough margin on this vehicle; ConfigError otherwise."""
+    model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
+    law = load_controller(name, model, period_s, allow_unstable)
+    require_margin(law, model, period_s)
+    return law
+
+
+def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -> None:
+    """What can be seen of them here; the mocks refuse what is no fault when they start."""
+    if faults and not mocks:
+        raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
+    for sentence in faults:
+        if sentence.lower().split()[:1] == ["broker"] and config.operator is None:
+            raise MockError(
+                f'--fault "{sentence}": no broker is listened to: the configuration has no [operator], see docs/bus.md'
+            )
+
+
+def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory, trajectory_name: str) -> tuple[str, ...]:
+    """What cannot be flown is refused before anything starts; what the user should know of the rest."""
+    check_trajectory(trajectory, config.room, trajectory_name)
+    planned = plan_arms(name, config, trajectory)
+    return planned.notes if planned is not None else ()
+
+
+@dataclass(frozen=True)
+class Result:
+    """One flight's end, for the exit code, the comparison and the summary file."""
+
+    code: int
+    record: Path | None
+    """None when none was written."""
+    summary: Summary | None
+    as_dict: dict[str, Any]
+
+
+def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> Result:
+    """Report, picture and record of one flight."""
+    good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
+    print_report(console, flight.controller, flown.summary, flown.failure, flown.interrupted)
+    if flight.start_mocks and _looks_busy(flown):
+        console.print("  The mocks run on this computer: was it too busy to serve them?", highlight=False)
+    for sentence in flown.never:
+        over = flown.story.over_at()
+        when = f": the flight was over at {over}" if over else ": it did not come to a flight"
+        console.print(f"  fault {sentence} never began{when}", markup=False, highlight=False, soft_wrap=True)
+    lost = _keep(flight, flown, console, out) if flown.recorder.flew else ""
+    data = summary_dict(flight.trajectory_name, flight.controller.name, flown.summary) | {"failure": flown.failure}
+    code = 0 if good and not lost else FAILED
+    return Result(INTERRUPTED if flown.interrupted else code, flown.record, flown.summary, data)
+
+
+def _say_next(records: Sequence[Path], console: Console) -> None:
+    """Tell what can be done with the records: of several flights, all on one page."""
+    if records:
+        flights = " ".join(map(str, records))
+        console.print(f"next: {as_typed()} report {flights}", markup=False, highlight=False, soft_wrap=True)
+        console.print("      or open the record in Foxglove: docs/records.md", markup=False, highlight=False)
+
+
+def _looks_busy(flown: Flown) -> bool:
+    """Nobody asked for a fault, and it was one of those that come of a computer that is too slow."""
+    if flown.begun or not flown.failure:
+        return False
+    ended = any(one.cause in _BUSY for one in flown.story.reactions)
+    return ended or any(word in flown.failure for word in _BUSY_WORDS)
+
+
+def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> str:
+    """The picture and the record; why one of them could not be written, empty when both are."""
+    from companion.analysis.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
+
+    when = f"{datetime.now(tz=UTC).astimezone():%Y%m%d-%H%M%S}"
+    record = flown.record or out / f"{when}-{flight.name}.mcap"
+    title = f"{Path(flight.trajectory_name).name}, controller {flight.controller.name}, seed {flight.seed}"
+    plot = record.with_suffix(".png")
+    lost = [
+        kept(plot, lambda path: plot_flight(flown.recorder.arrays(), flown.summary, title, path)),
+        flown.record_trouble or ("" if flown.record else f"{record} was not written"),
+    ]
+    for sentence in filter(None, lost):
+        typer.echo(f"companion: {sentence}", err=True)
+    words = [
+        f"{what} {path}" for what, path, bad in zip(("plot", "record"), (plot, record), lost, strict=True) if not bad
+    ]
+    console.print(", ".join(words), markup=False, highlight=False, soft_wrap=True)
+    return "; ".join(filter(None, lost))

@@ -1,0 +1,278 @@
+"""One flight of the demo: the mocks, the service, the verbs in their order, and whatever happens, down again."""
+
+import asyncio
+import re
+import signal
+import time
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from companion import __version__
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+from companion.analysis.summary import Summary, summarise
+from companion.cli.demo.arms import plan_arms
+from companion.cli.demo.fault_messages import shorter, still_there
+from companion.cli.demo.flight_log import FlightStory
+from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
+from companion.cli.demo.progress import FlightDisplay
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController, controller_text
+from companion.core.interfaces import CompanionError, FlightError
+from companion.flight.tick import Tick, TickSink
+from companion.records.record_process import RecordSink
+from companion.records.recorder import Recorder
+from companion.service.vehicle_service import FlightActions, open_service
+from companion.supervisor.flight_state import Phase
+from companion.trajectories.reference import Trajectory
+
+_POLL_S = 0.02
+_THEIRS_S = 30.0
+"""So long somebody else's flight is watched."""
+_STOPPED_S = 1.0
+_ENDED = "the flight was ended: "
+
+
+@dataclass(frozen=True)
+class DemoFlight:
+    """One flight to be flown."""
+
+    config: CompanionConfig
+    controller: LoadedController
+    trajectory_name: str
+    trajectory: Trajectory
+    arms: str
+    """What they do meanwhile, as in --arms."""
+    notes: tuple[str, ...]
+    """What is to be known of that."""
+    mock_config: Path
+    ports: MockPorts
+    seed: int
+    start_mocks: bool
+    faults: tuple[str, ...]
+    """What the mocks let go wrong, in their words."""
+    records: Path
+    """Where the record goes."""
+
+    @property
+    def name(self) -> str:
+        """What is flown, as a part of a file's name."""
+        name = f"{Path(self.trajectory_name).stem}-{Path(self.controller.name).stem}-seed{self.seed}"
+        return re.sub(r"[^A-Za-z0-9_-]", "_", name)
+
+
+@dataclass
+class Flown:
+    """What came of it."""
+
+    recorder: Recorder
+    """For the summary and the picture."""
+    story: FlightStory
+    interrupted: bool = False
+    failure: str = ""
+    """Why it did not go as planned; empty when it did."""
+    begun: list[str] = field(default_factory=list)
+    """Faults that the mocks let go wrong."""
+    never: list[str] = field(default_factory=list)
+    """Faults that should have been, and were not."""
+    summary: Summary | None = None
+    record: Path | None = None
+    """The flight's file; None where there is none."""
+    record_trouble: str = ""
+    """Why it is not whole."""
+
+
+async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
+    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
+    display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
+    flown = Flown(Recorder(), display.story)
+    kept = _kept(flight)
+
+    def hear(told: FaultTold) -> None:
+        kept.tell("injected fault", f"{told.sentence}: {told.turn}", time.monotonic())
+        if told.turn == "never began":
+            flown.never.append(told.sentence)
+            return
+        flown.begun += [told.sentence] if told.turn == "begins" else []
+        display.say_fault(told)
+
+    try:
+        async with _mocks(flight, hear):
+            for note in flight.notes:
+                console.print(Text(f"  arms: {note}", style="dim"), soft_wrap=True)
+            for sentence in flight.faults:
+                console.print(Text.assemble("  ", ("fault", "bold"), f" {sentence}"), soft_wrap=True)
+            with display:
+                try:
+                    display.say("connecting to motion capture and autopilot")
+                    async with _service(flight, [flown.recorder, kept, display.take]) as service:
+                        await _mission(flight, service, display, flown)
+                except CompanionError as error:
+                    if not flown.recorder.flew:
+                        raise
+                    flown.failure = flown.failure or str(error)
+    finally:
+        await _close(kept, flown)
+    flown.summary = summarise(flown.recorder.arrays()) if flown.recorder.flew else None
+    return flown
+
+
+def _kept(flight: DemoFlight) -> RecordSink:
+    """The record, named after what is flown."""
+    records = flight.config.records.model_copy(update={"folder": str(flight.records)})
+    if flight.ports.client is not None:  # so that demos run beside each other
+        records = records.model_copy(update={"live_port": 0})
+    kept = RecordSink(records, flight.name)
+    controller = {"name": flight.controller.name, "file": controller_text(flight.controller.name)}
+    kept.begin(
+        {
+            "vehicle": _vehicle(flight),
+            "config": flight.config.model_dump(mode="json"),
+            "controller": controller,
+            "versions": {"companion": __version__},
+            "seed": flight.seed,
+            "trajectory": flight.trajectory_name,
+            "arms": flight.arms,
+            "faults": flight.faults,
+        }
+    )
+    return kept
+
+
+def _vehicle(flight: DemoFlight) -> str:
+    """The vehicle's own name; the mock's where the configuration gives none."""
+    return flight.config.operator.vehicle if flight.config.operator else "mock"
+
+
+async def _close(kept: RecordSink, flown: Flown) -> None:
+    """The record is whole; of what never flew there is none."""
+    await asyncio.to_thread(kept.close)
+    path = Path(kept.file) if kept.file else None
+    if path is not None and not flown.recorder.flew:
+        path.unlink(missing_ok=True)
+        return
+    flown.record, flown.record_trouble = path, kept.trouble
+
+
+@asynccontextmanager
+async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
+    if not flight.start_mocks:
+        yield
+        return
+    try:
+        async with mock_process(flight.mock_config, flight.seed, flight.ports, flight.faults, hear):
+            yield
+    except MockError as error:
+        if "in use" in str(error):
+            raise MockError(f"{error}; or fly with --free-ports, or with --no-mocks if mocks are running") from error
+        raise
+
+
+@asynccontextmanager
+async def _service(flight: DemoFlight, sinks: Sequence[TickSink]) -> AsyncIterator[FlightActions]:
+    def sink(tick: Tick) -> None:
+        for one in sinks:
+            one(tick)
+
+    dead_man = KernelWatchdogTimer(flight.config.safety.dead_man_s)
+    async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
+        service.loop.law_name = flight.controller.name
+        yield service
+
+
+async def _mission(flight: DemoFlight, service: FlightActions, display: FlightDisplay, flown: Flown) -> None:
+    """The flight itself; whatever goes wrong or is interrupted, it lands."""
+    work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
+
+    def on_interrupt() -> None:
+        landing = flown.interrupted or service.phase in {Phase.STOW, Phase.LAND}
+        display.say("interrupted: already landing" if landing else "interrupted: landing")
+        if not flown.interrupted:
+            work.cancel()
+        flown.interrupted = True
+
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, on_interrupt)
+    said = ""
+    try:
+        await work
+    except asyncio.CancelledError:
+        if not flown.interrupted:
+            raise
+    except CompanionError as error:
+        said = shorter(str(error).removeprefix(_ENDED))
+        if service.loop.flight.airborne and not display.story.ending():
+            display.say(f"{said}; it lands")
+    still = await _land_anyway(service, display.story, flown)
+    flown.failure = display.story.ending(still) or said or shorter(service.trouble)
+
+
+async def _fly(flight: DemoFlight, service: FlightActions, display: FlightDisplay) -> None:
+    """The verbs; an operator's hold ends them, and lasts until the operator or a fault ends it."""
+    verbs = asyncio.create_task(_verbs(flight, service, display), name="companion.demo_verbs")
+    try:
+        while not (verbs.done() or display.story.held):
+            await asyncio.wait({verbs}, timeout=_POLL_S)
+        while display.story.held and service.phase is Phase.HOLD:  # noqa: ASYNC110 - the phase has no event
+            await asyncio.sleep(_POLL_S)
+    finally:
+        verbs.cancel()
+        await asyncio.gather(verbs, return_exceptions=True)
+    if not display.story.held:
+        verbs.result()
+
+
+async def _verbs(flight: DemoFlight, service: FlightActions, display: FlightDisplay) -> None:
+    await service.ready()
+    motion = None
+    if flight.config.arms is not None:
+        for warning in service.warnings:
+            display.say(warning)
+        display.say("torque on, arms stowed")
+        held_rad = await service.arms.prepare()
+        motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
+    display.say("preflight checks, offboard mode, then arming", "preflight checks")
+    await service.arm(flight.trajectory)
+    await service.take_off(flight.config.flight.takeoff_height_m)
+    if motion is not None:
+        await service.arms.move(motion.trajectory)
+    await service.fly(flight.trajectory)
+
+
+async def _land_anyway(service: FlightActions, story: FlightStory, flown: Flown) -> str:
+    """Come down, or wait for whoever has it; what is not over after that, empty when all is."""
+    landing = asyncio.create_task(_down(service, story, flown), name="companion.demo_landing")
+    try:
+        await asyncio.shield(landing)
+    except CompanionError as error:
+        return still_there(story.last, str(error)) if story.last is not None else str(error)
+    return ""
+
+
+async def _down(service: FlightActions, story: FlightStory, flown: Flown) -> None:
+    """Only Ctrl-C tells an autopilot or a pilot who has the vehicle to land it; the operator may take it back."""
+    loop, hovering = asyncio.get_running_loop(), frozenset({Phase.RESUME})
+    end_s = loop.time() + _THEIRS_S
+    while service.phase in hovering | {Phase.HANDED_OVER} and not flown.interrupted and _goes_on(story):
+        if service.phase is Phase.RESUME:
+            hovering |= {Phase.HOLD}
+        if service.phase is not Phase.HANDED_OVER:
+            end_s = loop.time() + _THEIRS_S
+        if story.last is not None and not story.last.status.connected:
+            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+        if loop.time() > end_s:
+            raise FlightError("the autopilot is still armed")
+        await asyncio.sleep(_POLL_S)
+    story.ours = service.phase not in {Phase.STOW, Phase.LAND}  # else it was ordered before
+    await service.land()
+
+
+def _goes_on(story: FlightStory) -> bool:
+    """The flight loop, which no phase changes without."""
+    return story.last is not None and time.monotonic() - story.last.time_s < _STOPPED_S

@@ -1,0 +1,140 @@
+"""The mocks as a process of their own, for as long as a demo needs them."""
+
+import asyncio
+import re
+import socket
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from companion.adapters.system import child_process
+from companion.core.interfaces import CompanionError
+
+_START_S = 20.0
+_STOP_S = 5.0
+_TOLD = re.compile(r"fault (?P<turn>begins|ends|never began)(?: at (?P<at_s>[\d.]+) s \(monotonic\))?: (?P<what>.*)")
+_WHEN = re.compile(r" (?:at [\d.e+]+ s|(?:on the ground|armed|in the air|landing)(?: after [\d.e+]+ s)?)(?= for |$)")
+
+
+class MockError(CompanionError):
+    """The mocks did not start; says why in their own words."""
+
+
+@dataclass(frozen=True)
+class FaultTold:
+    """What the mocks say of a fault."""
+
+    turn: str
+    """begins, ends, or never began."""
+    sentence: str
+    """The fault; without its time when that has come."""
+    at_s: float
+    """On our monotonic clock; 0 for one that never began."""
+
+
+def _fault_told(line: str) -> FaultTold | None:
+    said = _TOLD.fullmatch(line)
+    if said is None:
+        return None
+    sentence = said["what"] if said["at_s"] is None else _WHEN.sub("", said["what"])
+    return FaultTold(said["turn"], sentence, float(said["at_s"] or 0.0))
+
+
+def _unheard(_: FaultTold) -> None:
+    """Nobody wants to know."""
+
+
+@dataclass(frozen=True)
+class MockPorts:
+    """Where the mocks speak; None leaves it to their configuration."""
+
+    client: int | None = None
+    autopilot: int | None = None
+    qualisys: int | None = None
+    servo_link: str | None = None
+    """Path under which the servo bus is found."""
+
+    def arguments(self) -> list[str]:
+        """For the mocks' command line."""
+        named = (
+            ("--port", self.client),
+            ("--listen", self.autopilot),
+            ("--qualisys-port", self.qualisys),
+            ("--servo-link", self.servo_link),
+        )
+        return [text for name, value in named if value is not None for text in (name, str(value))]
+
+
+def free_ports() -> MockPorts:
+    """Ports that nobody uses at this moment, so that several demos can fly beside each other."""
+    udp = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
+    tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        for end in (*udp, tcp):
+            end.bind(("127.0.0.1", 0))
+        client, autopilot, qualisys = (end.getsockname()[1] for end in (*udp, tcp))
+        link = Path(tempfile.gettempdir()) / f"dauam-servo-bus-{client}"
+        return MockPorts(client, autopilot, qualisys, str(link))
+    finally:
+        for end in (*udp, tcp):
+            end.close()
+
+
+@asynccontextmanager
+async def mock_process(
+    config: Path,
+    seed: int,
+    ports: MockPorts,
+    faults: Sequence[str] = (),
+    hear: Callable[[FaultTold], None] = _unheard,
+) -> AsyncIterator[asyncio.subprocess.Process]:
+    """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said.
+
+    `faults` are sentences, see docs/faults.md; `hear` is told when one begins, ends, or did not begin at all.
+    """
+    command = [sys.executable, "-m", "mock_autopilot", "--config", str(config), "--seed", str(seed)]
+    process = await asyncio.create_subprocess_exec(
+        *command,
+        "--exit-with-stdin",
+        *ports.arguments(),
+        *(f"--fault={sentence}" for sentence in faults),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,  # Ctrl-C is for the companion, which still has to land
+    )
+    listening: list[asyncio.Task[None]] = []
+    try:
+        await _ready(process)
+        listening = [
+            asyncio.create_task(_listen(process.stdout, hear), name="companion.mocks_say"),
+            asyncio.create_task(_listen(process.stderr, _unheard), name="companion.mocks_complain"),
+        ]
+        yield process
+    finally:
+        await child_process.end(process, _STOP_S)
+        await asyncio.gather(*listening)
+
+
+async def _listen(stream: asyncio.StreamReader | None, hear: Callable[[FaultTold], None]) -> None:
+    """To the end: a pipe that nobody empties would stop them."""
+    while stream is not None and (line := await stream.readline()):
+        told = _fault_told(line.decode(errors="replace").strip())
+        if told is not None:
+            hear(told)
+
+
+async def _ready(process: asyncio.subprocess.Process) -> None:
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        async with asyncio.timeout(_START_S):
+            line = await process.stdout.readline()
+    except TimeoutError as error:
+        raise MockError(f"the mocks were not ready within {_START_S:g} s") from error
+    if not line:
+        said = (await process.stderr.read()).decode(errors="replace").strip()
+        raise MockError(said.removeprefix("mock autopilot: ") or "the mocks ended without a word")

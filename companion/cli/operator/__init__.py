@@ -1,0 +1,1 @@
+"""Commands to the running service, over MQTT."""

@@ -1,0 +1,189 @@
+"""The operator's commands: to the running service over MQTT, from any machine."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from companion.cli.complete import controllers, service_motions, trajectories
+from companion.cli.operator.exit_codes import INTERRUPTED
+from companion.cli.operator.options import Asked, commanding
+from companion.cli.operator.run import operate
+from companion.core.errors import ConfigError
+from companion.protocol.telemetry import Reply
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_CURVES = ("ellipse", "figure8")
+_DECIMALS = 6
+"""Of m, rad and s: what 400 waypoints take must fit into one message."""
+
+Height = Annotated[
+    float | None, typer.Option(metavar="M", help="Height above where it stands, m.  [default: as configured]")
+]
+
+
+@commanding
+def arm(asked: Asked) -> None:
+    """Check everything, fold the arms, offboard mode, motors at idle. Ctrl-C aborts: the motors stop."""
+    operate(asked, "arm")
+
+
+@commanding
+def takeoff(asked: Asked, height: Height = None) -> None:
+    """Climb and hold. Ctrl-C holds; before it has left the ground, the motors stop."""
+    operate(asked, "takeoff", height_m=height)
+
+
+@commanding
+def hold(asked: Asked) -> None:
+    """Brake and hover; what was flown is not taken up again. Ctrl-C leaves."""
+    operate(asked, "hold")
+
+
+@commanding
+def goto(
+    asked: Asked,
+    x: Annotated[float, typer.Argument(help="Place along the room's x axis, m.")],
+    y: Annotated[float, typer.Argument(help="Place along the room's y axis, m.")],
+    z: Annotated[float, typer.Argument(help="Height above the floor, m.")],
+    yaw: Annotated[
+        float | None, typer.Option(metavar="RAD", help="Heading there, rad, to the left of +x.  [default: as it is]")
+    ] = None,
+) -> None:
+    """Fly to a place, then hold. Ctrl-C holds."""
+    operate(asked, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
+
+
+@commanding
+def track(
+    asked: Asked,
+    path: Annotated[
+        str, typer.Argument(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
+    ],
+    laps: Annotated[int | None, typer.Option(help="Laps of ellipse or figure8.  [default: 2]")] = None,
+    size: Annotated[
+        float | None,
+        typer.Option(metavar="FACTOR", help="Size of ellipse or figure8: 1 is 2 m long, 0.5 is 1 m.  [default: 1]"),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(metavar="S", help="Time for one lap of ellipse or figure8, s.  [default: 15]")
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Height of ellipse or figure8 above the floor, m.  [default: as it is]"),
+    ] = None,
+    arms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MOTION",
+            help="Motion of the arms meanwhile: swing, or another name in the service's config/arms/.  [default: none]",
+            autocompletion=service_motions,
+        ),
+    ] = None,
+) -> None:
+    """Go to a trajectory's start, fly it, hold its end; meanwhile the arms may move. Ctrl-C holds."""
+    curve: dict[str, Any] = {"laps": laps, "size": size, "period_s": period, "height_m": height}
+    if path in _CURVES:
+        operate(asked, "track", curve=path, arms=arms, **curve)
+    given = [name.removesuffix("_s").removesuffix("_m") for name, value in curve.items() if value is not None]
+    if given:
+        raise ConfigError(f"--{given[0]} is of ellipse and figure8: the waypoints of {path} say all of it")
+    operate(asked, "track", waypoints=_waypoints(path), arms=arms)
+
+
+def _waypoints(name: str) -> list[dict[str, float]]:
+    from companion.config.trajectory_files import Curve, read_waypoints, trajectory_named  # noqa: PLC0415 - numpy takes time
+
+    path = Path(name)
+    if not path.exists():
+        trajectory_named(name, Curve())  # says what would be right
+    read = read_waypoints(path)
+    table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
+    return [
+        {
+            "t_s": round(float(t_s), _DECIMALS),
+            **{axis: round(float(value), _DECIMALS) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
+            "yaw_rad": round(float(yaw_rad), _DECIMALS),
+        }
+        for t_s, place, yaw_rad in table
+    ]
+
+
+@commanding
+def controller(
+    asked: Asked,
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="etnn, pid, or another name in the service's config/controllers/.", autocompletion=controllers
+        ),
+    ],
+) -> None:
+    """Fly with another control law from now on, in the air too. Ctrl-C leaves.
+
+    The setpoint does not jump. The position can move by 0.3 m until the new law has learned the vehicle: leave that
+    much room.
+    """
+    operate(asked, "controller", name=name)
+
+
+@commanding
+def land(asked: Asked) -> None:
+    """Arms folded, down where it is, disarmed. Ctrl-C leaves, the landing goes on."""
+    operate(asked, "land")
+
+
+@commanding
+def abort(asked: Asked) -> None:
+    """Land now, or stop the motors on the ground; the record says that you did. Ctrl-C leaves, it goes on."""
+    operate(asked, "abort")
+
+
+@commanding
+def resume(asked: Asked) -> None:
+    """Take the vehicle back from PX4 or its pilot, and hover where it is. Ctrl-C leaves, it goes on."""
+    operate(asked, "resume")
+
+
+@commanding
+def disarm(asked: Asked) -> None:
+    """Motors off, on the ground only. Ctrl-C leaves."""
+    operate(asked, "disarm")
+
+
+@commanding
+def kill(
+    asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
+) -> None:
+    """Stop the motors at once: in the air the vehicle FALLS. Asks to type kill."""
+    if not yes:
+        if not sys.stdin.isatty():
+            raise ConfigError("kill stops the motors in the air: say --yes where nobody can be asked")
+        try:
+            typed = typer.prompt("this stops the motors, in the air it falls; type kill", err=True)
+        except typer.Abort:
+            typer.echo("\ncompanion: interrupted, nothing was sent", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+        if typed.strip() != "kill":
+            raise ConfigError(f"{typed.strip()!r} is not kill: nothing was sent")
+    operate(asked, "kill", confirm="kill")
+
+
+@commanding
+def params(asked: Asked) -> None:
+    """Print the configuration, the law's gains and the autopilot's parameters that are in force."""
+    operate(asked, "params", show=_show_params)
+
+
+def _show_params(reply: Reply, console: "Console") -> None:
+    for line in _flat(reply.data, ""):
+        console.print(line, markup=False)
+
+
+def _flat(value: Any, name: str) -> list[str]:
+    if isinstance(value, dict) and value:
+        return [line for key, one in value.items() for line in _flat(one, f"{name}.{key}" if name else str(key))]
+    return [f"{name} = {value}"]

@@ -1,0 +1,127 @@
+"""The panel of `companion status`, and the lines of `companion watch`."""
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from companion.cli.operator.output_formats import phase_of, words_of
+from companion.cli.terminal import show_cursor
+from companion.client import client
+from companion.client.client import Link, Said
+from companion.client.pending_command import armed_of
+from companion.protocol.telemetry import WAITING, Happened, Kind, Presence, State
+
+_SILENT_S = 1.0
+_REFRESH_HZ = 5.0
+_STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.REPLY: "cyan"}
+
+
+def show_once(console: client.Console) -> None:
+    """Print the panel."""
+    Console(highlight=False).print(panel(console))
+
+
+@contextmanager
+def live_panel(console: client.Console) -> Iterator[None]:
+    """Show the panel, drawn again and again."""
+    out = Console(highlight=False)
+    with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
+        show_cursor(out)
+        yield
+
+
+def show_event(said: Said) -> None:
+    """Print one line."""
+    Console(highlight=False, soft_wrap=True).print(_event(said))
+
+
+def _event(said: Said) -> Text:
+    if isinstance(said, Happened):
+        return Text(f"{_clock(said.time_s)}  {words_of(said)}", style=_STYLES.get(said.kind, ""))
+    if isinstance(said, Presence):
+        text = f"the service runs, version {said.version}" if said.online else "the service is gone"
+        return Text(f"{_clock(time.time())}  {text}", style="" if said.online else "red")
+    assert isinstance(said, Link)
+    return Text(f"{_clock(time.time())}  {'connected again' if said.there else said.why}", style="yellow")
+
+
+def _clock(time_s: float) -> str:
+    return time.strftime("%H:%M:%S", time.localtime(time_s))
+
+
+def panel(console: client.Console) -> RenderableType:
+    """The newest state, and whether it is new."""
+    state = console.state
+    assert state is not None
+    age_s = console.state_age_s()
+    presence = console.presence
+    head = f"{console.where}"
+    if not console.linked:
+        warning = f"no connection to the broker for {age_s:.0f} s"
+    elif age_s > _SILENT_S:  # a status alone may be anybody's
+        gone = presence is not None and not presence.online
+        warning = (
+            f"the service does not run; last heard {age_s:.0f} s ago" if gone else f"nothing heard for {age_s:.0f} s"
+        )
+    else:
+        waited_s = console.state_waited_s()
+        warning = (
+            f"this is {waited_s:.1f} s old: the network or the broker is slow, or the two computers' clocks differ"
+            if waited_s
+            else ""
+        )
+    style = "dim" if warning else ""
+    return Group(Text(head, style="dim"), *([Text(warning, style="red")] if warning else []), _table(state, style))
+
+
+def _table(state: State, style: str) -> Table:
+    table = Table(box=None, show_header=False, pad_edge=False, style=style)
+    table.add_column(style="dim", no_wrap=True)
+    table.add_column()
+    flies = {True: ", in the air", False: ", on the ground", None: ""}[state.in_air]
+    rows = [("phase", f"{phase_of(state)}{f': {state.reason}' if state.reason else ''}")]
+    if state.phase != WAITING:
+        rows.append(("vehicle", f"{armed_of(state)}{flies}"))
+    if state.mode:
+        rows.append(("PX4 mode", state.mode))
+    if state.doing is not None:
+        rows.append(("doing", f"{state.doing.verb}{f': {state.doing.text}' if state.doing.text else ''}"))
+    rows += _motion(state)
+    if state.battery is not None:
+        volts = "" if state.battery_v is None else f", {state.battery_v:.1f} V"
+        rows.append(("battery", f"{state.battery:.0%}{volts}"))
+    if state.controller:
+        share = "" if state.sent_share is None else f", updates in {state.sent_share:.0%} of its cycles"
+        rows.append(("controller", f"{state.controller}{share}"))
+    if state.arms is not None:
+        rows.append(("arms", state.arms))
+    if state.text:
+        when = "" if state.text_age_s is None else f" ({state.text_age_s:.0f} s ago)"
+        rows.append(("autopilot", f"{state.text}{when}"))
+    for name, value in rows:
+        table.add_row(name, Text(value))
+    for fault in state.faults:
+        table.add_row("fault", Text(fault, style="yellow"))
+    for warning in state.warnings:
+        table.add_row("warning", Text(warning, style="red"))
+    return table
+
+
+def _motion(state: State) -> list[tuple[str, str]]:
+    rows = []
+    if state.position_w_m is not None:
+        x_m, y_m, z_m = state.position_w_m
+        yaw = "" if state.yaw_rad is None else f", yaw {state.yaw_rad:+.2f} rad"
+        rows.append(("position", f"{x_m:+.2f} {y_m:+.2f} {z_m:+.2f} m{yaw}"))
+    if state.velocity_w_mps is not None:
+        tilt = "" if state.tilt_rad is None else f", tilt {state.tilt_rad:.2f} rad"
+        rows.append(("speed", f"{math.hypot(*state.velocity_w_mps):.2f} m/s{tilt}"))
+    if state.error_m is not None:
+        rows.append(("error", f"{100.0 * state.error_m:.1f} cm"))
+    return rows

@@ -1,0 +1,92 @@
+"""`companion preflight`: by the service where one runs, else by looking at the devices from here."""
+
+import asyncio
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from companion.cli.complete import trajectories
+from companion.cli.operator.options import Asked, commanding
+from companion.cli.operator.run import operate
+from companion.client.client import open_console
+from companion.client.endpoint import Given, place_of
+from companion.client.errors import NobodyThereError
+from companion.core.errors import ConfigError
+from companion.preflight.checks.check import Check
+from companion.protocol.telemetry import Reply
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+_PANEL = "Only where no service runs"
+
+
+@commanding
+def preflight(
+    asked: Asked,
+    trajectory: Annotated[
+        str | None,
+        typer.Option(
+            help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?",
+            autocompletion=trajectories,
+            rich_help_panel=_PANEL,
+        ),
+    ] = None,
+    by_hand: Annotated[
+        bool,
+        typer.Option(
+            "--by-hand",
+            help="Carry the vehicle, disarmed: do mocap and autopilot see the same?",
+            rich_help_panel=_PANEL,
+        ),
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the records.  [default: as configured]", rich_help_panel=_PANEL)
+    ] = None,
+) -> None:
+    """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
+
+    The running service is asked. Where none is, and none was named by --broker or --vehicle, motion capture, autopilot
+    and arms are looked at from here, as --config (else the vehicle's own configuration) says; --json is one document
+    then. Nothing is commanded; only poses go to the autopilot's estimator.
+    """
+    only_here = by_hand or trajectory is not None or out is not None
+    if not only_here and _service_runs(asked.given):
+        operate(asked, "preflight", show=show_checks)
+    from companion.cli.vehicle.preflight import preflight as look  # noqa: PLC0415 - a second, for all the devices' libraries
+
+    look(asked.given.config, trajectory, by_hand, asked.as_json, out)
+
+
+def _service_runs(given: Given) -> bool:
+    """True also where one was named: then that nobody is there is the answer."""
+    if given.of_a_broker:
+        return True
+    try:
+        return asyncio.run(_is_there(given))
+    except ConfigError:
+        return False  # whoever reads the whole file says better what is wrong with it
+
+
+async def _is_there(given: Given) -> bool:
+    try:
+        async with open_console(place_of(given)) as console:
+            await console.find()
+    except NobodyThereError:
+        return False
+    return True
+
+
+def show_checks(reply: Reply, console: "Console") -> None:
+    """Print the list that came with a reply, whose own words say what it means.
+
+    What an older or newer service says otherwise is left out.
+    """
+    from companion.cli.vehicle.preflight import show  # noqa: PLC0415 - as above
+
+    known = {field.name for field in fields(Check)}
+    listed = reply.data.get("checks", ())
+    checks = [Check(**{name: value for name, value in one.items() if name in known}) for one in listed]
+    show(checks, console, as_json=False, with_verdict=False)

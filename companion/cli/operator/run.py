@@ -1,0 +1,137 @@
+"""One operator's command from the command line to its exit code."""
+
+import asyncio
+import signal
+from collections.abc import Coroutine
+from contextlib import AsyncExitStack
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+import typer
+
+from companion.cli.operator.exit_codes import BAD_INPUT, FAILED, INTERRUPTED, code_of
+from companion.cli.operator.json_output import JsonVoice, Voice
+from companion.cli.operator.options import Asked
+from companion.client.client import Console, open_console
+from companion.client.command_draft import CommandDraft
+from companion.client.endpoint import place_of
+from companion.client.pending_command import PendingCommand, Sent
+from companion.client.tasks import end
+from companion.core.errors import CompanionError
+from companion.protocol.telemetry import Answer, Reply
+
+if TYPE_CHECKING:
+    from companion.cli.operator.output_formats import Show
+
+_CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
+_SAFE_S = 15.0
+"""A hold takes a few seconds to stand still."""
+T = TypeVar("T")
+
+_HOLD, _ABORT = ({"verb": "hold"},), ({"verb": "abort"},)
+_AFTER_CTRL_C: dict[str, tuple[dict[str, Any], ...]] = {
+    "arm": _ABORT,  # ends the checks before arming, too, which a disarm would not
+    "takeoff": (*_HOLD, *_ABORT),  # no hold fits before it has left the ground; then the motors stop
+    "goto": _HOLD,
+    "track": _HOLD,
+    "arms": ({"verb": "arms", "do": "hold"},),
+}
+"""What makes it safe, by verb; the next one where one is refused. All else goes on or is over."""
+
+
+class _PressedError(Exception):
+    """Ctrl-C."""
+
+
+def operate(asked: Asked, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
+    """Command it, wait for its end, and exit with the code that docs/commands.md gives it."""
+    raise typer.Exit(asyncio.run(_Run(asked, _voice_of(asked, show)).code(verb, fields)))
+
+
+def _voice_of(asked: Asked, show: "Show | None") -> Voice:
+    if asked.as_json:
+        return JsonVoice()
+    from companion.cli.operator.output_formats import PlainVoice  # noqa: PLC0415 - what draws on a terminal takes its time
+
+    return PlainVoice(show)
+
+
+class _Run:
+    def __init__(self, asked: Asked, voice: Voice) -> None:
+        self._asked, self._voice = asked, voice
+        self._presses: asyncio.Queue[None] = asyncio.Queue()
+
+    async def code(self, verb: str, fields: dict[str, object]) -> int:
+        """Of its end, which is told."""
+        asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._presses.put_nowait, None)
+        try:
+            code, text = await self._carried_out(CommandDraft(verb, **fields))
+        except CompanionError as error:
+            code, text = code_of(error), str(error)
+        self._voice.end(code, text)
+        return code
+
+    async def _carried_out(self, draft: CommandDraft) -> tuple[int, str]:
+        async with AsyncExitStack() as stack:
+            place = place_of(self._asked.given)
+            try:
+                console = await self._unless_pressed(stack.enter_async_context(open_console(place)))
+            except _PressedError:
+                return INTERRUPTED, "interrupted, nothing was sent"
+            errand = PendingCommand(console, draft, self._asked.timeout_s)
+            self._voice.begin(draft.verb)
+            try:
+                reply = await self._unless_pressed(self._followed(errand, draft))
+            except _PressedError:
+                return INTERRUPTED, await self._made_safe(console, errand, draft)
+            text = reply.text or str(reply.answer)
+            return _CODES[reply.answer], text if reply.answer in _GOOD else f"{draft.verb} {reply.answer}: {text}"
+
+    async def _followed(self, errand: PendingCommand, draft: CommandDraft) -> Reply:
+        """The reply that ends it, or is enough."""
+        last: Reply | None = None
+        async for said in errand.said():
+            self._voice.say(said)
+            if isinstance(said, Reply) and said.id == draft.id:
+                last = said
+                if said.answer is Answer.ACCEPTED and not self._asked.wait:
+                    break
+        assert last is not None
+        return last
+
+    async def _made_safe(self, console: Console, errand: PendingCommand, draft: CommandDraft) -> str:
+        """What Ctrl-C does, and the sentence of what came of it."""
+        if errand.sent is Sent.NO:
+            return "interrupted, nothing was sent"
+        remedies = _AFTER_CTRL_C.get(draft.verb, ())
+        if not remedies:
+            return f"interrupted: {draft.verb} was sent, its end is not waited for"
+        said = ""
+        for remedy in remedies:
+            safe = CommandDraft(**remedy)
+            what = " ".join(str(value) for value in remedy.values())
+            self._voice.note(f"interrupted: {what} is sent; Ctrl-C again leaves without waiting")
+            try:
+                reply = await self._unless_pressed(self._followed(PendingCommand(console, safe, _SAFE_S), safe))
+            except _PressedError:
+                return f"interrupted: {what} was sent, its end is not waited for"
+            except CompanionError as error:
+                return f"interrupted, but it is not known whether {what} was carried out: {error}"
+            said = f"{what} {reply.answer}: {reply.text}"
+            if reply.answer is not Answer.REFUSED:
+                break
+        return f"interrupted; {said}"
+
+    async def _unless_pressed(self, work: Coroutine[Any, Any, T]) -> T:
+        """Its result; _PressedError when Ctrl-C comes first, and then it is cancelled."""
+        doing, pressed = asyncio.ensure_future(work), asyncio.ensure_future(self._presses.get())
+        try:
+            await asyncio.wait({doing, pressed}, return_when=asyncio.FIRST_COMPLETED)
+            if doing.done():
+                return doing.result()
+            raise _PressedError
+        finally:
+            await end(doing)
+            await end(pressed)
+
+
+_GOOD = frozenset({Answer.DONE, Answer.ACCEPTED})

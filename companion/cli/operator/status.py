@@ -1,0 +1,101 @@
+"""`companion status` and `companion watch`: what the service says, without a command.
+
+What draws on a terminal is imported when there is something to draw: an answer such as "nobody there" comes at once.
+"""
+
+import asyncio
+import json
+import sys
+from collections.abc import AsyncIterator, Coroutine
+from typing import Annotated, Any
+
+import typer
+
+from companion.cli.operator.exit_codes import INTERRUPTED, code_of
+from companion.cli.operator.json_output import line_of
+from companion.cli.operator.options import Asked, looking
+from companion.client import client
+from companion.client.client import Said, open_console
+from companion.client.endpoint import place_of
+from companion.core.errors import CompanionError
+from companion.protocol.telemetry import Happened, State
+
+_SILENT_S = 1.0
+
+
+@looking
+def status(
+    asked: Asked, once: Annotated[bool, typer.Option("--once", help="Print it once; so without a terminal.")] = False
+) -> None:
+    """Show phase, place, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
+    if asked.as_json:
+        _end(asked, _print_states(asked, once))
+    _end(asked, _show_live(asked) if sys.stdout.isatty() and not once else _show_once(asked))
+
+
+@looking
+def watch(asked: Asked) -> None:
+    """Print what happens as it happens: phases, faults, commands and replies; until Ctrl-C."""
+    _end(asked, _print_events(asked))
+
+
+def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
+    code, text = 0, ""
+    try:
+        asyncio.run(work)
+    except KeyboardInterrupt:
+        code, text = INTERRUPTED, "interrupted"
+    except CompanionError as error:
+        code, text = code_of(error), str(error)
+    if text and asked.as_json:
+        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
+    elif text and code != INTERRUPTED:
+        typer.echo(f"companion: {text}", err=True)
+    raise typer.Exit(code)
+
+
+async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
+    """For ever; None when nothing was said for a while. NobodyThereError when there is nobody at the beginning."""
+    await console.find()
+    while True:
+        yield await console.next(_SILENT_S)
+
+
+async def _print_states(asked: Asked, once: bool) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        async for said in _heard(console):
+            if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
+                typer.echo(line_of(said))
+            if once and isinstance(said, State):
+                return
+
+
+async def _show_once(asked: Asked) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        await console.find()
+        from companion.cli.operator.panel import show_once  # noqa: PLC0415 - see above
+
+        show_once(console)
+
+
+async def _show_live(asked: Asked) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        await console.find()
+        from companion.cli.operator.panel import live_panel  # noqa: PLC0415 - see above
+
+        with live_panel(console):
+            async for _ in _heard(console):
+                pass
+
+
+async def _print_events(asked: Asked) -> None:
+    async with open_console(place_of(asked.given)) as console:
+        async for said in _heard(console):
+            if said is None or isinstance(said, State):
+                continue
+            if asked.as_json:
+                typer.echo(line_of(said))
+            else:
+                from companion.cli.operator.panel import show_event  # noqa: PLC0415 - see above
+
+                show_event(said)

@@ -1,0 +1,1 @@
+"""Commands in virtual time: simulate, experiments, sweep, tune."""

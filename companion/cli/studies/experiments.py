@@ -1,0 +1,269 @@
+"""`companion experiments`: the paper's two experiments in virtual time, beside the paper's numbers."""
+
+import json
+import os
+import shlex
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, TypeVar
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
+
+from companion.analysis.report.tables import BAD, FAINT, GOOD, Grid
+from companion.cli import complete
+from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of, seeds_of
+from companion.cli.options import AllowUnstable, SummaryFile
+from companion.cli.output import check_output
+from companion.config.controller_config import controller_path
+from companion.config.locations import project_root
+from companion.config.text_files import read_text
+from companion.core.interfaces import ConfigError
+from companion.simulation.scene import HorizonError, experiment_names
+from companion.simulation.workers import in_parallel
+from companion.studies.paper import campaign_table as words
+from companion.studies.paper.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_ADVICE = "try fewer --jobs or fewer --seeds"
+_TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What was asked for, checked."""
+
+    experiments: tuple[str, ...]
+    controllers: tuple[str, ...]
+    seeds: tuple[int, ...]
+    bandwidth_radps: float | None
+    horizon: HorizonError | None
+    allow_unstable: bool
+    wholes: tuple[Item, ...]
+    variants: tuple[Item, ...]
+
+    @property
+    def command(self) -> str:
+        """What flies it again."""
+        bandwidth = [] if self.bandwidth_radps is None else ["--bandwidth", f"{self.bandwidth_radps:g}"]
+        bandwidth += [] if self.horizon is None else ["--horizon", self.horizon]
+        lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
+        seeds = ["--seeds", f"{self.seeds[0]}:{self.seeds[-1]}"]
+        unstable = ["--allow-unstable"] if self.allow_unstable else []
+        return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *unstable])
+
+
+def experiments(
+    names: Annotated[
+        str,
+        typer.Option(
+            "--experiments",
+            help="Names in config/experiments/ or TOML files, between commas.",
+            autocompletion=complete.listed(complete.experiments),
+        ),
+    ] = "ellipse,figure8",
+    controllers: Annotated[
+        str,
+        typer.Option(
+            help="Names in config/controllers/ or TOML files, between commas; pid is always flown.",
+            autocompletion=complete.listed(complete.controllers),
+        ),
+    ] = "practical,paper-repaired,pid",
+    allow_unstable: AllowUnstable = False,
+    seeds: Annotated[str, typer.Option(help="FIRST:LAST, both flown: one vehicle a seed; or one seed.")] = "1:5",
+    bandwidth: Annotated[
+        float | None,
+        typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the recorded PX4 has 6.3."),
+    ] = None,
+    horizon: Annotated[
+        HorizonError | None,
+        typer.Option(help="Error of the autopilot's horizon instead of the experiments' own; px4-...: as recorded."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("flights/experiments"),
+    summary: SummaryFile = None,
+    ablations: Annotated[bool, typer.Option(help="Fly each law also with one of its parts left out.")] = True,
+    report: Annotated[bool, typer.Option(help="Draw the figures and write the report.")] = True,
+    jobs: Annotated[int | None, typer.Option(min=1, max=256, help="Processes; one a CPU if not given.")] = None,
+) -> None:
+    """Fly the paper's experiments in virtual time, both arms swinging, and put the errors beside the paper's.
+
+    Exit code 0 only if no vehicle was lost and every flight of every whole law stayed inside the law's error limits; 1
+    if not, 2 for what could not be flown, 130 after Ctrl-C, which keeps what was flown.
+    """
+    console = Console()
+    try:
+        laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
+        chosen = _listed(names, "experiments")
+        campaign = _checked(chosen, laws, seeds_of(seeds), bandwidth, horizon, allow_unstable, ablations)
+        folder = out if report else None
+        check_output(folder, summary)
+        raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
+    except KeyboardInterrupt:
+        raise typer.Exit(INTERRUPTED) from None
+
+
+def _run(campaign: Campaign, console: Console, jobs: int, out: Path | None, summary: Path | None) -> int:
+    tasks = (*campaign.wholes, *campaign.variants)
+    done, interrupted = _each(fly, tasks, jobs, console, f"flying, {len(campaign.seeds)} vehicles each")
+    flights = [done[number] for number in sorted(done)]
+    _print_all(campaign, flights, console)
+    if summary is not None and flights:
+        data = words.summary(flights) | {"complete": not interrupted}
+        summary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    if not interrupted and out is not None:
+        interrupted = _write_report(campaign, flights, console, jobs, out)
+    if interrupted:
+        console.print(f"[yellow]interrupted[/] after {len(flights)} of {len(tasks)} flights", highlight=False)
+        return INTERRUPTED
+    return _verdict([flown for flown in flights if not flown.item.variant], console)
+
+
+def _listed(text: str, option: str) -> tuple[str, ...]:
+    """Names between commas, each once; two files of one name would be one in the summary."""
+    names = names_of(text, option)
+    (label, count), *_ = Counter(map(label_of, names)).most_common(1)
+    if count > 1:
+        raise ConfigError(f"--{option} {text}: {label} is there {count} times, every name may be there once")
+    return names
+
+
+def _baseline_or_own(name: str) -> str:
+    """The baseline's file is the baseline; a file of one's own may not go by its name, beside which it would stand."""
+    if label_of(name) != BASELINE or name == BASELINE:
+        return name
+    if controller_path(name).samefile(controller_path(BASELINE)):
+        return BASELINE
+    raise ConfigError(
+        f"--controllers {name}: {BASELINE} is the name of the baseline, which is always flown: rename the file"
+    )
+
+
+def _checked(
+    names: tuple[str, ...],
+    controllers: tuple[str, ...],
+    seeds: tuple[int, ...],
+    bandwidth: float | None,
+    horizon: HorizonError | None,
+    allow_unstable: bool,
+    ablations: bool,
+) -> Campaign:
+    """Whatever cannot be flown is refused before anything flies."""
+    wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable, horizon))
+    variants = tuple(variant for item in wholes for variant in variants_of(item))
+    return Campaign(
+        names, controllers, seeds, bandwidth, horizon, allow_unstable, wholes, variants if ablations else ()
+    )
+
+
+def _each(
+    work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, console: Console, doing: str
+) -> tuple[dict[int, Result], bool]:
+    """Results by the number of their task, behind a progress bar; and whether Ctrl-C ended it."""
+    done: dict[int, Result] = {}
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    try:
+        with Progress(*columns, console=console, transient=True) as bar:
+            shown = bar.add_task(doing, total=len(tasks))
+            for number, result in in_parallel(work, tasks, jobs, _ADVICE):
+                done[number] = result
+                bar.advance(shown)
+    except KeyboardInterrupt:
+        return done, True
+    return done, False
+
+
+def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -> None:
+    told: set[str] = set()
+    for experiment in campaign.experiments:
+        here = [flown for flown in flights if flown.item.experiment == experiment]
+        wholes = [flown for flown in here if not flown.item.variant]
+        if not any(flown.item.controller == BASELINE for flown in wholes):
+            continue  # interrupted before there was anything to compare with
+        grids = [words.comparison(wholes), words.events(wholes)]
+        for whole in wholes:
+            variants = [f for f in here if f.item.variant and f.item.controller == whole.item.controller]
+            grids += [words.ablation_grid(whole, variants).narrow] if variants else []
+        for grid in grids:
+            _print(grid, console)
+            if grid.note not in told:
+                console.print(grid.note, end="\n\n", markup=False, highlight=False)
+            told.add(grid.note)
+
+
+def _print(grid: Grid, console: Console) -> None:
+    table = Table(
+        title=escape(grid.title),
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
+    for index, name in enumerate(grid.columns):
+        table.add_column(name, justify="right" if index else "left", no_wrap=True)
+    for row in grid.rows:
+        table.add_row(*(Text(cell.text, style=_TONES.get(cell.tone, "")) for cell in row))
+    console.print(table)
+
+
+def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, jobs: int, out: Path) -> bool:
+    """Figures and page; whether Ctrl-C came in between."""
+    from companion.studies.paper.campaign_detail import look_closely  # noqa: PLC0415
+    from companion.studies.paper.campaign_plots import draw_experiment  # noqa: PLC0415
+    from companion.studies.paper.campaign_report import Chapter, Source, page  # noqa: PLC0415
+    from companion.studies.paper.descriptions import facts_of  # noqa: PLC0415
+    from companion.studies.paper.network_and_proof import closer  # noqa: PLC0415 - matplotlib takes a second to import
+
+    looked, interrupted = _each(look_closely, campaign.wholes, jobs, console, "looking closely")
+    if interrupted:
+        return True
+    closely = [looked[number] for number in sorted(looked)]
+    details = [[one for one in closely if one.item.experiment == name] for name in campaign.experiments]
+    drawn, interrupted = _each(partial(draw_experiment, folder=out), details, jobs, console, "drawing")
+    if interrupted:
+        return True
+    chapters = []
+    for number, (name, mine) in enumerate(zip(campaign.experiments, details, strict=True)):
+        scene = scene_of(Item(name, BASELINE, campaign.seeds, campaign.bandwidth_radps, campaign.horizon))
+        here = [flown for flown in flights if flown.item.experiment == name]
+        wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
+        chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))
+    sources = [Source(path, read_text(path)) for path in _files(campaign)]
+    file = out / "report.html"
+    file.write_text(page(chapters, sources, campaign.command), encoding="utf-8")
+    console.print(
+        f"report [bold]{escape(str(file))}[/], figures beside it as PNG and PDF", soft_wrap=True, highlight=False
+    )
+    return False
+
+
+def _files(campaign: Campaign) -> list[Path]:
+    """Experiments and controllers as they were read."""
+    folder, known = project_root() / "config" / "experiments", experiment_names()
+    flown = [folder / f"{name}.toml" if name in known else Path(name) for name in campaign.experiments]
+    return [*flown, *dict.fromkeys(controller_path(item.controller) for item in campaign.wholes)]
+
+
+def _verdict(wholes: Sequence[Flown], console: Console) -> int:
+    """The exit code, and a sentence for each law that did badly."""
+    bad = [flown for flown in wholes if not flown.good]
+    for flown in bad:
+        count = len(flown.item.seeds)
+        what = (
+            f"lost {flown.diverged} of {count}"
+            if flown.diverged
+            else f"outside its error limits with {flown.outside} of {count} seeds"
+        )
+        where = f"{label_of(flown.item.controller)} on {label_of(flown.item.experiment)}"
+        console.print(Text(f"{where}: {what}", style="red"), highlight=False)
+    return FAILED if bad else 0

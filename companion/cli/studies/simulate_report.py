@@ -1,0 +1,166 @@
+"""The end of virtual flights: numbers for people and for programs, pictures and records."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from companion.analysis.summary import summarise
+from companion.cli.demo.flight_report import error_cell
+from companion.config.controller_config import LoadedController
+from companion.core.types import Array
+from companion.simulation.metrics import LOST_M, Score, score
+from companion.simulation.scene import Scene
+from companion.simulation.simulation import Trace
+from companion.simulation.virtual_record import columns_of, one_of, until_lost
+from companion.simulation.virtual_world import STEP_S
+
+
+@dataclass(frozen=True)
+class Flights:
+    """What was flown, one flight a seed."""
+
+    scene: Scene
+    controller: LoadedController
+    seeds: list[int]
+    traces: list[Trace]
+    loop_s: float
+    """How long the computer was at it."""
+    total_s: float
+    """With all that was prepared."""
+
+    @property
+    def scores(self) -> list[Score]:
+        """Of each flight."""
+        return [score(trace) for trace in self.traces]
+
+    @property
+    def flown_s(self) -> float:
+        """All flights together, in virtual time."""
+        return sum(len(trace.time_s) for trace in self.traces) * self.scene.period_s
+
+    @property
+    def diverged(self) -> int:
+        """How many did."""
+        return sum(bool(one.diverged) for one in self.scores)
+
+    @property
+    def good(self) -> bool:
+        """Whether every flight stayed inside the controller's error limits."""
+        limits = self.controller.error_limits
+        small = all(
+            (one.mean_error_m <= limits.mean_m).all() and (one.max_error_m <= limits.max_m).all() for one in self.scores
+        )
+        return small and not self.diverged
+
+
+def flights_of(
+    scene: Scene, controller: LoadedController, seeds: list[int], trace: Trace, loop_s: float, total_s: float
+) -> Flights:
+    """A batch taken apart; `trace` has the seeds' axis after that of the cycles, unless there is only one."""
+    traces = [one_of(trace, number) for number in range(len(seeds))] if len(seeds) > 1 else [trace]
+    return Flights(scene, controller, seeds, traces, loop_s, total_s)
+
+
+def print_flights(flights: Flights, console: Console) -> None:
+    """Errors, updates, speed, and the verdict in a sentence."""
+    scores, times = flights.scores, flights.flown_s / flights.loop_s
+    sent, events = (float(np.mean([getattr(one, name) for one in scores])) for name in ("update_share", "event_share"))
+    console.print(_table(flights))
+    for line in (
+        f"updates in {sent:.1%} of the cycles; the law's trigger fired in {events:.1%}",
+        f"{flights.flown_s:.0f} s of flight in {flights.loop_s:.2f} s: {times:.0f} times faster than real time, "
+        f"{flights.flown_s / flights.total_s:.0f} times with all preparation",
+        _verdict(flights),
+    ):
+        console.print(line, highlight=False, soft_wrap=True)
+
+
+def _verdict(flights: Flights) -> str:
+    if flights.diverged:
+        which = (
+            "diverged" if len(flights.seeds) == 1 else f"{flights.diverged} of {len(flights.seeds)} flights diverged"
+        )
+        return f"[red]{which}: more than {LOST_M:g} m from the reference[/]"
+    return "[green]inside the error limits[/]" if flights.good else "[red]outside the error limits[/]"
+
+
+def _table(flights: Flights) -> Table:
+    limits, seeds = flights.controller.error_limits, flights.seeds
+    which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+    title = escape(f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which}")
+    table = Table(title=title, title_justify="left")
+    for name in ("cm", "x", "y", "z", "limit"):
+        table.add_column(name, justify="left" if name == "cm" else "right")
+    mean, largest = (
+        np.array([getattr(one, name) for one in flights.scores]) for name in ("mean_error_m", "max_error_m")
+    )
+    rows = [("mean", mean.mean(axis=0), limits.mean_m), ("max", largest.max(axis=0), limits.max_m)]
+    if len(seeds) > 1:
+        rows.insert(1, ("worst flight's mean", mean.max(axis=0), limits.mean_m))
+    for name, values, limit in rows:
+        cells = [error_cell(value, limit) for value in values]
+        table.add_row(name, *cells, f"{100.0 * limit:g}")
+    return table
+
+
+def summary_of(flights: Flights) -> dict[str, Any]:
+    """For --summary: averages over the flights (of their largest errors, too), and the same numbers of each flight."""
+    each = [_numbers_of(one) for one in flights.scores]
+    names = {"experiment": flights.scene.name, "controller": flights.controller.name}
+    averages = {name: np.mean([numbers[name] for numbers in each], axis=0) for name in each[0]}
+    return (
+        names
+        | _plain(averages)
+        | {
+            "diverged": flights.diverged,
+            "inside_limits": flights.good,
+            "control_cycles": int((flights.traces[0].time_s >= 0.0).sum()),
+            "times_real_time": flights.flown_s / flights.loop_s,
+            "flights": [{"seed": seed} | _plain(numbers) for seed, numbers in zip(flights.seeds, each, strict=True)],
+        }
+    )
+
+
+def _numbers_of(one: Score) -> dict[str, Array]:
+    return {
+        name: getattr(one, name) for name in ("mean_error_m", "max_error_m", "error_m", "update_share", "event_share")
+    }
+
+
+def _plain(numbers: dict[str, Array]) -> dict[str, Any]:
+    """For JSON, which has no infinity: null for what is no number."""
+    with_nulls = {name: np.asarray(value, dtype=object) for name, value in numbers.items()}
+    for name, value in numbers.items():
+        with_nulls[name][~np.isfinite(value)] = None
+    return {name: value.tolist() for name, value in with_nulls.items()}
+
+
+def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
+    """A picture and a record of each flight, in the columns of a recorded one."""
+    from companion.analysis.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
+
+    controller = Path(flights.controller.name).stem.replace(" ", "-")
+    joints_rad = _joints_rad(flights)
+    for seed, trace in zip(flights.seeds, flights.traces, strict=True):
+        names = {"law_name": np.full(len(trace.time_s), flights.controller.name)}
+        columns = columns_of(trace, joints_rad) | names
+        path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
+        title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
+        plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
+        np.savez_compressed(f"{path}.npz", **columns)
+        shown = escape(str(path))
+        console.print(f"plot [bold]{shown}.png[/], record {shown}.npz", soft_wrap=True)
+
+
+def _joints_rad(flights: Flights) -> Array | None:
+    """Where the joints really are in each cycle, (n, 8); None without arms."""
+    arms = flights.scene.vehicle().arms
+    if arms is None:
+        return None
+    per_cycle = round(flights.scene.period_s / STEP_S)
+    return np.asarray(arms.table.joints_rad[::per_cycle][: len(flights.traces[0].time_s)])

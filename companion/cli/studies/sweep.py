@@ -1,0 +1,175 @@
+"""`companion sweep`: how robust a controller is, by many vehicles that differ from what it is told."""
+
+import hashlib
+import json
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from companion.cli import complete
+from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
+from companion.cli.options import SummaryFile
+from companion.cli.output import check_output
+from companion.config.controller_config import controller_path
+from companion.config.locations import project_root
+from companion.studies.sweep.sweep import ERROR, Columns, Sweep
+from companion.studies.sweep.sweep_numbers import (
+    PARAMETERS,
+    Blame,
+    Group,
+    blames,
+    errors_m,
+    group,
+    nominals,
+    of_nominal,
+)
+from companion.studies.sweep.sweep_run import Parts, Swept, run, write_part
+
+
+def sweep(
+    vehicles: Annotated[int, typer.Option(min=1, max=1_000_000, help="Number of vehicles.")] = 1000,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the random vehicles, noise and disturbances.")] = 1,
+    controller: Annotated[
+        str,
+        typer.Option(
+            help="etnn, pid, another name in config/controllers/, or a TOML file.", autocompletion=complete.controllers
+        ),
+    ] = "practical",
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for parts, table and picture.")] = Path("flights/sweep"),
+    summary: SummaryFile = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Fly everything again, whatever is there already.")] = False,
+) -> None:
+    """Fly vehicles that differ from what the companion believes, in virtual time, and say what the errors depend on.
+
+    What is flown is kept at once: after Ctrl-C (exit code 130) the same command goes on, and more --vehicles add to
+    what is there. Exit code 1 if any vehicle diverged, 2 for what could not be flown.
+    """
+    console = Console()
+    check_output(out / "parts", summary)
+    wanted = Sweep(vehicles, seed, controller)
+    try:
+        swept = _run(wanted, out / "parts", jobs or len(os.sched_getaffinity(0)), fresh, console)
+    except KeyboardInterrupt:
+        kept = Parts(wanted, out / "parts").finished
+        console.print(
+            f"[yellow]interrupted[/]: {kept} of {vehicles} vehicles are kept in {escape(str(out))}; the same command "
+            "goes on",
+            soft_wrap=True,
+        )
+        raise typer.Exit(INTERRUPTED) from None
+    _report(console, swept)
+    _keep(console, wanted, swept.columns, out)
+    if summary is not None:
+        text = json.dumps(_summary(wanted, swept), indent=2, allow_nan=False)
+        summary.write_text(text + "\n", encoding="utf-8")
+    raise typer.Exit(FAILED if swept.columns["diverged"].any() else 0)
+
+
+def _run(wanted: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
+    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*shown, TimeRemainingColumn(), console=console, transient=True) as bar:
+        task = bar.add_task("vehicles", total=wanted.vehicles)
+        return run(wanted, parts, jobs, fresh, lambda flown: bar.update(task, completed=int(flown)))
+
+
+def _report(console: Console, swept: Swept) -> None:
+    columns = swept.columns
+    console.print(_errors(columns))
+    console.print(_what_hurts(columns))
+    console.print(_worst(columns), highlight=False, soft_wrap=True)
+    before = f", {swept.taken_over} of them by an earlier run" if swept.taken_over else ""
+    console.print(f"{len(columns['vehicle'])} vehicles in {swept.seconds:.0f} s{before}", highlight=False)
+
+
+def _errors(columns: Columns) -> Table:
+    table = Table(title="error over the whole flight (m): norm of the axes' means")
+    for heading in ("rad/s", "vehicles", "diverged", "median", "95 %", "worst", "updates"):
+        table.add_column(heading, justify="right")
+    for nominal in nominals(columns):
+        of = group(of_nominal(columns, nominal))
+        errors = (
+            f"{value:.4f}" if math.isfinite(value) else "lost"
+            for value in (of.error_p50_m, of.error_p95_m, of.error_max_m)
+        )
+        table.add_row(f"{nominal:.1f}", str(of.vehicles), str(of.diverged), *errors, f"{of.update_share:.1%}")
+    return table
+
+
+def _what_hurts(columns: Columns) -> Table:
+    table = Table(title="share of the errors' order it explains, rank correlation")
+    table.add_column("parameter")
+    each = []
+    for nominal in nominals(columns):
+        table.add_column(f"{nominal:.1f} rad/s", justify="right")
+        each.append(blames(of_nominal(columns, nominal)))
+    rows = sorted(zip(*each, strict=True), key=lambda row: -sum(np.nan_to_num([one.explained for one in row])))
+    for row in rows:
+        table.add_row(PARAMETERS[row[0].parameter], *(_words(blame) for blame in row))
+    return table
+
+
+def _words(blame: Blame) -> str:
+    share = "-" if math.isnan(blame.explained) else f"{blame.explained:.0%}"
+    return f"{share:>4} {blame.correlation:+6.2f}" if math.isfinite(blame.correlation) else f"{share:>4}      -"
+
+
+def _worst(columns: Columns) -> str:
+    row = int(np.argmax(errors_m(columns)))
+    drawn = ", ".join(f"{name} {_value(columns[name][row])}" for name in ("nominal_radps", *PARAMETERS))
+    how = "diverged" if columns["diverged"][row] else f"error {columns[ERROR][row]:.4f} m"
+    return f"worst: vehicle {columns['vehicle'][row]}, {how}: {drawn}"
+
+
+def _value(value: Any) -> str:
+    return str(value) if isinstance(value, str) else f"{value:.4g}"
+
+
+def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
+    """The table of all vehicles, and the picture."""
+    from companion.studies.sweep.sweep_plots import plot_sweep  # noqa: PLC0415 - matplotlib takes a second to import
+
+    name = f"{_label(wanted.controller)}-seed{wanted.seed}"
+    title = (
+        f"{wanted.vehicles} vehicles that differ from what {Path(wanted.controller).name} is told, seed {wanted.seed}"
+    )
+    write_part(out / f"{name}.npz", columns)
+    plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
+    shown = escape(str(out / name))
+    console.print(f"picture [bold]{shown}.png[/] and .pdf, table {shown}.npz", soft_wrap=True)
+
+
+def _label(controller: str) -> str:
+    """For names of files: a file of one's own has some digits of its path, as two of one name may be swept."""
+    path = controller_path(controller).resolve()
+    if path.parent == (project_root() / "config" / "controllers").resolve():
+        return path.stem
+    return f"{path.stem}-{hashlib.sha256(str(path).encode()).hexdigest()[:6]}"
+
+
+def _summary(wanted: Sweep, swept: Swept) -> dict[str, Any]:
+    groups = {f"{nominal:.1f}": group(of_nominal(swept.columns, nominal)) for nominal in nominals(swept.columns)}
+    return {
+        "vehicles": len(swept.columns["vehicle"]),
+        "diverged": int(swept.columns["diverged"].sum()),
+        "seconds": round(swept.seconds, 3),
+        "taken_over": swept.taken_over,
+        "controller": wanted.controller,
+        "seed": wanted.seed,
+        "error": ERROR,
+        **{name: _by_nominal(groups, name) for name in ("error_p50_m", "error_p95_m", "error_max_m", "update_share")},
+    }
+
+
+def _by_nominal(groups: dict[str, Group], name: str) -> dict[str, float | None]:
+    """One number of each group; None where it is infinite because vehicles diverged."""
+    values = {nominal: float(getattr(of, name)) for nominal, of in groups.items()}
+    return {nominal: value if math.isfinite(value) else None for nominal, value in values.items()}

@@ -1,0 +1,287 @@
+"""`companion tune`: searches gains for few updates and small errors, and checks the winners where they never were."""
+
+import json
+import os
+import shlex
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress, TimeRemainingColumn
+from rich.table import Table
+
+from companion.cli import complete
+from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of
+from companion.cli.options import SummaryFile
+from companion.cli.output import check_file, check_output
+from companion.config.controller_config import read_etnn
+from companion.core.interfaces import ConfigError
+from companion.core.types import Array
+from companion.simulation.scene import Scene, load_scene
+from companion.simulation.workers import workers
+from companion.studies.tuning.controller_writer import controller_toml
+from companion.studies.tuning.gain_space import START, gain_fields, rounded, shares_of, values_from
+from companion.studies.tuning.search import (
+    CHECK_SEED,
+    ERROR_M,
+    UPDATES,
+    Centre,
+    Generation,
+    Plan,
+    Point,
+    front_of,
+    marks_of,
+    scenes_of,
+    search,
+)
+from companion.studies.tuning.tuning import WORST_M, shortened
+from companion.trajectories.reference import Ellipse, FigureEight, LapTiming
+
+_CHECK_VEHICLES = (2, 6)
+_YARDSTICK = "practical"
+"""What a search is compared with unless --start names another law: the one that flies."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A centre, rounded as it would be written, where no search was: mean over loops, curves and vehicles."""
+
+    centre: Centre
+    values: dict[str, float]
+    error_m: float
+    other_m: float
+    worst_m: float
+    update_share: float
+
+    @property
+    def point(self) -> Point:
+        """Of the front of error against updates."""
+        return self.update_share, self.error_m
+
+    @property
+    def flies(self) -> bool:
+        """Whether it held every vehicle, and would be loaded."""
+        damping, needed = gain_fields(self.values).filter_loop()
+        return self.worst_m < WORST_M and damping > needed
+
+    @property
+    def distance(self) -> float:
+        """How far from what is reached for: error as told, updates, and a third of the others' error."""
+        return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
+
+
+def tune(
+    write: Annotated[Path | None, typer.Option(help="Write the best one as a controller file.")] = None,
+    generations: Annotated[int, typer.Option(min=1, max=2000, help="Generations of each search.")] = 60,
+    population: Annotated[int, typer.Option(min=4, max=200, help="Sets of gains in a generation.")] = 20,
+    weights: Annotated[
+        str, typer.Option(help="Weights of updates against errors, between commas; each is a search of its own.")
+    ] = "0.8,1.2",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the searches, and of the noise they train on.")] = 1,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            help="ET-NN controller to begin from: a name or a TOML file.", autocompletion=complete.controllers
+        ),
+    ] = None,
+    experiments: Annotated[
+        str,
+        typer.Option(
+            help="Experiments to train on, between commas.", autocompletion=complete.listed(complete.experiments)
+        ),
+    ] = "ellipse,figure8",
+    bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
+    jobs: Annotated[int, typer.Option(min=1, help="Number of processes.")] = os.cpu_count() or 1,
+    out: Annotated[Path, typer.Option(help="Folder for the search's progress and picture.")] = Path("flights/tune"),
+    summary: SummaryFile = None,
+) -> None:
+    """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
+
+    Every generation flies new seeds. The centres of the search are then checked on seeds and curves that no search
+    flew, beside the law that they are to be better than (--start, else practical), and the best of them is written.
+    """
+    console = Console()
+    plan = _plan(generations, population, weights, seed, experiments, bandwidths)
+    begin = START if start is None else _from_file(start)
+    _check_outputs(out, summary, write)
+    told: list[tuple[Generation, Array]] = []
+    try:
+        with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
+            centres = _search(plan, begin, pool, told, console, out)
+            yardstick = Centre(shares_of(_from_file(start or _YARDSTICK)), 0.0, 0)
+            with console.status("checking on seeds and curves that no search flew"):
+                *checked, known = _check([*centres, yardstick], plan, pool)
+    except KeyboardInterrupt:
+        kept = f"; their centres are in {out / 'generations.json'}" if told else ""
+        console.print(f"interrupted after {len(told)} generations{kept}", markup=False, highlight=False)
+        raise typer.Exit(INTERRUPTED) from None
+    best = best_of(checked)
+    _print(console, checked, best, known, start or _YARDSTICK)
+    with console.status("drawing"):
+        _draw([generation for generation, _ in told], checked, best, out / "front.png")
+    if best is None:
+        console.print(
+            "[red]no centre held every vehicle[/]: nothing is written; search longer, or from a better --start"
+        )
+        raise typer.Exit(FAILED)
+    console.print(f"picture [bold]{escape(str(out / 'front.png'))}[/]", soft_wrap=True)
+    if summary is not None:
+        _summarise(checked, summary)
+    if write is not None:
+        asked: dict[str, object] = {
+            "generations": generations,
+            "population": population,
+            "weights": weights,
+            "seed": seed,
+        }
+        asked |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
+        title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
+        says = f"the ET-NN law of {write.name}, found by companion tune"
+        write.write_text(controller_toml(best.values, title, says, _command(asked)), encoding="utf-8")
+        console.print(f"wrote [bold]{escape(str(write))}[/]")
+
+
+def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:
+    loops = _numbers("bandwidths", bandwidths, 2.0, 40.0)
+    scenes = scenes_of([shortened(load_scene(name)) for name in names_of(experiments, "experiments")], loops)
+    return Plan(scenes, len(loops), generations, population, _numbers("weights", weights, 0.05, 20.0), seed)
+
+
+def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:
+    check_output(out, summary)
+    if write is not None:
+        check_file(write, "write")
+
+
+def _search(
+    plan: Plan,
+    begin: dict[str, float],
+    pool: Executor,
+    told: list[tuple[Generation, Array]],
+    console: Console,
+    out: Path,
+) -> list[Centre]:
+    with _progress(console, plan) as bar:
+
+        def note(generation: Generation, centre: Array) -> None:
+            told.append((generation, centre))
+            _keep(out, told)
+            bar(len(told), generation)
+
+        return search(plan, shares_of(begin), pool, note)
+
+
+def _from_file(name: str) -> dict[str, float]:
+    file = read_etnn(name)
+    p = file.prediction
+    return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
+
+
+def _command(asked: dict[str, object]) -> str:
+    """What to type for the same search again; where it writes and on how many processes makes no difference."""
+    given = [(f"--{name}", str(value)) for name, value in asked.items() if value is not None]
+    return shlex.join(["companion", "tune", *(part for pair in given for part in pair)])
+
+
+def _numbers(option: str, text: str, least: float, most: float) -> tuple[float, ...]:
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if not values or any(not least <= value <= most for value in values):
+        raise ConfigError(f"--{option} {text}: must be numbers from {least:g} to {most:g} with commas between")
+    return values
+
+
+@contextmanager
+def _progress(console: Console, plan: Plan) -> Iterator[Any]:
+    total = plan.generations * len(plan.weights)
+    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console) as bar:
+        task = bar.add_task("searching", total=total)
+
+        def step(done: int, last: Generation) -> None:
+            note = f"weight {last.weight:g}: {last.error_m * 1e3:.1f} mm, {last.update_share:.1%} updates"
+            bar.update(task, completed=done, description=note)
+
+        yield step
+
+
+def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checked]:
+    """On curves and seeds that no search flew."""
+    values = [rounded(one.shares) for one in centres]
+    points = np.array([shares_of(value) for value in values])
+    marks = marks_of([elsewhere(scene) for scene in plan.scenes], points, CHECK_SEED, _CHECK_VEHICLES, pool)
+    error, other, updates = (
+        np.mean([getattr(mark, name) for mark in marks], axis=0) for name in ("error_m", "other_m", "update_share")
+    )
+    worst = np.max([mark.worst_m for mark in marks], axis=0)
+    return [
+        Checked(one, value, *(float(number) for number in row))
+        for one, value, *row in zip(centres, values, error, other, worst, updates, strict=True)
+    ]
+
+
+def best_of(checked: Sequence[Checked]) -> Checked | None:
+    """The nearest to what is reached for, of those that fly."""
+    return min((one for one in checked if one.flies), key=lambda one: one.distance, default=None)
+
+
+def elsewhere(scene: Scene) -> Scene:
+    """Another curve at another pace, in the same room: across where the trained one lies along."""
+    centre = np.asarray(scene.trajectory.at(0.0).position_w_m * [0.0, 0.0, 1.0])
+    kind, axes, period_s = (
+        (FigureEight, (0.6, 0.6), 18.0) if isinstance(scene.trajectory, FigureEight) else (Ellipse, (0.7, 1.0), 12.0)
+    )
+    return replace(scene, trajectory=kind(centre, axes, LapTiming(period_s, 1, 4.0)))
+
+
+def verdict(best: Checked, known: Checked, name: str) -> str:
+    """Return whether the best of a search is better than a law that is known, `name`."""
+    numbers = f"(worst case {best.worst_m * 1e3:.0f} mm, {name} {known.worst_m * 1e3:.0f} mm)"
+    if best.distance < known.distance:
+        return f"the best of this search is better than {name} {numbers}"
+    return f"the best of this search is NOT better than {name} {numbers}: search longer before you fly it"
+
+
+def _print(console: Console, checked: Sequence[Checked], best: Checked | None, known: Checked, name: str) -> None:
+    table = Table(title="checked on seeds and curves that no search flew")
+    for title in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
+        table.add_column(title, justify="right")
+    front = front_of([one.point for one in checked])
+    for one in (*checked, known):
+        table.add_row(
+            *(("", "") if one is known else (f"{one.centre.weight:g}", str(one.centre.generation))),
+            f"{one.error_m * 1e3:.1f}",
+            f"{one.other_m * 1e3:.1f}",
+            f"{one.worst_m * 1e3:.1f}",
+            f"{one.update_share:.1%}",
+            escape(name) if one is known else "best" if one is best else "front" if one.point in front else "",
+        )
+    console.print(table)
+    if best is not None:
+        console.print(verdict(best, known, name), highlight=False, markup=False, soft_wrap=True)
+
+
+def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked | None, path: Path) -> None:
+    from companion.studies.tuning.tuning_plot import plot_search  # noqa: PLC0415 - matplotlib takes a second to import
+
+    plot_search(told, [one.point for one in checked], best.point if best else None, path)
+
+
+def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:
+    """After every generation, so that nothing is lost."""
+    rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in told]
+    (out / "generations.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+def _summarise(checked: Sequence[Checked], path: Path) -> None:
+    names = ("error_m", "other_m", "worst_m", "update_share", "values")
+    rows = [{name: getattr(one, name) for name in names} for one in checked]
+    path.write_text(json.dumps({"checked": rows}, indent=2) + "\n", encoding="utf-8")

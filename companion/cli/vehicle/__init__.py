@@ -1,0 +1,1 @@
+"""Commands on the vehicle's computer: serve, preflight, dry-run, mocap."""

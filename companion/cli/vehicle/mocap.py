@@ -1,0 +1,135 @@
+"""`companion mocap`: motion capture alone, without an autopilot."""
+
+import asyncio
+import contextlib
+import math
+import signal
+from collections import deque
+from typing import Annotated
+
+import typer
+import uvloop
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
+from companion.cli.options import VehicleConfigFile, vehicle_settings
+from companion.cli.terminal import show_cursor
+from companion.cli.vehicle.preflight import show
+from companion.config.companion_config import CompanionConfig
+from companion.estimation.estimator import age_s
+from companion.geometry.frames import up_axis, yaw_of
+from companion.preflight.checks.all_checks import check_mocap
+from companion.preflight.checks.check import Check
+from companion.preflight.live_observer import LiveObserver, mocap_place, open_mocap_onlooker
+from companion.preflight.mocap_watch import MocapWatch
+
+_REFRESH_HZ = 4.0
+_RATE_S = 2.0
+"""The rate that is shown is that of the last seconds."""
+_WITHOUT_TERMINAL_S = 5.0
+
+
+def mocap(
+    config: VehicleConfigFile = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            min=1.0, max=3600.0, metavar="S", help="Duration, s.  [default: until Ctrl-C; 5 without a terminal]"
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
+) -> None:
+    """Show place and heading of the vehicle's body, live, with rate, age and residual of motion capture.
+
+    Needs neither autopilot nor servos, and sends nothing. Carry the vehicle: the place follows your hand, z grows when
+    you lift it, the heading grows when you turn it to the left.
+
+    Exit code 0 if motion capture is good enough for a flight, 1 if not, 2 for what could not be started, 130 after
+    Ctrl-C before the first frame; later, Ctrl-C ends the look and shows the checks.
+    """
+    settings = vehicle_settings(config)
+    console = Console(stderr=as_json)
+    if seconds is None and not console.is_terminal:
+        seconds = _WITHOUT_TERMINAL_S
+    try:
+        checks = uvloop.run(_look(settings, math.inf if seconds is None else seconds, console))
+    except KeyboardInterrupt:
+        console.print("[yellow]interrupted[/] before the first frame")
+        raise typer.Exit(INTERRUPTED) from None
+    show(checks, console, as_json, "motion capture is good enough for a flight", "fail: not good enough for a flight")
+    raise typer.Exit(FAILED if any(check.refuses for check in checks) else 0)
+
+
+async def _look(config: CompanionConfig, for_s: float, console: Console) -> tuple[Check, ...]:
+    """Look for so long, or until Ctrl-C; the checks of what was seen."""
+    loop, pressed = asyncio.get_running_loop(), asyncio.Event()
+    with console.status(Text(f"connecting to motion capture {mocap_place(config)}")) as waiting:
+        show_cursor(console)
+        async with open_mocap_onlooker(config) as (onlooker, watch):
+            waiting.stop()
+            for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+                loop.add_signal_handler(number, pressed.set)
+            shown = _Shown(config.mocap.body, onlooker, watch)
+            onlooker.each = shown
+            until = "until Ctrl-C" if math.isinf(for_s) else f"for {for_s:g} s"
+            console.print(f"looking at motion capture {mocap_place(config)} {until}", highlight=False, markup=False)
+            begun_s = loop.time()
+            with Live(console=console, refresh_per_second=_REFRESH_HZ, transient=True, get_renderable=shown.table):
+                show_cursor(console)
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(pressed.wait(), None if math.isinf(for_s) else for_s)
+            seen = watch.seen(config.mocap.body, loop.time() - begun_s)
+    console.print(shown.table())
+    return check_mocap(seen, config, config.preflight)
+
+
+class _Shown:
+    """What is on the screen; called once a cycle, as `Onlooker.each` is."""
+
+    def __init__(self, body: str, onlooker: LiveObserver, watch: MocapWatch) -> None:
+        self._body, self._onlooker, self._watch = body, onlooker, watch
+        self._now_s = math.nan
+        self._arrivals_s: deque[float] = deque()
+
+    def __call__(self, now_s: float, received_s: float) -> None:
+        self._watch.look(now_s)
+        self._now_s = now_s
+        if not math.isnan(received_s):
+            self._arrivals_s.append(received_s)
+        while self._arrivals_s and self._arrivals_s[0] < now_s - _RATE_S:
+            self._arrivals_s.popleft()
+
+    def table(self) -> Table:
+        """A line each of stream, body, place, heading and residual."""
+        table = Table(box=None, pad_edge=False, show_header=False)
+        for name, value in (("frames", self._stream()), ("body", self._tracked()), *self._pose()):
+            table.add_row(Text(name, style="dim"), Text(value))
+        return table
+
+    def _stream(self) -> str:
+        frame = self._onlooker.frame
+        late = f", {frame.late} dropped because they came late" if frame is not None and frame.late else ""
+        return f"{len(self._arrivals_s) / _RATE_S:.0f} Hz, {self._watch.frames} so far{late}"
+
+    def _tracked(self) -> str:
+        missed = self._watch.frames - self._watch.tracked
+        frame = self._onlooker.frame
+        now = "is seen" if frame is not None and frame.tracked else "is NOT SEEN now"
+        return f"{self._body!r} {now}; missed in {missed} of {self._watch.frames} frames"
+
+    def _pose(self) -> list[tuple[str, str]]:
+        estimate, frame = self._onlooker.estimate, self._onlooker.frame
+        if estimate.vehicle is None or frame is None:
+            return [("place", "no pose yet")]
+        x_m, y_m, z_m = estimate.vehicle.position_w_m.tolist()
+        q_w_flu_wxyz = estimate.vehicle.q_w_flu_wxyz
+        lean_deg = math.degrees(math.acos(min(1.0, float(up_axis(q_w_flu_wxyz)[2]))))
+        residual = "not reported" if math.isnan(frame.residual_m) else f"{1e3 * frame.residual_m:.1f} mm"
+        return [
+            ("place", f"x {x_m:+.3f}  y {y_m:+.3f}  z {z_m:+.3f} m, {1e3 * age_s(estimate, self._now_s):.0f} ms old"),
+            ("heading", f"{math.degrees(float(yaw_of(q_w_flu_wxyz))):+.1f} degrees, leaning {lean_deg:.1f}"),
+            ("residual", residual),
+        ]

@@ -1,0 +1,92 @@
+"""`companion serve`: the service that flies the vehicle and takes commands over MQTT."""
+
+import logging
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import uvloop
+
+from companion import __version__
+from companion.adapters.system.instance_lock import service_lock
+from companion.adapters.system.last_resort import LastResort
+from companion.adapters.system.native_output import standard_output_to_log, unraisable_to_log
+from companion.adapters.system.realtime import lock_memory
+from companion.adapters.system.systemd import Notifier, logging_to
+from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import controller_text, load_controller
+from companion.config.law_margin import require_margin
+from companion.config.locations import vehicle_config_path
+from companion.config.operator_config import OperatorConfig
+from companion.records.record_process import RecordSink
+from companion.service.daemon import DaemonSettings, serve
+
+LOG = logging.getLogger("companion.serve")
+
+
+def serve_command(
+    config: VehicleConfigFile = None,
+    controller: ControllerName = None,
+    allow_unstable: AllowUnstable = False,
+    record: Annotated[bool, typer.Option(help="Write a record of every flight.")] = True,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Log everything the parts say.")] = False,
+) -> None:
+    """Fly the vehicle: take commands over MQTT, tell what happens, record every flight; until Ctrl-C, which lands.
+
+    Waits for motion capture and autopilot while they are not there. Exit code 0 after SIGTERM or Ctrl-C, 2 for a
+    configuration or broker that cannot be used.
+    """
+    settings = vehicle_settings(config, logs=True)
+    name = controller or settings.control.controller
+    vehicle_model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
+    law = load_controller(name, vehicle_model, period_s, allow_unstable)
+    margin = require_margin(law, vehicle_model, period_s)
+    notifier = Notifier.from_environment()
+    place = settings.operator or OperatorConfig(embedded=True)
+    vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
+    with (
+        logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO),
+        service_lock(place.host, place.port, vehicle),  # before anything is bound or begun
+    ):
+        LOG.info("configuration %s", config or vehicle_config_path())
+        LOG.info("control law %s: %s", law.name, margin.says)
+        lock_memory()
+        recorder = _recorder(settings) if record else None
+        last_resort = LastResort()
+        folder = Path(settings.records.folder) if recorder is not None else None
+        what = DaemonSettings(settings, law, notifier, recorder, folder, _note_law(recorder, law.name), last_resort)
+        try:
+            with standard_output_to_log(), unraisable_to_log(last_resort.lacks_memory):
+                uvloop.run(serve(what))
+        finally:
+            if recorder is not None:
+                recorder.close()
+            last_resort.close()
+
+
+def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
+    """Every law that flies stands in the record with its file, as a replay needs it."""
+    texts: dict[str, str] = {}
+
+    def note(name: str) -> None:
+        texts[name] = controller_text(name)
+        if recorder is not None:
+            recorder.begin({"laws": texts})
+
+    note(first)
+    return note
+
+
+def _recorder(settings: CompanionConfig) -> RecordSink:
+    vehicle = settings.operator.vehicle if settings.operator else "vehicle"
+    recorder = RecordSink(settings.records, vehicle)
+    recorder.begin(
+        {
+            "config": settings.model_dump(mode="json"),
+            "versions": {"companion": __version__},
+        }
+    )
+    return recorder

@@ -1,0 +1,1 @@
+"""The operator's side of the protocol: find the service, follow it, command it."""

@@ -1,0 +1,108 @@
+"""One connection of an operator's client to the broker."""
+
+import contextlib
+import ssl
+
+import aiomqtt
+import paho.mqtt.client as paho
+from aiomqtt.exceptions import MqttConnectError
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+
+from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection, Reached
+from companion.config.operator_config import OperatorConfig
+from companion.core.errors import ConfigError
+from companion.protocol.topics import Topics
+
+_WAITING = 1000
+_KEPT_S = 60
+"""So long a broker of MQTT 5 keeps replies for a client whose connection broke."""
+_NOT_ALLOWED_WORDS = ("bad user name or password", "not authorized", "bad username or password", "not authorised")
+
+
+class ForbiddenError(ConfigError):
+    """The broker does not let this user."""
+
+
+class BrokerConnection(Connection):
+    """Unlike the service's, it has no last will, says farewell, and notices that a command is not let through."""
+
+    def __init__(self, place: OperatorConfig, client: str, version: aiomqtt.ProtocolVersion, again: bool) -> None:
+        """`again`: what the broker has kept for `client` since the connection before is wanted."""
+        reached = Reached(place.host, place.port, client, place.user, place.password(), _tls_of(place), None)
+        super().__init__(reached, version, _WAITING)
+        self._refused: dict[int, int] = {}
+        if version is V5:
+            self._clean_start = not again
+            bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+            bounds.MaximumPacketSize, bounds.SessionExpiryInterval = MAX_PACKET_BYTES, _KEPT_S
+            self._properties = bounds
+
+    async def follow(self, topics: Topics, client: str) -> None:
+        """Subscribe to all that the service says, what is retained too; ForbiddenError when that is not granted."""
+        wanted = [(topics.reply(client), 1), (topics.event, 1), (topics.state, 0), (topics.status, 1)]
+        for topic, qos in wanted:
+            granted = await self.subscribe(topic, qos=qos)
+            if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
+                raise ForbiddenError(f"does not let us read {topic}")
+
+    async def command(self, topics: Topics, client: str, draft_id: str, payload: bytes) -> None:
+        """Publish it; returns when the broker has it.
+
+        ForbiddenError when the broker says that we must not; NotSentError when it surely did not leave; MqttError when
+        that is not known.
+        """
+        properties = None
+        if self.version is V5:
+            properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+            properties.ResponseTopic, properties.CorrelationData = topics.reply(client), draft_id.encode()
+        if self._disconnected.done() or not self._client.is_connected():
+            raise NotSentError("the connection is broken")
+        said: list[ReasonCode] = []
+        before = self._client.on_publish
+
+        def noted(
+            of: paho.Client, data: object, number: int, reason: ReasonCode, more: Properties
+        ) -> None:  # aiomqtt leaves the broker's reason aside
+            said.append(reason)
+            self._on_publish(of, data, number, reason, more)
+
+        self._client.on_publish = noted
+        try:
+            await self.publish(topics.command, payload, qos=1, properties=properties, timeout=3.0 * ANSWER_S)
+        finally:
+            self._client.on_publish = before
+        if said and said[0].is_failure:
+            raise ForbiddenError(f"does not let us command: {said[0].getName().lower()}")
+
+    def farewell(self) -> None:
+        """End the session as well: the broker keeps nothing for us."""
+        with contextlib.suppress(Exception):
+            if self.version is V5:
+                ends = Properties(PacketTypes.DISCONNECT)  # type: ignore[no-untyped-call]
+                ends.SessionExpiryInterval = 0
+                self._client.disconnect(properties=ends)
+            else:
+                self._client.disconnect()
+            self._client.loop_write()  # now: the socket is closed before the loop comes to it
+
+
+class NotSentError(aiomqtt.MqttError):
+    """It did not leave this machine."""
+
+
+def is_forbidden(error: BaseException) -> bool:
+    """Whether the broker refuses the connection because of user or password."""
+    if not isinstance(error, MqttConnectError):
+        return False
+    return any(words in str(error).lower() for words in _NOT_ALLOWED_WORDS)
+
+
+def _tls_of(place: OperatorConfig) -> ssl.SSLContext | None:
+    if not place.tls:
+        return None
+    try:
+        return ssl.create_default_context(cafile=place.ca_file)
+    except (OSError, ssl.SSLError) as error:
+        raise ConfigError(f"{place.ca_file}: holds no certificates that can be read: {error}") from error

@@ -1,0 +1,243 @@
+"""One operator's client: follows the service over a broker that may be gone for a while."""
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import aiomqtt
+from pydantic import BaseModel, ValidationError
+
+from companion.adapters.mqtt.connection import V5, V311
+from companion.adapters.mqtt.reconnector import Reconnector, reason_of
+from companion.client.broker_connection import BrokerConnection, ForbiddenError, NotSentError
+from companion.client.connection_errors import may_be_chance, refused_connection
+from companion.client.endpoint import url_of
+from companion.client.errors import NobodyThereError
+from companion.client.runs import Runs
+from companion.client.tasks import end
+from companion.config.operator_config import OperatorConfig
+from companion.core.errors import ConfigError
+from companion.protocol.telemetry import Happened, Presence, Reply, State
+
+if TYPE_CHECKING:
+    from companion.client.command_draft import CommandDraft
+
+_CONNECTED_S = 15.0
+"""For all attempts to connect, name service included."""
+_STATUS_S = 1.5
+"""A retained status comes at once; a broker that just begins has it with the service's next beat."""
+_STATE_S = 2.0
+"""States come ten times a second."""
+_CATCH_UP_S = 5.0
+"""After a flood so long at most is waited for a state that has not waited in the broker."""
+_HERE = frozenset({"127.0.0.1", "::1", "localhost"})
+"""There the service's embedded broker is, which knows no MQTT 5; whichever broker it is, a connection to it does not
+break without it, so that nothing need be kept for us.
+"""
+_TRIES = 3
+"""Of the first connection."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """The connection to the broker broke, or is there again."""
+
+    there: bool
+    why: str = ""
+
+
+Said = Presence | State | Happened | Reply | Link
+
+
+@asynccontextmanager
+async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
+    """Connected, and connected again whenever that breaks.
+
+    NobodyThereError when there is no broker, ConfigError when it does not let us in.
+    """
+    console = Console(place)
+    keeping = asyncio.create_task(console.keep(), name="companion.console")
+    try:
+        await console.connected(keeping)
+        yield console
+    finally:
+        await end(keeping)
+
+
+class Console:
+    """Made by `open_console`. `next` must be called again and again: what is said waits until then."""
+
+    def __init__(self, place: OperatorConfig) -> None:
+        self._place, self._topics = place, place.topics
+        self._client = f"console-{secrets.token_hex(6)}"
+        self._reconnector = Reconnector(V311 if place.host in _HERE else V5, self._lost)
+        self._tries = 0
+        self._said: asyncio.Queue[Said] = asyncio.Queue()
+        self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._line: BrokerConnection | None = None
+        self._runs = Runs()
+        self._heard: tuple[Presence | None, Reply | None] = (None, None)
+        """The last of each, to know one that comes again."""
+
+    @property
+    def where(self) -> str:
+        """Vehicle and broker, for a sentence."""
+        return f"{self._place.vehicle!r} at {url_of(self._place)}"
+
+    @property
+    def linked(self) -> bool:
+        """Whether there is a connection to the broker now."""
+        return self._line is not None
+
+    @property
+    def presence(self) -> Presence | None:
+        """Of the run of the service that is followed, or the newest; None before the first."""
+        return self._runs.newest_presence
+
+    @property
+    def state(self) -> State | None:
+        """The newest of the run that is followed; None before the first."""
+        return self._runs.followed.state if self._runs.followed is not None else None
+
+    def state_age_s(self) -> float:
+        """Return how old the newest state is; on any thread."""
+        run = self._runs.followed
+        return float("inf") if run is None else run.age_s(time.monotonic())
+
+    def state_waited_s(self) -> float:
+        """Return how long the newest state was on its way, if the two computers' clocks agree; 0 where it was not."""
+        run = self._runs.followed
+        return 0.0 if run is None else run.waited_s
+
+    def replaced(self, session: str) -> bool:
+        """Return whether another run of the service is heard, and this one no more."""
+        return self._runs.replaced(session, time.monotonic())
+
+    async def connected(self, keeping: "asyncio.Task[None]") -> None:
+        """Wait for the first connection; raise what it failed with, NobodyThereError when it takes too long."""
+        waited: set[asyncio.Future[None]] = {self._first, keeping}
+        await asyncio.wait(waited, timeout=_CONNECTED_S, return_when=asyncio.FIRST_COMPLETED)
+        if self._first.done():
+            return self._first.result()
+        if keeping.done():
+            keeping.result()
+        raise NobodyThereError(
+            f"no connection to the broker at {url_of(self._place)} within {_CONNECTED_S:g} s, so it is not known "
+            "whether the service runs"
+        )
+
+    async def next(self, timeout_s: float) -> Said | None:
+        """What was said next; None if nothing within that time."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                return await self._said.get()
+        except TimeoutError:
+            return None
+
+    async def find(self) -> State:
+        """Wait for a service and its state; NobodyThereError when there is none.
+
+        A state proves that a service is there; a status alone does not: anybody may have left one at the broker.
+        """
+        loop = asyncio.get_running_loop()
+        begun_s = loop.time()
+        while True:
+            run, waited_s = self._runs.followed, loop.time() - begun_s
+            if run is not None and run.state is not None and run.lives(time.monotonic()):
+                if run.caught_up or waited_s > _CATCH_UP_S:
+                    return run.state
+            elif not self._seems_there and waited_s > _STATUS_S:
+                raise NobodyThereError(f"nobody there: the service of {self.where} does not run")
+            elif waited_s > _STATE_S:
+                raise NobodyThereError(
+                    f"nobody there: the service of {self.where} was there, but has said nothing for {_STATE_S:g} s: "
+                    "it hangs, or is cut off from the broker"
+                )
+            await asyncio.sleep(0.01)
+
+    @property
+    def _seems_there(self) -> bool:
+        """Whether the broker has, or has kept, its word that it is."""
+        return self.presence is not None and self.presence.online
+
+    async def send(self, draft: "CommandDraft") -> bool:
+        """Send it now, to the run of the service that is followed; return whether the broker surely has it.
+
+        NotSentError when it surely did not leave, ConfigError when the broker does not let us command.
+        """
+        line, run = self._line, self._runs.followed
+        if line is None or run is None:
+            raise NotSentError("the connection is broken")
+        payload = draft.payload(run.session, run.service_time_s(time.monotonic()), self._client)
+        try:
+            await line.command(self._topics, self._client, draft.id, payload)
+        except ForbiddenError as error:
+            raise ConfigError(f"{url_of(self._place)} {error}") from error
+        except NotSentError:
+            raise
+        except (aiomqtt.MqttError, OSError):
+            return False
+        return True
+
+    async def keep(self) -> None:
+        """Connect, again and again, until cancelled; what the first connection fails with is told by `connected`."""
+        await self._reconnector.keep(self._follow)
+
+    async def _follow(self, version: aiomqtt.ProtocolVersion) -> None:
+        """One connection, until it breaks; raises whatever broke it."""
+        async with BrokerConnection(self._place, self._client, version, self._first.done()) as line:
+            await line.follow(self._topics, self._client)
+            self._reconnector.heard()
+            self._line = line
+            if self._first.done():
+                self._said.put_nowait(Link(True))
+            else:
+                self._first.set_result(None)
+            try:
+                async for message in line.messages:
+                    self._read(message)
+            except asyncio.CancelledError:
+                line.farewell()
+                raise
+
+    def _lost(self, error: Exception) -> None:
+        """Raise what the first connection fails with, as a sentence; tell of one that broke later."""
+        self._tries += 1
+        if not self._first.done() and (self._tries == _TRIES or not may_be_chance(error)):
+            raise refused_connection(error, self._place)
+        if self._line is not None:
+            self._line = None
+            self._said.put_nowait(Link(False, f"no connection to {url_of(self._place)} any more: {reason_of(error)}"))
+
+    def _read(self, message: aiomqtt.Message) -> None:
+        """What is none of the service's words is nothing to us."""
+        models: dict[str, type[Reply | Happened | State | Presence]] = {
+            self._topics.reply(self._client): Reply,
+            self._topics.event: Happened,
+            self._topics.state: State,
+            self._topics.status: Presence,
+        }
+        model = models.get(message.topic.value)
+        if model is None or (message.retain and model is not Presence) or not isinstance(message.payload, bytes):
+            return
+        with contextlib.suppress(ValidationError):
+            self._note(model.model_validate_json(message.payload))
+
+    def _note(self, said: BaseModel) -> None:
+        if said in self._heard:
+            return  # the service says again that it is there; the broker, what we could not acknowledge
+        presence, reply = self._heard
+        if isinstance(said, Presence):
+            self._heard = said, reply
+            self._runs.note_presence(said)
+        if isinstance(said, Reply):
+            self._heard = presence, said
+        if isinstance(said, State) and not self._runs.note_state(said, time.monotonic(), time.time()):
+            return  # of another run: two services have this vehicle's name
+        if isinstance(said, Presence | State | Happened | Reply):
+            self._said.put_nowait(said)

@@ -1,0 +1,42 @@
+"""A command before it is sent: checked here by the same models, so that what cannot be is said at once."""
+
+import json
+import secrets
+from typing import Any
+
+from pydantic import ValidationError
+
+from companion.core.errors import ConfigError
+from companion.core.validation_messages import plain
+from companion.protocol.commands import COMMAND
+
+
+class CommandDraft:
+    """A command without session and time. ConfigError, one sentence, where the service would not read it."""
+
+    def __init__(self, verb: str, **fields: object) -> None:
+        self.verb = verb
+        self.id = secrets.token_hex(8)
+        self._fields = {name: value for name, value in fields.items() if value is not None}
+        try:
+            self.payload("0" * 16, 0.0, "nobody")
+        except ValidationError as error:
+            raise ConfigError(_sentence(verb, error)) from error
+
+    def payload(self, session: str, sent_s: float, reply_to: str) -> bytes:
+        """The command's JSON."""
+        said: dict[str, Any] = {
+            "verb": self.verb,
+            "id": self.id,
+            "session": session,
+            "sent_s": sent_s,
+            "reply_to": reply_to,
+        }
+        return COMMAND.validate_json(json.dumps(said | self._fields)).model_dump_json(exclude_none=True).encode()
+
+
+def _sentence(verb: str, error: ValidationError) -> str:
+    detail = error.errors(include_url=False)[0]
+    place = [str(part) for part in detail["loc"][1:]]
+    said = plain(detail)
+    return f"{verb}: {'.'.join(place)} = {detail['input']!r}: {said}" if place else f"{verb}: {said}"

@@ -1,0 +1,42 @@
+"""Sentences for a first connection to a broker that fails."""
+
+import socket
+import ssl
+
+import aiomqtt
+from aiomqtt.exceptions import MqttConnectError
+
+from companion.adapters.mqtt.certificates import certificate_fault
+from companion.adapters.mqtt.reconnector import reason_of
+from companion.client.broker_connection import ForbiddenError, is_forbidden
+from companion.client.endpoint import url_of
+from companion.client.errors import NobodyThereError
+from companion.config.operator_config import OperatorConfig
+from companion.core.errors import ConfigError
+
+
+def may_be_chance(error: Exception) -> bool:
+    """Return whether the next attempt may succeed: the broker accepted the connection, and then was silent."""
+    return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
+
+
+def refused_connection(error: Exception, place: OperatorConfig) -> Exception:
+    """Return what to raise for the operator: a sentence, or the error itself where it is a defect."""
+    url = url_of(place)
+    if isinstance(error, ForbiddenError):
+        return ConfigError(f"{url} {error}")
+    if isinstance(error, ConfigError) or not isinstance(error, aiomqtt.MqttError | OSError | ValueError):
+        return error
+    if is_forbidden(error):
+        return ConfigError(f"{url} does not let us in: give --broker mqtt://USER@HOST and --password-file")
+    if isinstance(error, ssl.SSLError):
+        return ConfigError(f"{url}: {certificate_fault(error)}")
+    if isinstance(error, ConnectionRefusedError | socket.gaierror):
+        return NobodyThereError(
+            f"nobody there: no broker at {url} ({reason_of(error)}): neither `companion serve` with a broker of its "
+            "own nor another broker runs there"
+        )
+    return NobodyThereError(
+        f"nobody there: the broker at {url} does not answer ({reason_of(error)}), so it is not known whether the "
+        "service runs: look at the broker; the pilot's remote control works without it"
+    )

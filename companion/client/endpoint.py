@@ -1,0 +1,111 @@
+"""Where the broker is, and which vehicle is meant: from options, environment or a file."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import SplitResult, urlsplit
+
+from companion.config.operator_config import OperatorConfig
+from companion.config.toml_files import read_toml, validate
+from companion.core.errors import ConfigError
+
+BROKER, VEHICLE, PASSWORD_FILE, CA_FILE = (
+    "COMPANION_BROKER",
+    "COMPANION_VEHICLE",
+    "COMPANION_PASSWORD_FILE",
+    "COMPANION_CA_FILE",
+)
+"""The environment, for what is not given as an option."""
+_PORTS = {"mqtt": 1883, "mqtts": 8883}
+_URL = "mqtt://HOST, mqtts://USER@HOST:PORT or the like"
+
+_OF_THE_SERVICE = frozenset({"mocap", "fence", "room"})
+"""Tables of a companion's configuration that the mock's has not."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What an operator gave; None where nothing."""
+
+    broker: str | None = None
+    vehicle: str | None = None
+    password_file: str | None = None
+    ca_file: str | None = None
+    config: Path | None = None
+
+    @property
+    def of_a_broker(self) -> bool:
+        """Whether somebody, or the environment, says where the service is to be looked for."""
+        return bool(self.broker or self.vehicle or os.environ.get(BROKER) or os.environ.get(VEHICLE))
+
+
+def place_of(given: Given) -> OperatorConfig:
+    """Options go before a file's [operator], that before the environment; else this machine's broker.
+
+    ConfigError with a sentence for what cannot be.
+    """
+    data: dict[str, Any] = {}
+    if given.config is None:
+        for name, value in ((BROKER, _broker), (VEHICLE, _vehicle), (PASSWORD_FILE, _password), (CA_FILE, _ca)):
+            data |= value(os.environ[name], name) if os.environ.get(name) else {}
+    else:
+        data = _table(given.config)
+    for option, said, value in (
+        ("--broker", given.broker, _broker),
+        ("--vehicle", given.vehicle, _vehicle),
+        ("--password-file", given.password_file, _password),
+        ("--ca-file", given.ca_file, _ca),
+    ):
+        data |= value(said, option) if said is not None else {}
+    return validate(OperatorConfig, data, Path("the broker's options"))
+
+
+def url_of(place: OperatorConfig) -> str:
+    """As an operator would give it, and without a secret."""
+    user = f"{place.user}@" if place.user else ""
+    host = f"[{place.host}]" if ":" in place.host else place.host
+    return f"mqtt{'s' if place.tls else ''}://{user}{host}:{place.port}"
+
+
+def _table(path: Path) -> dict[str, Any]:
+    tables = read_toml(path)
+    if "operator" not in tables and not _OF_THE_SERVICE & tables.keys():
+        raise ConfigError(f"{path}: has no table [operator], which says where the broker is")
+    table = tables.get("operator", {})  # without one the service begins a broker beside itself
+    return validate(OperatorConfig, table, path, "operator").model_dump(exclude_none=True, exclude={"embedded"})
+
+
+def _broker(url: str, where: str) -> dict[str, Any]:
+    try:
+        parts = urlsplit(url if "://" in url else f"mqtt://{url}")
+        return _reached(parts, where)
+    except ValueError as error:
+        raise ConfigError(f"{where} {url!r}: {error}: give {_URL}") from error
+
+
+def _reached(parts: SplitResult, where: str) -> dict[str, Any]:
+    if parts.scheme not in _PORTS:
+        raise ValueError(f"{parts.scheme} is not spoken here")
+    if parts.password is not None:
+        raise ConfigError(f"{where}: a password in an address is there for all to read: give --password-file")
+    if not parts.hostname or parts.path not in {"", "/"} or parts.query or parts.fragment:
+        raise ValueError("is no broker's address")
+    data: dict[str, Any] = {"host": parts.hostname, "port": parts.port or _PORTS[parts.scheme]}
+    data["tls"] = parts.scheme == "mqtts"
+    return data | ({"user": parts.username} if parts.username else {})
+
+
+def _vehicle(name: str, where: str) -> dict[str, Any]:
+    prefix, slash, vehicle = name.rpartition("/")
+    if slash and not prefix:
+        raise ConfigError(f"{where} {name!r}: give VEHICLE, or PREFIX/VEHICLE")
+    return {"vehicle": vehicle} | ({"prefix": prefix} if prefix else {})
+
+
+def _password(name: str, _: str) -> dict[str, Any]:
+    return {"password_file": str(Path(name).expanduser())}
+
+
+def _ca(name: str, _: str) -> dict[str, Any]:
+    return {"ca_file": str(Path(name).expanduser())}

@@ -1,0 +1,162 @@
+"""One command from its sending to its end."""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator
+from enum import Enum
+
+from companion.client.broker_connection import NotSentError
+from companion.client.client import Console, Link, Said
+from companion.client.command_draft import CommandDraft
+from companion.client.errors import LostError, NobodyThereError
+from companion.protocol.telemetry import ENDS, Answer, Reply, State
+
+_ANSWER_S = 8.0
+"""The service accepts or refuses at once, or after its checks of a trajectory."""
+_GONE_S = 15.0
+"""So long neither broker nor service is heard, and nobody will hear how it ended."""
+_UNSEEN_S = 2.0
+"""After a broken connection, and after the end of what was commanded: a reply has come by then."""
+_AT_ONCE_S = 15.0
+"""What no state names while it is carried out (hold, resume and the like) has ended within this."""
+_LOOK_S = 0.2
+_OVER = frozenset({"standby", "disarmed"})
+"""Phases in which the service flies nothing."""
+_DOWN = frozenset({"land", "abort", "kill", "disarm"})
+
+
+def armed_of(state: State) -> str:
+    """Return whether the motors may turn: the autopilot may still be about to disarm, or be armed by its pilot."""
+    if state.armed and state.phase in _OVER:
+        return "the autopilot is armed, although the service flies nothing"
+    return "armed" if state.armed else "disarmed"
+
+
+class Sent(Enum):
+    """What is known of the way to the broker."""
+
+    NO = "nothing was sent"
+    PERHAPS = "it may have been sent"
+    YES = "it was sent"
+
+
+class PendingCommand:
+    """A command under way. `said` yields all that is heard meanwhile and ends with the reply that ends it."""
+
+    def __init__(self, console: Console, draft: CommandDraft, timeout_s: float = math.inf) -> None:
+        self._console, self._draft, self._timeout_s = console, draft, timeout_s
+        self.sent = Sent.NO
+        self.accepted = False
+        self._session = ""
+        self._begun_s = self._heard_s = self._back_s = 0.0
+        self._broke = False
+        """Since the command was sent: then its end may have been said without us."""
+        self._over_s = math.inf
+        """Since when the states say that it is carried out no longer."""
+        self._named = False
+        """A state has said that it is carried out."""
+
+    async def said(self) -> AsyncIterator[Said]:
+        """Send it and yield until the reply that ends it.
+
+        NobodyThereError when nothing was sent because nobody is there; LostError when its end is not known;
+        ConfigError when the broker does not let us command.
+        """
+        await self._send()
+        loop = asyncio.get_running_loop()
+        self._begun_s = self._heard_s = loop.time()
+        while True:
+            said = await self._console.next(_LOOK_S)
+            if said is not None and not self._is_of_another(said):
+                self._note(said, loop.time())
+                yield said
+                if isinstance(said, Reply) and said.id == self._draft.id and said.answer in ENDS:
+                    return
+            why = self._lost(loop.time())
+            if why:
+                raise LostError(f"{self._draft.verb}: {why}; {self.known()}")
+
+    def known(self) -> str:
+        """What is known of the vehicle, for a sentence."""
+        state = self._console.state
+        if state is None:
+            return "nothing is known of the vehicle"
+        age_s = self._console.state_age_s()
+        when = "now" if age_s < 1.0 else f"{age_s:.0f} s ago"
+        place = "" if state.position_w_m is None else f", {state.position_w_m[2]:.2f} m high"
+        return f"{when}: phase {state.phase}, {armed_of(state)}{place}"
+
+    async def _send(self) -> None:
+        """Once. What surely never left is sent when there is a connection again."""
+        end_s = asyncio.get_running_loop().time() + _ANSWER_S
+        while True:
+            state = await self._console.find()
+            self._session = state.session
+            self.sent = Sent.PERHAPS
+            try:
+                if await self._console.send(self._draft):
+                    self.sent = Sent.YES
+            except NotSentError as error:
+                self.sent = Sent.NO
+                if asyncio.get_running_loop().time() > end_s:
+                    raise NobodyThereError(f"{self._draft.verb}: nothing was sent: {error}") from error
+                await asyncio.sleep(_LOOK_S)
+            else:
+                return
+
+    def _is_of_another(self, said: Said) -> bool:
+        """Return whether it is the refusal of a second service, which was not meant."""
+        return isinstance(said, Reply) and said.session not in {"", self._session}
+
+    def _note(self, said: Said, now_s: float) -> None:
+        if isinstance(said, Link):
+            self._broke, self._back_s = True, now_s
+        elif isinstance(said, State) and said.session == self._session:
+            self._heard_s = now_s
+            self._named = self._named or (said.doing is not None and said.doing.id == self._draft.id)
+        elif isinstance(said, Reply) and said.id == self._draft.id:
+            self._heard_s, self.sent = now_s, Sent.YES
+            self.accepted = self.accepted or said.answer is not Answer.REFUSED
+
+    def _lost(self, now_s: float) -> str:
+        """Why its end will not be heard; empty while it may."""
+        if self._console.replaced(self._session):
+            return "the service was restarted meanwhile, and it is not known how this ended"
+        if now_s - self._heard_s > _GONE_S:
+            who = "the service is" if self._console.linked else "the broker is"
+            return f"{who} not heard any more for {_GONE_S:g} s, and it is not known how this ends"
+        if now_s - self._begun_s > self._timeout_s:
+            return f"not over after {self._timeout_s:g} s (--timeout); it goes on"
+        return self._unheard(now_s) if self._console.linked else ""
+
+    def _unheard(self, now_s: float) -> str:
+        """As `_lost`, while there is a connection."""
+        if not self.accepted and now_s - max(self._begun_s, self._back_s) > _ANSWER_S:
+            return f"no answer within {_ANSWER_S:g} s, {self._reached()}"
+        if not self.accepted or not self._over():
+            self._over_s = math.inf
+            return ""
+        if self._broke and now_s - self._back_s > _UNSEEN_S:
+            return "it ended while the connection was broken, and it is not known how"
+        self._over_s = min(self._over_s, now_s)
+        shown = self._named or self._draft.verb in _DOWN
+        if now_s - self._over_s > (_UNSEEN_S if shown else _AT_ONCE_S):
+            return "it is not carried out any more, and how it ended was not heard"
+        return ""
+
+    def _reached(self) -> str:
+        if self.sent is Sent.PERHAPS:
+            return "and it is not known whether it has reached the service, because the connection broke just then"
+        return "although the broker has it: does the broker let this user command, and the service read it?"
+
+    def _over(self) -> bool:
+        """Whether the newest state says that it is carried out no longer."""
+        state = self._console.state
+        if state is None or self._console.state_age_s() > _UNSEEN_S:
+            return False
+        if self._draft.verb in _DOWN:
+            return not state.armed
+        if state.doing is None:
+            return True
+        beside = self._draft.verb == "arms" and state.doing.verb != "arms"  # a state names the flight's command first
+        return not beside and state.doing.id != self._draft.id

@@ -1,0 +1,1 @@
+"""Files that users write, as strict models. No device, no clock."""

@@ -1,0 +1,291 @@
+"""The service's configuration: strict models over TOML, every value with its unit, range and a sentence."""
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from companion.arms.feedforward import Airframe
+from companion.config.arms_config import ArmsConfig
+from companion.config.mocap_config import MocapConfig, mocap_and_operator
+from companion.config.operator_config import OperatorConfig
+from companion.config.preflight_config import PreflightConfig
+from companion.config.px4_config import Px4Config
+from companion.config.records_config import RecordsConfig
+from companion.config.safety_config import FenceConfig, SafetyConfig
+from companion.config.toml_files import Section, read_toml, validate
+from companion.control.controller import VehicleModel
+from companion.control.horizon_correction import CAP_RAD, TIME_CONSTANT_S, HorizonRules
+from companion.geometry.attitude import ThrustModel
+from companion.guard.guard import Guard, most_braking_mps2
+from companion.guard.limits import Limits
+from companion.supervisor.flight_state import FlightRules
+
+LEAST_CLIMB_M = 0.3
+"""Lower it would hover in its own ground effect."""
+_DEAD_MAN_CYCLES = 3
+"""A cycle may come late, and one may be left out, before the loop has stopped."""
+
+
+class VehicleConfig(Section):
+    """What the vehicle is; the defaults are the paper's and the recorded PX4's."""
+
+    mass_kg: float = Field(4.85, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
+    gravity_mps2: float = Field(9.8, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
+    hover_thrust: float = Field(0.5, gt=0.1, lt=0.9, description="normalised thrust that carries the weight")
+    thrust_curve: float = Field(
+        0.0, ge=0.0, le=1.0, description="share f of force = f t^2 + (1 - f) t; 0 if PX4 corrects it"
+    )
+    attitude_bandwidth_radps: float = Field(
+        7.7, gt=1.0, le=40.0, description="natural frequency of PX4's closed attitude loop, rad/s"
+    )
+    attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="damping ratio of PX4's closed attitude loop")
+    thrust_lag_s: float = Field(0.05, gt=0.0, le=0.5, description="first-order lag of the rotors, s")
+    setpoint_delay_s: float = Field(
+        0.04, ge=0.0, le=0.2, description="from a setpoint that is sent to the attitude's first movement, s"
+    )
+    thrust_delay_s: float = Field(
+        0.01, ge=0.0, le=0.2, description="from a setpoint that is sent to the thrust's first change, s"
+    )
+    inertia_kgm2: tuple[float, float, float] = Field(
+        (0.11, 0.10, 0.13), description="inertia of the whole vehicle about body x, y, z, kg m^2"
+    )
+    rate_integrator_s: float = Field(
+        0.75, gt=0.0, le=100.0, description="time in which a lasting torque is trimmed out, MC_PITCHRATE_P / _I, s"
+    )
+
+    def thrust_model(self) -> ThrustModel:
+        """For the conversion of force to thrust."""
+        return ThrustModel(self.mass_kg, self.gravity_mps2, self.hover_thrust, self.thrust_curve)
+
+
+class LimitsConfig(Section):
+    """The last gate before the autopilot."""
+
+    max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="largest tilt from level, rad")
+    min_thrust: float = Field(0.05, ge=0.0, lt=0.5, description="least normalised thrust in flight")
+    max_thrust: float = Field(0.8, gt=0.2, le=1.0, description="largest normalised thrust")
+    max_turn_radps: float = Field(
+        6.0, gt=0.1, le=50.0, description="largest rate of change of the attitude setpoint, rad/s"
+    )
+    max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="largest rate of change of the thrust, 1/s")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "LimitsConfig":
+        if self.min_thrust >= self.max_thrust:
+            raise ValueError(f"min_thrust = {self.min_thrust} must be below max_thrust = {self.max_thrust}")
+        return self
+
+    def limits(self) -> Limits:
+        """For the gate."""
+        return Limits(**self.model_dump())
+
+
+class ControlConfig(Section):
+    """The control loop."""
+
+    rate_hz: float = Field(100.0, ge=20.0, le=500.0, description="control cycles a second")
+    controller: str = Field("etnn", description="law to fly: a name in config/controllers/, or a TOML file")
+    horizon_correction: bool = Field(
+        True, description="turn setpoints back by how far the autopilot's horizon is off motion capture's"
+    )
+    horizon_time_constant_s: float = Field(
+        TIME_CONSTANT_S,
+        ge=0.2,
+        le=20.0,
+        description="low pass of the difference between the two horizons, s",
+    )
+    horizon_cap_rad: float = Field(
+        CAP_RAD,
+        ge=0.0,
+        le=0.15,
+        description="largest correction of the horizon, rad; at most 0.4 of safety.tilt_apart_rad counts",
+    )
+
+    def horizon_rules(self, tilt_apart_rad: float) -> HorizonRules:
+        """Return the correction's settings; it ends well before attitudes count as disagreeing."""
+        return HorizonRules(
+            enabled=self.horizon_correction,
+            time_constant_s=self.horizon_time_constant_s,
+            cap_rad=min(self.horizon_cap_rad, 0.4 * tilt_apart_rad),
+            apart_rad=0.5 * tilt_apart_rad,
+        )
+
+
+class FlightConfig(Section):
+    """How it takes off and lands, and what ends a flight."""
+
+    takeoff_height_m: float = Field(
+        1.2, ge=LEAST_CLIMB_M, le=5.0, description="height of the hover above the ground where it stands, m"
+    )
+    climb_speed_mps: float = Field(
+        0.5, gt=0.05, le=2.0, description="peak speed of the take-off and of moves between points, m/s"
+    )
+    spool_up_s: float = Field(
+        1.0, gt=0.2, le=10.0, description="time on the ground from idle to 80 % of hover thrust, s"
+    )
+    descent_speed_mps: float = Field(0.25, gt=0.05, le=1.0, description="speed of the landing, m/s")
+    settle_s: float = Field(2.0, ge=0.0, le=30.0, description="hold before and after a trajectory, s")
+
+
+class RoomConfig(Section):
+    """Where, and how fast, a trajectory may lead; checked before takeoff."""
+
+    x_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest x in W, m")
+    y_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest y in W, m")
+    z_m: tuple[float, float] = Field((0.3, 3.0), description="least and largest height in W, m")
+    max_speed_mps: float = Field(2.0, gt=0.0, le=10.0, description="largest speed of a trajectory, m/s")
+    max_accel_mps2: float = Field(3.0, gt=0.0, le=10.0, description="largest acceleration of a trajectory, m/s^2")
+    max_yaw_rate_radps: float = Field(
+        1.5, ge=0.1, le=3.0, description="largest rate at which a trajectory's heading turns, rad/s"
+    )
+    max_yaw_accel_radps2: float = Field(
+        3.0, ge=0.1, le=20.0, description="largest acceleration of a trajectory's heading, rad/s^2"
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "RoomConfig":
+        for name, (least, largest) in (("x_m", self.x_m), ("y_m", self.y_m), ("z_m", self.z_m)):
+            if least >= largest:
+                raise ValueError(f"{name} = [{least}, {largest}]: the first must be below the second")
+        return self
+
+
+class CompanionConfig(Section):
+    """The whole file."""
+
+    vehicle: VehicleConfig = VehicleConfig()
+    limits: LimitsConfig = LimitsConfig()
+    px4: Px4Config = Px4Config()
+    mocap: MocapConfig = MocapConfig()
+    control: ControlConfig = ControlConfig()
+    flight: FlightConfig = FlightConfig()
+    room: RoomConfig = RoomConfig()
+    fence: FenceConfig = FenceConfig()
+    safety: SafetyConfig = SafetyConfig()
+    preflight: PreflightConfig = PreflightConfig()
+    arms: ArmsConfig | None = None
+    operator: OperatorConfig | None = None
+    records: RecordsConfig = RecordsConfig()
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "CompanionConfig":
+        """No two tables may ask for what cannot be had together; the first sentence of what does."""
+        of_mocap = mocap_and_operator(self.mocap, self.operator)
+        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap):
+            if wrong:
+                raise ValueError(wrong)
+        return self
+
+    def mocap_broker(self) -> OperatorConfig:
+        """Over which frames come when mocap.source is mqtt."""
+        broker = self.mocap.broker or self.operator
+        assert broker is not None, "a configuration without one is refused"
+        return broker
+
+    def flight_rules(self) -> FlightRules:
+        """Return the phase machine's numbers; on the way to a place it is held to what a trajectory is."""
+        f, arms = self.flight, self.arms or ArmsConfig()
+        return FlightRules(
+            hover_thrust=self.vehicle.hover_thrust,
+            climb_speed_mps=min(f.climb_speed_mps, self.room.max_speed_mps),
+            climb_accel_mps2=min(FlightRules.climb_accel_mps2, self.room.max_accel_mps2),
+            spool_up_s=f.spool_up_s,
+            descent_speed_mps=f.descent_speed_mps,
+            turn_radps=min(FlightRules.turn_radps, self.room.max_yaw_rate_radps),
+            turn_accel_radps2=min(FlightRules.turn_accel_radps2, self.room.max_yaw_accel_radps2),
+            braking_mps2=self.fence.braking_mps2,
+            stow_time_s=arms.stow_time_s,
+            land_on_arm_fault=arms.land_on_fault,
+        )
+
+    def guard(self) -> Guard:
+        """In front of the autopilot."""
+        safety = self.safety
+        model, limits = self.vehicle.thrust_model(), self.limits.limits()
+        return Guard(limits, model, self.fence.fence(), safety.coast_s, safety.degraded_s)
+
+    def airframe(self) -> Airframe:
+        """What the arms' forces and torques meet."""
+        v = self.vehicle
+        return Airframe(v.mass_kg, v.gravity_mps2, v.inertia_kgm2, v.attitude_bandwidth_radps, v.rate_integrator_s)
+
+    def vehicle_model(self) -> VehicleModel:
+        """What a law may know of the vehicle."""
+        v = self.vehicle
+        return VehicleModel(
+            v.mass_kg,
+            v.gravity_mps2,
+            v.attitude_bandwidth_radps,
+            v.attitude_damping,
+            v.thrust_lag_s,
+            v.setpoint_delay_s,
+            v.thrust_delay_s,
+            self.mocap.delay_s,
+        )
+
+
+def _vehicle_and_limits(config: CompanionConfig) -> str:
+    """What the limits do not let the vehicle do; empty when they agree."""
+    vehicle, limits, fence = config.vehicle, config.limits, config.fence
+    if not limits.min_thrust < vehicle.hover_thrust < limits.max_thrust:
+        return (
+            f"vehicle.hover_thrust = {vehicle.hover_thrust:g} must be above limits.min_thrust = {limits.min_thrust:g} "
+            f"and below limits.max_thrust = {limits.max_thrust:g}"
+        )
+    sideways_mps2, upwards_mps2 = most_braking_mps2(limits.limits(), vehicle.thrust_model())
+    if fence.braking_mps2 > sideways_mps2:
+        return (
+            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {sideways_mps2:.2f}, which "
+            f"limits.max_tilt_rad = {limits.max_tilt_rad:g} gives: brake less, or tilt more"
+        )
+    if fence.braking_mps2 > upwards_mps2:
+        return (
+            f"fence.braking_mps2 = {fence.braking_mps2:g} must be at most {upwards_mps2:.2f}, which the guard gives "
+            "below the ceiling: it leaves half the weight on the rotors, and limits.min_thrust"
+        )
+    return ""
+
+
+def _loop_and_safety(config: CompanionConfig) -> str:
+    """Limits of the health checks that a healthy flight would pass; empty when there are none."""
+    safety, rate_hz = config.safety, config.control.rate_hz
+    most_hz = 0.8 * rate_hz
+    if safety.slow_hz > most_hz:  # one frame is used in a cycle: a slow loop must not look like slow motion capture
+        return f"safety.slow_hz = {safety.slow_hz:g} must be at most {most_hz:g}, 0.8 of control.rate_hz = {rate_hz:g}"
+    if safety.dead_man_s < _DEAD_MAN_CYCLES / rate_hz:
+        return (
+            f"safety.dead_man_s = {safety.dead_man_s:g} must be at least {_DEAD_MAN_CYCLES / rate_hz:.3g}, "
+            f"{_DEAD_MAN_CYCLES} cycles of control.rate_hz = {rate_hz:g}"
+        )
+    if config.mocap.delay_s >= safety.delayed_s:
+        return f"mocap.delay_s = {config.mocap.delay_s:g} must be below safety.delayed_s = {safety.delayed_s:g}"
+    if safety.battery_low >= config.preflight.battery:
+        return (
+            f"safety.battery_low = {safety.battery_low:g} must be below preflight.battery = "
+            f"{config.preflight.battery:g}, or a flight ends as it begins"
+        )
+    return ""
+
+
+def _room_and_fence(config: CompanionConfig) -> str:
+    """What is allowed and would bring the vehicle near its fence; empty when nothing is."""
+    room, fence, margin_m = config.room, config.fence, config.fence.margin_m
+    for name, inner, outer in (("x_m", room.x_m, fence.x_m), ("y_m", room.y_m, fence.y_m)):
+        if inner[0] - margin_m < outer[0] or inner[1] + margin_m > outer[1]:
+            return (
+                f"room.{name} = {list(inner)} must stay fence.margin_m = {margin_m:g} inside fence.{name} = "
+                f"{list(outer)}: make the room smaller, or the fence larger if the net allows"
+            )
+    hover_m = config.flight.takeoff_height_m
+    for name, value, top_m in (
+        ("room.z_m", list(room.z_m), room.z_m[1]),
+        ("flight.takeoff_height_m", hover_m, hover_m),
+    ):
+        if top_m + margin_m > fence.top_m:
+            return f"{name} = {value} must stay fence.margin_m = {margin_m:g} below fence.top_m = {fence.top_m:g}"
+    return ""
+
+
+def load_config(path: Path) -> CompanionConfig:
+    """The configuration file; ConfigError naming file, key and what would be right."""
+    return validate(CompanionConfig, read_toml(path), path)

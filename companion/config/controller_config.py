@@ -1,0 +1,186 @@
+"""Controller files: which law, its gains, and the check that refuses an unstable set."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, model_validator
+
+from companion.config.law_files import LAW_FORM, is_law_file, law_path, own_law
+from companion.config.locations import project_root
+from companion.config.text_files import read_text
+from companion.config.toml_files import Section, read_toml, validate
+from companion.control.controller import Controller, VehicleModel
+from companion.control.delay_predictor import Predictor
+from companion.control.etnn import Etnn
+from companion.control.gains import EtnnGains, PidGains
+from companion.control.pid import Pid
+from companion.core.interfaces import ConfigError
+
+
+class PredictionConfig(Section):
+    """Departure from the paper: carry the state forward over the known delays before the law sees it."""
+
+    enabled: bool = Field(False, description="predict; false: the law sees the state as it is, as printed")
+    lead_s: float = Field(0.1, ge=0.0, le=0.3, description="time to predict beyond the known delays, s")
+    thrust_lead_s: float = Field(
+        0.1, ge=0.0, le=0.3, description="time for which the newest thrust is taken to go on, s"
+    )
+    observer_radps: float = Field(
+        0.0, ge=0.0, le=20.0, description="poles of the observer of a push that goes on; 0: none"
+    )
+
+
+_LAW = '"etnn", "pid", or "FILE.py:NAME" for a law of your own'
+
+
+class ErrorLimits(Section):
+    """What a flight under this law must stay inside to count as good."""
+
+    mean_m: float = Field(0.05, gt=0.0, description="mean position error per axis, m")
+    max_m: float = Field(0.20, gt=0.0, description="largest position error per axis, m")
+
+
+class EtnnFile(Section):
+    """A file with law = "etnn"."""
+
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
+    allow_unstable: bool = Field(
+        False, description="load it although its filter loop is unstable, or its margin on the vehicle too small"
+    )
+    gains: EtnnGains = Field(default_factory=EtnnGains)
+    prediction: PredictionConfig = PredictionConfig()
+    error_limits: ErrorLimits = ErrorLimits()
+
+    @model_validator(mode="after")
+    def _a_push_that_is_taken_off_is_observed(self) -> Self:
+        observed = self.prediction.enabled and self.prediction.observer_radps > 0.0
+        if self.gains.push_share > 0.0 and not observed:
+            raise ValueError(
+                f"gains.push_share = {self.gains.push_share:g}: must be 0 unless a push is observed, which needs "
+                "prediction.enabled = true and prediction.observer_radps above 0"
+            )
+        return self
+
+
+class PidFile(Section):
+    """A file with law = "pid"."""
+
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
+    gains: PidGains = Field(default_factory=PidGains)
+    error_limits: ErrorLimits = ErrorLimits()
+
+
+class OwnLawFile(Section):
+    """A file whose law is a Python file of one's own: law = "my_law.py:MyLaw"; its gains are checked by that file."""
+
+    law: str = Field(description=_LAW)
+    description: str = Field("", description="what reports say of it")
+    gains: dict[str, Any] = Field(default_factory=dict, description="whatever the law's Python file asks for")
+    error_limits: ErrorLimits = ErrorLimits()
+
+
+@dataclass(frozen=True)
+class LoadedController:
+    """A law ready to fly, and what its file says of it."""
+
+    name: str
+    law: Controller
+    error_limits: ErrorLimits
+    description: str = ""
+    """What the file says of itself, for reports; empty if it says nothing."""
+    own_file: Path | None = None
+    """The Python file of a law of one's own."""
+    unstable_allowed: bool = False
+    """It was asked to be loaded although it may be unstable on its vehicle."""
+
+
+def controller_path(name: str) -> Path:
+    """`etnn` is the ET-NN law that flies, practical.toml; else a name in config/controllers/ or a path of a file.
+
+    Raises ConfigError naming the controllers there are.
+    """
+    folder = project_root() / "config" / "controllers"
+    known = folder / f"{'practical' if name == 'etnn' else name}.toml"
+    for path in (known, Path(name)):
+        if path.is_file():
+            return path
+    if name.endswith(".toml"):
+        raise ConfigError(f"{name}: there is no such file")
+    names = sorted(path.stem for path in folder.glob("*.toml"))
+    raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
+
+
+def controller_text(name: str) -> str:
+    """Return the text of a controller file, for records; ConfigError as `controller_path`, or when it is no text."""
+    return read_text(controller_path(name))
+
+
+def load_controller(
+    name: str, vehicle: VehicleModel, period_s: float, allow_unstable: bool = False
+) -> LoadedController:
+    """The law of a controller file, for this vehicle and control period (s).
+
+    Raises ConfigError for an unknown name, a bad file, a law of one's own that cannot work, or an unstable filter loop
+    unless `allow_unstable` or the file itself allows that.
+    """
+    path = controller_path(name)
+    data = read_toml(path)
+    law = data.get("law")
+    if law == "etnn":
+        file = validate(EtnnFile, data, path)
+        allowed = allow_unstable or file.allow_unstable
+        if not allowed:
+            _refuse_unstable(file.gains, path, period_s)
+        made = etnn_law(file, vehicle, period_s)
+        return LoadedController(name, made, file.error_limits, file.description, unstable_allowed=allowed)
+    if law == "pid":
+        pid = validate(PidFile, data, path)
+        allowed, text = allow_unstable, pid.description
+        return LoadedController(name, Pid(pid.gains), pid.error_limits, text, unstable_allowed=allowed)
+    if is_law_file(law):
+        own = validate(OwnLawFile, data, path)
+        law_of_file, python = own_law(own.law, own.gains, path, vehicle, period_s), law_path(own.law, path)
+        return LoadedController(name, law_of_file, own.error_limits, own.description, python, allow_unstable)
+    if law is None:
+        raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
+    raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")
+
+
+def read_etnn(name: str) -> EtnnFile:
+    """The controller file of an ET-NN law, to be changed before it is made one with `etnn_law`; stable or not.
+
+    Raises ConfigError for an unknown name, a bad file, or one with another law.
+    """
+    path = controller_path(name)
+    data = read_toml(path)
+    if data.get("law") != "etnn":
+        raise ConfigError(f"{path}: law = {data.get('law')!r}: must be 'etnn' here")
+    return validate(EtnnFile, data, path)
+
+
+def etnn_law(file: EtnnFile, vehicle: VehicleModel, period_s: float) -> Etnn:
+    """The law of a file, stable or not."""
+    p = file.prediction
+    if not p.enabled:
+        return Etnn(file.gains)
+    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s, p.observer_radps))
+
+
+def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:
+    damping, needed = gains.filter_loop()
+    if damping <= needed:
+        raise ConfigError(
+            f"{path}: the loop of command filter and compensation is unstable: gains.rho / gains.filter_eps = "
+            f"{damping:.3g} must be larger than k + s = {needed:.3g} (s: steepest secant of k_1 Theta); lower "
+            "filter_eps, raise rho, or load it all the same with allow_unstable = true in it (demo, simulate and "
+            "experiments: --allow-unstable)"
+        )
+    load = gains.filter_step_load(period_s)
+    if load >= 4.0:
+        raise ConfigError(
+            f"{path}: gains.filter_eps = {gains.filter_eps:g} is too quick for steps of {period_s:g} s: "
+            f"2 rho dt/eps + zeta (dt/eps)^2 = {load:.3g} must be below 4; raise filter_eps, lower rho, or run faster"
+        )

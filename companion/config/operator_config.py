@@ -1,0 +1,107 @@
+"""The [operator] table: the MQTT broker over which commands come. Without the table the service has its own."""
+
+import ipaddress
+import stat
+from pathlib import Path
+from typing import ClassVar
+
+from pydantic import Field, field_validator, model_validator
+
+from companion.config.text_files import decode
+from companion.config.toml_files import Section
+from companion.core.errors import ConfigError
+from companion.protocol.topics import Topics
+
+_MOST_PASSWORD_BYTES = 1024
+
+
+class OperatorConfig(Section):
+    """Where the broker is, how it knows us, and the vehicle's name on it."""
+
+    table: ClassVar[str] = "operator"
+    """Where it stands in the file."""
+    host: str = Field("127.0.0.1", min_length=1, description="address of the computer that runs the MQTT broker")
+    port: int = Field(1883, gt=0, le=65535, description="TCP port of the broker")
+    prefix: str = Field("dauam", description="first part of every topic")
+    vehicle: str = Field("vehicle", description="the vehicle's part of every topic; different for every vehicle")
+    embedded: bool = Field(False, description="the service starts its own broker, for this computer alone")
+    user: str | None = Field(
+        None, min_length=1, max_length=64, description="user by which the broker knows the service"
+    )
+    password_file: str | None = Field(None, min_length=1, description="file with the user's password; chmod 600")
+    tls: bool = Field(False, description="encrypt, and check the broker's certificate; the usual port is then 8883")
+    ca_file: str | None = Field(
+        None, min_length=1, description="PEM file of who signed the broker's certificate; the system's if left out"
+    )
+
+    @field_validator("prefix", "vehicle")
+    @classmethod
+    def _plain(cls, value: str) -> str:
+        if not (value.isascii() and value.replace("-", "").replace("_", "").isalnum() and len(value) <= 32):
+            raise ValueError("must be 1 to 32 letters, digits, - or _, as a part of MQTT topics")
+        return value
+
+    @field_validator("password_file")
+    @classmethod
+    def _own(cls, value: str | None) -> str | None:
+        if value is not None and _mode_of(value) & stat.S_IRWXO:
+            raise ValueError(f"every user of this computer may read or write it: chmod 600 {value}")
+        return value
+
+    @field_validator("ca_file")
+    @classmethod
+    def _there(cls, value: str | None) -> str | None:
+        if value is not None:
+            _mode_of(value)
+        return value
+
+    @model_validator(mode="after")
+    def _together(self) -> "OperatorConfig":
+        if self.password_file is not None and self.user is None:
+            raise ValueError("password_file is the password of a user: give user as well")
+        if self.ca_file is not None and not self.tls:
+            raise ValueError("ca_file says whose certificates count: give tls = true as well")
+        if self.embedded and (self.user is not None or self.tls):
+            raise ValueError("embedded is a broker for this computer alone: it takes neither user nor tls")
+        if self.embedded and not _is_loopback(self.host):
+            raise ValueError(f"embedded is a broker for this computer alone: host must be 127.0.0.1, not {self.host!r}")
+        return self
+
+    @property
+    def topics(self) -> Topics:
+        """Of this vehicle."""
+        return Topics(self.prefix, self.vehicle)
+
+    def password(self) -> str | None:
+        """What `password_file` holds, without its last line end; ConfigError when it cannot be read or is empty."""
+        if self.password_file is None:
+            return None
+        where = f"{self.table}.password_file = {self.password_file!r}"
+        try:
+            with Path(self.password_file).open("rb") as file:
+                said = decode(file.read(_MOST_PASSWORD_BYTES + 1)).rstrip("\r\n")
+        except OSError as error:
+            raise ConfigError(f"{where}: cannot be read: {error}") from error
+        except ValueError:
+            raise ConfigError(f"{where}: must be text in UTF-8") from None  # whose bytes are nobody's to read
+        if not said or len(said) > _MOST_PASSWORD_BYTES or "\n" in said:
+            raise ConfigError(f"{where}: must hold one line, the password")
+        return said
+
+
+def _mode_of(name: str) -> int:
+    """Of a file; ValueError when there is none."""
+    try:
+        mode = Path(name).stat().st_mode
+    except (OSError, ValueError) as error:
+        raise ValueError("there is no such file that could be read") from error
+    if not stat.S_ISREG(mode):
+        raise ValueError("is no file")
+    return mode
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False

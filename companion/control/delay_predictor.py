@@ -1,0 +1,183 @@
+"""Where the vehicle will be when a command sent now begins to act (a departure from the paper, off by default).
+
+The state is as old as the mocap frame, a command acts only after the setpoint's delay, and the attitude follows with
+its lag. The commands already sent are known, and so is the attitude now: so the near future is, too. Position and
+velocity are carried forward through a second-order model of the attitude loop (horizontal) and a first-order one of
+the rotors (vertical). The model is linear, so the whole replay is one weighted sum of the commands sent.
+
+What the rotors do not explain of the motion so far, an observer takes for a push that goes on: without it the
+prediction is wrong by half the push times the horizon squared, and the law holds that for an error of the vehicle.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from companion.control.controller import ControlInput, VehicleModel
+from companion.control.disturbance_observer import DisturbanceEstimate, nothing_observed, observe
+from companion.control.lag_models import exponential, first_order, second_order
+from companion.control.switching import Scalar
+from companion.core.types import Array
+from companion.core.values import value
+from companion.geometry.array_math import math_module, stack, unstack
+from companion.geometry.frames import up_axis_parts
+
+
+@value
+class PredictorMemory:
+    """What the near future follows from: `drives` (..., 3, n + 2) in W, and the modelled specific thrust (..., 1)."""
+
+    drives: Array
+    """Accelerations asked for lately (m/s^2), oldest first, then acceleration and jerk (m/s^3) at the last capture."""
+    thrust_mps2: Array
+    observed: DisturbanceEstimate
+
+
+@value
+class Prediction:
+    """Position (m) and velocity (m/s) then, and the push (m/s^2) that is taken to go on; (..., 3) in W."""
+
+    position_w_m: Array
+    velocity_w_mps: Array
+    push_w_mps2: Array
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Carries a state forward by age + setpoint delay + `lead_s`.
+
+    The newest command is taken to go on, after it begins to act, for `lead_s` (horizontal) and `thrust_lead_s`
+    (vertical): longer for the slow attitude, shorter for the quick rotors, whose next command corrects it sooner.
+    Both are floats, or arrays (..., 1) when a batch of vehicles has a batch of them.
+    """
+
+    vehicle: VehicleModel
+    period_s: float
+    lead_s: Scalar
+    thrust_lead_s: Scalar
+    observer_radps: Scalar = 0.0
+    """Poles of the push's observer; 0 takes the push for 0."""
+
+    def __post_init__(self) -> None:
+        """Work out the weights now, not in the first cycle in the air."""
+        _ = self._weights
+
+    @property
+    def preview_s(self) -> Scalar:
+        """From now to the instant predicted for."""
+        return self.vehicle.setpoint_delay_s + self.lead_s
+
+    def initial(self, first: ControlInput) -> PredictorMemory:
+        """As if the last command had been held for long."""
+        drives = np.repeat(first.sent_accel_w_mps2[..., None], self._weights.drives.shape[-1], axis=-1)
+        thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
+        return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
+
+    def knowing(self, memory: PredictorMemory, push_w_mps2: Array) -> PredictorMemory:
+        """Return the memory with a push (m/s^2), (..., 3) in W, known already; unchanged without an observer."""
+        if not np.any(self.observer_radps):
+            return memory
+        return replace(memory, observed=replace(memory.observed, push=push_w_mps2))
+
+    def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
+        """The state then, and the memory with the newest command."""
+        drives = np.empty_like(memory.drives)
+        drives[..., :-3] = memory.drives[..., 1:-2]
+        drives[..., -3] = now.sent_accel_w_mps2
+        thrust = self._thrust(memory.thrust_mps2, drives[..., 0])
+        x, y, z = up_axis_parts(now.q_w_flu_wxyz)
+        accel = stack(thrust * x, thrust * y, thrust * z - self.vehicle.gravity_mps2)
+        drives[..., -2] = accel
+        drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
+        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
+        return self._propagate(now, drives, observed.push), PredictorMemory(drives, stack(thrust), observed)
+
+    def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Any:
+        """Specific thrust at capture time: the oldest kept command is the one that acted then."""
+        (x, y, z), (before,) = unstack(oldest_sent), unstack(thrust_mps2)
+        up = z + self.vehicle.gravity_mps2
+        size = math_module(x).sqrt(x * x + y * y + up * up)
+        return before + (size - before) * self._thrust_share
+
+    def _propagate(self, now: ControlInput, drives: Array, push: Array) -> Prediction:
+        w, velocity = self._weights, now.velocity_w_mps
+        late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
+        ahead = w.horizon_s + late
+        driven = np.vecdot(w.drives, drives[..., None, :, :])
+        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * push + driven[..., 0, :]
+        return Prediction(position, velocity + ahead * push + driven[..., 1, :], push)
+
+    @cached_property
+    def _thrust_share(self) -> float:
+        """How much of a change of thrust happens in one period."""
+        return -math.expm1(-self.period_s / self.vehicle.thrust_lag_s)
+
+    @cached_property
+    def _weights(self) -> "_Weights":
+        leads = np.broadcast_arrays(self.lead_s, self.thrust_lead_s)
+        if not leads[0].shape:
+            return _weights(self.vehicle, self.period_s, float(leads[0]), float(leads[1]))
+        pairs = zip(*(lead[..., 0].ravel().tolist() for lead in leads), strict=True)
+        return _stacked([_weights(self.vehicle, self.period_s, *pair) for pair in pairs], leads[0].shape[:-1])
+
+
+@dataclass(frozen=True)
+class _Weights:
+    """Response of (position, velocity) at the horizon to the drives, per axis: (..., 2, 3, n + 2)."""
+
+    horizon_s: Scalar
+    drives: Array
+
+
+def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
+    """One set for each vehicle of a batch of shape `lead`."""
+    horizon_s, drives = np.array([w.horizon_s for w in weights]), np.stack([w.drives for w in weights])
+    return _Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
+
+
+def _jerk(thrust_mps2: Any, q: Array, rate_flu_radps: Array) -> Array:
+    """What turning a steady thrust does: its size times R (omega x e3), shape (..., 3)."""
+    (w, x, y, z), (roll, pitch, _) = unstack(q), unstack(rate_flu_radps)
+    roll, pitch = thrust_mps2 * roll, thrust_mps2 * pitch
+    return stack(
+        pitch * (1 - 2 * (y * y + z * z)) - roll * (2 * (x * y - w * z)),
+        pitch * (2 * (x * y + w * z)) - roll * (1 - 2 * (x * x + z * z)),
+        pitch * (2 * (x * z - w * y)) - roll * (2 * (y * z + w * x)),
+    )
+
+
+@lru_cache(maxsize=1024)
+def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:
+    horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
+    lag = second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
+    systems = (lag, lag, first_order(vehicle.thrust_lag_s))
+    count = int(np.ceil((vehicle.mocap_age_s + vehicle.setpoint_delay_s) / period_s - 1e-9)) + 1
+    across = _command_spans(vehicle.mocap_age_s + vehicle.setpoint_delay_s, lead_s, period_s, count)
+    upward = _command_spans(vehicle.mocap_age_s + vehicle.thrust_delay_s, thrust_lead_s, period_s, count)
+
+    def of_axis(row: int, system: Array, spans: list[tuple[float, float]]) -> list[float]:
+        end = exponential(system * horizon)
+        return [*(_span(system, horizon, row, *span) for span in spans), end[row, 2], end[row, 3]]
+
+    axes = list(zip(systems, (across, across, upward), strict=True))
+    return _Weights(horizon, np.array([[of_axis(row, *axis) for axis in axes] for row in (0, 1)]))
+
+
+def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -> list[tuple[float, float]]:
+    """When, counted from the capture, each of `count` commands acts; oldest first.
+
+    A command sent k cycles ago begins to act k periods before `known_s`, age and delay together; the newest one goes on
+    for `lead_s` after that.
+    """
+    starts = [known_s - k * period_s for k in range(count, 0, -1)]
+    return [(max(0.0, a), max(0.0, b)) for a, b in zip(starts, [*starts[1:], known_s + lead_s], strict=True)]
+
+
+def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:
+    """Response at the horizon to a unit command from `start_s` to `end_s`; what comes after the horizon has none."""
+    begun = exponential(system * max(0.0, horizon_s - start_s))[row, 4]
+    ended = exponential(system * max(0.0, horizon_s - end_s))[row, 4]
+    return float(begun - ended)

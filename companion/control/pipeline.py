@@ -1,0 +1,207 @@
+"""From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
+
+from dataclasses import replace
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
+from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
+from companion.control.law_switch import LawSwitch
+from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
+from companion.core.values import value
+from companion.geometry.array_math import any_true, column, unstack, where
+from companion.geometry.attitude import ThrustModel, accel_of_setpoint, limit_tilt, setpoint_of_accel
+from companion.geometry.frames import quat_from_yaw
+from companion.guard.guard import Guard
+from companion.guard.limits import LimitedSetpoint, Limits, limit_setpoint
+
+YAW_STEP_RAD = 0.02
+"""The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
+_NOTHING = np.zeros(3)
+Mask = NDArray[np.bool_]
+
+
+@value
+class PipelineOutput:
+    """What the law wanted in one cycle and what the gate made of it."""
+
+    reference: Reference
+    output: ControlOutput
+    gated: LimitedSetpoint
+    given: ControlInput
+    """All that the law saw."""
+    begun: bool
+    """It began anew from this: lift-off, or another law."""
+
+
+class ControlPipeline:
+    """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate.
+
+    For one vehicle, or for a batch that flies side by side: `lead` is its shape, the leading axes of vehicle states, of
+    `sent` and of all that comes out; thrust model and limits are the batch's. With a guard, which is for one vehicle,
+    it has the last word instead of the bare gate.
+    """
+
+    def __init__(
+        self,
+        controller: Controller,
+        model: ThrustModel,
+        limits: Limits,
+        lead: tuple[int, ...] = (),
+        guard: Guard | None = None,
+    ) -> None:
+        self._controller, self._model, self._limits, self._lead = controller, model, limits, lead
+        self._guard = guard
+        self._halves = controller if isinstance(controller, TwoHalves) else None
+        self._memory: Any = None
+        self._decided: Any = None
+        self._wanted: AttitudeThrust | None = None
+        self._yaw_rad: Any = 0.0
+        self._countered_w_mps2 = _NOTHING
+        """The part of what was sent that only counters the arms."""
+        self._disturbance: Disturbance | None = None
+        self._switched = False
+        """Another law was given the vehicle, and has not begun."""
+        self._switching: LawSwitch | None = None
+        self.sent = idle_setpoint(np.zeros(lead))
+        """The last setpoint that went out; whoever sends sets it."""
+        self._warm_up()
+
+    @property
+    def preview_s(self) -> float:
+        """How far ahead of now the law wants its reference."""
+        return self._controller.preview_s
+
+    def forget(self) -> None:
+        """The next `fly` begins with nothing learnt: at lift-off."""
+        self._memory, self._decided, self._wanted = None, None, None
+        self._countered_w_mps2, self._disturbance = _NOTHING, None
+        self._switched, self._switching = False, None
+
+    def switch(self, controller: Controller) -> None:
+        """Fly another law from the next cycle on: no setpoint jumps, and it knows the disturbance (`LawSwitch`)."""
+        self.settle()
+        self._controller = controller
+        self._halves = controller if isinstance(controller, TwoHalves) else None
+        self._memory, self._decided, self._switched = None, None, True
+
+    def settle(self) -> dict[str, Array]:
+        """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
+        if self._decided is None or self._halves is None:
+            return {}
+        decided, self._decided = self._decided, None  # tried once: what raises would raise again
+        self._memory, late_signals = self._halves.settle(decided)
+        return late_signals
+
+    def _decide(self, now: ControlInput) -> ControlOutput:
+        self.settle()
+        if self._memory is None:
+            self._memory = self._begin(now)
+        if self._halves is not None:
+            self._decided, output = self._halves.decide(self._memory, now)
+        else:
+            self._memory, output = self._controller.step(self._memory, now)
+        return output
+
+    def _begin(self, now: ControlInput) -> Any:
+        """Return the law's first memory: nothing learnt at lift-off, the known disturbance after a switch."""
+        if not self._switched:
+            return self._controller.initial(now)
+        self._switched = False
+        known = _NOTHING if self._disturbance is None else self._disturbance.accel_w_mps2
+        if isinstance(self._controller, SeededLaw):
+            self._switching = LawSwitch(_NOTHING)
+            return self._controller.initial_with(now, known)
+        self._switching = LawSwitch(known)
+        return self._controller.initial(now)
+
+    def _warm_up(self) -> None:
+        """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
+        still = np.zeros((*self._lead, 3))
+        vehicle = VehicleState(0.0, still, still, self.sent.q_w_flu_wxyz, still)
+        for _ in range(3):
+            self.fly(vehicle, 0.0, Reference(still, still, still, 0.0), 0.01)
+        self.forget()
+
+    def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> LimitedSetpoint:
+        """A level setpoint while the law sleeps; the rotors may idle.
+
+        Neither age nor fence has a say in it: the vehicle stands, and level is what the guard would make of it.
+        """
+        return limit_setpoint(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
+
+    def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
+        """A level setpoint within the limits, at once and whatever was sent before; the guard's own if it is none."""
+        wanted = idle_setpoint(yaw_rad, thrust)
+        fallback = wanted if self._guard is None else self._guard.level(0.0)
+        return limit_setpoint(wanted, fallback, self._limits, inf).setpoint
+
+    def fly(
+        self, vehicle: VehicleState, age_s: Any, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
+    ) -> PipelineOutput:
+        """One cycle of the law; `ahead` is the reference `preview_s` on, `known_accel_w_mps2` (..., 3) the arms' push.
+
+        In a batch `age_s` is a float or (..., 1), the reference one for all, (3,) and a float, or (..., 3) and (...,).
+        Between events the wanted setpoint stays, and the gate goes on towards it as fast as it may.
+        """
+        now = ControlInput(
+            vehicle.position_w_m,
+            vehicle.velocity_w_mps,
+            vehicle.q_w_flu_wxyz,
+            vehicle.rate_flu_radps,
+            age_s,
+            ahead,
+            accel_of_setpoint(self.sent, self._model) + self._countered_w_mps2,
+            dt_s,
+            known_accel_w_mps2,
+        )
+        self._countered_w_mps2 = known_accel_w_mps2
+        begun = self._memory is None
+        output = self._decide(now)
+        if self._switching is not None:
+            output, after = self._switching.blend(output, now)
+            self._switching = None if after.over else after
+        before = no_disturbance(now) if self._disturbance is None else self._disturbance
+        self._disturbance = estimate_disturbance(before, now)
+        self._wanted = self._latest(output, ahead.yaw_rad)
+        return PipelineOutput(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s), now, begun)
+
+    def _let_through(self, wanted: AttitudeThrust, vehicle: VehicleState, age_s: Any, dt_s: float) -> LimitedSetpoint:
+        if self._guard is None:
+            return limit_setpoint(wanted, self.sent, self._limits, dt_s)
+        return self._guard.check(wanted, self.sent, vehicle, age_s, dt_s)
+
+    def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
+        """The setpoint wanted: a new one where there is an event or the heading has turned, elsewhere the held one."""
+        held, (event,) = self._wanted, unstack(output.event)
+        fresh = (event > 0.0) | (abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
+        if held is not None and not any_true(fresh):
+            return held
+        upright = limit_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
+        new = setpoint_of_accel(upright, yaw_rad, self._model)
+        if held is None:
+            self._yaw_rad = yaw_rad
+            return new
+        self._yaw_rad = where(fresh, yaw_rad, self._yaw_rad)
+        q = where(column(fresh), new.q_w_flu_wxyz, held.q_w_flu_wxyz)
+        return AttitudeThrust(q, where(fresh, new.thrust, held.thrust))
+
+
+def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:
+    """Level, at this heading (...,)."""
+    return AttitudeThrust(quat_from_yaw(yaw_rad), np.full(np.shape(yaw_rad), thrust))
+
+
+def changed(a: AttitudeThrust, b: AttitudeThrust) -> Mask:
+    """Where two setpoints differ, be it in the last bit, shape (...,)."""
+    if a.q_w_flu_wxyz.ndim == 1:  # a tenth of the time that numpy takes for so few numbers
+        return np.array(a.q_w_flu_wxyz.tolist() != b.q_w_flu_wxyz.tolist() or a.thrust.item() != b.thrust.item())
+    return np.asarray((a.q_w_flu_wxyz != b.q_w_flu_wxyz).any(axis=-1) | (a.thrust != b.thrust))
+
+
+def same_setpoint(a: AttitudeThrust, b: AttitudeThrust) -> bool:
+    """Equal to the last bit, all of them: what need not be sent again."""
+    return not changed(a, b).any()

@@ -1,0 +1,87 @@
+"""From the setpoint that the law wanted to the one that leaves: the autopilot's horizon is corrected. No I/O, no clock.
+
+It comes after law and guard, so it is the same for every law; what the law and the health checks hold for sent stays
+what the vehicle is to do in truth. What leaves passes the gate once more, so that the tilt limit holds by the
+autopilot's horizon, too.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from companion.control.horizon_correction import (
+    Horizon,
+    HorizonInput,
+    HorizonRules,
+    corrected,
+    correction_of,
+    is_worth_sending,
+    no_horizon,
+    step,
+)
+from companion.core.types import Array, AttitudeThrust
+from companion.core.values import value
+from companion.geometry.array_math import any_true, column, where
+from companion.guard.limits import Limits, limit_setpoint
+
+_STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+@value
+class Wire:
+    """What one cycle made of the law's setpoint, and of what."""
+
+    setpoint: AttitudeThrust
+    """On the wire."""
+    last: AttitudeThrust
+    """On the wire before it."""
+    is_new: Any
+    """The law's setpoint is another than before."""
+    seen: HorizonInput
+    horizon: Horizon
+    dt_s: float
+    begun: bool
+    """With nothing remembered."""
+
+
+class WireSetpoint:
+    """Holds the correction and what of it is in the setpoint that left last. One vehicle, or a batch of shape `lead`.
+
+    The correction in a setpoint stays while the law wants nothing new, until it is off by more than a degree.
+    """
+
+    def __init__(self, rules: HorizonRules, limits: Limits, lead: tuple[int, ...] = ()) -> None:
+        self._rules, self._lead = rules, lead
+        self._limits = replace(limits, min_thrust=0.0, max_thrust_rate_ps=math.inf)
+        """The thrust is not touched and has passed the gate; on the ground it may be idle."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with nothing corrected."""
+        self._horizon = self._held = no_horizon(self._lead)
+        self._begun = True
+        self._turn_w: Array = np.broadcast_to(_STRAIGHT, (*self._lead, 4))
+
+    def put(self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float) -> Wire:
+        """Return what leaves, `dt_s` after `last` did; `is_new` where the law's `setpoint` is not the one before."""
+        begun, self._begun = self._begun, False
+        self._horizon = step(self._horizon, seen, self._rules, dt_s)
+        leaves = self._leaving(setpoint, is_new, last, seen, dt_s) if self._rules.enabled else setpoint
+        return Wire(leaves, last, is_new, seen, self._horizon, dt_s, begun)
+
+    def _leaving(
+        self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float
+    ) -> AttitudeThrust:
+        fresh = is_new | is_worth_sending(self._horizon, self._held, self._rules)
+        if any_true(fresh):
+            self._held = _chosen(fresh, self._horizon, self._held)
+            turn_w = correction_of(self._horizon, seen.q_w_flu_wxyz)
+            self._turn_w = where(column(fresh), turn_w, self._turn_w)
+        return limit_setpoint(corrected(setpoint, self._turn_w), last, self._limits, dt_s).setpoint
+
+
+def _chosen(fresh: Any, new: Horizon, held: Horizon) -> Horizon:
+    pairs = zip(vars(new).values(), vars(held).values(), strict=True)
+    return Horizon(*[where(fresh, one, other) for one, other in pairs])

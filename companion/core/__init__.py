@@ -1,0 +1,1 @@
+"""Values, interfaces and errors that every package shares; imports nothing else of the project."""

@@ -1,1 +1,0 @@
-"""Flights in virtual time and their pictures."""

@@ -1,0 +1,1 @@
+"""One control cycle: read, estimate, supervise, control, send. Interfaces only, no device."""

@@ -1,0 +1,333 @@
+"""One tick: read, estimate, supervise, control, limit, send, record. Short enough to read aloud."""
+
+import asyncio
+import logging
+import math
+from typing import TypeGuard
+
+from companion.config.companion_config import CompanionConfig
+from companion.control.controller import Controller
+from companion.control.pipeline import idle_setpoint
+from companion.control.wire_setpoint import Wire
+from companion.core.interfaces import CompanionError
+from companion.core.types import FlightMode, MocapFrame
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.flight.arming import Arming, refused_for
+from companion.flight.assembly import Devices, stages_of
+from companion.flight.autopilot_calls import AutopilotCalls
+from companion.flight.health_step import Cycle, facts_of
+from companion.flight.shutdown import Shutdown
+from companion.flight.tick import Tick, TickSink
+from companion.flight.tick_timer import TickTimer
+from companion.geometry.frames import yaw_of
+from companion.guard.guard import SINKING
+from companion.guard.limits import LimitedSetpoint
+from companion.supervisor import state_machine
+from companion.supervisor.faults import Event, FailsafeAction, Fault
+from companion.supervisor.flight_state import (
+    COMMANDED,
+    STREAMING,
+    FlightInputs,
+    FlightState,
+    HandOverRequest,
+    KillRequest,
+    LandRequest,
+    Phase,
+    Request,
+)
+
+__all__ = ["Devices", "FlightLoop"]
+
+LOG = logging.getLogger(__name__)
+
+_TURNS = 3
+"""Turns of the event loop after which every socket has been read."""
+_FAILED = "the flight loop has failed and the autopilot was told to land: only kill is still taken"
+
+
+class FlightLoop:
+    """Owns the flight's phase and calls, in order, what is pure and what is a device."""
+
+    def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
+        self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
+        self._sink: TickSink | None = sink
+        self._period_s = 1.0 / config.control.rate_hz
+        stages = stages_of(devices, controller, config)
+        self._rules, self._safety, self._stage = stages.rules, stages.safety, stages.control
+        self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
+        self._horizon = stages.horizon
+        self.arms = stages.arms
+        """The arms' part; None for a vehicle without."""
+        self._events: tuple[Event, ...] = ()
+        self._calls = AutopilotCalls(devices.autopilot)
+        self.arming = Arming()
+        """What goes before the flight's own phases."""
+        self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
+        self._estimate = EstimatorState()
+        self._frame: MocapFrame | None = None
+        self._flight = FlightState()
+        self._failed = False
+        self.law_name = ""
+        """For the record and the operator."""
+        self.ticking = False
+        """Cycles come by themselves."""
+        self.missed_cycles = 0
+        """Whole periods that passed without a cycle."""
+        parts = (self._see_without_checks, self._supervise_without_checks, self._keep_or_end_stream)
+        self._giving_up = Shutdown(self, self._calls, devices, self._period_s, self._rules, self._safety, parts)
+
+    @property
+    def flight(self) -> FlightState:
+        """The present phase and all that goes with it."""
+        return self._flight
+
+    @property
+    def estimate(self) -> EstimatorState:
+        """What is known of the vehicle's motion."""
+        return self._estimate
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What is wrong now."""
+        return self._events
+
+    @property
+    def failed(self) -> bool:
+        """Whether it ticks no more, because a device or the law has raised; the autopilot was told to land."""
+        return self._failed
+
+    @property
+    def action_failure(self) -> str:
+        """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
+        return self._calls.failure
+
+    def refusal(self, wanted: Request) -> str:
+        """Why an operator's request cannot be met now; empty when it can."""
+        if self._failed and not isinstance(wanted, KillRequest):
+            return _FAILED
+        if isinstance(wanted, LandRequest) and self.arming.under_way:
+            return ""
+        of_autopilot = refused_for(wanted, self._autopilot.status())
+        return of_autopilot or state_machine.refusal(
+            self._flight, wanted, self._facts(self._clock.now_s()), self._rules
+        )
+
+    def ask(self, wanted: Request) -> bool:
+        """Hand in an operator's request; False when it is refused."""
+        if self.refusal(wanted):
+            return False
+        if isinstance(wanted, LandRequest):
+            self.arming.call_off(wanted.reason or "a landing was ordered")
+        self._enter(state_machine.request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
+        return True
+
+    def switch(self, controller: Controller, name: str) -> None:
+        """Another control law from the next cycle on, in the air too, without a jump of the setpoint."""
+        LOG.info("control law %s -> %s", self.law_name, name)
+        self._stage.switch(controller)
+        self.law_name = name
+
+    async def run(self) -> None:
+        """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
+        timer = TickTimer(self._period_s, self._clock.now_s() + self._period_s)
+        self.ticking = True
+        try:
+            while True:
+                frame_arrived_s = await self._next_start(timer)
+                now_s = self._clock.now_s()
+                self.tick(now_s, timer.begin(now_s, frame_arrived_s))
+                self.missed_cycles = timer.missed
+        except asyncio.CancelledError:
+            raise
+        except BaseException as error:
+            self.ticking, self._failed, self._events = False, True, ()
+            words = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
+            await self._giving_up.give_up(words)
+            raise
+        finally:
+            self.ticking = False
+            await self._calls.cancel()
+            self._stream.stop()
+            if self.arms is not None:
+                await self.arms.close()
+
+    async def close(self) -> None:
+        """Leave no vehicle in the air to a stream that goes on by itself, and no arm in the middle of a motion."""
+        if self.arms is not None:
+            self.arms.stop("the service was closed")
+        await self._giving_up.give_up("the service was closed")
+
+    async def _next_start(self, timer: TickTimer) -> float | None:
+        """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
+        while True:
+            left_s = timer.deadline_s - self._clock.now_s()
+            if left_s <= 0.0:
+                return await self._catch_up()
+            if await self._mocap.wait_frame(left_s):
+                frame = self._mocap.latest()
+                if frame is not None and not timer.frame_is_early(frame.received_s):
+                    return frame.received_s
+
+    async def _catch_up(self) -> float | None:
+        """The loop is behind: let in what has arrived meanwhile, before anything is concluded from its absence."""
+        for _ in range(_TURNS):
+            await asyncio.sleep(0)
+        frame = self._mocap.latest()
+        return frame.received_s if self._is_new(frame) else None
+
+    def tick(self, now_s: float, late_s: float) -> None:
+        """One control cycle at `now_s`, begun `late_s` late."""
+        frame_received_s = self._read()
+        if self.arms is not None:
+            self.arms.read(now_s, self._flight)
+        self._look(now_s, late_s)
+        stage = self._flight.stage
+        self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
+        asked, gated = self._law.control(self._flight, self._estimate, now_s)
+        wire, sent_s = self._send(gated, now_s)
+        self._keep_or_end_stream(now_s)
+        late_signals = self._law.settle()
+        self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
+        self._tell(
+            Tick(
+                now_s,
+                late_s,
+                frame_received_s,
+                sent_s,
+                self._estimate.vehicle,
+                estimator.age_s(self._estimate, now_s),
+                self._autopilot.status(),
+                self._flight,
+                state_machine.reference_at(self._flight, now_s) if asked else None,
+                asked,
+                gated,
+                late_signals,
+                self.arms.tick(now_s, self._flight) if self.arms is not None else None,
+                self._events,
+                self._frame if math.isfinite(frame_received_s) else None,
+                self._estimate,
+                self.law_name,
+                wire,
+                stage,
+            )
+        )
+
+    def _send(self, gated: LimitedSetpoint | None, now_s: float) -> tuple[Wire | None, float]:
+        """Send this cycle's setpoint with the autopilot's horizon corrected; when it had left (s), or NaN."""
+        if gated is None:
+            return None, math.nan
+        status, setpoint = self._autopilot.status(), gated.setpoint
+        wire = self._horizon.correct(setpoint, self._estimate, status, self._events, self._flight, now_s)
+        return wire, self._stream.send(setpoint, None if wire is None else wire.setpoint)
+
+    def _read(self) -> float:
+        """Feed the newest frame to the estimator; its arrival (s), or NaN when there is no new one."""
+        frame = self._mocap.latest()
+        if frame is None or not self._is_new(frame):
+            return math.nan
+        self._frame = frame
+        self._estimate = estimator.step(self._estimate, frame, self._estimator_params)
+        return frame.received_s
+
+    def _is_new(self, frame: MocapFrame | None) -> TypeGuard[MocapFrame]:
+        """By its stamp, too: some QTM versions number every frame 1."""
+        if frame is None or self._frame is None:
+            return frame is not None
+        return frame.frame != self._frame.frame or frame.stamp_s != self._frame.stamp_s
+
+    def _look(self, now_s: float, late_s: float) -> None:
+        """What is wrong now, and whether the autopilot may see what we see."""
+        status = self._autopilot.status()
+        cycle = Cycle(
+            now_s,
+            late_s,
+            self._mocap.latest(),
+            self._estimate,
+            status,
+            self._stream.on,
+            self._stream.sent,
+            self._law.at_max_thrust,
+            self._law.fault,
+            self.arms.fault if self.arms is not None else "",
+            self._horizon.fault,
+        )
+        self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
+        if unsent is not None:
+            self._events = (*(event for event in self._events if event.fault is not unsent.fault), unsent)
+        self._vision.judge(self._events, status.armed, self._flight.cause)
+
+    def _facts(self, now_s: float) -> FlightInputs:
+        thrust = float(self._stage.sent.thrust) if self._stream.on else math.nan
+        return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
+
+    def _tell(self, tick: Tick) -> None:
+        """Whoever looks on cannot stop a flight: one that raises is not told any more."""
+        if self._sink is None:
+            return
+        try:
+            self._sink(tick)
+        except Exception:
+            LOG.exception("the tick's listener failed and is dropped")
+            self._sink = None
+
+    def _keep_or_end_stream(self, now_s: float) -> None:
+        """Setpoints leave only while we fly, or until PX4 has begun to land; without them the dead man may rest."""
+        flight, offboard = self._flight, self._autopilot.status().mode is FlightMode.OFFBOARD
+        landing = 0.0 <= now_s - flight.landing_asked_s <= self._safety.land_refused_s and offboard
+        if flight.phase in STREAMING or landing:
+            self._stream.renew()
+        else:
+            self._stream.stop()
+
+    def _enter(self, flight: FlightState) -> None:
+        """Take over the flight's next state, and do what its changes ask of the loop."""
+        before, self._flight = self._flight, flight
+        if flight.action is not None and flight is not before:
+            self._calls.begin(flight.action)
+        if flight.airborne and not before.airborne:
+            self._stage.forget()  # what was integrated on the ground would be of the ground
+        if flight.phase is before.phase:
+            return
+        LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
+        if flight.phase is Phase.PREFLIGHT:
+            self._calls.forget()
+        if flight.phase in {Phase.PREFLIGHT, Phase.RESUME}:
+            thrust = self._rules.hover_thrust if flight.phase is Phase.RESUME else 0.0
+            self._stream.begin(idle_setpoint(flight.yaw_rad, thrust))
+            if flight.phase is Phase.RESUME:  # MAVSDK asks for no OFFBOARD before it has a setpoint
+                self._stream.send(idle_setpoint(flight.yaw_rad, thrust))
+            self._law.trust()
+            self._horizon.reset()
+            self._vision.trusted = True
+        elif flight.phase is Phase.HANDED_OVER and before.phase in COMMANDED:
+            self._leave_level(before)
+
+    def _leave_level(self, before: FlightState) -> None:
+        """The last setpoint of ours, which PX4 holds until it lands: level and sinking gently, not the law's.
+
+        A pilot who has the vehicle gets none.
+        """
+        silent = self._flight.cause is Fault.AUTOPILOT_SILENT and before.airborne
+        if not self._stream.on or not (self._flight.level is FailsafeAction.AUTOPILOT_LAND or silent):
+            return
+        last = idle_setpoint(before.yaw_rad)
+        if before.airborne:
+            last = self._stage.level(float(yaw_of(self._stage.sent.q_w_flu_wxyz)), SINKING * self._rules.hover_thrust)
+        self._stream.send(last)
+
+    def hand_over(self, reason: str) -> None:
+        """The autopilot lands what we still fly; nothing where we do not."""
+        if self._flight.phase in COMMANDED | {Phase.RESUME}:
+            facts = self._facts(self._clock.now_s())
+            self._enter(state_machine.request(self._flight, HandOverRequest(reason), facts, self._rules))
+
+    def _see_without_checks(self, now_s: float) -> None:
+        new = math.isfinite(self._read())
+        if self._estimate.verdict is Verdict.STARTED:  # jumped, or lost for long
+            self._vision.trusted = False
+        self._vision.forward(now_s, new, self._estimate)
+
+    def _supervise_without_checks(self, now_s: float) -> None:
+        if self._flight.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
+            self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))

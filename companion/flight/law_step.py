@@ -1,0 +1,90 @@
+"""The law's part of a tick: its setpoint, and what is to be said of the law. What fails in it ends no loop."""
+
+import logging
+import math
+
+from companion.control.pipeline import ControlPipeline, PipelineOutput
+from companion.core.types import Array
+from companion.estimation.estimator import EstimatorState, age_s
+from companion.flight.arm_step import ArmStep
+from companion.guard.limits import LimitedSetpoint
+from companion.supervisor import state_machine
+from companion.supervisor.flight_state import STREAMING, FlightRules, FlightState
+from companion.supervisor.safety_rules import SafetyRules
+
+LOG = logging.getLogger(__name__)
+
+
+class LawStep:
+    """Calls the law while the vehicle flies; on the ground the law sleeps."""
+
+    def __init__(
+        self,
+        stage: ControlPipeline,
+        arms: ArmStep | None,
+        rules: FlightRules,
+        safety: SafetyRules,
+        max_thrust: float,
+        period_s: float,
+    ) -> None:
+        self._stage, self._arms, self._rules = stage, arms, rules
+        self._not_finite_limit, self._max_thrust, self._period_s = safety.not_finite_cycles, max_thrust, period_s
+        self._last_s = -math.inf
+        self._not_finite = 0
+        self.fault = ""
+        """Why the law is no longer to be trusted; empty when it is."""
+        self.at_max_thrust = False
+        """The last cycle's thrust was cut at its upper limit."""
+
+    def trust(self) -> None:
+        """A flight begins."""
+        self.fault, self._not_finite = "", 0
+
+    def control(
+        self, flight: FlightState, estimate: EstimatorState, now_s: float
+    ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
+        """This cycle's setpoint, through the gate; None in phases that send nothing, and where the law raises."""
+        try:
+            asked, gated = self._control(flight, estimate, now_s)
+        except Exception as error:
+            self._lose(error)
+            return None, None
+        if gated is not None and gated.failure:
+            self.fault = f"the guard failed: {gated.failure}"
+        bad = gated is not None and bool(gated.not_finite.any())
+        self._not_finite = self._not_finite + 1 if bad else 0
+        if self._not_finite > self._not_finite_limit:
+            self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
+        self.at_max_thrust = asked is not None and float(asked.gated.setpoint.thrust) >= self._max_thrust
+        return asked, gated
+
+    def settle(self) -> dict[str, Array]:
+        """What the law left for after the setpoint; its late inner values."""
+        try:
+            return self._stage.settle()
+        except Exception as error:
+            self._lose(error)
+            return {}
+
+    def _lose(self, error: Exception) -> None:
+        LOG.exception("the control law failed")
+        self.fault = f"the control law failed: {type(error).__name__}: {error}"
+
+    def _control(
+        self, flight: FlightState, estimate: EstimatorState, now_s: float
+    ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
+        dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        self._last_s = now_s
+        vehicle = estimate.vehicle
+        if vehicle is None or flight.phase not in STREAMING:
+            return None, None
+        if not flight.airborne:
+            thrust = state_machine.ground_thrust(flight, now_s, self._rules)
+            return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
+        ahead = state_machine.reference_at(flight, now_s + self._stage.preview_s)
+        if self._arms is None:
+            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, dt_s)
+        else:
+            known_w_mps2 = self._arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz)
+            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, dt_s, known_w_mps2)
+        return asked, asked.gated

@@ -1,0 +1,90 @@
+"""Setpoints on their way to the autopilot, and the dead man who ends what MAVSDK would repeat for ever."""
+
+import logging
+import math
+
+from companion.control.pipeline import ControlPipeline, same_setpoint
+from companion.core.interfaces import Autopilot, Clock, CompanionError, WatchdogTimer
+from companion.core.types import AttitudeThrust
+from companion.supervisor.faults import Event, Fault
+
+LOG = logging.getLogger(__name__)
+
+
+class SetpointStream:
+    """Owns whether setpoints leave. Nothing here raises because of the link."""
+
+    def __init__(
+        self, autopilot: Autopilot, dead_man: WatchdogTimer, clock: Clock, stage: ControlPipeline, unsent_s: float
+    ) -> None:
+        self._autopilot, self._dead_man, self._clock, self._stage = autopilot, dead_man, clock, stage
+        self._unsent_limit_s = unsent_s
+        self._unsent_since_s, self._why_unsent = math.inf, ""
+        self.on = False
+        """The autopilot gets a setpoint of ours again and again."""
+        self.wire = stage.sent
+        """The setpoint that left last: the law's, with the autopilot's horizon corrected."""
+
+    @property
+    def sent(self) -> AttitudeThrust | None:
+        """The law's setpoint that the autopilot is told now, what the vehicle is to do; None while nothing leaves."""
+        return self._stage.sent if self.on else None
+
+    @property
+    def law_sent(self) -> AttitudeThrust:
+        """The law's setpoint that left last, or that the stream began with."""
+        return self._stage.sent
+
+    def begin(self, at: AttitudeThrust) -> None:
+        """A new stream, whose first setpoint is limited as if `at` had left before it; an earlier one ends."""
+        if self.on:
+            self.stop()
+        self._stage.sent = self.wire = at
+
+    def send(self, setpoint: AttitudeThrust, wire: AttitudeThrust | None = None) -> float:
+        """Send it unless the autopilot has it; when it had left (s), or NaN. One that cannot be sent is not `sent`.
+
+        `wire` is what leaves in its place, with the autopilot's horizon corrected; None: itself.
+        """
+        wire = setpoint if wire is None else wire
+        if self.on and same_setpoint(wire, self.wire):
+            self._stage.sent, self._unsent_since_s = setpoint, math.inf
+            return math.nan
+        try:
+            self._autopilot.send_setpoint(wire)
+        except Exception as error:
+            self._fail(error)
+            return math.nan
+        self._stage.sent, self.wire, self.on, self._unsent_since_s = setpoint, wire, True, math.inf
+        return self._clock.now_s()
+
+    def _fail(self, error: Exception) -> None:
+        if math.isfinite(self._unsent_since_s):
+            return
+        self._unsent_since_s = self._clock.now_s()
+        self._why_unsent = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"
+        LOG.error("a setpoint was not sent, the next one may be: %s", self._why_unsent)
+
+    def fault(self, now_s: float) -> Event | None:
+        """That setpoints cannot be sent any more; a single one that is lost follows from no fault."""
+        unsent_s = now_s - self._unsent_since_s
+        if unsent_s < self._unsent_limit_s:
+            return None
+        return Event(Fault.SETPOINT_NOT_FOLLOWED, f"no setpoint could be sent for {unsent_s:.2f} s: {self._why_unsent}")
+
+    def renew(self) -> None:
+        """Once a cycle while setpoints may leave."""
+        if self.on:
+            self._dead_man.renew()
+
+    def stop(self) -> None:
+        """No setpoint leaves any more, and the dead man may rest; if that fails, he ends this process instead."""
+        if self.on:
+            try:
+                self._autopilot.stop_stream()
+            except Exception:
+                LOG.exception("the stream of setpoints could not be stopped")
+                return
+            self.on = False
+        self._unsent_since_s = math.inf
+        self._dead_man.release()

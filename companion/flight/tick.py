@@ -1,0 +1,55 @@
+"""What one cycle of the flight loop was, for whoever looks on."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.control.pipeline import PipelineOutput
+from companion.control.wire_setpoint import Wire
+from companion.core.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
+from companion.estimation.state import EstimatorState
+from companion.flight.arm_step import ArmTick
+from companion.guard.limits import LimitedSetpoint
+from companion.supervisor.faults import Event, Stage
+from companion.supervisor.flight_state import FlightState
+
+
+@dataclass(frozen=True)
+class Tick:
+    """What one cycle saw, decided and sent; for the record and for whoever looks on."""
+
+    time_s: float
+    late_s: float
+    frame_received_s: float
+    """Arrival of the frame this cycle was the first to use; NaN when it had no new one."""
+    sent_s: float
+    """When its setpoint had left; NaN when none was sent."""
+    vehicle: VehicleState | None
+    age_s: float
+    status: AutopilotStatus
+    flight: FlightState
+    reference: Reference | None
+    """Where the vehicle should be now."""
+    asked: PipelineOutput | None
+    gated: LimitedSetpoint | None
+    late_signals: dict[str, Array]
+    """Inner values of the law that it worked out after the setpoint had left."""
+    arms: ArmTick | None
+    events: tuple[Event, ...]
+    """What was wrong."""
+    frame: MocapFrame | None = None
+    """The frame this cycle was the first to use."""
+    estimate: EstimatorState | None = None
+    """All that the estimator knows after it."""
+    law: str = ""
+    """Name of the control law."""
+    wire: Wire | None = None
+    """What left in place of the law's setpoint, and the correction of the autopilot's horizon."""
+    stage: Stage = Stage.GROUND
+    """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
+
+
+class TickSink(Protocol):
+    """Whoever wants every tick: the recorder, a display. Must neither block nor raise."""
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""

@@ -1,0 +1,1 @@
+"""Rotations, and conversion between acceleration and attitude with thrust. Pure; one vehicle or a batch."""

@@ -1,0 +1,153 @@
+"""Frames and rotations: the paper's W (z up) with body FLU inside, the autopilot's NED with FRD at the edge.
+
+W has its x axis where the autopilot has north, so NED is (x, -y, -z) of W, and FRD is (x, -y, -z) of FLU.
+Quaternions are unit, w x y z, and turn body coordinates into world coordinates. All broadcast over leading axes.
+"""
+
+from math import asin, atan2, degrees
+from typing import Any
+
+import numpy as np
+
+from companion.core.types import Array
+from companion.geometry.array_math import math_module, maximum, stack, unstack, where
+
+_FLIP = np.array([1.0, -1.0, -1.0])
+_FLIP_Q = np.array([1.0, 1.0, -1.0, -1.0])
+_TINY = 1e-100
+"""An angle (rad) whose sine is itself, and which may be divided by."""
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def flip_yz(vector: Array) -> Array:
+    """W to NED, NED to W, FLU to FRD, FRD to FLU: all the same half turn about x, shape (..., 3)."""
+    return np.asarray(vector * _FLIP)
+
+
+def flip_quat(q: Array) -> Array:
+    """Attitude W<-FLU to NED<-FRD and back, shape (..., 4)."""
+    return np.asarray(q * _FLIP_Q)
+
+
+def quat_multiply(a: Array, b: Array) -> Array:
+    """Hamilton product, shape (..., 4)."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = unstack(a), unstack(b)
+    return stack(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def quat_conjugate(q: Array) -> Array:
+    """Inverse rotation, shape (..., 4)."""
+    return np.asarray(q * _CONJUGATE)
+
+
+def quat_from_rotation_vector(r: Array) -> Array:
+    """Rotation vector (rad), shape (..., 3), to quaternion."""
+    x, y, z = unstack(r)
+    m = math_module(x)
+    half = maximum(0.5 * m.sqrt(x * x + y * y + z * z), _TINY)
+    share = 0.5 * m.sin(half) / half
+    return stack(m.cos(half), share * x, share * y, share * z)
+
+
+def rotation_vector_from_quat(q: Array) -> Array:
+    """Quaternion to the shorter rotation vector (rad), shape (..., 3)."""
+    w, x, y, z = unstack(q)
+    m = math_module(w)
+    half = maximum(m.atan2(m.sqrt(x * x + y * y + z * z), abs(w)), _TINY)
+    share = where(w < 0.0, -2.0, 2.0) * half / m.sin(half)
+    return stack(share * x, share * y, share * z)
+
+
+def quat_from_yaw(yaw_rad: Array | float) -> Array:
+    """Level attitude with this heading, shape (..., 4)."""
+    m, half, zero = math_module(yaw_rad), 0.5 * yaw_rad, 0.0 * yaw_rad
+    return stack(m.cos(half), zero, zero, m.sin(half))
+
+
+def matrix_from_quat(q: Array) -> Array:
+    """Rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
+    w, x, y, z = unstack(q)
+    row_by_row = stack(
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return row_by_row.reshape(*q.shape[:-1], 3, 3)
+
+
+def turned(q: Array, vector: Array) -> Array:
+    """A vector in the body's axes, (..., 3), in the world's: v + 2 w (u x v) + 2 u x (u x v) with q = (w, u)."""
+    (w, x, y, z), (a, b, c) = unstack(q), unstack(vector)
+    i, j, k = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return stack(a + w * i + y * k - z * j, b + w * j + z * i - x * k, c + w * k + x * j - y * i)
+
+
+def quat_from_matrix(rotation: Array) -> Array:
+    """Quaternion of a rotation matrix, shape (..., 4), w >= 0.
+
+    Takes the largest of the four squared components as the divisor (Shepperd's method), so no direction
+    is singular.
+    """
+    m = rotation
+    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    candidates = np.stack(
+        (
+            _stack4(1 + m00 + m11 + m22, m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], _skew_z(m)),
+            _stack4(m[..., 2, 1] - m[..., 1, 2], 1 + m00 - m11 - m22, m[..., 0, 1] + m[..., 1, 0], _sum_xz(m)),
+            _stack4(m[..., 0, 2] - m[..., 2, 0], m[..., 0, 1] + m[..., 1, 0], 1 - m00 + m11 - m22, _sum_yz(m)),
+            _stack4(_skew_z(m), _sum_xz(m), _sum_yz(m), 1 - m00 - m11 + m22),
+        ),
+        axis=-2,
+    )
+    squares = np.stack((m00 + m11 + m22, m00 - m11 - m22, m11 - m00 - m22, m22 - m00 - m11), axis=-1)
+    best = np.argmax(squares, axis=-1)[..., None, None]
+    q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
+    q = q / np.sqrt((q * q).sum(axis=-1, keepdims=True))
+    return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
+
+
+def _stack4(a: Array, b: Array, c: Array, d: Array) -> Array:
+    return np.stack((a, b, c, d), axis=-1)
+
+
+def _skew_z(m: Array) -> Array:
+    return np.asarray(m[..., 1, 0] - m[..., 0, 1])
+
+
+def _sum_xz(m: Array) -> Array:
+    return np.asarray(m[..., 0, 2] + m[..., 2, 0])
+
+
+def _sum_yz(m: Array) -> Array:
+    return np.asarray(m[..., 1, 2] + m[..., 2, 1])
+
+
+def up_axis(q_w_flu_wxyz: Array) -> Array:
+    """Body z axis (the direction the rotors push) in W, shape (..., 3)."""
+    return stack(*up_axis_parts(q_w_flu_wxyz))
+
+
+def up_axis_parts(q_w_flu_wxyz: Array) -> Any:
+    """`up_axis` as its components: floats, arrays (...,) for a batch."""
+    w, x, y, z = unstack(q_w_flu_wxyz)
+    return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
+
+
+def yaw_of(q_w_flu_wxyz: Array) -> Array:
+    """Heading (rad) of the body x axis in W, counter-clockwise from x, shape (...,)."""
+    w, x, y, z = unstack(q_w_flu_wxyz)
+    return np.asarray(math_module(w).atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+
+
+def euler_ned_frd_deg(q_w_flu_wxyz: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw (degrees, aerospace sequence, NED<-FRD) of one attitude: what MAVSDK's set_attitude takes."""
+    w, x, y, z = flip_quat(q_w_flu_wxyz).tolist()
+    roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
+    yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return degrees(roll), degrees(pitch), degrees(yaw)

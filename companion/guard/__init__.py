@@ -1,0 +1,1 @@
+"""Last gate before the autopilot: limits, geofence, rate limits. Knows no law and no supervisor. Pure."""

@@ -1,0 +1,19 @@
+"""Public interface for a control law of your own: import from here alone, so that `control` may be rearranged."""
+
+from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves, VehicleModel
+from companion.control.delay_predictor import Predictor, PredictorMemory
+from companion.control.gains import Gains, Positive
+from companion.core.types import Array
+
+__all__ = [
+    "Array",
+    "ControlInput",
+    "ControlOutput",
+    "Controller",
+    "Gains",
+    "Positive",
+    "Predictor",
+    "PredictorMemory",
+    "TwoHalves",
+    "VehicleModel",
+]

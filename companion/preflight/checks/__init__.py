@@ -1,0 +1,1 @@
+"""Checks of a standing vehicle: facts in, verdicts out. Pure."""

@@ -1,0 +1,129 @@
+"""The whole list, from facts and configuration."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+
+from companion.config.companion_config import CompanionConfig
+from companion.config.preflight_config import PreflightConfig
+from companion.config.recommended_parameter import Recommended
+from companion.core.types import Array, AutopilotStatus
+from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle
+from companion.preflight.checks.agreement import Apart, VisionSeen
+from companion.preflight.checks.check import Check
+from companion.preflight.checks.computer import MachineSeen
+from companion.preflight.checks.hand_test import Kept, check_kept
+from companion.preflight.checks.mocap import MocapSeen
+from companion.preflight.checks.parameters import check_parameters
+from companion.preflight.checks.vehicle import ArmsSeen
+from companion.trajectories.reference import Trajectory
+
+DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
+"""Parameters that are compared with what is configured or measured here, and not with a list."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that was seen."""
+
+    time_s: float
+    """On our monotonic clock."""
+    when: datetime
+    """On the system clock, with its time zone."""
+    mocap: MocapSeen
+    position_w_m: Array | None
+    """Where the vehicle stands, (3,) in W; None when it is not known."""
+    status: AutopilotStatus
+    apart: Apart
+    vision: VisionSeen
+    parameters: Mapping[str, float]
+    """The autopilot's, by name; those that it did not tell are left out."""
+    arms: ArmsSeen | None
+    machine: MachineSeen
+    kept: Kept | str
+    """When it was carried by hand; the reason where that is not known."""
+    operator_age_s: float
+    """Since the operator's broker last answered; 0 while it does, and where none is configured."""
+    landed_age_s: float = math.inf
+    """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
+    law: Check | None = None
+    """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
+
+
+def check_all(
+    facts: Facts,
+    config: CompanionConfig,
+    wanted: PreflightConfig,
+    recommended: Iterable[Recommended],
+    trajectory: Trajectory | None = None,
+) -> tuple[Check, ...]:
+    """Every check, in the order in which a person would go about it."""
+    return (
+        *check_machine(facts.machine, config, wanted),
+        *check_operator(facts.operator_age_s, config),
+        *check_mocap(facts.mocap, config, wanted),
+        vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
+        vehicle.check_alone(facts.status, config.px4.system_id),
+        vehicle.check_ground(facts.status),
+        *check_agreement(facts.apart, wanted, facts.landed_age_s),
+        agreement.check_vision(facts.vision, wanted.position_apart_m),
+        *_compared(facts, config, wanted),
+        *check_parameters(recommended, facts.parameters),
+        vehicle.check_battery(facts.status, wanted.battery),
+        *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
+        *([facts.law] if facts.law is not None else []),
+        *check_place(facts.position_w_m, config, trajectory),
+        check_kept(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
+    )
+
+
+def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """This computer."""
+    return (
+        computer.check_disk(seen, config.safety.disk_free_mb),
+        *computer.check_clock(seen),
+        computer.check_priority(seen, wanted.realtime),
+    )
+
+
+def check_operator(age_s: float, config: CompanionConfig) -> tuple[Check, ...]:
+    """The way to the operator, where one is configured: without it a flight ends soon after it has begun."""
+    operator = config.operator
+    return () if operator is None else (computer.check_broker(age_s, f"{operator.host}:{operator.port}"),)
+
+
+def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Motion capture."""
+    return (
+        mocap.check_body(seen),
+        mocap.check_rate(seen, wanted.mocap_hz),
+        mocap.check_age(seen, config.safety.coast_s),
+        mocap.check_residual(seen, wanted.residual_m),
+    )
+
+
+def check_agreement(apart: Apart, wanted: PreflightConfig, landed_age_s: float = math.inf) -> tuple[Check, ...]:
+    """Check both attitudes of a vehicle that stands, and has for `landed_age_s`; see check_tilts."""
+    return (
+        agreement.check_heading(apart, wanted.heading_apart_rad),
+        *agreement.check_tilts(apart, wanted.tilt_apart_rad, landed_age_s),
+    )
+
+
+def check_place(
+    position_w_m: Array | None, config: CompanionConfig, trajectory: Trajectory | None
+) -> tuple[Check, ...]:
+    """The fence around what stands, and around what will be flown if it is known already."""
+    fence, margin_m = config.fence.fence(), config.fence.margin_m
+    standing = start_place.check_standing(position_w_m, config.flight.takeoff_height_m, fence, margin_m)
+    return (standing,) if trajectory is None else (standing, start_place.check_trajectory(trajectory, fence, margin_m))
+
+
+def _compared(facts: Facts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    delay_ms, hover, curve = (facts.parameters.get(name, math.nan) for name in (DELAY, HOVER, CURVE))
+    return (
+        agreement.check_delay(delay_ms, facts.mocap.delay_s, wanted.delay_apart_s),
+        vehicle.check_hover_thrust(config.vehicle.hover_thrust, hover),
+        vehicle.check_thrust_curve(config.vehicle.thrust_curve, curve),
+    )

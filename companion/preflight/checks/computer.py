@@ -1,0 +1,74 @@
+"""The computer that flies: disk, clock, priority."""
+
+import math
+from dataclasses import dataclass
+
+from companion.preflight.checks.check import Check
+
+_RECORD_MB = 100.0
+"""What records of a day's flights may take beyond the limit that ends one."""
+_RESOLUTION_S = 1e-4
+_NICE = -10
+
+
+@dataclass(frozen=True)
+class MachineSeen:
+    """This computer and this process."""
+
+    disk_free_mb: float
+    """Where records go; infinite when nothing is recorded to disk."""
+    clock_resolution_s: float
+    """Of the monotonic clock."""
+    clock_sane: bool
+    """The system clock is not before the time at which this software was installed."""
+    clock_synchronised: bool | None
+    """The kernel's word; None when it does not say."""
+    realtime_priority: int
+    """Of SCHED_FIFO or SCHED_RR; 0 for a process without."""
+    nice: int
+
+
+def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
+    """Whether the flight's record has room; `limit_mb` is what ends a flight."""
+    wanted_mb = limit_mb + _RECORD_MB
+    free = "nothing is recorded" if math.isinf(seen.disk_free_mb) else f"{seen.disk_free_mb:.0f} MB free"
+    says = f"{free}, at least {wanted_mb:.0f} wanted"
+    return Check("disk space", seen.disk_free_mb >= wanted_mb, says, "delete or move old records")
+
+
+def check_clock(seen: MachineSeen) -> tuple[Check, Check]:
+    """All timing is the monotonic clock's; the system clock only names records, so it should be right."""
+    ticks = f"monotonic to {1e6 * seen.clock_resolution_s:g} us"
+    good = seen.clock_resolution_s <= _RESOLUTION_S and seen.clock_sane
+    says = ticks if seen.clock_sane else f"{ticks}; the system clock is before this software was installed"
+    synchronised = {True: "synchronised", False: "not synchronised", None: "the kernel does not say"}
+    return (
+        Check("clock", good, says, "set the system clock; a kernel without high-resolution timers cannot fly"),
+        Check(
+            "clock synchronised",
+            seen.clock_synchronised is not False,
+            synchronised[seen.clock_synchronised],
+            "let chrony or systemd-timesyncd reach a server, or records carry a wrong time",
+            must=False,
+        ),
+    )
+
+
+def check_broker(age_s: float, where: str) -> Check:
+    """Whether the operator's broker answers, `age_s` after it last did."""
+    says = f"{where} has not answered for {age_s:.1f} s" if age_s > 0.0 else f"{where} answers"
+    todo = "start the broker, or look at operator.host, port, user and password, and at what that user may read"
+    return Check("operator's broker", age_s <= 0.0, says, todo)
+
+
+def check_priority(seen: MachineSeen, must: bool) -> Check:
+    """Whether other programs can hold the control loop up."""
+    realtime = seen.realtime_priority > 0
+    says = f"real-time, {seen.realtime_priority}" if realtime else f"not real-time, nice {seen.nice}"
+    todo = (
+        "start the service with a real-time priority (systemd: CPUSchedulingPolicy=fifo, CPUSchedulingPriority=50; by "
+        "hand: `sudo chrt -f 50`)"
+    )
+    if must:
+        todo += "; where none can be had, [preflight] realtime = false makes this a warning"
+    return Check("real-time priority", realtime or seen.nice <= _NICE, says, todo, must)

@@ -1,0 +1,275 @@
+"""The preflight of a running service: gathers the facts from its devices, in about two seconds."""
+
+import asyncio
+import ctypes
+import math
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from companion.adapters.px4 import LocalEstimate
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import load_controller
+from companion.config.law_margin import REMEDY, margin_of
+from companion.config.preflight_config import PreflightConfig, load_recommended
+from companion.core.interfaces import Clock, ConfigError, MocapSource
+from companion.core.types import Array, AutopilotStatus
+from companion.estimation.estimator import EstimatorState
+from companion.flight.arm_step import ArmStep
+from companion.preflight.checks.agreement import Apart, VisionSeen, apart, settles
+from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
+from companion.preflight.checks.check import Check
+from companion.preflight.checks.computer import MachineSeen
+from companion.preflight.checks.mocap import MocapSeen
+from companion.preflight.checks.vehicle import ArmsSeen
+from companion.preflight.hand_test_file import read_kept
+from companion.preflight.mocap_watch import MocapWatch, median
+from companion.trajectories.reference import Trajectory
+
+_WATCH_S = 1.0
+_POLL_S = 0.002
+"""Frames come every 3 ms at most."""
+_PAIR_S = 0.02
+_SETTLE_S = 6.0
+"""EKF2 takes some 2 s to trust vision; its flags and the battery's state come once in 1 and 2 s."""
+_SETTLE_POLL_S = 0.05
+_HORIZON_S = 20.0
+"""After a flight PX4's horizon is waited for so long."""
+_LEVEL_SHARE = 0.9
+"""Of the allowed difference: the check itself looks a second later, through noise."""
+_TELL_S = 1.0
+_FLAGS_S = 3.0
+"""Older flags are worth nothing."""
+_UNSYNCHRONISED = 5
+"""TIME_ERROR of adjtimex(2)."""
+_TIMEX_BYTES = 512
+"""More than struct timex has."""
+
+
+class Answering(Protocol):
+    """An autopilot that is looked at and asked, and not commanded."""
+
+    def status(self) -> AutopilotStatus:
+        """See ports.Autopilot."""
+
+    def local(self) -> LocalEstimate:
+        """Where the autopilot itself believes to be; never waits."""
+
+    async def params(self, names: Sequence[str]) -> dict[str, float]:
+        """Values of its parameters; those it does not know are absent."""
+
+
+def _never_landed() -> float:
+    """Return the age of a flight that was not."""
+    return math.inf
+
+
+def _nothing(_: str) -> None:
+    """Nobody waits."""
+
+
+@dataclass(frozen=True)
+class Running:
+    """What a preflight looks at; a flight loop, or an onlooker, keeps it going."""
+
+    mocap: MocapSource
+    autopilot: Answering
+    clock: Clock
+    estimate: Callable[[], EstimatorState]
+    arms: ArmStep | None = None
+    disk_free_mb: Callable[[], float] | None = None
+    """None: nothing is recorded to disk."""
+    operator_age_s: Callable[[], float] | None = None
+    """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
+    arms_remarks: tuple[str, ...] = ()
+    """What connecting found odd about the servos, or their port."""
+    landed_age_s: Callable[[], float] = _never_landed
+    """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
+    tell: Callable[[str], None] = _nothing
+    """Shows what is waited for."""
+    law_loaded: bool = False
+    """A service has a law, whose margins were looked at when it was loaded."""
+
+
+async def preflight(
+    running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
+) -> tuple[Check, ...]:
+    """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision, or 20 s on a horizon
+    that a flight has left off.
+
+    Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
+    """
+    wanted = config.preflight
+    recommended = load_recommended(wanted.parameters)
+    names = [*(one.name for one in recommended), DELAY, HOVER, CURVE]
+    _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
+    watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
+    facts = facts_of(running, watched, parameters, wanted)
+    if not running.law_loaded:
+        facts = replace(facts, law=await asyncio.to_thread(check_configured_law, config))
+    return check_all(facts, config, wanted, recommended, trajectory)
+
+
+def check_configured_law(config: CompanionConfig) -> Check:
+    """Return whether the law that `control.controller` names can be loaded, and has enough margin on this vehicle."""
+    name, model, period_s = config.control.controller, config.vehicle_model(), 1.0 / config.control.rate_hz
+    try:
+        loaded = load_controller(name, model, period_s)
+    except ConfigError as error:
+        return Check("control law", False, f"{name} cannot be loaded: {error}", "mend its file")
+    margin = margin_of(loaded, model, period_s)
+    return Check("control law", margin.enough or loaded.unstable_allowed, f"{name}: {margin.says}", REMEDY)
+
+
+async def settle(running: Running, wanted: PreflightConfig) -> bool:
+    """Wait a while until what comes late is there: vision fused, heading taken over, battery known, broker met.
+
+    And longer after a flight, before which both attitudes agreed, until they do again.
+    """
+
+    def settled() -> bool:
+        vehicle, status = running.estimate().vehicle, running.autopilot.status()
+        if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running) or _operator_age_s(running):
+            return False
+        off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
+        return abs(off.heading_rad) <= wanted.heading_apart_rad
+
+    begun_s = running.clock.now_s()
+    while not settled():
+        if running.clock.now_s() > begun_s + _SETTLE_S:
+            return False
+        await asyncio.sleep(_SETTLE_POLL_S)
+    return await _horizon_settled(running, wanted.tilt_apart_rad, begun_s + _HORIZON_S)
+
+
+async def _horizon_settled(running: Running, most_rad: float, end_s: float) -> bool:
+    """Wait until PX4's horizon agrees again after a flight; True at once where it has no reason to be off."""
+    tell_due_s = -math.inf
+    while settles(tilt_rad := _tilt_apart_rad(running), running.landed_age_s()) and tilt_rad > _LEVEL_SHARE * most_rad:
+        now_s = running.clock.now_s()
+        if now_s > end_s:
+            return False
+        if now_s >= tell_due_s:
+            tell_due_s = now_s + _TELL_S
+            running.tell(
+                f"PX4's horizon is still {math.degrees(tilt_rad):.1f} degrees off after the flight: waiting until it "
+                f"is below {math.degrees(most_rad):.1f}, for up to {end_s - now_s:.0f} s"
+            )
+        await asyncio.sleep(_SETTLE_POLL_S)
+    return True
+
+
+def _tilt_apart_rad(running: Running) -> float:
+    """Return the larger of roll and pitch between motion capture and autopilot; NaN when one is not known."""
+    vehicle = running.estimate().vehicle
+    if vehicle is None:
+        return math.nan
+    off = apart(vehicle.q_w_flu_wxyz[None], running.autopilot.status().q_w_flu_wxyz[None])
+    return max(abs(off.roll_rad), abs(off.pitch_rad))
+
+
+def _fused(running: Running) -> bool:
+    local = running.autopilot.local()
+    return local.vision_fused and running.clock.now_s() - local.flags_s < _FLAGS_S
+
+
+def _operator_age_s(running: Running) -> float:
+    return running.operator_age_s() if running.operator_age_s is not None else 0.0
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Some seconds of both."""
+
+    mocap: MocapSeen
+    apart: Apart
+    vision_apart_m: float
+
+
+class _Watch:
+    """Collects while a loop reads and estimates; call `look` every few milliseconds."""
+
+    def __init__(self, running: Running, delay_s: float) -> None:
+        self._running = running
+        self.mocap = MocapWatch(running.mocap, running.estimate, delay_s)
+        self._pair_due_s = -math.inf
+        self.pairs: list[tuple[Array, Array]] = []
+        self.distances_m: list[float] = []
+
+    def look(self, now_s: float) -> None:
+        self.mocap.look(now_s)
+        vehicle = self._running.estimate().vehicle
+        if vehicle is not None and now_s >= self._pair_due_s:
+            self._pair_due_s = now_s + _PAIR_S
+            self.pairs.append((vehicle.q_w_flu_wxyz, self._running.autopilot.status().q_w_flu_wxyz))
+            distance_m = np.linalg.norm(self._running.autopilot.local().position_w_m - vehicle.position_w_m)
+            self.distances_m.append(float(distance_m))
+
+
+async def watch(
+    running: Running, body: str, delay_s: float, for_s: float, enough: Callable[[], bool] = lambda: False
+) -> Watched:
+    """Motion capture and the autopilot's estimate for `for_s`, or until `enough` says so.
+
+    `delay_s` is the configured least delay of motion capture.
+    """
+    clock, seen = running.clock, _Watch(running, delay_s)
+    begun_s = now_s = clock.now_s()
+    while now_s - begun_s < for_s and not enough():
+        seen.look(now_s)
+        await asyncio.sleep(_POLL_S)
+        now_s = clock.now_s()
+    ours, theirs = (np.array([pair[place] for pair in seen.pairs]).reshape(-1, 4) for place in (0, 1))
+    return Watched(seen.mocap.seen(body, now_s - begun_s), apart(ours, theirs), median(seen.distances_m))
+
+
+def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:
+    """What was watched, and the rest as it is now."""
+    vehicle, now_s = running.estimate().vehicle, running.clock.now_s()
+    return Facts(
+        now_s,
+        datetime.now(tz=UTC),
+        watched.mocap,
+        vehicle.position_w_m if vehicle is not None else None,
+        running.autopilot.status(),
+        watched.apart,
+        VisionSeen(_fused(running), watched.vision_apart_m),
+        parameters,
+        _arms_of(running, now_s),
+        machine_of(running),
+        read_kept(wanted),
+        _operator_age_s(running),
+        running.landed_age_s(),
+    )
+
+
+def _arms_of(running: Running, now_s: float) -> ArmsSeen | None:
+    arms = running.arms
+    if arms is None:
+        return None
+    return ArmsSeen(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow, running.arms_remarks)
+
+
+def machine_of(running: Running) -> MachineSeen:
+    """This computer and this process, whose main thread runs the control loop."""
+    realtime = os.sched_getscheduler(0) in {os.SCHED_FIFO, os.SCHED_RR}
+    return MachineSeen(
+        running.disk_free_mb() if running.disk_free_mb is not None else math.inf,
+        time.get_clock_info("monotonic").resolution,
+        time.time() >= Path(__file__).stat().st_mtime,
+        _synchronised(),
+        os.sched_getparam(0).sched_priority if realtime else 0,
+        os.getpriority(os.PRIO_PROCESS, 0),
+    )
+
+
+def _synchronised() -> bool | None:
+    """Whether a time service keeps the system clock, by adjtimex(2); None when the kernel does not tell."""
+    state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES))  # modes = 0: only asks
+    return None if state < 0 else state != _UNSYNCHRONISED

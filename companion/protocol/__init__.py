@@ -1,0 +1,1 @@
+"""Messages between service and clients over MQTT: topics, models, schemas. Pure."""

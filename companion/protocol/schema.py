@@ -1,0 +1,45 @@
+"""JSON Schemas of the messages on the bus, printed from the models by `python -m companion.protocol.schema`."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from companion.protocol.commands import COMMAND
+from companion.protocol.mocap import BridgePresence, MocapPose
+from companion.protocol.telemetry import Happened, Presence, Reply, State
+from companion.protocol.topics import VERSION
+
+FOLDER = Path(__file__).resolve().parents[2] / "docs" / "bus"
+_OF: dict[str, TypeAdapter[Any]] = {
+    "command": COMMAND,
+    "reply": TypeAdapter(Reply),
+    "event": TypeAdapter(Happened),
+    "state": TypeAdapter(State),
+    "status": TypeAdapter(Presence),
+    "mocap": TypeAdapter(MocapPose),
+    "mocap-bridge": TypeAdapter(BridgePresence),
+}
+"""By the topic after the vehicle's name, - for /."""
+
+
+def printed() -> dict[str, str]:
+    """Name of the file and its text."""
+    return {f"{topic}.schema.json": _text(topic, model) for topic, model in _OF.items()}
+
+
+def _text(topic: str, model: TypeAdapter[Any]) -> str:
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"{VERSION}/{topic}.schema.json"}
+    return json.dumps(head | model.json_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def main() -> None:
+    """Write them all."""
+    FOLDER.mkdir(exist_ok=True)
+    for name, text in printed().items():
+        (FOLDER / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The daemon: devices, flight loop, and commands accepted and completed."""

@@ -1,0 +1,128 @@
+"""What an operator may ask of the arms, beside the verbs of the flight."""
+
+from collections.abc import Awaitable, Callable
+
+from companion.arms.state_machine import ArmPhase
+from companion.arms.trajectory import JointTrajectory
+from companion.config.arms_config import ArmsConfig
+from companion.core.interfaces import FlightError
+from companion.core.types import Array
+from companion.flight.arm_step import ArmStep
+from companion.flight.flight_loop import FlightLoop
+
+_SETTLE_S = 2.0
+"""For a joint to show its torque, or to come to rest at the end of a motion."""
+
+Until = Callable[[Callable[[], bool], float], Awaitable[bool]]
+"""Wait until something is true; False after so many seconds."""
+Grounded = Callable[[], Awaitable[None]]
+"""FlightError unless the vehicle is known to stand, disarmed."""
+
+
+class ArmActions:
+    """Each raises FlightError for a vehicle without arms."""
+
+    def __init__(self, loop: FlightLoop, config: ArmsConfig | None, until: Until, grounded: Grounded) -> None:
+        self._loop, self._config, self._until, self._grounded = loop, config, until, grounded
+
+    def check_ready(self) -> None:
+        """Hanging arms would meet the floor, and limp ones would swing: FlightError unless they are held, stowed."""
+        arms = self._loop.arms
+        if arms is None:
+            return
+        if arms.fault:
+            raise FlightError(f"cannot arm: {arms.fault}")
+        if arms.state.phase is not ArmPhase.HOLDING:
+            raise FlightError(f"cannot arm: the arms are {arms.state.phase}, they must hold their stowed pose")
+        if arms.off_stow:
+            raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
+
+    async def prepare(self) -> Array:
+        """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
+
+        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there
+        or when the vehicle does not stand: in the air nobody would know of their motion.
+        """
+        arms, config = self._fitted()
+        await self._grounded()
+        await arms.torque_on()
+        held_rad = await self._held(arms, _SETTLE_S)
+        fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None
+        if fold is not None:
+            await self.move(fold)
+            held_rad = await self._held(arms, fold.duration_s + _SETTLE_S)
+        if not await self._until(lambda: not arms.off_stow, _SETTLE_S):
+            raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
+        return held_rad
+
+    async def move(self, motion: JointTrajectory) -> None:
+        """Begin a motion that was planned from where the joints are held; ArmError with the reason why it may not."""
+        self.begin(motion)
+
+    def begin(self, motion: JointTrajectory) -> None:
+        """As `move`, at once."""
+        arms, _ = self._fitted()
+        arms.play(motion, self._loop.flight.phase)
+
+    @property
+    def held_rad(self) -> Array:
+        """The joint angles (8,) that are held now; FlightError while the arms move or do not hold."""
+        arms, _ = self._fitted()
+        if arms.held_rad is None:
+            raise FlightError(f"the arms must hold still first, they are {arms.fault or arms.state.phase}")
+        return arms.held_rad
+
+    def still(self, reason: str) -> None:
+        """Bring a motion to rest on its way; nothing for arms that hold."""
+        arms, _ = self._fitted()
+        arms.stop(reason)
+
+    def end(self, motion: JointTrajectory, reason: str) -> None:
+        """Bring this motion to rest on its way; nothing where it is not run any more."""
+        arms, _ = self._fitted()
+        if arms.state.motion is motion:
+            arms.stop(reason)
+
+    async def at_rest(self, within_s: float) -> None:
+        """Wait until a motion of so many seconds is over; FlightError when it was ended otherwise."""
+        arms, _ = self._fitted()
+        motion = arms.state.motion
+        if not await self._until(lambda: arms.state.motion is not motion, within_s + _SETTLE_S):
+            raise FlightError(f"the arms still move after {within_s + _SETTLE_S:.0f} s")
+        if arms.fault or (arms.state.motion is not None) or arms.state.reason:
+            raise FlightError(f"the motion was ended: {arms.fault or arms.state.reason or arms.state.phase}")
+
+    async def fold(self, taken: Callable[[str], None]) -> None:
+        """Fold from where the arms are held, in the air or on the ground; FlightError when they do not get there."""
+        arms, config = self._fitted()
+        floor_z_m = None if self._loop.flight.airborne else config.floor_z_m
+        way = arms.way_to_stow(self.held_rad, floor_z_m)
+        if way is None:
+            taken("the arms are folded")
+            return
+        self.begin(way)
+        taken(f"the arms fold, {way.duration_s:.0f} s")
+        await self.at_rest(way.duration_s)
+
+    async def limp(self) -> None:
+        """On the ground: torque off; ArmError naming the joints that do not answer."""
+        arms, _ = self._fitted()
+        await self._grounded()
+        await arms.torque_off()
+
+    async def clear_faults(self) -> None:
+        """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare` again."""
+        arms, _ = self._fitted()
+        await arms.clear_faults()
+
+    def _fitted(self) -> tuple[ArmStep, ArmsConfig]:
+        if self._loop.arms is None or self._config is None:
+            raise FlightError("this vehicle has no arms: its configuration has no [arms]")
+        return self._loop.arms, self._config
+
+    async def _held(self, arms: ArmStep, timeout_s: float) -> Array:
+        """Wait until they stand still; the joint angles (8,) that they are held at."""
+        await self._until(lambda: arms.held_rad is not None or bool(arms.fault), timeout_s)
+        if arms.held_rad is None or arms.fault:
+            raise FlightError(f"the arms are {arms.state.phase} and should be holding: {arms.fault or 'time is up'}")
+        return arms.held_rad

@@ -1,0 +1,313 @@
+"""The service as it runs for days: the operators' bus, and a vehicle as soon as its devices are there."""
+
+import asyncio
+import logging
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from companion.adapters.broker import open_broker
+from companion.adapters.mqtt import Answering, BusLink, open_bus
+from companion.adapters.system.clock import MonotonicClock
+from companion.adapters.system.last_resort import LastResort
+from companion.adapters.system.systemd import Notifier
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController
+from companion.config.operator_config import OperatorConfig
+from companion.core.interfaces import ArmError, CompanionError, ConfigError, MocapError
+from companion.flight.sinks import FanOutSink, LoopHeartbeat
+from companion.flight.tick import TickSink
+from companion.preflight.live_observer import DevicesMissingError, open_onlooker
+from companion.protocol.commands import Command
+from companion.protocol.telemetry import Answer, Happened, Kind, Reply
+from companion.records.record_process import RecordSink
+from companion.service.dispatcher import CommandDispatcher
+from companion.service.telemetry import Telemetry
+from companion.service.vehicle_service import FlightActions, open_service
+from companion.supervisor.flight_state import STREAMING, Phase
+
+LOG = logging.getLogger(__name__)
+
+_STATE_S = 0.1
+_AGAIN_S = 2.0
+"""Between two attempts to reach the devices."""
+_NAME_S = 3.0
+"""So long the broker is waited for, to hear whether another service has this vehicle's name."""
+_TICKING_S = 0.5
+"""A tick so lately, and the control loop lives."""
+_SWITCH_S = 0.0005
+"""A thread that computes (a plan, a list of parameters) gives way to the control loop after this, not after 5 ms."""
+_LANDED_S = 60.0
+_NOT_TOLD = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
+
+
+@dataclass(frozen=True)
+class DaemonSettings:
+    """What is served, and to whom."""
+
+    config: CompanionConfig
+    controller: LoadedController
+    notifier: Notifier
+    recorder: RecordSink | None
+    records: Path | None
+    note_law: Callable[[str], None]
+    """Told the name of every law before it flies."""
+    last_resort: LastResort
+
+    @property
+    def operator(self) -> OperatorConfig:
+        """The bus; without an [operator] table a broker of our own, for this computer alone."""
+        return self.config.operator or OperatorConfig(embedded=True)
+
+
+async def serve(what: DaemonSettings) -> None:
+    """Until SIGTERM or Ctrl-C, which land first. Raises ConfigError for a broker that cannot be."""
+    sys.setswitchinterval(_SWITCH_S)
+    stop = asyncio.Event()
+    _end_on_signals(stop, what)
+    asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, what.last_resort))
+    session, desk = secrets.token_hex(8), CommandDispatcher(what.config, what.controller.name)
+    desk.note_law = what.note_law
+    async with AsyncExitStack() as devices:
+        if what.operator.embedded:
+            await devices.enter_async_context(open_broker(what.operator))
+        heard = CommandLogger(desk)
+        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, heard))
+        await _require_only_service(link)
+        desk.rival = link.rival
+        heard.tell = told = EventPublisher(link, what.recorder)
+        telemetry, beat = Telemetry(session, told), LoopHeartbeat()
+        showing = asyncio.create_task(_show(link, telemetry, beat, desk, what), name="companion.state")
+        try:
+            what.notifier.ready("looking for the vehicle")
+            sinks: list[TickSink] = [beat, telemetry, *([what.recorder] if what.recorder else [])]
+            await _serve_vehicles(what, FanOutSink(sinks), link, desk, telemetry, stop)
+        finally:
+            if not stop.is_set():
+                what.notifier.stopping("ends")
+            showing.cancel()
+            await asyncio.gather(showing, return_exceptions=True)
+
+
+async def _require_only_service(link: BusLink) -> None:
+    """ConfigError when another service has this vehicle's name on the broker; without a broker nobody can tell."""
+    await link.listened(_NAME_S)
+    if link.rival():
+        raise ConfigError(link.rival())
+
+
+def _end_on_signals(stop: asyncio.Event, what: DaemonSettings) -> None:
+    def end() -> None:
+        what.last_resort.told_to_end()
+        again = stop.is_set()
+        stop.set()  # first of all: what follows needs memory, which may lack
+        LOG.warning("told to end%s", ": it is doing so" if again else "")
+        if not again:
+            what.notifier.stopping("told to end")
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        asyncio.get_running_loop().add_signal_handler(number, end)
+
+
+def _failed_callback(last_resort: LastResort, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    if isinstance(context.get("exception"), MemoryError):
+        last_resort.lacks_memory()
+    loop.default_exception_handler(context)
+
+
+async def _serve_vehicles(
+    what: DaemonSettings,
+    sink: TickSink,
+    link: BusLink,
+    desk: CommandDispatcher,
+    telemetry: Telemetry,
+    stop: asyncio.Event,
+) -> None:
+    """One vehicle, and again whenever its devices are lost and come back: on the ground, or with somebody else."""
+    dead_man, said = KernelWatchdogTimer(what.config.safety.dead_man_s), ""
+    while not stop.is_set():
+        opened = asyncio.Event()
+
+        async def one_vehicle(opened: asyncio.Event = opened) -> None:
+            async with open_service(what.config, what.controller.law, sink, dead_man, what.records, link) as service:
+                opened.set()
+                what.last_resort.flying = partial(_needs_us, service)
+                await _with_vehicle(service, desk, stop)
+
+        try:
+            await begun_unless(stop, opened, one_vehicle())
+        except CompanionError as error:
+            first, said = not said or opened.is_set(), "" if opened.is_set() else said
+            if str(error) != said:
+                said = str(error)
+                LOG.error("no vehicle: %s; tried again every %g s", said, _AGAIN_S)  # noqa: TRY400 - for the operator
+            telemetry.forget(said)
+            desk.waiting = said
+            if first and isinstance(error, MocapError | ArmError):
+                await begun_unless(stop, asyncio.Event(), _tell_what_else(what, said))
+        finally:
+            what.last_resort.flying = bool
+        await _sleep(stop, _AGAIN_S)
+
+
+async def _tell_what_else(what: DaemonSettings, said: str) -> None:
+    """Say once which other devices cannot be reached: they are opened one after the other."""
+    try:
+        async with open_onlooker(what.config, what.records or Path(), forward_vision=False):
+            return
+    except DevicesMissingError as missing:
+        for check in missing.checks:
+            if not check.passed and check.says != said:
+                LOG.error("no vehicle: %s", check.says)  # noqa: TRY400 - the sentence is for the operator
+    except CompanionError as error:
+        LOG.info("%s", error)
+
+
+async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
+    """Do it to its end, unless `stop` comes before it has `begun`: then it is cancelled, and that is no error."""
+    task = asyncio.create_task(doing, name="companion.vehicle")
+    stopping = asyncio.create_task(stop.wait(), name="companion.end")
+    try:
+        await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        if not begun.is_set():
+            task.cancel()
+        await asyncio.wait({task})
+    finally:
+        stopping.cancel()
+        task.cancel()
+        await asyncio.wait({task})
+    if not task.cancelled():
+        task.result()
+
+
+async def _with_vehicle(service: FlightActions, desk: CommandDispatcher, stop: asyncio.Event) -> None:
+    """Until told to end; raises what ends the flight loop before."""
+    for warning in service.warnings:
+        LOG.warning("%s", warning)
+    LOG.info("the vehicle is there: `companion preflight` says whether it may arm, then `companion arm`")
+    desk.open(service)
+    ending = asyncio.create_task(stop.wait(), name="companion.end")
+    try:
+        await asyncio.wait({ending, service.ticking}, return_when=asyncio.FIRST_COMPLETED)
+        if service.ticking.done():
+            service.ticking.result()
+        await _land(service)
+    finally:
+        ending.cancel()
+        await desk.close()
+
+
+def _flies(service: FlightActions) -> bool:
+    return service.phase in STREAMING | {Phase.HANDED_OVER}
+
+
+def _needs_us(service: FlightActions) -> bool:
+    """Whether the vehicle falls or lands blind without this process; a landing by PX4 takes no longer than that."""
+    landing = service.phase is Phase.HANDED_OVER and time.monotonic() - service.loop.flight.since_s < _LANDED_S
+    return service.phase in STREAMING or landing
+
+
+async def _land(service: FlightActions) -> None:
+    """Down, before anything is closed; who else has the vehicle is waited for."""
+    if not _flies(service):
+        return
+    LOG.warning("lands, then ends")
+    try:
+        await service.land("the service was told to end")
+    except CompanionError as error:
+        LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
+
+
+async def _show(
+    link: BusLink, telemetry: Telemetry, beat: LoopHeartbeat, desk: CommandDispatcher, what: DaemonSettings
+) -> None:
+    """The state, ten times a second; and a sign of life to systemd while the control loop ticks, or waits for one."""
+    rate_hz = what.config.control.rate_hz
+    while True:
+        if lives(beat.ticked_s, desk.ticking, time.monotonic()):
+            what.notifier.alive()
+        try:
+            telemetry.warn(_warnings(what.recorder, link))
+            ended = desk.ended_loop
+            if ended is not None:
+                telemetry.note_ended_loop(*ended, time.monotonic())
+            state = telemetry.state(desk.doing, rate_hz)
+            link.show(state)
+            what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
+        except Exception:
+            LOG.exception("the state cannot be told")
+        await asyncio.sleep(_STATE_S)
+
+
+def _warnings(recorder: RecordSink | None, link: BusLink) -> tuple[str, ...]:
+    """Return what is wrong beside the vehicle."""
+    unrecorded = f"the record: {recorder.failed}" if recorder is not None and recorder.failed else ""
+    return tuple(filter(None, (unrecorded, link.rival())))
+
+
+def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:
+    """Whether systemd is to let the process go on: the control loop has ticked lately, or does not tick.
+
+    One that has failed still shows the autopilot, which lands, where it is; ended by systemd, it would land blind.
+    """
+    return not ticking or now_s - ticked_s < _TICKING_S
+
+
+async def _sleep(stop: asyncio.Event, for_s: float) -> None:
+    try:
+        async with asyncio.timeout(for_s):
+            await stop.wait()
+    except TimeoutError:
+        return
+
+
+class CommandLogger:
+    """The desk; what it is told and says, everyone who watches hears, and it goes into the record."""
+
+    def __init__(self, desk: CommandDispatcher) -> None:
+        self._desk = desk
+        self.tell: Callable[[Happened], None] | None = None
+        """Where it is told; None as long as nobody can hear it."""
+
+    def __call__(self, command: Command, say: Answering) -> None:
+        """Take one command."""
+
+        def said(reply: Reply) -> None:
+            if reply.answer is not Answer.PROGRESS:
+                self._tell(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}", command.id)
+            say(reply)
+
+        asked = command.model_dump(exclude=_NOT_TOLD, exclude_none=True)
+        words = " ".join(f"{name}={value}" for name, value in asked.items())
+        self._tell(Kind.COMMAND, words, command.verb, command.id)
+        self._desk.take(command, said)
+
+    def _tell(self, kind: Kind, text: str, name: str, id_: str) -> None:
+        if self.tell is not None:
+            self.tell(Happened(time_s=time.time(), kind=kind, text=text, name=name, id=id_))
+
+
+class EventPublisher:
+    """Events go to the operators and into the record."""
+
+    def __init__(self, link: BusLink, recorder: RecordSink | None) -> None:
+        self._link, self._recorder = link, recorder
+
+    def __call__(self, happened: Happened) -> None:
+        """Publish one event and record it."""
+        self._link.tell(happened)
+        if self._recorder is not None:
+            text = happened.text
+            if happened.kind is Kind.REPLY:
+                text = f"{happened.name}: {text}" if text else happened.name
+            elif happened.kind is Kind.COMMAND:
+                text = f"{happened.name} {text}".rstrip()
+            self._recorder.tell(str(happened.kind), text, time.monotonic())

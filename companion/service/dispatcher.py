@@ -1,0 +1,417 @@
+"""Where operators' commands are carried out: one flight command at a time, and what must not wait at once."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Coroutine, Iterable
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from companion.config.companion_config import CompanionConfig
+from companion.core.interfaces import CompanionError, FlightError
+from companion.core.types import AutopilotStatus
+from companion.protocol import commands as asked
+from companion.protocol.commands import AT_ONCE, Command
+from companion.protocol.telemetry import Answer, Doing
+from companion.service.command_job import LANES, CommandJob, Say, channels_of
+from companion.service.completion import disarmed, killed, nothing_follows, resumed, stand_still, switched
+from companion.service.flight_actions import FlightActions
+from companion.service.orders import wanted_by
+from companion.service.planning import Laws, Planned, params_of, planned_arms, planned_track, yaw_here_rad
+from companion.service.refusal_hints import remedy_for
+from companion.service.trajectory_space import check_climb
+from companion.supervisor.flight_state import (
+    IN_THE_AIR,
+    STREAMING,
+    FlightState,
+    HoldRequest,
+    Phase,
+    Request,
+    TakeoffRequest,
+    TrackRequest,
+)
+from companion.trajectories.reference import Hold
+
+LOG = logging.getLogger(__name__)
+
+_VERBS_IN_WORDS = {"arm": "arm", "takeoff": "take off"}
+_FLY = TrackRequest(Hold(np.zeros(3)), 0.0)
+"""Any: whether one fits depends on the phase alone."""
+
+
+def _nobody(_: str) -> None:
+    """Nobody wants to know."""
+
+
+def _no_rival() -> str:
+    """No other service is known."""
+    return ""
+
+
+class CommandDispatcher:
+    """Takes commands that count (bus.intake) and answers each: refused; or accepted, and later done or failed.
+
+    Verbs of AT_ONCE are handed to the flight loop in the same turn, whatever else is under way: what they end is
+    answered as failed, and so is what is still prepared: nothing asked for before them begins after them. Of the others
+    one for the flight and one for the arms run at a time.
+    """
+
+    def __init__(self, config: CompanionConfig, law: str) -> None:
+        self._config, self._laws = config, Laws(config, law)
+        self._service: FlightActions | None = None
+        self._jobs: dict[str, CommandJob] = {}
+        """By lane: flight, arms."""
+        self._tasks: dict[asyncio.Task[None], CommandJob] = {}
+        self.waiting = "the service begins"
+        """Why nothing can be carried out now."""
+        self.note_law: Callable[[str], None] = _nobody
+        """Told the name of a law before it takes over."""
+        self.rival: Callable[[], str] = _no_rival
+        """Says what is wrong when another service has this vehicle's name: then nothing is armed."""
+
+    def open(self, service: FlightActions) -> None:
+        """From now on commands are carried out; the law that flies is the one the service was begun with."""
+        self._service = service
+        service.loop.law_name = self._laws.name
+
+    async def close(self) -> None:
+        """Nothing is carried out any more; what was, is answered as failed."""
+        self._service, self.waiting = None, "it was lost, or the service ends"
+        for job in self._tasks.values():
+            job.call_off(self.waiting)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    @property
+    def ticking(self) -> bool:
+        """There is a flight loop, and its cycles come by themselves."""
+        return self._service is not None and self._service.loop.ticking
+
+    @property
+    def ended_loop(self) -> tuple[FlightState, AutopilotStatus] | None:
+        """The flight and the autopilot after the loop has failed: it hands over, and makes no ticks; else None."""
+        service = self._service
+        if service is None or not service.loop.failed:
+            return None
+        return service.loop.flight, service.status
+
+    @property
+    def doing(self) -> Doing | None:
+        """The flight's command, or else the arms'."""
+        job = self._jobs.get("flight") or self._jobs.get("arms")
+        return None if job is None else Doing(id=job.command.id, verb=job.command.verb, text=job.text)
+
+    def take(self, command: Command, say: Say) -> None:
+        """Begin it, or refuse it; never waits."""
+        job = CommandJob(command, say)
+        try:
+            work = self._work(job)
+        except CompanionError as error:
+            self._refuse(job, str(error))
+            return
+        task = asyncio.get_running_loop().create_task(self._carry_out(job, work), name=f"companion.{command.verb}")
+        self._tasks[task] = job
+        task.add_done_callback(self._tasks.pop)
+
+    def _refuse(self, job: CommandJob, reason: str) -> None:
+        LOG.warning("%s (%s) is refused: %s", job.command.verb, job.command.id, reason)
+        job.answer(Answer.REFUSED, reason)
+
+    def _work(self, job: CommandJob) -> Coroutine[Any, Any, "str | _Said"]:
+        """What is to be awaited for it; CompanionError when it cannot begin. At-once verbs have begun then."""
+        command, service = job.command, self._service
+        if service is None:
+            raise FlightError(f"there is no vehicle yet: {self.waiting}")
+        if command.verb in AT_ONCE:
+            work = ImmediateCommands(service, job, self._config.px4.answer_timeout_s).begin()
+            if not isinstance(command, asked.Resume):
+                self._call_off(LANES, f"{command.verb} was ordered")
+            return work
+        if isinstance(command, asked.Arm | asked.TakeOff) and self.rival():
+            raise FlightError(f"cannot {_VERBS_IN_WORDS[command.verb]}: {self.rival()}")
+        lanes = channels_of(command)
+        for lane in lanes:
+            running = self._jobs.get(lane)
+            if running is not None:
+                raise FlightError(
+                    f"{running.command.verb} ({running.command.id}) is still under way: wait, or run `companion hold`"
+                )
+        self._jobs |= dict.fromkeys(lanes, job)
+        if isinstance(command, asked.Arms) and command.do == "hold":
+            self._call_off(("arms",), "the arms were to hold still")
+        return QueuedCommands(service, self._config, self._laws, job, self.note_law).run()
+
+    def _call_off(self, lanes: Iterable[str], why: str) -> None:
+        """What is still prepared; what has begun is ended by the flight, or by the arms."""
+        for lane in lanes:
+            job = self._jobs.get(lane)
+            if job is not None and job.preparing:
+                job.call_off(why)
+
+    async def _carry_out(self, job: CommandJob, work: "Coroutine[Any, Any, str | _Said]") -> None:
+        job.begin()
+        try:
+            if job.called_off:
+                work.close()
+                self._end_badly(job, job.called_off)
+                return
+            said = await work
+            text, data = said if isinstance(said, tuple) else (said, {})
+            job.accept()
+            job.answer(Answer.DONE, text, data)
+        except asyncio.CancelledError:
+            self._end_badly(job, job.called_off or "the service ends")
+            if not job.called_off:
+                raise
+        except _NotGoodError as error:
+            job.answer(Answer.FAILED, str(error), error.data)
+        except CompanionError as error:
+            self._end_badly(job, str(error))
+        except Exception as error:
+            LOG.exception("%s (%s) failed", job.command.verb, job.command.id)
+            self._end_badly(job, f"{type(error).__name__}: {error}")
+        finally:
+            for lane in [lane for lane, running in self._jobs.items() if running is job]:
+                del self._jobs[lane]
+
+    def _end_badly(self, job: CommandJob, reason: str) -> None:
+        if not job.accepted:
+            self._refuse(job, reason)
+            return
+        LOG.warning("%s (%s) failed: %s", job.command.verb, job.command.id, reason)
+        job.answer(Answer.FAILED, reason)
+
+
+_Said = tuple[str, dict[str, Any]]
+"""A sentence, and what was asked for."""
+
+
+class _NotGoodError(CompanionError):
+    """What was asked for can be told, and is not good."""
+
+    def __init__(self, reason: str, data: dict[str, Any]) -> None:
+        super().__init__(reason)
+        self.data = data
+
+
+def _does_not_fit(what: str, refused: str, wanted: Request, service: FlightActions) -> FlightError:
+    """Return the refusal, with what to do first where the phase alone is in the way."""
+    todo = remedy_for(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
+    return FlightError(f"cannot {what} in phase {service.phase}: {todo}" if todo else f"cannot {what}: {refused}")
+
+
+class ImmediateCommands:
+    """A verb of AT_ONCE: the request goes to the flight loop now, its end is awaited."""
+
+    def __init__(self, service: FlightActions, job: CommandJob, answer_s: float) -> None:
+        self._service, self._job, self._answer_s = service, job, answer_s
+
+    def begin(self) -> Coroutine[Any, Any, str]:
+        """Hand it in; FlightError with the reason when it does not fit."""
+        command, service = self._job.command, self._service
+        if isinstance(command, asked.Disarm):
+            return self._disarm()
+        wanted = wanted_by(command)
+        assert wanted is not None
+        refused = service.loop.refusal(wanted)
+        down = service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
+        if down and isinstance(command, asked.Land | asked.Abort):
+            if refused:
+                return self._on_ground()
+            self._job.accept()
+            service.loop.ask(wanted)
+            nothing_follows(service, f"{command.verb} was ordered")
+            return _said("it stands, and what was being prepared has ended")
+        if refused or not service.loop.ask(wanted):
+            raise _does_not_fit(command.verb, refused, wanted, service)
+        self._job.accept()
+        if not isinstance(command, asked.Hold | asked.Resume):
+            nothing_follows(service, f"{command.verb} was ordered")
+        return self._end(command)
+
+    async def _end(self, command: Command) -> str:
+        service = self._service
+        if isinstance(command, asked.Hold):
+            await stand_still(service)
+            return "it hovers"
+        if isinstance(command, asked.Resume):
+            await resumed(service, self._answer_s)
+            return "we have the vehicle, it hovers"
+        if isinstance(command, asked.Kill):
+            await killed(service, self._answer_s)
+            return "the motors are off"
+        await service.land()
+        return f"down and disarmed{f': {service.trouble}' if service.trouble else ''}"
+
+    def _on_ground(self) -> Coroutine[Any, Any, str]:
+        service, verb = self._service, self._job.command.verb
+        if service.status.armed or service.status.in_air:
+            raise FlightError(
+                f"cannot {verb}: this service does not fly the vehicle, and the autopilot says that it is "
+                f"{'in the air' if service.status.in_air else 'armed'}: use the remote control, or run `companion kill`"
+            )
+        self._job.accept()
+        nothing_follows(service, f"{verb} was ordered")
+        return _said("it stands, nothing is under way")
+
+    def _disarm(self) -> Coroutine[Any, Any, str]:
+        service, phase = self._service, self._service.phase
+        flying = phase in IN_THE_AIR and not service.loop.flight.touched_down
+        if flying or (phase not in STREAMING and service.status.in_air):
+            raise FlightError("cannot disarm: the vehicle is in the air; run `companion land`, or `companion kill`")
+        self._job.accept()
+        return self._disarmed()
+
+    async def _disarmed(self) -> str:
+        await disarmed(self._service, self._answer_s)
+        return "the motors are off"
+
+
+async def _said(text: str) -> str:
+    """What needs no waiting for."""
+    return text
+
+
+class QueuedCommands:
+    """A verb that takes its time."""
+
+    def __init__(
+        self,
+        service: FlightActions,
+        config: CompanionConfig,
+        laws: Laws,
+        job: CommandJob,
+        note_law: Callable[[str], None],
+    ) -> None:
+        self._service, self._config, self._laws, self._job = service, config, laws, job
+        self._note_law = note_law
+
+    def run(self) -> Coroutine[Any, Any, str | _Said]:
+        """The coroutine that does it."""
+        how: dict[type, Callable[[Any], Coroutine[Any, Any, str | _Said]]] = {
+            asked.Preflight: self._preflight,
+            asked.Arm: self._arm,
+            asked.TakeOff: self._take_off,
+            asked.GoTo: self._go_to,
+            asked.Track: self._track,
+            asked.Arms: self._arms,
+            asked.SwitchController: self._controller,
+            asked.Params: self._params,
+        }
+        return how[type(self._job.command)](self._job.command)
+
+    def _begun(self, text: str = "") -> None:
+        """From here on the flight, or the arms, end it; what is said first is that it fits."""
+        self._job.preparing = False
+        self._job.accept(text)
+
+    def _fits(self, wanted: Request, what: str) -> None:
+        refused = self._service.loop.refusal(wanted)
+        if refused:
+            raise _does_not_fit(what, refused, wanted, self._service)
+
+    async def _preflight(self, _: asked.Preflight) -> _Said:
+        self._job.preparing = False
+        self._job.accept("looking at motion capture, autopilot and arms")
+        with self._service.waits_told_to(self._job.progress):
+            checks = await self._service.checks(None)
+        data = {"checks": [asdict(check) for check in checks]}
+        refused = sum(check.refuses for check in checks)
+        if refused:
+            raise _NotGoodError(f"{refused} of {len(checks)} checks fail: arming is refused", data)
+        warned = sum(not check.passed for check in checks)
+        warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
+        return f"it may arm{warnings}", data
+
+    async def _arm(self, _: asked.Arm) -> str:
+        service = self._service
+        await service.require_ground()
+        self._job.accept("preparing")
+        await service.ready()
+        if self._config.arms is not None:
+            self._job.progress("torque on, arms fold")
+            await service.arms.prepare()
+        self._job.progress("preflight checks, offboard mode, then arming")
+        self._job.preparing = False
+        with service.waits_told_to(self._job.progress):
+            await service.arm()
+        return "armed, the motors idle"
+
+    async def _take_off(self, command: asked.TakeOff) -> str:
+        height_m = command.height_m or self._config.flight.takeoff_height_m
+        self._fits(TakeoffRequest(height_m), "take off")
+        vehicle = self._service.loop.estimate.vehicle
+        check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
+        self._begun(f"climbing to {height_m:g} m")
+        await self._service.take_off(height_m)
+        return f"it hovers {height_m:g} m above where it stood"
+
+    async def _go_to(self, command: asked.GoTo) -> str:
+        service, place_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
+        self._fits(_FLY, "go there")
+        yaw_rad = yaw_here_rad(service) if command.yaw_rad is None else command.yaw_rad
+        await service.go_to(place_w_m, yaw_rad, self._begun)
+        return f"it hovers at {command.x_m:g} {command.y_m:g} {command.z_m:g} m"
+
+    async def _track(self, command: asked.Track) -> str:
+        service = self._service
+        self._fits(_FLY, "fly a trajectory")  # before anything is worked out
+        plan: Planned = await planned_track(command, service, self._config)
+        try:
+            await service.fly(plan.trajectory, lambda: self._begin_track(plan))
+        finally:
+            if plan.arms is not None:
+                service.arms.end(plan.arms, "the trajectory is over")
+        return f"{plan.name} is flown, it hovers at its end"
+
+    def _begin_track(self, plan: Planned) -> None:
+        self._begun(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
+        if plan.arms is None:
+            return
+        try:
+            self._service.arms.begin(plan.arms)
+        except CompanionError:
+            self._service.loop.ask(HoldRequest())
+            raise
+
+    async def _arms(self, command: asked.Arms) -> str:
+        arms = self._service.arms
+        if command.do == "hold":
+            arms.still("the operator stopped them")
+            return "the arms come to rest"
+        if command.do == "play":
+            motion = await planned_arms(command.motion or "", self._service, self._config)
+            await arms.move(motion)
+            self._begun(f"{command.motion} takes {motion.duration_s:.0f} s")
+            await arms.at_rest(motion.duration_s)
+            return f"{command.motion} is played"
+        if command.do == "stow":
+            await arms.fold(self._begun)
+            return "the arms are folded"
+        if command.do == "clear":
+            self._begun()
+            await arms.clear_faults()
+            return "forgotten; run `companion arms live ready` before they move again"
+        await self._service.require_ground()
+        self._job.accept()
+        if command.do == "limp":
+            self._job.preparing = False
+            await arms.limp()
+            return "the arms are limp"
+        await arms.prepare()
+        return "the arms hold, folded"
+
+    async def _controller(self, command: asked.SwitchController) -> str:
+        before = self._service.loop.law_name
+        law = await self._laws.load(command.name)
+        self._note_law(command.name)
+        self._begun(f"{before} hands over to {command.name}")
+        self._service.loop.switch(law, command.name)
+        await switched(self._service)
+        return f"{command.name} {'flies' if self._service.loop.flight.airborne else 'is to fly'}"
+
+    async def _params(self, _: asked.Params) -> _Said:
+        self._job.accept()
+        return "configuration, gains and the autopilot's parameters", await params_of(
+            self._service, self._config, self._service.loop.law_name
+        )

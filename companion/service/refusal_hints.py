@@ -1,0 +1,28 @@
+"""What an operator has to say first, when a command does not fit the flight's phase."""
+
+from companion.supervisor.flight_state import HoldRequest, Phase, Request, ResumeRequest, TakeoffRequest, TrackRequest
+
+_DOWN = (Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED)
+_ENDS = dict.fromkeys(
+    (Phase.STOW, Phase.LAND), "the vehicle is landing; wait until it is down, then run `companion arm`"
+)
+_AIR = _ENDS | {Phase.HANDED_OVER: "the autopilot or its pilot has the vehicle; run `companion resume` first"}
+_FIRST: dict[type[Request], dict[Phase, str]] = {
+    TakeoffRequest: _AIR
+    | dict.fromkeys(_DOWN, "the vehicle is disarmed; run `companion arm` first")
+    | dict.fromkeys((Phase.TAKEOFF, Phase.HOLD, Phase.TRACK), "the vehicle flies already; run `companion goto`")
+    | {Phase.PREFLIGHT: "wait until it is armed"},
+    TrackRequest: _AIR
+    | dict.fromkeys(_DOWN, "the vehicle is disarmed; run `companion arm`, then `companion takeoff` first")
+    | dict.fromkeys((Phase.PREFLIGHT, Phase.ARMED), "the vehicle is on the ground; run `companion takeoff` first")
+    | dict.fromkeys((Phase.TAKEOFF, Phase.RESUME), "wait until the vehicle hovers"),
+    HoldRequest: _AIR | dict.fromkeys((*_DOWN, Phase.PREFLIGHT, Phase.ARMED), "the vehicle is on the ground"),
+    ResumeRequest: dict.fromkeys(
+        set(Phase) - {Phase.HANDED_OVER}, "this service has the vehicle; there is nothing to take back"
+    ),
+}
+
+
+def remedy_for(wanted: Request, phase: Phase) -> str:
+    """For the end of a sentence, after the reason; empty where nothing helps."""
+    return _FIRST.get(type(wanted), {}).get(phase, "")

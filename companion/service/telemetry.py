@@ -1,0 +1,149 @@
+"""Ticks into what is told of the flight: a state now and then, an event when something changes."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from companion.core.types import Array, AutopilotStatus
+from companion.flight.tick import Tick
+from companion.geometry.frames import up_axis, yaw_of
+from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, State, Vector
+from companion.supervisor.faults import Event, Fault, reaction_to
+from companion.supervisor.flight_state import FlightState
+
+Tell = Callable[[Happened], None]
+"""Where events go; must neither wait nor raise."""
+_SHARE_S = 1.0
+
+
+class Telemetry:
+    """A TickSink. Looks at each tick for what has changed, a microsecond; the state is made when it is asked for."""
+
+    def __init__(self, session: str, tell: Tell) -> None:
+        self._session, self._tell = session, tell
+        self.waiting = "the service begins"
+        """Why there is no vehicle; then a state says so."""
+        self._tick: Tick | None = None
+        self._events: tuple[Event, ...] = ()
+        self._sent_s: list[float] = []
+        self._text, self._text_s = "", math.nan
+        self._warnings: tuple[str, ...] = ()
+
+    def __call__(self, tick: Tick) -> None:
+        """Take one tick."""
+        before, self._tick = self._tick, tick
+        if math.isfinite(tick.sent_s) and tick.flight.airborne:
+            self._sent_s.append(tick.time_s)
+        if before is None or tick.flight.phase is not before.flight.phase:
+            self._new_phase(tick)
+        if tick.events or self._events:
+            self._new_events(tick)
+        if tick.status.last_text != self._text:
+            self._text, self._text_s = tick.status.last_text, tick.time_s
+
+    def note_ended_loop(self, flight: FlightState, status: AutopilotStatus, time_s: float) -> None:
+        """Tell on what becomes of the vehicle when the loop has failed, and makes no ticks any more."""
+        if self._tick is not None:
+            self(replace(self._tick, flight=flight, status=status, time_s=time_s, sent_s=math.nan, events=()))
+
+    def warn(self, warnings: tuple[str, ...]) -> None:
+        """Say in every state what is wrong beside the vehicle; what is new is an event, too."""
+        for text in warnings:
+            if text not in self._warnings:
+                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=text))
+        for text in self._warnings:
+            if text not in warnings:
+                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=f"over: {text}"))
+        self._warnings = warnings
+
+    def _new_phase(self, tick: Tick) -> None:
+        flight = tick.flight
+        text = f"{flight.phase}: {flight.reason}" if flight.reason else str(flight.phase)
+        self._tell(Happened(time_s=time.time(), kind=Kind.PHASE, text=text, name=str(flight.phase)))
+
+    def _new_events(self, tick: Tick) -> None:
+        before, now = {e.fault: e for e in self._events}, {e.fault: e for e in tick.events}
+        self._events = tick.events
+        for fault, event in now.items():
+            if fault not in before:
+                reaction = reaction_to(fault, tick.stage)
+                self._fault(Kind.FAULT, fault, event.text, reaction.words)
+        for fault, event in before.items():
+            if fault not in now:
+                self._fault(Kind.FAULT_ENDS, fault, event.text, "")
+
+    def _fault(self, kind: Kind, fault: Fault, text: str, reaction: str) -> None:
+        self._tell(Happened(time_s=time.time(), kind=kind, text=text, name=str(fault), reaction=reaction))
+
+    @property
+    def tick(self) -> Tick | None:
+        """The newest."""
+        return self._tick
+
+    def forget(self, waiting: str) -> None:
+        """There is no vehicle any more, and why."""
+        self._tick, self._events, self.waiting = None, (), waiting
+
+    def state(self, doing: Doing | None, rate_hz: float) -> State:
+        """All that is told of the newest tick. `rate_hz` is the control loop's."""
+        tick = self._tick
+        if tick is None:
+            return State(
+                time_s=time.time(),
+                session=self._session,
+                phase=WAITING,
+                reason=self.waiting,
+                warnings=self._warnings,
+            )
+        vehicle, status, flight = tick.vehicle, tick.status, tick.flight
+        reference = tick.reference
+        error_m = None
+        if vehicle is not None and reference is not None:
+            error_m = math.dist(vehicle.position_w_m.tolist(), reference.position_w_m.tolist())
+        return State(
+            time_s=time.time(),
+            session=self._session,
+            phase=str(flight.phase),
+            reason=flight.reason,
+            armed=status.armed,
+            in_air=status.in_air,
+            mode=str(status.mode),
+            battery=_number(status.battery_fraction),
+            battery_v=_number(status.battery_v),
+            position_w_m=_vector(vehicle.position_w_m) if vehicle else None,
+            velocity_w_mps=_vector(vehicle.velocity_w_mps) if vehicle else None,
+            yaw_rad=float(yaw_of(vehicle.q_w_flu_wxyz)) if vehicle else None,
+            tilt_rad=_tilt_rad(vehicle.q_w_flu_wxyz) if vehicle else None,
+            age_s=_number(tick.age_s),
+            reference_w_m=_vector(reference.position_w_m) if reference else None,
+            error_m=error_m,
+            thrust=float(tick.gated.setpoint.thrust) if tick.gated else None,
+            controller=tick.law,
+            sent_share=self._sent_share(tick, rate_hz),
+            faults=tuple(str(event.fault) for event in tick.events),
+            arms=str(tick.arms.phase) if tick.arms else None,
+            joints_rad=tuple(map(_number, tick.arms.status.position_rad.tolist())) if tick.arms else None,
+            doing=doing,
+            late_s=tick.late_s,
+            text=status.last_text,
+            text_age_s=tick.time_s - self._text_s if status.last_text else None,
+            warnings=self._warnings,
+        )
+
+    def _sent_share(self, tick: Tick, rate_hz: float) -> float | None:
+        self._sent_s = [at_s for at_s in self._sent_s if tick.time_s - at_s < _SHARE_S]
+        return min(1.0, len(self._sent_s) / (rate_hz * _SHARE_S)) if tick.flight.airborne else None
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _vector(values: Array) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _tilt_rad(q_w_flu_wxyz: Array) -> float:
+    return math.acos(min(1.0, max(-1.0, float(up_axis(q_w_flu_wxyz)[2]))))

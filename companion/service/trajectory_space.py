@@ -1,0 +1,56 @@
+"""Whether what an operator asks for stays in the room and inside the fence."""
+
+import asyncio
+from collections.abc import Callable
+
+from companion.config.companion_config import LEAST_CLIMB_M, CompanionConfig
+from companion.core.interfaces import FlightError
+from companion.core.types import Array
+from companion.preflight.checks import start_place
+from companion.preflight.checks.check import Check
+from companion.trajectories.reference import Trajectory
+from companion.trajectories.room_check import check_trajectory, instants_s
+
+_NAME = "the trajectory"
+_PIECE = 12
+"""Instants of a trajectory that are looked at in one go: half a millisecond, in which no control cycle can begin."""
+
+
+def check_climb(height_m: float, position_w_m: Array | None, config: CompanionConfig) -> None:
+    """FlightError unless a hover so high above this place, (3,) in W, keeps the fence's margin; None: not known."""
+    if not height_m >= LEAST_CLIMB_M:
+        raise FlightError(f"cannot take off: {height_m:g} m is too low to hover at, at least {LEAST_CLIMB_M:g} m")
+    fence = config.fence
+    _require(start_place.check_standing(position_w_m, height_m, fence.fence(), fence.margin_m), "take off")
+
+
+async def check_room(trajectory: Trajectory, config: CompanionConfig) -> None:
+    """ConfigError with the first instant at which it leaves the room or goes too fast."""
+    await _look_along(trajectory, lambda times_s: check_trajectory(trajectory, config.room, _NAME, times_s))
+
+
+async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) -> None:
+    """As `check_room`; and FlightError where it, or braking from it, does not keep the fence's margin."""
+    fence, margin_m = config.fence.fence(), config.fence.margin_m
+
+    def look(times_s: Array) -> None:
+        check_trajectory(trajectory, config.room, _NAME, times_s)
+        _require(start_place.check_trajectory(trajectory, fence, margin_m, times_s), "fly a trajectory")
+
+    await _look_along(trajectory, look)
+
+
+async def _look_along(trajectory: Trajectory, look: Callable[[Array], None]) -> None:
+    """Hand its instants to `look` piece by piece, so that the control loop goes on meanwhile.
+
+    Pieces overlap by two instants, between which the heading's acceleration is seen.
+    """
+    times_s = instants_s(trajectory)
+    for first in range(0, len(times_s), _PIECE):
+        look(times_s[max(first - 2, 0) : first + _PIECE])
+        await asyncio.sleep(0)
+
+
+def _require(check: Check, what: str) -> None:
+    if not check.passed:
+        raise FlightError(f"cannot {what}: {check.name}: {check.says}; {check.todo}")

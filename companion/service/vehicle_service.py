@@ -1,0 +1,115 @@
+"""Builds the devices from the configuration and starts the flight loop; `Service` offers the operator's verbs."""
+
+import asyncio
+import gc
+import math
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from functools import partial
+from pathlib import Path
+
+from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.mocap.source import open_mocap
+from companion.adapters.mqtt import Answering, open_bus
+from companion.adapters.px4 import open_px4
+from companion.adapters.system.clock import MonotonicClock
+from companion.adapters.system.disk import DiskWatch
+from companion.adapters.system.instance_lock import instance_lock
+from companion.config.companion_config import CompanionConfig
+from companion.control.controller import Controller
+from companion.core.interfaces import Clock, FlightError, OperatorLink, WatchdogTimer
+from companion.flight.flight_loop import Devices, FlightLoop
+from companion.flight.health_step import Sides
+from companion.flight.tick import TickSink
+from companion.preflight.service_facts import Running, preflight
+from companion.protocol.commands import Command
+from companion.service.flight_actions import FlightActions
+from companion.service.orders import obey
+from companion.supervisor.flight_state import Phase
+
+__all__ = ["FlightActions", "open_service"]
+
+_DISK_S = 2.0
+
+
+@asynccontextmanager
+async def open_service(
+    config: CompanionConfig,
+    law: Controller,
+    sink: TickSink,
+    dead_man: WatchdogTimer,
+    records: Path | None = None,
+    operator: OperatorLink | None = None,
+) -> AsyncIterator[FlightActions]:
+    """Devices connected and the loop ticking; `records` is the folder whose disk must not be full.
+
+    `operator` is a link whose commands somebody else takes; without it the configured one is opened, for orders that
+    need nobody to see them through.
+
+    Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
+    autopilot, or when the first two devices fail later, and whatever the law raises.
+    """
+    clock, obeying = MonotonicClock(), _Obeying()
+    async with AsyncExitStack() as devices:
+        devices.enter_context(instance_lock(config.px4.url))
+        disk = devices.enter_context(DiskWatch(records, _DISK_S))
+        mocap = await devices.enter_async_context(open_mocap(config, clock))
+        autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
+        arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
+        if operator is None and config.operator is not None:
+            listening = open_bus(config.operator, clock, secrets.token_hex(8), obeying.take)
+            operator = await devices.enter_async_context(listening)
+        sides = Sides(operator, disk.free_mb)
+        loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms, sides), law, config, sink)
+        obeying.loop = loop
+        _spare_the_collector()
+        ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
+        try:
+            operator_age_s = operator.age_s if operator is not None else None
+            remarks = arms.warnings if arms is not None else ()
+            running = Running(
+                mocap,
+                autopilot,
+                clock,
+                lambda: loop.estimate,
+                loop.arms,
+                disk.free_mb,
+                operator_age_s,
+                remarks,
+                landed_age_s=partial(_landed_age_s, loop, clock),
+                tell=lambda text: service.tell_waiting(text),  # noqa: PLW0108 - who is told changes
+                law_loaded=True,
+            )
+            service = FlightActions(
+                loop, autopilot, config, ticking, partial(preflight, running, config), autopilot.params
+            )
+            service.warnings = (*autopilot.warnings, *remarks)
+            yield service
+        finally:
+            await loop.close()
+            ticking.cancel()
+            await asyncio.gather(ticking, return_exceptions=True)
+
+
+def _landed_age_s(loop: FlightLoop, clock: Clock) -> float:
+    """Return the time since a flight of this service ended (s), whose arming found both attitudes to agree."""
+    return clock.now_s() - loop.flight.since_s if loop.flight.phase is Phase.DISARMED else math.inf
+
+
+class _Obeying:
+    """Between the operator's link, which is opened first, and the flight loop."""
+
+    loop: FlightLoop | None = None
+
+    def take(self, command: Command, answer: Answering) -> None:
+        """FlightError with the reason when the command does not fit."""
+        if self.loop is None:
+            raise FlightError("the service is not ready yet")
+        obey(self.loop, command, answer)
+
+
+def _spare_the_collector() -> None:
+    """All that was imported and built stays for good: the collector need not walk it in flight, which takes 50 ms."""
+    gc.collect()
+    gc.freeze()

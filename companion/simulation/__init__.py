@@ -1,0 +1,1 @@
+"""Flights in virtual time against the mock's plant."""

@@ -1,0 +1,40 @@
+"""Values that become known a whole number of steps after they were true."""
+
+from collections import deque
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.types import Array
+
+Value = TypeVar("Value")
+
+
+class DelayLine(Generic[Value]):
+    """Values of one vehicle, or of a batch with one delay; filled with the first value."""
+
+    def __init__(self, delay_steps: int, first: Value) -> None:
+        self._line = deque([first] * delay_steps)
+
+    def put(self, value: Value) -> Value:
+        """Enter what is true now, a step after the last; what is known now."""
+        self._line.append(value)
+        return self._line.popleft()
+
+
+class EachDelayLine:
+    """Arrays of a batch in which each vehicle has its own delay (...,); filled with the first value."""
+
+    def __init__(self, delay_steps: NDArray[np.int64], first: Array) -> None:
+        self._delay = delay_steps
+        self._each = np.arange(self._delay.size).reshape(self._delay.shape)
+        self._size = int(self._delay.max()) + 1
+        self._ring = np.repeat(first[None], self._size, axis=0)
+        self._now = 0
+
+    def put(self, value: Array) -> Array:
+        """Enter what is true now, a step after the last; what is known now."""
+        self._now = (self._now + 1) % self._size
+        self._ring[self._now] = value
+        return np.asarray(self._ring[(self._now - self._delay) % self._size, self._each])

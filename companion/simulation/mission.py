@@ -1,0 +1,113 @@
+"""What a virtual flight is asked for: tables of the reference in each cycle, and of the one a law looks ahead to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.core.types import Array, Reference
+from companion.trajectories.reference import Trajectory
+
+
+@dataclass(frozen=True)
+class References:
+    """References of n cycles: vectors (n, ..., 3) in W, heading (n, ...)."""
+
+    position_w_m: Array
+    velocity_w_mps: Array
+    acceleration_w_mps2: Array
+    yaw_rad: Array
+
+    def at(self, cycle: int) -> Reference:
+        """Of one cycle."""
+        return Reference(
+            self.position_w_m[cycle], self.velocity_w_mps[cycle], self.acceleration_w_mps2[cycle], self.yaw_rad[cycle]
+        )
+
+
+_COLUMNS = tuple(References.__dataclass_fields__)
+
+
+@dataclass(frozen=True)
+class Mission:
+    """Hold the trajectory's start until time 0, then fly it."""
+
+    time_s: Array
+    """Of each cycle, (n,)."""
+    now: References
+    ahead: References
+    """`preview_s` later: what the law is given."""
+
+    @property
+    def lead(self) -> tuple[int, ...]:
+        """Leading axes of the batch; () for one vehicle."""
+        return self.now.position_w_m.shape[1:-1]
+
+    @property
+    def tracking(self) -> Array:
+        """Cycles in which the trajectory is flown, (n,) booleans."""
+        return np.asarray(self.time_s >= 0.0)
+
+
+def mission_of(trajectory: Trajectory, preview_s: float, settle_s: float, period_s: float) -> Mission:
+    """One vehicle's mission."""
+    time_s = _times_s(trajectory, settle_s, period_s)
+    now = _table(trajectory, time_s)
+    return Mission(time_s, now, _table(trajectory, time_s + preview_s) if preview_s else now)
+
+
+def _times_s(trajectory: Trajectory, settle_s: float, period_s: float, beyond: int = 0) -> Array:
+    """Of each cycle, and of so many beyond the last."""
+    count = round((settle_s + trajectory.duration_s) / period_s) + beyond
+    return np.asarray(np.arange(count) * period_s - settle_s)
+
+
+def stacked(missions: Sequence[Mission]) -> Mission:
+    """Missions as one batch; the shorter ones hold their ends until the longest is over."""
+    longest = max(missions, key=lambda mission: len(mission.time_s))
+    count = len(longest.time_s)
+    return Mission(
+        longest.time_s,
+        _side_by_side([mission.now for mission in missions], count),
+        _side_by_side([mission.ahead for mission in missions], count),
+    )
+
+
+def _table(trajectory: Trajectory, time_s: Array) -> References:
+    points = [trajectory.at(float(instant)) for instant in time_s]
+    return References(
+        np.array([point.position_w_m for point in points]),
+        np.array([point.velocity_w_mps for point in points]),
+        np.array([point.acceleration_w_mps2 for point in points]),
+        np.array([point.yaw_rad for point in points]),
+    )
+
+
+def _side_by_side(tables: Sequence[References], count: int) -> References:
+    return References(
+        *(np.stack([_held(getattr(table, name), count) for table in tables], axis=1) for name in _COLUMNS)
+    )
+
+
+def _held(rows: Array, count: int) -> Array:
+    return np.concatenate((rows, np.repeat(rows[-1:], count - len(rows), axis=0))) if len(rows) < count else rows
+
+
+def looking_ahead(trajectory: Trajectory, previews_s: Array, settle_s: float, period_s: float) -> Mission:
+    """A batch (B,) on one trajectory whose laws look ahead differently far, `previews_s` (B,).
+
+    The reference ahead is interpolated between cycles: at 100 Hz that is wrong by micrometres.
+    """
+    beyond = int(np.ceil(previews_s.max() / period_s)) + 1
+    time_s = _times_s(trajectory, settle_s, period_s, beyond)
+    count, whole = len(time_s) - beyond, _table(trajectory, time_s)
+    steps = previews_s / period_s
+    first = np.floor(steps).astype(np.int64)
+    rows, share = np.arange(count)[:, None] + first, steps - first
+    each = [np.asarray(getattr(whole, name)) for name in _COLUMNS]
+    ahead = [
+        column[rows] + (share[:, None] if column.ndim > 1 else share) * (column[rows + 1] - column[rows])
+        for column in each
+    ]
+    here = [np.repeat(column[:count, None], len(previews_s), axis=1) for column in each]
+    return Mission(time_s[:count], References(*here), References(*ahead))

@@ -1,0 +1,203 @@
+"""Experiments as files: trajectory, arms, vehicle as the companion knows it, and vehicle and room as they are."""
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from companion.arms.planning import Plan, plan
+from companion.config.arm_files import motion_named
+from companion.config.arms_config import ArmsConfig, Feedforward
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController
+from companion.config.locations import project_root
+from companion.config.toml_files import Section, read_toml, validate
+from companion.core.interfaces import ConfigError
+from companion.estimation.estimator import EstimatorParams
+from companion.simulation.arm_feedforward import known_push_b_mps2
+from companion.simulation.mission import Mission, mission_of
+from companion.simulation.simulation import Pilot
+from companion.simulation.virtual_world import STEP_S, Carried, VirtualVehicle
+from companion.trajectories.reference import Ellipse, FigureEight, LapTiming, Trajectory
+from mock_autopilot.config import MockConfig, MockConfigError
+from mock_autopilot.physics.arm_table import table_of
+from mock_autopilot.px4.params import ParamTable
+
+
+class HorizonError(StrEnum):
+    """The error of the autopilot's horizon: none, a random walk of 1.2 degrees, or as recorded in a flight of PX4."""
+
+    PERFECT = "perfect"
+    RANDOM = "random"
+    PX4_A = "px4-a"
+    PX4_B = "px4-b"
+    PX4_TIGHT = "px4-tight"
+
+
+class CurveConfig(Section):
+    """What is flown: a closed curve at constant height, begun and ended at rest."""
+
+    curve: Literal["ellipse", "figure8"] = Field(description="shape of the path")
+    semi_axes_m: tuple[float, float] = Field(description="semi-axes along x and y, m")
+    period_s: float = Field(gt=3.0, le=120.0, description="time of a lap at full speed, s")
+    laps: int = Field(2, ge=1, le=20, description="number of laps")
+    ramp_s: float = Field(4.0, gt=0.5, le=20.0, description="time from rest to full speed, and back, s")
+    height_m: float = Field(1.2, ge=0.3, le=5.0, description="height in W, m")
+
+    def trajectory(self) -> Trajectory:
+        """As flown, centred over the room's origin."""
+        kind = Ellipse if self.curve == "ellipse" else FigureEight
+        timing = LapTiming(self.period_s, self.laps, self.ramp_s)
+        return kind(np.array([0.0, 0.0, self.height_m]), self.semi_axes_m, timing)
+
+
+class ExperimentFile(Section):
+    """A file of config/experiments/."""
+
+    title: str = Field(description="heading of the experiment in reports")
+    trajectory: CurveConfig
+    settle_s: float = Field(6.0, ge=0.0, le=60.0, description="time of the hold at the start before the trajectory, s")
+    arms: str = Field("swing", description="a motion of config/arms/, a file, or off")
+    companion: CompanionConfig = Field(
+        CompanionConfig(arms=ArmsConfig()),
+        description="what the companion is told: the companion's tables, as [companion.vehicle]",
+    )
+    mock: dict[str, Any] = Field(default_factory=dict, description="the vehicle and its room, as in config/mock.toml")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """An experiment ready to be flown, by whatever law."""
+
+    name: str
+    title: str
+    trajectory: Trajectory
+    settle_s: float
+    arms: Plan | None
+    """None: the arms stay stowed, and the vehicle flies as if it had none."""
+    companion: CompanionConfig
+    mock: MockConfig
+    link_s: float = 0.0
+    """What transport and event loops add to each of the mock's own delays, in real time."""
+
+    @property
+    def period_s(self) -> float:
+        """The control period."""
+        return 1.0 / self.companion.control.rate_hz
+
+    def mission(self, preview_s: float) -> Mission:
+        """For a law that looks so far ahead."""
+        return mission_of(self.trajectory, preview_s, self.settle_s, self.period_s)
+
+    def pilot(self, controller: LoadedController, feedforward: Feedforward | None = None) -> Pilot:
+        """The companion under this law; `feedforward` overrides the configuration's."""
+        c = self.companion
+        return Pilot(
+            controller.law,
+            c.vehicle.thrust_model(),
+            c.limits.limits(),
+            EstimatorParams(delay_s=c.mocap.delay_s),
+            self.period_s,
+            self._known(feedforward),
+            c.control.horizon_rules(c.safety.tilt_apart_rad),
+        )
+
+    def _known(self, feedforward: Feedforward | None) -> Any:
+        config = self.companion.arms
+        if self.arms is None or config is None:
+            return None
+        if feedforward is not None:
+            config = config.model_copy(update={"feedforward": feedforward})
+        return known_push_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s)
+
+    def vehicle(self) -> VirtualVehicle:
+        """The vehicle as it is."""
+        m = self.mock
+        return VirtualVehicle(
+            m.plant,
+            m.qualisys.delay_s + self.link_s,
+            m.vehicle.attitude_delay_s + self.link_s,
+            m.vehicle.thrust_delay_s + self.link_s,
+            m.qualisys.noise_m,
+            m.qualisys.noise_rad,
+            m.disturbance.forces(),
+            attitude_error=m.estimator.attitude_error(),
+            arms=self._carried,
+        )
+
+    def with_bandwidth(self, radps: float) -> "Scene":
+        """The same with another attitude loop in roll and pitch, and a companion that knows of it."""
+        yaw = self.mock.plant.attitude_bandwidth_radps[2]
+        plant = replace(self.mock.plant, attitude_bandwidth_radps=(radps, radps, yaw))
+        vehicle = self.companion.vehicle.model_copy(update={"attitude_bandwidth_radps": radps})
+        companion = self.companion.model_copy(update={"vehicle": vehicle})
+        return replace(self, companion=companion, mock=self.mock.model_copy(update={"plant": plant}))
+
+    def with_horizon(self, error: HorizonError) -> "Scene":
+        """Return the same with another error of the autopilot's horizon."""
+        change: dict[str, object] = {"attitude_error_rad": 0.0}
+        if error is not HorizonError.PERFECT:
+            change = {"attitude_error_source": str(error), "attitude_error_rad": None}
+        estimator = self.mock.estimator.model_copy(update=change)
+        return replace(self, mock=self.mock.model_copy(update={"estimator": estimator}))
+
+    def uncorrected(self) -> "Scene":
+        """Return the same with a companion that does not correct the autopilot's horizon."""
+        control = self.companion.control.model_copy(update={"horizon_correction": False})
+        return replace(self, companion=self.companion.model_copy(update={"control": control}))
+
+    @property
+    def corrects(self) -> bool:
+        """Return True if the autopilot's horizon errs and the companion corrects it."""
+        return self.companion.control.horizon_correction and self.vehicle().attitude_error.present
+
+    @property
+    def _cycle_s(self) -> Any:
+        """Each cycle's time since the flight's begin."""
+        return np.arange(round((self.settle_s + self.trajectory.duration_s) / self.period_s)) * self.period_s
+
+    @cached_property
+    def _carried(self) -> Carried | None:
+        if self.arms is None:
+            return None
+        goals_rad = self.arms.trajectory.at(self._cycle_s).position_rad
+        table = table_of(self.mock.arms, goals_rad, self.period_s, STEP_S)
+        return Carried(table, self.mock.arms.inertia_kgm2, ParamTable(self.mock.px4.params).trim_times_s)
+
+
+def experiment_names() -> list[str]:
+    """Those of config/experiments/."""
+    return sorted(path.stem for path in (project_root() / "config" / "experiments").glob("*.toml"))
+
+
+def load_scene(name: str) -> Scene:
+    """An experiment of config/experiments/, or a TOML file; ConfigError with one sentence for whatever is wrong."""
+    path = project_root() / "config" / "experiments" / f"{name}.toml"
+    if not path.is_file():
+        path = Path(name)
+    if not path.is_file():
+        known = ", ".join(experiment_names())
+        raise ConfigError(f"unknown experiment {name!r}: give a TOML file or one of {known}")
+    file = validate(ExperimentFile, read_toml(path), path)
+    try:
+        mock = MockConfig.from_dict(file.mock)
+    except MockConfigError as error:
+        raise ConfigError(f"{path}: mock.{error}") from None
+    trajectory = file.trajectory.trajectory()
+    arms = planned_arms(file.arms, file.companion, trajectory.duration_s + file.settle_s)
+    return Scene(path.stem, file.title, trajectory, file.settle_s, arms, file.companion, mock)
+
+
+def planned_arms(name: str, companion: CompanionConfig, duration_s: float) -> Plan | None:
+    """A motion for so long, begun from the stowed pose; None for `off`. Raises ArmError or ConfigError."""
+    if name == "off":
+        return None
+    if companion.arms is None:
+        raise ConfigError(f"arms {name}: this vehicle has no arms, its configuration has no [arms]")
+    model, start = companion.arms.model(), companion.arms.stow_rad()
+    motion = motion_named(name, duration_s).trajectory(model, start)
+    return plan(model, motion, start, via_rad=(companion.arms.home_rad(),))

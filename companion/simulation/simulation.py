@@ -1,0 +1,212 @@
+"""Flights in virtual time: the estimation, law, trigger, conversion and gate that fly, against the mock's plant.
+
+No sockets, no sleeping. Positions (3,) are one vehicle, (B, 3) a batch that flies side by side; every vehicle has its
+own seed, and the same seeds give the same flight to the last bit. One vehicle goes through the very `estimator.step`
+of the flight loop, a batch through the same filters without the verdicts on single frames.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.control.controller import Controller
+from companion.control.horizon_correction import HorizonInput, HorizonRules
+from companion.control.pipeline import ControlPipeline, changed, idle_setpoint
+from companion.control.wire_setpoint import WireSetpoint
+from companion.core.types import Array, AttitudeThrust, MocapFrame, VehicleState
+from companion.estimation import batch, estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.geometry.attitude import ThrustModel
+from companion.geometry.frames import flip_yz, matrix_from_quat, turned
+from companion.guard.limits import Limits
+from companion.simulation.mission import Mission
+from companion.simulation.virtual_world import Look, VirtualVehicle, VirtualWorld
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """The companion's side of a virtual flight."""
+
+    law: Controller
+    thrust: ThrustModel = field(default_factory=ThrustModel)
+    limits: Limits = field(default_factory=Limits)
+    estimator: EstimatorParams = field(default_factory=EstimatorParams)
+    period_s: float = 0.01
+    known_b_mps2: Array | None = None
+    """What the arms' commanded motion will do to the vehicle, each cycle, (n, 3) in the body frame; None: not told."""
+    horizon: HorizonRules = field(default_factory=HorizonRules)
+    """Correction of the autopilot's horizon."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """A virtual flight, cycle by cycle: n cycles, then the batch's leading axes. Positions are the truth."""
+
+    time_s: Array
+    """(n,), 0 where the trajectory begins."""
+    position_w_m: Array
+    velocity_w_mps: Array
+    reference_w_m: Array
+    reference_velocity_w_mps: Array
+    accel_w_mps2: Array
+    """u, held between events."""
+    event: Mask
+    """(n, ...)"""
+    sent: Mask
+    """Cycles in which a setpoint left: at events, and while the gate still slews towards one."""
+    signals: dict[str, Array] = field(default_factory=dict)
+    """The law's inner values, each (n, ..., k); empty unless they were asked for."""
+
+    @property
+    def error_w_m(self) -> Array:
+        """Position less reference, (n, ..., 3)."""
+        return np.asarray(self.position_w_m - self.reference_w_m)
+
+
+def simulate(
+    pilot: Pilot,
+    vehicle: VirtualVehicle,
+    mission: Mission,
+    seeds: Sequence[int],
+    *,
+    keep_signals: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Trace:
+    """Fly a mission from a level hover; `seeds` has one entry a vehicle. `progress` is told of each cycle."""
+    count, lead = len(mission.time_s), mission.lead
+    world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
+    eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
+    stage = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, lead)
+    stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
+    out = _Out(pilot, lead, stage.sent)
+    rows = _Rows(keep_signals)
+    with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
+        for cycle in range(count):
+            look = world.look()
+            seen, age_s = eyes.see(look, cycle)
+            known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
+            asked = stage.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
+            setpoint = asked.gated.setpoint
+            sent = out.send(setpoint, changed(setpoint, stage.sent), look, seen, age_s)
+            rows.put(world, asked.output.accel_w_mps2, asked.output.event, sent)
+            stage.sent = setpoint
+            rows.keep(asked.output.signals, stage.settle())
+            world.advance(out.wire)
+            if progress is not None:
+                progress(cycle)
+    return rows.trace(mission)
+
+
+def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
+    return _NOTHING if known_b_mps2 is None else turned(q_w_flu_wxyz, known_b_mps2[cycle])
+
+
+class _Out:
+    """What leaves for the autopilot."""
+
+    def __init__(self, pilot: Pilot, lead: tuple[int, ...], first: AttitudeThrust) -> None:
+        self._stage, self._period_s = WireSetpoint(pilot.horizon, pilot.limits, lead), pilot.period_s
+        self.wire = first
+
+    def send(
+        self, setpoint: AttitudeThrust, is_new: Mask, look: Look, seen: VehicleState, age_s: float | Array
+    ) -> Mask:
+        """Take in a cycle's setpoint of the law; where another one leaves, (...,)."""
+        before = self.wire
+        age_s = age_s[..., 0] if isinstance(age_s, np.ndarray) else age_s
+        theirs_s = look.autopilot_age_s if look.autopilot_age_s.ndim else float(look.autopilot_age_s)
+        horizon = HorizonInput(
+            seen.q_w_flu_wxyz,
+            seen.rate_flu_radps,
+            age_s,
+            look.autopilot_q_w_flu_wxyz,
+            theirs_s,
+            trusted=True,
+            flying=True,
+        )
+        self.wire = self._stage.put(setpoint, is_new, before, horizon, self._period_s).setpoint
+        return changed(self.wire, before)
+
+
+class _Eyes(Protocol):
+    """From what motion capture delivers to the vehicle's state and its age (s)."""
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float | Array]:
+        """Take in a cycle's frame."""
+
+
+class _One:
+    """One vehicle: the flight loop's estimator, clocks and verdicts included."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._params, self._period_s = pilot.estimator, pilot.period_s
+        self._state = EstimatorState()
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float]:
+        now_s = cycle * self._period_s
+        if look.fresh or cycle == 0:
+            frame = MocapFrame(cycle, now_s, now_s, look.position_w_m, matrix_from_quat(look.q_w_flu_wxyz), np.nan)
+            self._state = estimator.step(self._state, frame, self._params)
+        assert self._state.vehicle is not None
+        return self._state.vehicle, now_s - self._state.vehicle.time_s
+
+
+class _Batch:
+    """Many vehicles: the same filters."""
+
+    def __init__(self, pilot: Pilot) -> None:
+        self._params, self._period_s = pilot.estimator, pilot.period_s
+        self._estimate: batch.BatchEstimate | None = None
+
+    def see(self, look: Look, cycle: int) -> tuple[VehicleState, float | Array]:
+        now_s, p, q = cycle * self._period_s, look.position_w_m, look.q_w_flu_wxyz
+        if self._estimate is None:
+            self._estimate = batch.begin(p, q, now_s, self._params)
+        else:
+            self._estimate = batch.step(self._estimate, p, q, now_s, look.fresh, self._params)
+        vehicle = batch.vehicle_state(self._estimate)
+        age_s = now_s - np.asarray(vehicle.time_s) + self._params.delay_s
+        return vehicle, age_s[..., None] if age_s.ndim else float(age_s)
+
+
+class _Rows:
+    """What is kept of each cycle."""
+
+    def __init__(self, keep_signals: bool) -> None:
+        self._moving, self._accel, self._event, self._sent = list[Any](), list[Array](), list[Array](), list[Any]()
+        self._keep = keep_signals
+        self._signals: dict[str, list[Array]] = {}
+
+    def put(self, world: VirtualWorld, accel_w_mps2: Array, event: Array, sent: Mask) -> None:
+        self._moving.append(world.moving_ned)
+        self._accel.append(accel_w_mps2)
+        self._event.append(event)
+        self._sent.append(sent)
+
+    def keep(self, *signals: dict[str, Array]) -> None:
+        if self._keep:
+            for some in signals:
+                for name, value in some.items():
+                    self._signals.setdefault(name, []).append(value)
+
+    def trace(self, mission: Mission) -> Trace:
+        now, (position_ned_m, velocity_ned_mps) = mission.now, zip(*self._moving, strict=True)
+        return Trace(
+            mission.time_s,
+            flip_yz(np.array(position_ned_m)),
+            flip_yz(np.array(velocity_ned_mps)),
+            now.position_w_m,
+            now.velocity_w_mps,
+            np.array(self._accel),
+            np.array(self._event)[..., 0].astype(bool),
+            np.array(self._sent),
+            {name: np.array(values) for name, values in self._signals.items()},
+        )
+
+
+_NOTHING = np.zeros(3)

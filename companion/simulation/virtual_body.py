@@ -1,0 +1,220 @@
+"""The vehicle in a virtual world between setpoints and frames, both late: one in plain floats, many in arrays."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.types import Array, AttitudeThrust
+from companion.geometry.frames import flip_quat, flip_yz, quat_multiply
+from companion.simulation.delay_line import DelayLine, EachDelayLine
+from mock_autopilot.physics import plant, plant_one, quaternion_one
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.arm_bodies import Moving
+from mock_autopilot.physics.arms import Coupling
+from mock_autopilot.physics.plant import Actuation, PlantParams, PlantState, Wrench
+from mock_autopilot.physics.plant_one import OneActuation
+from mock_autopilot.physics.quaternion_one import Four
+from mock_autopilot.px4.attitude_error import SAMPLE_HZ, turn_of, turns_of
+
+
+@dataclass(frozen=True)
+class Begin:
+    """What a body is made of and how it begins; delays are whole steps of `step_s`, () or (...,)."""
+
+    params: PlantParams
+    state: PlantState
+    signal: Array
+    """The motor signal until the first setpoint is heard, (...,)."""
+    mocap_delay: NDArray[np.int64]
+    attitude_delay: NDArray[np.int64]
+    thrust_delay: NDArray[np.int64]
+    report_delay: NDArray[np.int64]
+    attitude_error_rad: Array | None
+    """Believed less true roll and pitch, (samples, ..., 2) at SAMPLE_HZ; None: a perfect horizon."""
+    coupling: Coupling | None
+    """To the arms, if there are any."""
+    step_s: float
+
+
+class Body(Protocol):
+    """What is true of one vehicle or of a batch of them, and what is known of it."""
+
+    @property
+    def state(self) -> PlantState:
+        """The truth now."""
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """True position (m) and velocity (m/s), NED: arrays (..., 3), or three floats each."""
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """From now on this setpoint is sent, until there is another."""
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """Let a step pass, with a force from outside (..., 3) and what the arms do, if there are any."""
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """Position (..., 3) and attitude (..., 4) in W as motion capture tells them now, wrong by so much."""
+
+    def reported(self) -> Array:
+        """Return the attitude that the autopilot believed and that has arrived now, (..., 4) in W."""
+
+
+class OneBody:
+    """One vehicle: it never leaves the floats."""
+
+    def __init__(self, begin: Begin) -> None:
+        self._fixed, self._step_s = plant_one.fixed_of(begin.params, begin.step_s), begin.step_s
+        self._coupling = begin.coupling
+        self._state = self._seen = plant_one.in_floats(begin.state)
+        self._sent_q, self._sent_signal = self._state.q_ned_frd_wxyz, float(begin.signal)
+        self._frames = DelayLine(int(begin.mocap_delay), self._state)
+        self._q = DelayLine(int(begin.attitude_delay), self._sent_q)
+        self._signal = DelayLine(int(begin.thrust_delay), self._sent_signal)
+        error = begin.attitude_error_rad
+        self._errors_rad = None if error is None else error.tolist()
+        self._steps, self._turn = 0, self._turn_at(0)
+        self._reports = DelayLine(int(begin.report_delay), (self._sent_q, self._turn))
+        self._report = self._sent_q, self._turn
+
+    def _turn_at(self, step: int) -> Four:
+        """Return the turn from the true attitude to the believed one, in body axes."""
+        if self._errors_rad is None:
+            return _NO_TURN
+        first, share = _between_samples(step, self._step_s)
+        (a, b), (c, d) = self._errors_rad[first], self._errors_rad[first + 1]
+        return turn_of(a + share * (c - a), b + share * (d - b))
+
+    @property
+    def state(self) -> PlantState:
+        """See Body."""
+        return plant_one.in_arrays(self._state)
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """See Body."""
+        return self._state.position_ned_m, self._state.velocity_ned_mps
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """See Body."""
+        w, x, y, z = setpoint.q_w_flu_wxyz.tolist()
+        self._sent_q, self._sent_signal = (w, x, -y, -z), float(setpoint.thrust)
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """See Body."""
+        before, push = self._state, _NOTHING
+        x, y, z = force_ned_n.tolist()
+        if self._coupling is not None and moving is not None:
+            rate, q = before.rate_frd_radps, before.q_ned_frd_wxyz
+            (i, j, k), push = self._coupling.pushed(rate, q, before.thrust_n, before.on_ground, moving, self._step_s)
+            x, y, z = x + i, y + j, z + k
+        asked = OneActuation(self._truly(self._q.put(self._sent_q)), self._signal.put(self._sent_signal))
+        self._state = plant_one.moved(before, asked, (x, y, z), push, self._fixed)
+        self._seen = self._frames.put(self._state)
+        self._steps += 1
+        self._turn = self._turn_at(self._steps)
+        self._report = self._reports.put((self._state.q_ned_frd_wxyz, self._turn))
+
+    def _truly(self, q: Four) -> Four:
+        """Return where the vehicle is turned to when it believes to have reached `q`."""
+        if self._errors_rad is None:
+            return q
+        w, x, y, z = self._turn
+        return quaternion_one.multiply(q, (w, -x, -y, -z))
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """See Body."""
+        (x, y, z), (w, i, j, k) = self._seen.position_ned_m, self._seen.q_ned_frd_wxyz
+        a, b, c = offset_w_m.tolist()
+        return np.array((x + a, b - y, c - z)), quat_multiply(np.array((w, i, -j, -k)), turn)
+
+    def reported(self) -> Array:
+        """See Body."""
+        w, x, y, z = self._report[0] if self._errors_rad is None else quaternion_one.multiply(*self._report)
+        return np.array((w, x, -y, -z))
+
+
+class ManyBodies:
+    """A batch."""
+
+    def __init__(self, begin: Begin) -> None:
+        self._params, self._step_s, self._coupling = begin.params, begin.step_s, begin.coupling
+        self._state, self._sent_q, self._sent_signal = begin.state, begin.state.q_ned_frd_wxyz, begin.signal
+        self._known_p, self._known_q = self._state.position_ned_m, self._sent_q
+        self._seen_p, self._seen_q = (_line(begin.mocap_delay, known) for known in (self._known_p, self._known_q))
+        self._q = _line(begin.attitude_delay, self._sent_q)
+        self._signal = _line(begin.thrust_delay, self._sent_signal)
+        self._errors_rad, self._steps = begin.attitude_error_rad, 0
+        self._turn = self._turn_at(0)
+        self._report = self._believed()
+        self._reports = _line(begin.report_delay, self._report)
+
+    def _turn_at(self, step: int) -> Array | None:
+        """Return the turn from the true attitude to the believed one, in body axes."""
+        if self._errors_rad is None:
+            return None
+        first, share = _between_samples(step, self._step_s)
+        before, after = self._errors_rad[first], self._errors_rad[first + 1]
+        return turns_of(before + share * (after - before))
+
+    def _believed(self) -> Array:
+        q = self._state.q_ned_frd_wxyz
+        return q if self._turn is None else quat.multiply(q, self._turn)
+
+    @property
+    def state(self) -> PlantState:
+        """See Body."""
+        return self._state
+
+    @property
+    def moving_ned(self) -> tuple[Any, Any]:
+        """See Body."""
+        return self._state.position_ned_m, self._state.velocity_ned_mps
+
+    def hear(self, setpoint: AttitudeThrust) -> None:
+        """See Body."""
+        self._sent_q, self._sent_signal = flip_quat(setpoint.q_w_flu_wxyz), setpoint.thrust
+
+    def step(self, force_ned_n: Array, moving: Moving | None) -> None:
+        """See Body."""
+        actuation = Actuation(self._truly(self._q.put(self._sent_q)), self._signal.put(self._sent_signal))
+        self._state = plant.step(self._state, actuation, self._wrench(force_ned_n, moving), self._params, self._step_s)
+        self._known_p = self._seen_p.put(self._state.position_ned_m)
+        self._known_q = self._seen_q.put(self._state.q_ned_frd_wxyz)
+        self._steps += 1
+        self._turn = self._turn_at(self._steps)
+        self._report = self._reports.put(self._believed())
+
+    def _truly(self, q: Array) -> Array:
+        """Return where each vehicle is turned to when it believes to have reached `q`."""
+        return q if self._turn is None else quat.multiply(q, quat.conjugate(self._turn))
+
+    def _wrench(self, force_ned_n: Array, moving: Moving | None) -> Wrench:
+        if self._coupling is None or moving is None:
+            return Wrench(force_ned_n, np.zeros_like(force_ned_n))
+        pushed = self._coupling.step(self._state, moving, self._step_s)
+        return Wrench(force_ned_n + pushed.force_ned_n, pushed.angular_frd_radps2)
+
+    def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
+        """See Body."""
+        return flip_yz(self._known_p) + offset_w_m, quat_multiply(flip_quat(self._known_q), turn)
+
+    def reported(self) -> Array:
+        """See Body."""
+        return flip_quat(self._report)
+
+
+def _between_samples(step: int, step_s: float) -> tuple[int, float]:
+    """Return the sample before a step, and the step's share of the way to the next one."""
+    at = step * step_s * SAMPLE_HZ
+    return int(at), at - int(at)
+
+
+def _line(delay_steps: NDArray[np.int64], first: Array) -> "DelayLine[Array] | EachDelayLine":
+    return EachDelayLine(delay_steps, first) if delay_steps.ndim else DelayLine(int(delay_steps), first)
+
+
+_NOTHING = (0.0, 0.0, 0.0)
+_NO_TURN = (1.0, 0.0, 0.0, 0.0)

@@ -1,0 +1,64 @@
+"""A virtual flight in the columns of a recorded one: what reads, sums up and draws records does so with both."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from companion.analysis.summary import Columns, tracking_error_w_m
+from companion.core.types import Array
+from companion.simulation.metrics import LOST_M
+from companion.simulation.simulation import Trace
+from companion.supervisor.flight_state import Phase
+
+
+def one_of(trace: Trace, number: int) -> Trace:
+    """One vehicle's flight of a batch (B,)."""
+    return replace(
+        trace,
+        position_w_m=trace.position_w_m[:, number],
+        velocity_w_mps=trace.velocity_w_mps[:, number],
+        reference_w_m=trace.reference_w_m[:, number],
+        reference_velocity_w_mps=trace.reference_velocity_w_mps[:, number],
+        accel_w_mps2=trace.accel_w_mps2[:, number],
+        event=trace.event[:, number],
+        sent=trace.sent[:, number],
+        signals={name: values[:, number] for name, values in trace.signals.items()},
+    )
+
+
+def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:
+    """One vehicle's flight, with the names of `Recorder.arrays`; `joints_rad` (n, 8), where the joints are.
+
+    Position and velocity are the truth, so they have no age; a cycle and its setpoint take no time.
+    """
+    time_s = trace.time_s
+    no, yes = np.zeros(len(time_s)), np.ones(len(time_s), dtype=bool)
+    columns: Columns = {
+        "time_s": time_s,
+        "tick": np.arange(len(time_s)),
+        "airborne": yes,
+        "phase": np.where(time_s >= 0.0, str(Phase.TRACK), str(Phase.HOLD)),
+        "late_s": no,
+        "age_s": no,
+        "frame_received_s": time_s,
+        "armed": yes,
+        "touched_down": ~yes,
+        "sent_s": np.where(trace.sent, time_s, np.nan),
+        "event": trace.event,
+        "position_w_m": trace.position_w_m,
+        "velocity_w_mps": trace.velocity_w_mps,
+        "reference_position_w_m": trace.reference_w_m,
+        "reference_velocity_w_mps": trace.reference_velocity_w_mps,
+        "accel_w_mps2": trace.accel_w_mps2,
+    }
+    if joints_rad is not None:
+        columns["joint_position_rad"] = joints_rad
+    return columns | {f"law_{name}": values for name, values in trace.signals.items()}
+
+
+def until_lost(columns: Columns) -> Columns:
+    """For pictures: a flight up to a second after it was lost, beyond which nothing else could be seen."""
+    time_s = np.asarray(columns["time_s"], dtype=np.float64)
+    lost = np.flatnonzero(~(np.linalg.norm(tracking_error_w_m(columns), axis=1) <= LOST_M))
+    shown = slice(None) if not lost.size else time_s <= time_s[lost[0]] + 1.0
+    return {name: values[shown] for name, values in columns.items()}

@@ -1,0 +1,1 @@
+"""Studies of the control law: the paper's results, theory, robustness, tuning."""

@@ -1,0 +1,1 @@
+"""The paper's experiments: every law on every experiment, tables and figures."""

@@ -1,0 +1,1 @@
+"""Robustness: many vehicles drawn at random, flown side by side."""

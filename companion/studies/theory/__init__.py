@@ -1,0 +1,1 @@
+"""The paper's theorem in numbers: Lyapunov function, fixed-time bounds."""

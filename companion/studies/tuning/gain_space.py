@@ -1,0 +1,139 @@
+"""What `companion tune` may change of the ET-NN law; points of that space as laws that fly as one batch. Pure."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from companion.control.controller import VehicleModel
+from companion.control.delay_predictor import Predictor
+from companion.control.etnn import Etnn
+from companion.control.gains import EtnnGains
+from companion.control.switching import steepest_secant
+from companion.core.types import Array
+
+
+@dataclass(frozen=True)
+class Knob:
+    """One number that is searched, on a logarithmic scale unless `linear`."""
+
+    name: str
+    low: float
+    high: float
+    linear: bool = False
+
+    def value(self, share: Array) -> Array:
+        """From 0..1."""
+        if self.linear:
+            return np.asarray(self.low + share * (self.high - self.low))
+        return np.asarray(self.low * (self.high / self.low) ** share)
+
+    def share(self, value: float) -> float:
+        """Back to 0..1."""
+        if self.linear:
+            return (value - self.low) / (self.high - self.low)
+        return math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
+
+
+_OUTER = ("c1", "k1", "beta1", "gamma1", "k")
+_INNER = ("c2", "k2", "beta2", "gamma2")
+KNOBS = (
+    *(Knob(name, 0.03, 8.0) for name in (*_OUTER, *_INNER)),
+    Knob("z_outer", 0.6, 2.0),
+    Knob("z_inner", 0.6, 2.0),
+    Knob("filter_eps", 0.03, 0.2),
+    Knob("zeta", 0.3, 3.0),
+    Knob("rho", 0.3, 3.0),
+    Knob("sigma", 0.015, 0.15),
+    Knob("delta", 0.04, 0.9),
+    Knob("gamma_v", 0.1, 20.0),
+    Knob("power_regularisation", 0.003, 0.1),
+    Knob("boundary_layer_mps", 0.05, 6.0),
+    Knob("lead_s", 0.01, 0.22, linear=True),
+    Knob("thrust_lead_s", 0.0, 0.12, linear=True),
+    Knob("observer_radps", 0.5, 10.0),
+    Knob("push_share", 0.0, 1.0, linear=True),
+)
+"""Gains of z are those of x and y times `z_outer` (first step) or `z_inner` (second), as the paper's are times 1.2."""
+
+START = {
+    "c1": 3.5, "k1": 0.75, "beta1": 1.2, "gamma1": 2.2, "k": 2.2, "c2": 0.082, "k2": 2.1, "beta2": 0.26, "gamma2": 0.45,
+    "z_outer": 1.0, "z_inner": 1.35, "filter_eps": 0.14, "zeta": 2.2, "rho": 0.88, "sigma": 0.09, "delta": 0.14,
+    "gamma_v": 4.1, "power_regularisation": 0.032, "boundary_layer_mps": 1.6, "lead_s": 0.19, "thrust_lead_s": 0.11,
+    "observer_radps": 7.5, "push_share": 0.8,
+}  # fmt: skip
+"""Where a search begins unless told otherwise: the middle of an earlier search, in round numbers."""
+
+_SCALARS = (
+    "filter_eps", "zeta", "rho", "sigma", "delta", "power_regularisation", "boundary_layer_mps", "push_share",
+)  # fmt: skip
+HIDDEN = 4
+
+
+def values_of(shares: Array) -> dict[str, Array]:
+    """Points (B, knobs) of the unit cube as values, each (B,)."""
+    return {knob.name: knob.value(np.clip(shares[:, i], 0.0, 1.0)) for i, knob in enumerate(KNOBS)}
+
+
+def rounded(shares: Array) -> dict[str, float]:
+    """One point (knobs,) as it is written to a file: three significant digits."""
+    return {name: float(f"{value[0]:.3g}") for name, value in values_of(shares[None]).items()}
+
+
+def shares_of(values: dict[str, float]) -> Array:
+    """The point of the unit cube of such values."""
+    return np.array([knob.share(values[knob.name]) for knob in KNOBS])
+
+
+def gains_of(values: dict[str, Array]) -> EtnnGains:
+    """A batch of gains: diagonals (B, 3), scalars (B, 1)."""
+    fields: dict[str, Any] = {name: values[name][:, None] for name in _SCALARS}
+    for names, z in ((_OUTER, "z_outer"), (_INNER, "z_inner")):
+        for name in names:
+            fields[name] = values[name][:, None] * np.stack(
+                (np.ones_like(values[z]), np.ones_like(values[z]), values[z]), axis=-1
+            )
+    fields["gamma_v0"] = np.repeat(values["gamma_v"][:, None], 4, axis=1)
+    fields["gamma_v1"] = np.repeat(values["gamma_v"][:, None], HIDDEN + 1, axis=1)
+    defaults = {name: getattr(EtnnGains(), name) for name in EtnnGains.model_fields}
+    return EtnnGains.model_construct(**(defaults | fields))
+
+
+def gain_fields(values: dict[str, float]) -> EtnnGains:
+    """One point's gains, checked, with only those set that a file has to name."""
+    fields: dict[str, Any] = {name: values[name] for name in _SCALARS}
+    for names, z in ((_OUTER, "z_outer"), (_INNER, "z_inner")):
+        fields |= {name: [values[name], values[name], float(f"{values[name] * values[z]:.3g}")] for name in names}
+    fields |= {"gamma_v0": [values["gamma_v"]] * 4, "gamma_v1": [values["gamma_v"]] * (HIDDEN + 1)}
+    return EtnnGains(**fields)
+
+
+def law_of(values: dict[str, Array], vehicle: VehicleModel, period_s: float) -> Etnn:
+    """The laws of a batch of points, as one law that flies (B,) vehicles."""
+    lead_s, thrust_lead_s, observer_radps = (
+        values[name][:, None] for name in ("lead_s", "thrust_lead_s", "observer_radps")
+    )
+    return Etnn(gains_of(values), Predictor(vehicle, period_s, lead_s, thrust_lead_s, observer_radps))
+
+
+def values_from(gains: EtnnGains, lead_s: float, thrust_lead_s: float, observer_radps: float) -> dict[str, float]:
+    """The point of a law that was loaded from a file; the second step's z is taken from beta_2."""
+    values = {name: float(getattr(gains, name)[0]) for name in (*_OUTER, *_INNER)}
+    values |= {name: float(getattr(gains, name)) for name in _SCALARS}
+    return values | {
+        "z_outer": float(gains.k[2] / gains.k[0]),
+        "z_inner": float(gains.beta2[2] / gains.beta2[0]),
+        "gamma_v": float(gains.gamma_v1[0]),
+        "lead_s": lead_s,
+        "thrust_lead_s": thrust_lead_s,
+        "observer_radps": observer_radps,
+    }
+
+
+def damping_margin(shares: Array) -> Array:
+    """(rho/eps) / (k + s) of each point (P, knobs): the filter loop is stable above 1 (docs/control.md)."""
+    values = values_of(shares)
+    secant = np.array([steepest_secant(EtnnGains().p, 1.0, float(e)) for e in values["power_regularisation"]])
+    needed = (values["k"] + values["k1"] * secant) * np.maximum(values["z_outer"], 1.0)
+    return np.asarray(values["rho"] / values["filter_eps"] / needed)

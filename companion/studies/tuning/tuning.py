@@ -1,0 +1,127 @@
+"""How good many sets of gains are at once: every set on several vehicles, all of them side by side."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.config.controller_config import ErrorLimits, LoadedController
+from companion.core.types import Array
+from companion.simulation.metrics import Score, score
+from companion.simulation.mission import looking_ahead
+from companion.simulation.scene import Scene
+from companion.simulation.simulation import simulate
+from companion.simulation.virtual_world import STEP_S
+from companion.studies.sweep.sweep_vehicles import (
+    BANDWIDTH_SHARE,
+    DELAY_STEPS,
+    DROPOUTS,
+    HOVER_SHARE,
+    Drawn,
+    draw,
+    vehicles,
+)
+from companion.studies.tuning.gain_space import law_of, values_of
+from companion.trajectories.reference import Ellipse, FigureEight
+
+WORST_M = 0.5
+"""The error of a vehicle that diverged, and the most that any counts with."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One experiment on one attitude loop, for every set of gains: vehicles as configured, and some that are not."""
+
+    scene: Scene
+    """With its companion and its vehicle configured for that loop."""
+    seed: int
+    """Of all that is random; vehicles of other indices are others."""
+    told: tuple[int, ...]
+    """Indices of vehicles that are as the companion is told, and begin in the right place."""
+    others: tuple[int, ...]
+    """Indices of vehicles that differ from it, as in a sweep; the first is as hard to hold as a sweep's can be."""
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Of each set of gains, (P,), means over the trial's vehicles. Errors are norms of the axis means."""
+
+    error_m: Array
+    """Of the vehicles as told, from the trajectory's beginning."""
+    other_m: Array
+    """Of those that differ, from the first instant: beginning somewhere else counts."""
+    worst_m: Array
+    """The largest of those."""
+    update_share: Array
+    """Of all of them."""
+
+
+def evaluate(trial: Trial, shares: Array) -> Marks:
+    """Fly every point (P, knobs) of the gain space on every vehicle of the trial."""
+    scene, sets, told = trial.scene, len(shares), len(trial.told)
+    drawn = drawn_vehicles(trial)
+    each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values_of(shares).items()}
+    law = law_of(each, scene.companion.vehicle_model(), scene.period_s)
+    pilot = scene.pilot(LoadedController("candidate", law, ErrorLimits()))
+    assert law.predictor is not None
+    previews_s = np.asarray(law.predictor.preview_s)[:, 0]
+    mission = looking_ahead(scene.trajectory, previews_s, scene.settle_s, scene.period_s)
+    vehicle = vehicles(scene, _tiled(drawn, sets), len(mission.time_s))
+    trace = simulate(pilot, vehicle, mission, np.tile(drawn.flight_seed, sets).tolist())
+    tracking, whole = score(trace), score(trace, -math.inf)
+    shape = (sets, -1)
+    error, other = _capped(tracking).reshape(shape)[:, :told], _capped(whole).reshape(shape)[:, told:]
+    return Marks(
+        error.mean(axis=1),
+        other.mean(axis=1),
+        other.max(axis=1),
+        tracking.update_share.reshape(shape).mean(axis=1),
+    )
+
+
+def _capped(flown: Score) -> Array:
+    return np.minimum(np.where(flown.diverged, math.inf, flown.error_m), WORST_M)
+
+
+def drawn_vehicles(trial: Trial) -> Drawn:
+    """A trial's vehicles: those as told first, then one that is hard to hold, then the others."""
+    drawn = draw(trial.seed, (*trial.told, *trial.others))
+    _make_hard(drawn, len(trial.told))
+    same = _as_told(trial.scene, drawn.flight_seed[: len(trial.told)])
+    return Drawn(
+        **{
+            name: np.concatenate((getattr(same, name), getattr(drawn, name)[len(trial.told) :]))
+            for name in Drawn.__dataclass_fields__
+        }
+    )
+
+
+def _make_hard(drawn: Drawn, vehicle: int) -> None:
+    """The slowest attitude loop, the longest delays and rotors that give the most: where loops are lost first."""
+    drawn.bandwidth_share[vehicle] = BANDWIDTH_SHARE[0]
+    drawn.hover_share[vehicle] = HOVER_SHARE[0]
+    drawn.mocap_delay_s[vehicle] = drawn.setpoint_delay_s[vehicle] = DELAY_STEPS[1] * STEP_S
+
+
+def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
+    count = len(flight_seed)
+    one, nothing = np.ones(count), np.zeros((count, DROPOUTS))
+    vehicle = scene.vehicle()
+    mocap_s, setpoint_s = one * vehicle.mocap_delay_s, one * vehicle.attitude_delay_s
+    offset_w_m, horizon = np.zeros((count, 3)), vehicle.attitude_error
+    error_rad, error_time_s = one * horizon.rms_rad, one * horizon.time_s
+    told = (flight_seed, one, one, one, mocap_s, setpoint_s, one, one, offset_w_m, nothing, nothing)
+    return Drawn(*told, error_rad, error_time_s)
+
+
+def _tiled(drawn: Drawn, sets: int) -> Drawn:
+    return Drawn(**{name: np.concatenate([getattr(drawn, name)] * sets) for name in Drawn.__dataclass_fields__})
+
+
+def shortened(scene: Scene) -> Scene:
+    """One lap and half the settling: what a search can afford."""
+    curve = scene.trajectory
+    if isinstance(curve, Ellipse | FigureEight):
+        curve = replace(curve, timing=replace(curve.timing, laps=1))
+    return replace(scene, trajectory=curve, settle_s=0.5 * scene.settle_s)

@@ -1,0 +1,1 @@
+"""Health checks: each looks at one kind of input and reports faults. Pure."""

@@ -1,0 +1,1 @@
+"""References over time, and checks that they stay in the room. Pure."""

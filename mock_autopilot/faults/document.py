@@ -1,0 +1,100 @@
+"""docs/faults.md, printed from the list of all faults: `python -m mock_autopilot.faults.document > docs/faults.md`."""
+
+from mock_autopilot.faults.catalogue import WAYS, Part, Way
+from mock_autopilot.faults.sentences import EXAMPLES
+
+_TITLES = {
+    Part.MOCAP: "Motion capture",
+    Part.LINK: "The link (MAVLink between companion and autopilot)",
+    Part.AUTOPILOT: "The autopilot",
+    Part.SERVOS: "The servos",
+    Part.BROKER: "The broker (MQTT)",
+}
+_NOTES = {
+    Part.MOCAP: "Frames go through the faults that are there in the order in which they began.",
+    Part.LINK: "Without an addition a fault concerns both directions. The ground station's link stays whole.",
+    Part.AUTOPILOT: "",
+    Part.SERVOS: "All servos at once. What words do not cover (one servo, other numbers) is another order on standard "
+    'input, `servo-fault {"kind": "overload", "id": 6}`, or `[[arms.bus.faults]]`.',
+    Part.BROKER: "The mock runs no broker. It tells when such a fault begins and ends, and whoever runs one obeys. The "
+    "demo refuses such a fault when its configuration has no `[operator]`.",
+}
+_HEAD = f"""# Faults in the mock
+
+Printed from `mock_autopilot/faults/catalogue.py` by `python -m mock_autopilot.faults.document`. The kinds are those of
+PX4's own system failure injection (MAVLink's `FAILURE_TYPE`): off, stuck, garbage, wrong, slow, delayed, intermittent.
+
+A fault is a sentence:
+
+```
+{chr(10).join(EXAMPLES)}
+```
+
+It begins with one of the phrases below. Then, in any order, may follow
+
+- an amount, where there is one: `by 0.5 m`, `to 20 Hz`; without, it is the one of the table;
+- when: `at 12 s` counts from lift-off, the first time that the vehicle really leaves the ground; a phase counts from
+  the first time it is reached: `on the ground` (the start), `armed`, `in the air`, `landing` (PX4 lands by itself, told
+  to or by a failsafe; a landing in offboard mode is like any other flight to PX4), each with `after 3 s` or without.
+  Without a time a scripted fault is there from the start, an ordered one from now on, and a time that is past is now;
+- how long: `for 2 s`; without, for ever. What happens once has no length.
+
+Who says it:
+
+```console
+$ make demo ARGS="--fault 'mocap stuck at 12 s for 2 s'"                # may be given again
+$ .venv/bin/python -m mock_autopilot --config config/mock.toml --fault "link off at 20 s"
+```
+
+```toml
+[[faults]]                              # in the mock's configuration
+say = "mocap stuck at 12 s for 2 s"
+
+[[faults]]                              # or with keys
+part = "mocap"
+kind = "wrong"
+how = "jump"
+amount = 0.5                            # in the table's unit
+phase = "in the air"                    # or at_s = 3.0
+after_s = 3.0
+for_s = 2.0
+```
+
+With `--exit-with-stdin` the mock takes orders as lines on its standard input: `fault mocap stuck for 2 s`, from now on.
+It says on standard output when a fault begins and ends, on this machine's monotonic clock, and in the end which of
+the scripted ones never began. The demo shows these lines in its own time, which counts from the start of the motors, a
+second or two before lift-off.
+
+What is random in them comes from the seed, and nothing else that is random depends on it: the same seed, faults and
+commands give the same flight in simulated time, and without faults everything is as if there were none.
+"""
+
+
+def document() -> str:
+    """The whole file."""
+    return "\n".join([_HEAD, *(_section(part) for part in Part)])
+
+
+def _section(part: Part) -> str:
+    ways = [way for way in WAYS if way.part is part]
+    rows = [f"| `{way.words}` | {_amount(way)} | {way.does} |" for way in ways]
+    note = f"{_NOTES[part]}\n\n" if _NOTES[part] else ""
+    return (
+        f"## {_TITLES[part]}\n\n{note}| sentence | amount | what it does |\n| --- | --- | --- |\n"
+        + "\n".join(rows)
+        + "\n"
+    )
+
+
+def _amount(way: Way) -> str:
+    amount = way.amount
+    if amount is None:
+        return "" if way.lasts else "once"
+    unit = f" {amount.unit}" if amount.unit else ""
+    least, most = (f"{value:.4g}" for value in (amount.least, amount.most))
+    once = "" if way.lasts else ", once"
+    return f"`{amount.text(amount.usual)}` ({least} to {most}{unit}){once}"
+
+
+if __name__ == "__main__":
+    print(document(), end="")

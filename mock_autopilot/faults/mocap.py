@@ -1,0 +1,203 @@
+"""What motion capture's faults make of its frames; pure, for the server and for flights in simulated time."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from mock_autopilot.faults.catalogue import Kind, Part
+from mock_autopilot.faults.fault import Fault
+from mock_autopilot.faults.schedule import FaultSchedule, Held
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.qtm.packets import HEADER, Body, BodyPose, Frame
+
+CORNER_M = np.array([3.0, 3.0, 0.0])
+"""Where the other body of a swap stands, in the room's frame."""
+_NOISE_M = 0.0003
+_FAR_M = 10.0
+_FLIP_YZ, _FLIP_Y = np.diag([1.0, -1.0, -1.0]), np.diag([1.0, -1.0, 1.0])
+_SWAP_XY = np.eye(3)[[1, 0, 2]]
+_SLACK_S = 1e-6
+
+
+class MocapFaults:
+    """Takes the frames that leave the server in order and gives out those that really do."""
+
+    def __init__(self, schedule: FaultSchedule, rng: np.random.Generator, rate_hz: float) -> None:
+        self._schedule, self._rng, self._rate_hz = schedule, rng, rate_hz
+        self._queue: list[tuple[float, float, Frame]] = []
+        self._stuck: tuple[BodyPose, ...] | None = None
+        self._frozen: BodyPose | None = None
+
+    def pass_on(self, frames: list[Frame], now_s: float) -> list[Frame]:
+        """What leaves at `now_s` (s, simulated), given that the cameras would send `frames`.
+
+        Call it often, also without frames: what is held back leaves later.
+        """
+        held = self._schedule.holding(Part.MOCAP)
+        if not held:
+            self._stuck = self._frozen = None
+            if not self._queue:
+                return frames
+        for frame in frames:
+            self._take(frame, held, now_s)
+        delay_s = sum(one.fault.much for one in held if one.fault.kind is Kind.DELAYED)
+        due = [entry for entry in self._queue if entry[0] + entry[1] + delay_s <= now_s + _SLACK_S]
+        self._queue = [entry for entry in self._queue if entry[0] + entry[1] + delay_s > now_s + _SLACK_S]
+        due.sort(key=lambda entry: entry[0] + entry[1])  # stable: equal ones in the order of capture
+        return [frame for _, _, frame in due]
+
+    @property
+    def breaks_packets(self) -> bool:
+        """Whether what leaves now cannot be understood by anybody."""
+        return any((h.fault.kind, h.fault.how) == (Kind.GARBAGE, "packets") for h in self._schedule.holding(Part.MOCAP))
+
+    def packet(self, packet: bytes) -> bytes:
+        """One data packet of the protocol as it leaves: as it is, or with its header right and its contents broken."""
+        return broken(packet, self._rng) if self.breaks_packets else packet
+
+    def _take(self, frame: Frame, held: tuple[Held, ...], now_s: float) -> None:
+        late_s = 0.0
+        for one in held:
+            if self._lost(frame, one):
+                return
+            if one.fault.how == "out of order" and frame.number % 2:
+                late_s += 2.0 / self._rate_hz
+            frame = self._changed(frame, one, now_s)
+        self._queue.append((now_s, late_s, replace(frame, bodies=self._in_the_list(frame.bodies, held))))
+
+    def _lost(self, frame: Frame, held: Held) -> bool:
+        kind, much = held.fault.kind, held.fault.much
+        if kind is Kind.SLOW:
+            share = min(much / self._rate_hz, 1.0)
+            return int(frame.number * share + 1e-9) == int((frame.number - 1) * share + 1e-9)
+        return kind is Kind.OFF or (kind is Kind.INTERMITTENT and float(self._rng.random()) < much)
+
+    def _changed(self, frame: Frame, held: Held, now_s: float) -> Frame:
+        fault, (ours, *others) = held.fault, frame.bodies
+        if fault.kind is Kind.STUCK:
+            self._stuck = self._stuck or frame.bodies
+            return replace(frame, bodies=self._stuck)
+        if fault.how == "clock jump":
+            return replace(frame, stamp_us=frame.stamp_us + round(fault.much * 1e6))
+        if fault.kind is Kind.GARBAGE and not fault.how:
+            ours = BodyPose(
+                self._rng.uniform(-_FAR_M, _FAR_M, 3), self._rng.uniform(-1.0, 1.0, (3, 3)), ours.residual_m
+            )
+        elif fault.how in {"swapped", "swapped and frozen"}:
+            ours = self._other_body(ours, frozen=fault.how != "swapped")
+        elif fault.kind is Kind.WRONG and fault.how in _POSES:
+            ours = _POSES[fault.how](ours, fault.much, now_s - held.since_s)
+        return replace(frame, bodies=(ours, *others))
+
+    def when_bodies_change(self, tell: Callable[[], None]) -> None:
+        """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
+        self._schedule.observers.append(lambda turn: tell() if is_of_the_list(turn.fault) else None)
+
+    @property
+    def changes_list(self) -> bool:
+        """Whether QTM's list of rigid bodies is another one now than it was at the start."""
+        return any(is_of_the_list(held.fault) for held in self._schedule.holding(Part.MOCAP))
+
+    def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
+        """Return QTM's list of rigid bodies, ours the first, as it has been changed by now."""
+        for held in self._schedule.holding(Part.MOCAP):
+            if is_of_the_list(held.fault):
+                bodies = _IN_SETTINGS[held.fault.how](bodies)
+        return bodies
+
+    def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[Held, ...]) -> tuple[BodyPose, ...]:
+        """The bodies of a frame, ours the first, in the order of the list as it is now."""
+        for one in held:
+            if is_of_the_list(one.fault):
+                poses = _IN_FRAMES[one.fault.how](poses, self._box(poses))
+        return poses
+
+    def _box(self, poses: tuple[BodyPose, ...]) -> BodyPose:
+        residual_m = poses[0].residual_m if poses else 0.0
+        return BodyPose(CORNER_M + self._rng.normal(0.0, _NOISE_M, 3), np.eye(3), residual_m)
+
+    def _other_body(self, ours: BodyPose, frozen: bool) -> BodyPose:
+        if frozen and self._frozen is not None:
+            return self._frozen
+        self._frozen = self._box((ours,))
+        return self._frozen
+
+
+def _moved(pose: BodyPose, along_x_m: float) -> BodyPose:
+    return replace(pose, position_room_m=pose.position_room_m + np.array([along_x_m, 0.0, 0.0]))
+
+
+def _defined(pose: BodyPose, turn: Array) -> BodyPose:
+    """With other body axes."""
+    return replace(pose, rotation_room_flu=pose.rotation_room_flu @ turn)
+
+
+def _reflected(pose: BodyPose, axes: Array) -> BodyPose:
+    """Seen in other axes of the room, body axes named alike: still a rotation."""
+    return replace(
+        pose, position_room_m=axes @ pose.position_room_m, rotation_room_flu=axes @ pose.rotation_room_flu @ axes
+    )
+
+
+def _about_z(angle_rad: float) -> Array:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _about_x(angle_rad: float) -> Array:
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+_LOST = BodyPose(np.full(3, np.nan), np.full((3, 3), np.nan), float("nan"))
+_POSES: dict[str, Callable[[BodyPose, float, float], BodyPose]] = {
+    "jump": lambda pose, much, _: _moved(pose, much),
+    "drift": lambda pose, much, for_s: _moved(pose, much * for_s),
+    "upside down": lambda pose, _, __: _defined(pose, _FLIP_YZ),
+    "mirrored": lambda pose, _, __: _reflected(pose, _FLIP_Y),
+    "axes swapped": lambda pose, _, __: _reflected(pose, _SWAP_XY),
+    "turned": lambda pose, much, _: _defined(pose, _about_z(much)),
+    "tilted": lambda pose, much, _: _defined(pose, _about_x(much)),
+    "lost": lambda _, __, ___: _LOST,
+}
+
+_BOX = Body("box")
+_IN_SETTINGS: dict[str, Callable[[tuple[Body, ...]], tuple[Body, ...]]] = {
+    "body added": lambda bodies: (_BOX, *bodies),
+    "body replaced": lambda bodies: (_BOX, *bodies[1:]),
+    "body deleted": lambda bodies: bodies[1:],
+    "body renamed": lambda bodies: (_BOX, *bodies[1:]),
+    "body disabled": lambda bodies: (*(replace(ours, enabled=False) for ours in bodies[:1]), *bodies[1:]),
+    "bodies reversed": lambda bodies: bodies[::-1],
+    "no bodies": lambda bodies: bodies,
+}
+_IN_FRAMES: dict[str, Callable[[tuple[BodyPose, ...], BodyPose], tuple[BodyPose, ...]]] = {
+    "body added": lambda poses, box: (box, *poses),
+    "body replaced": lambda poses, box: (box, *poses[1:]),
+    "body deleted": lambda poses, _: poses[1:],
+    "body renamed": lambda poses, _: poses,
+    "body disabled": lambda poses, _: (*(_LOST for _ in poses[:1]), *poses[1:]),
+    "bodies reversed": lambda poses, _: poses[::-1],
+    "no bodies": lambda _, __: (),
+}
+
+
+def is_of_the_list(fault: Fault) -> bool:
+    """Return whether a fault is one of QTM's list of rigid bodies, and not of a pose."""
+    return fault.part is Part.MOCAP and fault.how in _IN_SETTINGS
+
+
+def broken(packet: bytes, rng: np.random.Generator) -> bytes:
+    """A packet whose header still tells type and size of what follows, which is cut off, random, or partly wrong."""
+    _, kind = HEADER.unpack_from(packet)
+    contents = bytearray(packet[HEADER.size :])
+    what = int(rng.integers(3))
+    if what == 0:
+        contents = contents[: int(rng.integers(len(contents)))]
+    elif what == 1:
+        contents = bytearray(rng.bytes(len(contents)))
+    else:
+        for place in rng.integers(len(contents), size=4).tolist():
+            contents[place] ^= int(rng.integers(1, 256))
+    return HEADER.pack(HEADER.size + len(contents), kind) + bytes(contents)

@@ -1,0 +1,100 @@
+"""Which fault is there now: times and phases turned into begin and end, in simulated time. Pure."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from mock_autopilot.faults.catalogue import Part, Phase
+from mock_autopilot.faults.fault import Fault
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A fault that begins or ends."""
+
+    fault: Fault
+    begins: bool
+    time_s: float
+    """Simulated."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """A fault that is there."""
+
+    fault: Fault
+    since_s: float
+
+    @property
+    def until_s(self) -> float:
+        """The end is no longer part of it."""
+        return self.since_s + self.fault.lasts_s
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    fault: Fault
+    not_before_s: float
+
+
+class FaultSchedule:
+    """Give it every step of simulated time; it tells what begins and ends, and knows what is there."""
+
+    def __init__(self, faults: Iterable[Fault] = ()) -> None:
+        self._waiting = [_Waiting(fault, 0.0) for fault in faults]
+        self._reached_s: dict[Phase, float] = {Phase.ON_THE_GROUND: 0.0}
+        self._held: dict[Part, tuple[Held, ...]] = dict.fromkeys(Part, ())
+        self._next_s = -math.inf
+        self.observers: list[Callable[[Turn], None]] = []
+        """Called with every fault that begins or ends."""
+
+    def inject(self, fault: Fault, now_s: float) -> None:
+        """Add a fault: from now on, or when its own time comes; a time that is past is now."""
+        self._waiting.append(_Waiting(fault, now_s))
+        self._turn(now_s)
+
+    def holding(self, part: Part) -> tuple[Held, ...]:
+        """The faults of this part that are there, in the order in which they began."""
+        return self._held[part]
+
+    def begin_s(self, fault: Fault) -> float:
+        """When it begins by what was reached so far, s of simulated time; infinite while that is open."""
+        if fault.at_s is not None:
+            return self._reached_s.get(Phase.IN_THE_AIR, math.inf) + fault.at_s
+        if fault.phase is not None:
+            return self._reached_s.get(fault.phase, math.inf) + fault.after_s
+        return 0.0
+
+    def step(self, now_s: float, armed: bool, airborne: bool, landing: bool) -> None:
+        """Note what is reached, then begin and end what is due."""
+        if len(self._reached_s) < len(Phase):
+            self._note(Phase.ARMED, armed, now_s)
+            self._note(Phase.IN_THE_AIR, airborne, now_s)
+            self._note(Phase.LANDING, landing, now_s)
+        if now_s >= self._next_s:
+            self._turn(now_s)
+
+    def _note(self, phase: Phase, reached: bool, now_s: float) -> None:
+        if reached and phase not in self._reached_s:
+            self._reached_s[phase] = now_s
+            self._next_s = now_s
+
+    def _turn(self, now_s: float) -> None:
+        ended = [held for every in self._held.values() for held in every if held.until_s <= now_s + 1e-9]
+        begun = [one for one in self._waiting if max(self.begin_s(one.fault), one.not_before_s) <= now_s + 1e-9]
+        self._waiting = [one for one in self._waiting if one not in begun]
+        for held in ended:
+            part = held.fault.part
+            self._held[part] = tuple(other for other in self._held[part] if other is not held)
+        for one in begun:
+            if one.fault.lasts_s > 0.0:
+                self._held[one.fault.part] += (Held(one.fault, now_s),)
+        self._next_s = self._next_edge_s()
+        for fault, begins in (*((h.fault, False) for h in ended), *((one.fault, True) for one in begun)):
+            for observer in self.observers:
+                observer(Turn(fault, begins, now_s))
+
+    def _next_edge_s(self) -> float:
+        ends = [held.until_s for every in self._held.values() for held in every]
+        begins = [max(self.begin_s(one.fault), one.not_before_s) for one in self._waiting]
+        return min((*ends, *begins), default=math.inf)

@@ -1,0 +1,1 @@
+"""The mock's MAVLink end: messages, streams, UDP link."""

@@ -1,0 +1,239 @@
+"""Every message the mock sends by itself, built from the world: one function per message.
+
+Values that nothing here simulates (magnetometer, accuracies, AUTOPILOT_VERSION, ...) are those recorded from PX4 v1.17.
+A builder returns None when there is nothing to send, as PX4 does without GPS or home.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.plant import GRAVITY_MPS2
+from mock_autopilot.px4.health import sensors_enabled, sensors_health, sensors_present
+from mock_autopilot.px4.vocabulary import Mode
+from mock_autopilot.world import World
+
+Message = Any
+"""A pymavlink message; pymavlink has no types."""
+Builder = Callable[[World], Message | None]
+
+NAN = math.nan
+EST_POSITION = 8
+"""ESTIMATOR_STATUS.flags: the horizontal position is trusted."""
+CAPABILITIES = 59647
+SW_VERSION = 0x011100FF
+OS_VERSION = 101854463
+CUSTOM_VERSION = [0, 0, 0, 196, 209, 42, 241, 214]
+UID = 5283920058631409231
+
+
+def boot_ms(world: World) -> int:
+    """Milliseconds since boot."""
+    return round(world.uptime_s * 1e3)
+
+
+def boot_us(world: World) -> int:
+    """Microseconds since boot."""
+    return round(world.uptime_s * 1e6)
+
+
+def heartbeat(world: World) -> Message:
+    """What every client believes: mode, armed, ready."""
+    vehicle = world.vehicle
+    custom = vehicle.mode.custom_mode
+    return mavlink.MAVLink_heartbeat_message(2, 12, vehicle.base_mode, custom, int(vehicle.system_status), 3)
+
+
+def sys_status(world: World) -> Message:
+    """Health bits and battery."""
+    battery = world.vehicle.battery
+    vehicle = world.vehicle
+    present, enabled, health = sensors_present(vehicle), sensors_enabled(vehicle), sensors_health(vehicle)
+    millivolts = round(battery.voltage_v * 1e3)
+    return mavlink.MAVLink_sys_status_message(
+        present, enabled, health, 173, millivolts, -100, battery.percent, 0, 0, 0, 0, 0, 0, 0, 0, 1
+    )
+
+
+def extended_sys_state(world: World) -> Message:
+    """On ground, taking off, in air, landing."""
+    return mavlink.MAVLink_extended_sys_state_message(0, int(world.vehicle.landed_state))
+
+
+def attitude(world: World) -> Message | None:
+    """Estimated Euler angles and body rates."""
+    if world.uptime_s < 1.0:
+        return None
+    roll, pitch, yaw = quat.to_euler(world.vehicle.attitude_estimate_wxyz)
+    p, q, r = world.truth.rate_frd_radps.tolist()
+    return mavlink.MAVLink_attitude_message(boot_ms(world), roll, pitch, yaw, p, q, r)
+
+
+def attitude_quaternion(world: World) -> Message | None:
+    """The same as a quaternion w x y z."""
+    if world.uptime_s < 1.0:
+        return None
+    p, q, r = world.truth.rate_frd_radps.tolist()
+    return mavlink.MAVLink_attitude_quaternion_message(
+        boot_ms(world), *world.vehicle.attitude_estimate_wxyz.tolist(), p, q, r
+    )
+
+
+def local_position_ned(world: World) -> Message:
+    """The estimate; it streams on whether it is worth anything or not."""
+    now = world.vehicle.estimate
+    return mavlink.MAVLink_local_position_ned_message(boot_ms(world), *now.position_m, *now.velocity_mps)
+
+
+def odometry(world: World) -> Message:
+    """The estimate once more, with its reset counter."""
+    now, estimator = world.vehicle.estimate, world.vehicle.estimator
+    q = world.vehicle.attitude_estimate_wxyz.tolist()
+    rates = world.truth.rate_frd_radps.tolist()
+    pose, velocity = [NAN] * 21, [NAN] * 21
+    for index, variance in ((0, 0.04), (6, 0.04), (11, 0.07), (15, 2e-4), (18, 2e-4), (20, 2e-3)):
+        pose[index] = variance
+    for index in (0, 6, 11):
+        velocity[index] = 0.008
+    resets = estimator.reset_counter % 256
+    return mavlink.MAVLink_odometry_message(
+        boot_us(world), 1, 1, *now.position_m, q, *now.velocity_mps, *rates, pose, velocity, resets, 8, 0
+    )
+
+
+def attitude_target(world: World) -> Message:
+    """The setpoint being followed, as PX4 repeats it."""
+    target = world.vehicle.target
+    rates = target.rate_frd_radps or (0.0, 0.0, 0.0)
+    return mavlink.MAVLink_attitude_target_message(
+        boot_ms(world), 0, list(target.echo_q_wxyz), *rates, target.echo_thrust
+    )
+
+
+def position_target_local_ned(world: World) -> Message | None:
+    """Not in attitude offboard; otherwise almost empty."""
+    if world.vehicle.mode is Mode.OFFBOARD:
+        return None
+    yaw = world.vehicle.estimate.yaw_rad
+    place = [NAN] * 6
+    return mavlink.MAVLink_position_target_local_ned_message(boot_ms(world), 1, 63, *place, 0.0, 0.0, 100.0, yaw, 0.0)
+
+
+def rc_channels(_world: World) -> Message | None:
+    """Granted, and never sent: there is no remote control."""
+    return None
+
+
+def servo_output_raw(world: World) -> Message:
+    """All four motors alike: 900 off, 1000 to 2000 us."""
+    signal = world.vehicle.signal
+    finite = signal if math.isfinite(signal) else 0.0
+    pulse = round(1000 + 1000 * min(max(finite, 0.0), 1.0)) if world.vehicle.armed else 900
+    return mavlink.MAVLink_servo_output_raw_message(boot_us(world) % 2**32, 0, *[pulse] * 4, *[900] * 12)
+
+
+def vfr_hud(world: World) -> Message:
+    """For head-up displays."""
+    now = world.vehicle.estimate
+    speed = math.hypot(*now.velocity_mps[:2])
+    heading = round(math.degrees(now.yaw_rad)) % 360
+    signal = world.vehicle.signal
+    throttle = round(100 * min(max(signal, 0.0), 1.0)) if math.isfinite(signal) else 0
+    altitude = world.vehicle.origin.to_global(now.position_m)[2] / 1e3
+    return mavlink.MAVLink_vfr_hud_message(NAN, speed, heading, throttle, altitude, -now.velocity_mps[2])
+
+
+def altitude_message(world: World) -> Message:
+    """ALTITUDE: above sea, above home, in the local frame."""
+    now = world.vehicle.estimate
+    above_sea = world.vehicle.origin.to_global(now.position_m)[2] / 1e3
+    home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
+    up = -now.position_m[2]
+    return mavlink.MAVLink_altitude_message(boot_us(world), above_sea, above_sea, up, up + home_z, NAN, NAN)
+
+
+def highres_imu(world: World) -> Message:
+    """Specific force (m/s^2) and rates (rad/s) in the body frame; zacc reads -9.8 at rest."""
+    state = world.state
+    ax, ay, az = state.acceleration_ned_mps2.tolist()
+    force = quat.to_matrix(state.q_ned_frd_wxyz).T @ [ax, ay, az - GRAVITY_MPS2]
+    p, q, r = state.rate_frd_radps.tolist()
+    fx, fy, fz = force.tolist()
+    height = world.vehicle.origin.to_global(world.vehicle.felt.motion.position_ned_m)[2] / 1e3
+    return mavlink.MAVLink_highres_imu_message(
+        boot_us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
+    )
+
+
+def estimator_status(world: World) -> Message:
+    """Which parts of the estimate are trusted, and how near to rejection their measurements are."""
+    estimator, ratio = world.vehicle.estimator, world.timing.ratio
+    flags = estimator.flags
+    if estimator.uses_gps:
+        ratios = (0.15, 0.04, 0.06, 0.08, 0.14)
+    elif not flags & EST_POSITION:
+        ratios = (NAN, NAN, ratio(0.03, 0.28), NAN, ratio(0.06, 0.77))
+    elif estimator.in_air:
+        ratios = (NAN, ratio(0.075, 0.774), ratio(0.025, 0.28), ratio(0.005, 0.02), ratio(0.06, 0.775))
+    else:
+        ratios = (NAN, ratio(0.004, 0.01), ratio(0.002, 0.005), ratio(0.001, 0.002), ratio(0.004, 0.01))
+    if not estimator.uses_gps and not int(world.vehicle.params["EKF2_RNG_CTRL"]):
+        ratios = (*ratios[:4], NAN)
+    accuracy = (0.29, 0.27) if estimator.uses_gps else (0.032, 0.018)
+    return mavlink.MAVLink_estimator_status_message(boot_us(world), flags, *ratios, NAN, *accuracy)
+
+
+def battery_status(world: World) -> Message:
+    """The battery in detail."""
+    battery = world.vehicle.battery
+    cells = [round(battery.voltage_v * 1e3)] + [65535] * 9
+    return mavlink.MAVLink_battery_status_message(
+        0, 1, 1, 32767, cells, -100, -1, -1, battery.percent, 0, 1 + battery.warning, [0] * 4, 0, 0
+    )
+
+
+def timesync(world: World) -> Message:
+    """PX4 asks for the client's clock."""
+    return mavlink.MAVLink_timesync_message(0, round(world.uptime_s * 1e9))
+
+
+def ping(world: World) -> Message:
+    """PX4 asks whether anybody is there; the sequence counts its seconds."""
+    return mavlink.MAVLink_ping_message(boot_us(world), round(world.uptime_s), 0, 0)
+
+
+def mission_current(_world: World) -> Message:
+    """No mission."""
+    return mavlink.MAVLink_mission_current_message(0, 65535, 1, 2)
+
+
+def vibration(world: World) -> Message:
+    """Nothing shakes."""
+    return mavlink.MAVLink_vibration_message(boot_us(world), 0.0, 0.0, 0.0, 0, 0, 0)
+
+
+def current_mode(world: World) -> Message:
+    """The mode it flies and the mode the user wants."""
+    commander = world.vehicle.commander
+    return mavlink.MAVLink_current_mode_message(0, commander.mode.custom_mode, commander.intended_mode.custom_mode)
+
+
+def autopilot_version(_world: World) -> Message:
+    """Exactly as recorded."""
+    return mavlink.MAVLink_autopilot_version_message(
+        CAPABILITIES,
+        SW_VERSION,
+        SW_VERSION,
+        OS_VERSION,
+        1,
+        CUSTOM_VERSION,
+        CUSTOM_VERSION,
+        [0] * 8,
+        0,
+        0,
+        UID,
+        [0] * 18,
+    )

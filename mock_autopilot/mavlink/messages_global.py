@@ -1,0 +1,73 @@
+"""The messages that know a place on earth; None where the vehicle knows none."""
+
+import math
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from mock_autopilot.mavlink.messages import Message, boot_ms, boot_us
+from mock_autopilot.physics.geodesy import simulators_home
+from mock_autopilot.world import World
+
+GLOBAL_FIRST_S = 2.5
+"""A GPS vehicle reports its global position from here on."""
+
+
+def global_position_int(world: World) -> Message | None:
+    """Only with a place on earth."""
+    if not _knows_earth(world):
+        return None
+    now = world.vehicle.estimate
+    lat, lon, alt_mm = world.vehicle.origin.to_global(now.position_m)
+    home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
+    relative_mm = round((home_z - now.position_m[2]) * 1e3)
+    speeds = [round(v * 100) for v in now.velocity_mps]
+    heading = round(math.degrees(now.yaw_rad) % 360.0 * 100) % 36000
+    return mavlink.MAVLink_global_position_int_message(boot_ms(world), lat, lon, alt_mm, relative_mm, *speeds, heading)
+
+
+def _knows_earth(world: World) -> bool:
+    estimator = world.vehicle.estimator
+    if estimator.uses_gps:
+        return world.uptime_s >= GLOBAL_FIRST_S
+    return estimator.origin_set_s is not None
+
+
+def gps_raw_int(world: World) -> Message:
+    """The receiver; PX4 reports it fused or not."""
+    state = world.vehicle.felt.motion
+    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(state.position_ned_m)
+    vn, ve, _ = state.velocity_ned_mps
+    course = round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000
+    speed = round(math.hypot(vn, ve) * 100)
+    return mavlink.MAVLink_gps_raw_int_message(
+        boot_us(world), 3, lat, lon, alt_mm, 70, 110, speed, course, 10, alt_mm, 900, 1780, 400, 0, 0
+    )
+
+
+def gps_global_origin(world: World) -> Message | None:
+    """Where the local frame's origin lies on earth."""
+    if not world.vehicle.estimator.uses_gps and world.vehicle.estimator.origin_set_s is None:
+        return None
+    return mavlink.MAVLink_gps_global_origin_message(*world.vehicle.origin.to_global((0.0, 0.0, 0.0)), boot_us(world))
+
+
+def hil_state_quaternion(world: World) -> Message:
+    """The simulator's truth; a simulated PX4 has it, one on a vehicle has nothing to send."""
+    truth = world.truth
+    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(world.vehicle.felt.motion.position_ned_m)
+    speeds = [round(100 * v) for v in truth.velocity_ned_mps.tolist()]
+    q, rates = truth.q_ned_frd_wxyz.tolist(), truth.rate_frd_radps.tolist()
+    return mavlink.MAVLink_hil_state_quaternion_message(
+        boot_us(world), q, *rates, lat, lon, alt_mm, *speeds, 0, 0, 0, 0, 0
+    )
+
+
+def home_position(world: World) -> Message | None:
+    """Where it would return to."""
+    home = world.vehicle.home
+    if home is None:
+        return None
+    place = (home.x_m, home.y_m, home.z_m)
+    return mavlink.MAVLink_home_position_message(
+        *world.vehicle.origin.to_global(place), *place, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, boot_us(world)
+    )

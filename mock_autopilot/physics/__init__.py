@@ -1,0 +1,1 @@
+"""The simulated vehicle: rigid-body plant, disturbances, arms. Pure."""

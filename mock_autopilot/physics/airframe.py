@@ -1,0 +1,26 @@
+"""What passes between the autopilot and the airframe: what is felt, what is asked."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.px4.estimator import Motion
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What the autopilot asks of the airframe, in true world coordinates."""
+
+    q_sp_wxyz: Array
+    rate_sp_frd_radps: Array | None
+    signal: float
+    """Motor signal 0..1, NaN for none."""
+    motors_on: bool
+
+
+class Felt(NamedTuple):
+    """The truth the sensors see, relative to the start position; world NED, body FRD."""
+
+    motion: Motion
+    q_ned_frd_wxyz: Array
+    rate_frd_radps: Array

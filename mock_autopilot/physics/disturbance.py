@@ -1,0 +1,95 @@
+"""Wind, cables and whatever else pushes: a seeded force in world axes (N, NED)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.physics.quaternion_one import Three
+
+BLOCK = 1024
+"""Random numbers are drawn in blocks; one at a time costs more than the physics they disturb."""
+
+
+@dataclass(frozen=True)
+class Sinusoid:
+    """A slow periodic push."""
+
+    amplitude_ned_n: tuple[float, float, float]
+    """Largest force, world NED."""
+    period_s: float
+    """Time of one push and back."""
+    phase_rad: float = 0.0
+    """Phase at the start."""
+
+
+@dataclass(frozen=True)
+class Forces:
+    """What the disturbance is made of."""
+
+    constant_ned_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sinusoids: tuple[Sinusoid, ...] = ()
+    noise_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Standard deviation of the Ornstein-Uhlenbeck part."""
+    noise_time_s: float = 1.0
+    """Its correlation time."""
+
+
+class Disturbance:
+    """Steps in fixed intervals; the same seed gives the same force."""
+
+    def __init__(self, forces: Forces, rng: np.random.Generator, dt_s: float) -> None:
+        self._forces = forces
+        self._rng = rng
+        self._keep = math.exp(-dt_s / forces.noise_time_s)
+        self._fresh = [sigma * math.sqrt(1.0 - self._keep**2) for sigma in forces.noise_n]
+        self._noise = [0.0, 0.0, 0.0]
+        self._draws: list[list[float]] = []
+
+    def step(self, now_s: float) -> Array:
+        """Force (N, NED, shape (3,)) of the step that ends at `now_s`."""
+        return np.array(self.step_one(now_s))
+
+    def step_one(self, now_s: float) -> Three:
+        """Do what `step` does, in floats."""
+        if not self._draws:
+            self._draws = self._rng.standard_normal((BLOCK, 3)).tolist()
+        draw = self._draws.pop()
+        force = list(self._forces.constant_ned_n)
+        for axis in range(3):
+            self._noise[axis] = self._keep * self._noise[axis] + self._fresh[axis] * draw[axis]
+            force[axis] += self._noise[axis]
+        for wave in self._forces.sinusoids:
+            swing = math.sin(2.0 * math.pi * now_s / wave.period_s + wave.phase_rad)
+            for axis in range(3):
+                force[axis] += swing * wave.amplitude_ned_n[axis]
+        x, y, z = force
+        return x, y, z
+
+
+def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: float, steps: int) -> Array:
+    """Forces (N, NED, shape (steps, vehicles, 3)) of the first `steps` steps, to rounding those of Disturbance.step.
+
+    Each vehicle draws its own noise from its generator, as a Disturbance with it would; all else is the same for all.
+    """
+    keep = math.exp(-dt_s / forces.noise_time_s)
+    fresh = np.array(forces.noise_n) * math.sqrt(1.0 - keep**2)
+    noise = np.stack([_draws(rng, steps) for rng in rngs], axis=1) * fresh
+    for before, now in pairwise(noise):
+        now += keep * before  # noqa: PLW2901 - in place
+    time_s = np.arange(1, steps + 1) * dt_s
+    steady = np.tile(forces.constant_ned_n, (steps, 1))
+    for wave in forces.sinusoids:
+        swing = np.sin(2.0 * math.pi * time_s / wave.period_s + wave.phase_rad)
+        steady += swing[:, None] * np.array(wave.amplitude_ned_n)
+    noise += steady[:, None]
+    return noise
+
+
+def _draws(rng: np.random.Generator, steps: int) -> Array:
+    """(steps, 3), each block from its end, as Disturbance takes them."""
+    blocks = [rng.standard_normal((BLOCK, 3))[::-1] for _ in range(-(-steps // BLOCK))]
+    return np.concatenate(blocks)[:steps]

@@ -1,0 +1,1 @@
+"""PX4's behaviour: commander, estimator, flight modes, land detector. Pure."""

@@ -1,0 +1,49 @@
+"""PX4's simulated battery: it drains while armed and is full again when disarmed."""
+
+from mock_autopilot.px4.failsafe import CRITICAL, EMERGENCY, LOW
+from mock_autopilot.px4.params import ParamTable
+
+REPORT_S = 1.0
+"""PX4 filters the state of charge; recorded with 0.95 to 1.05 s."""
+
+
+class Battery:
+    """Charge 0..1; SIM_BAT_DRAIN seconds would empty it, at SIM_BAT_MIN_PCT it stops, as recorded from PX4 v1.17."""
+
+    def __init__(self, params: ParamTable) -> None:
+        self._params = params
+        self.charge = 1.0
+        self._full = 1.0
+        self._reported = 1.0
+
+    def drop_to(self, charge: float) -> None:
+        """A pack that is suddenly worth no more than this share; it does not recover."""
+        self._full = min(self._full, charge)
+        self.charge = self._reported = min(self.charge, charge)
+
+    def step(self, armed: bool, dt_s: float) -> None:
+        """Drain for `dt_s`, or recharge at once on the ground."""
+        if armed:
+            least = self._params["SIM_BAT_MIN_PCT"] / 100.0
+            drained = dt_s / max(self._params["SIM_BAT_DRAIN"], 1.0)
+            self.charge = max(self.charge - drained, min(least, self._full))
+        else:
+            self.charge = self._full
+        self._reported += (self.charge - self._reported) * min(dt_s / REPORT_S, 1.0)
+
+    @property
+    def voltage_v(self) -> float:
+        """Pack voltage (V), linear in the charge between the empty and the charged cell."""
+        empty, full = self._params["BAT1_V_EMPTY"], self._params["BAT1_V_CHARGED"]
+        return self._params["BAT1_N_CELLS"] * (empty + self.charge * (full - empty))
+
+    @property
+    def percent(self) -> int:
+        """Remaining charge as reported, 0..100."""
+        return round(100.0 * self._reported)
+
+    @property
+    def warning(self) -> int:
+        """0, or one of LOW, CRITICAL, EMERGENCY: BAT_LOW_THR and its like."""
+        levels = ((EMERGENCY, "BAT_EMERGEN_THR"), (CRITICAL, "BAT_CRIT_THR"), (LOW, "BAT_LOW_THR"))
+        return next((level for level, name in levels if self._reported < self._params[name]), 0)

@@ -1,0 +1,417 @@
+"""PX4 as one vehicle: commander, estimator, pilot, land detector and battery, in simulated time.
+
+Pure: time is an argument, nothing is sent from here. The link asks for what it reports and hands in what it hears.
+Recorded behaviour: docs/px4-conformance.md.
+"""
+
+import math
+
+import numpy as np
+
+from mock_autopilot.faults.autopilot import HEALTHY, rolled
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.airframe import Demand, Felt
+from mock_autopilot.physics.geodesy import Origin, simulators_home
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.px4.battery import Battery
+from mock_autopilot.px4.commander import AUTO_SUB_MODES, MAIN_MODES, OFFBOARD_LATE_S, UNSTABLE_TEXT, Commander
+from mock_autopilot.px4.estimator import Estimator, Motion
+from mock_autopilot.px4.failsafe import Situation
+from mock_autopilot.px4.horizon import Horizon
+from mock_autopilot.px4.land_detector import LandDetector
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.px4.pilot import Estimate, Pilot
+from mock_autopilot.px4.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
+from mock_autopilot.px4.sticks import Sticks
+from mock_autopilot.px4.timing import Timing
+from mock_autopilot.px4.vision import VisionSample
+from mock_autopilot.px4.vocabulary import (
+    AUTO_MAIN_MODE,
+    LandedState,
+    Mode,
+    Position,
+    Result,
+    Severity,
+    SystemStatus,
+    Text,
+)
+
+COMMANDER_PERIODS_S = (0.012, 0.016)
+"""PX4's commander sleeps 10 ms between its passes; the recorded simulator counted in steps of 4 ms."""
+UNSTABLE_M = 0.5
+"""External poses this far from where a standing vehicle believes to be fail the check before flight."""
+UNSTABLE_AFTER_S, UNSTABLE_S = 0.2, 4.0
+"""PX4 filters what it checks: it fails so late, and so long."""
+AT_REST_S = 1.5
+"""So long after it was disarmed the estimator takes it to be at rest."""
+PILOT_PERIOD_S = 0.004
+HOME_KNOWN_S = 2.0
+"""After boot (GPS); without GPS one second after the global origin was set."""
+PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.ALTITUDE, Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
+
+
+class Vehicle:
+    """One PX4 from its boot on."""
+
+    def __init__(
+        self,
+        params: ParamTable,
+        rng: np.random.Generator,
+        timing: Timing,
+        start_yaw_rad: float,
+        horizon: Horizon,
+        range_off_m: float | None = None,
+    ) -> None:
+        self.params = params
+        self._timing = timing
+        self._later_texts: list[tuple[float, Text]] = []
+        self.commander = Commander(params, timing.checks_pass_s())
+        self.estimator = Estimator(params, rng, start_yaw_rad, horizon, range_off_m or 0.0)
+        self.pilot = Pilot(params, range_finder=range_off_m is not None)
+        self.land_detector = LandDetector(params, timing)
+        self.battery = Battery(params)
+        self.troubles = HEALTHY
+        self.sticks = Sticks(params)
+        self._remote = False
+        self._away_since_s, self._unstable_until_s = math.inf, -math.inf
+        self.followed = Followed()
+        self.home: Position | None = None
+        self.origin = simulators_home(params)
+        """Where the local frame lies on earth, as far as that is known."""
+        self.now_s = 0.0
+        self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
+        self._setpoint_at_s = self._moved_s = -math.inf
+        self._commander_due_s = 0.0
+        self.commander_passes = 0
+        self._was_landed, self._range_doubted_s = True, (0.0, 0.0)
+        self._pilot_due_s = 0.0
+        self._piloted: tuple[Mode, bool] | None = None
+        self._floor_z_m = 0.0
+        self._takeoff_z_m = math.nan
+        self._failure_told = False
+        self._asked: tuple[object, ...] = ()
+        self._answer = Demand(self.felt.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+
+    # -- what comes in ---------------------------------------------------------------------------
+
+    def attitude_target(self, target: AttitudeTarget) -> None:
+        """SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
+        if not self.troubles.ignores_setpoints:
+            self.followed = follow(target, self.followed)
+        self._setpoint_at_s = self.now_s
+        if self.commander.misses_setpoints:
+            self.commander.check_now()
+
+    def see(self, sample: VisionSample) -> None:
+        """An external pose."""
+        away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
+        if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
+            self._away_since_s = math.inf
+        else:
+            self._away_since_s = min(self._away_since_s, self.now_s)
+            if self.now_s - self._away_since_s >= UNSTABLE_AFTER_S:
+                self._unstable_until_s = self.now_s + UNSTABLE_S
+        self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
+
+    def set_origin(self, origin: Origin) -> None:
+        """SET_GPS_GLOBAL_ORIGIN."""
+        if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
+            self.origin = origin
+            self.estimator.set_origin(self.now_s)
+            self.commander.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
+
+    def arm_disarm(self, arm: float, force: float) -> Result | None:
+        """COMPONENT_ARM_DISARM; None: PX4 gives no ACK."""
+        result = self.commander.arm_disarm(arm, force, self.situation)
+        self._floor_z_m = self.estimator.position_m[2] if self.land_detector.landed else self._floor_z_m
+        return result
+
+    def set_mode(self, base_mode: int, main: int, sub: int) -> Result:
+        """DO_SET_MODE or SET_MODE, the commander's answer."""
+        wanted = MAIN_MODES.get(main) if main != AUTO_MAIN_MODE else AUTO_SUB_MODES.get(sub)
+        if wanted is not None and self._refuses(wanted):
+            return Result.TEMPORARILY_REJECTED
+        return self.commander.set_mode(base_mode, main, sub, self.situation)
+
+    def take_off(self, above_sea_m: float = math.nan) -> Result:
+        """NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
+        result = self.commander.choose(Mode.TAKEOFF, self.situation)
+        self._takeoff_z_m = self.origin.above_sea_m - above_sea_m
+        if result is Result.ACCEPTED and self.commander.armed:
+            self._piloted = None  # from here, also when it takes off already
+            if math.isnan(above_sea_m):
+                height_m = self.params["MIS_TAKEOFF_ALT"]
+                self._say(Severity.INFO, f"Using default takeoff altitude: {height_m:.1f} m")
+            elif self._takeoff_z_m > self.estimator.position_m[2]:
+                self._say(Severity.CRITICAL, "Already higher than takeoff altitude")
+        return result
+
+    def land(self) -> Result:
+        """NAV_LAND, here."""
+        if self._refuses(Mode.LAND):
+            return Result.TEMPORARILY_REJECTED
+        result = self.commander.choose(Mode.LAND, self.situation)
+        if result is Result.ACCEPTED:
+            self._say(Severity.INFO, "Landing at current position")
+        return result
+
+    def return_home(self) -> Result:
+        """NAV_RETURN_TO_LAUNCH."""
+        return self.commander.choose(Mode.RTL, self.situation)
+
+    def take_over(self) -> None:
+        """A pilot with a remote control flies it from now on, in Position mode."""
+        self._remote = True
+        self.commander.take(Mode.POSITION)
+
+    def hear_sticks(self, sticks: tuple[float, float, float, float]) -> None:
+        """MANUAL_CONTROL: pitch, roll, throttle, yaw, -1..1."""
+        if self.sticks.hear(sticks, self.now_s):
+            self.commander.hear_pilot(self.situation)
+            self.sticks.moved = False
+
+    def _refuses(self, mode: Mode) -> bool:
+        refused = self.troubles.refuses(mode)
+        if refused:
+            self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
+        return refused
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self.commander.texts.append(Text(severity, text + "\t"))
+
+    def pop_texts(self) -> list[Text]:
+        """What it had to say since the last call."""
+        texts, self.commander.texts = self.commander.texts, []
+        self.commander.events_told += len(texts)
+        return texts
+
+    # -- what it reports -------------------------------------------------------------------------
+
+    @property
+    def situation(self) -> Situation:
+        """What the commander knows now."""
+        loss_s = self.params["COM_OF_LOSS_T"] + OFFBOARD_LATE_S
+        return Situation(
+            now_s=self.now_s,
+            landed=self.land_detector.landed,
+            local_ok=self.estimator.local_ok,
+            global_ok=self.estimator.global_ok,
+            offboard_ok=self.now_s - self._setpoint_at_s <= loss_s,
+            offboard_attitude=self.followed.attitude_control,
+            remote=self._remote or self.sticks.there(self.now_s),
+            sticks_moved=self.sticks.moved,
+            battery_warning=self.battery.warning,
+            position_unstable=self.now_s < self._unstable_until_s,
+        )
+
+    @property
+    def mode(self) -> Mode:
+        """The mode it really flies."""
+        return self.commander.mode
+
+    @property
+    def armed(self) -> bool:
+        """Motors allowed."""
+        return self.commander.armed
+
+    @property
+    def system_status(self) -> SystemStatus:
+        """HEARTBEAT.system_status."""
+        return self.commander.system_status(self.situation)
+
+    @property
+    def base_mode(self) -> int:
+        """HEARTBEAT.base_mode."""
+        return self.commander.base_mode(self.situation)
+
+    @property
+    def landed_state(self) -> LandedState:
+        """EXTENDED_SYS_STATE.landed_state."""
+        if self.land_detector.landed:
+            return LandedState.ON_GROUND
+        if self.mode is Mode.TAKEOFF and self.pilot.takes_off:
+            return LandedState.TAKING_OFF
+        if self.mode is Mode.LAND or (self.mode is Mode.RTL and self.pilot.descending):
+            return LandedState.LANDING
+        return LandedState.IN_AIR
+
+    @property
+    def lands(self) -> bool:
+        """It comes down by itself, told to or by a failsafe."""
+        mode = self.mode
+        if mode is Mode.OFFBOARD or mode is Mode.HOLD or not self.armed:  # asked at every step: nearly always this
+            return False
+        return self._sinks_blind or self.landed_state is LandedState.LANDING
+
+    @property
+    def _sinks_blind(self) -> bool:
+        """It descends level; in Altitude mode it does so while nobody moves the sticks that are not there."""
+        return self.mode is Mode.DESCEND or (self.mode is Mode.ALTITUDE and not self.situation.remote)
+
+    @property
+    def attitude_estimate_wxyz(self) -> Array:
+        """Attitude as reported: the truth, turned by the errors of heading and horizon."""
+        turned = quat.turned_about_z(self._yaw_error_rad, self.felt.q_ned_frd_wxyz)
+        if not self.estimator.horizon.perfect:
+            w, x, y, z = turned.tolist()
+            turned = np.array(self.estimator.horizon.believed((w, x, y, z)))
+        return rolled(turned, self.troubles.tilt_off_rad)
+
+    @property
+    def _yaw_error_rad(self) -> float:
+        return self.estimator.yaw_error_rad + self.troubles.heading_off_rad
+
+    @property
+    def estimate(self) -> Estimate:
+        """Position, velocity and heading as reported."""
+        x, y, z = self.estimator.position_m
+        vx, vy, vz = self.estimator.velocity_mps
+        yaw = self.felt.motion.yaw_rad + self._yaw_error_rad
+        return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok)
+
+    @property
+    def target(self) -> Followed:
+        """What ATTITUDE_TARGET repeats: the offboard setpoint as sent, or the autopilot's own."""
+        if self.mode is Mode.OFFBOARD:
+            return self.followed
+        return Followed(self.pilot.q_wxyz, self.pilot.q_wxyz, None, self.pilot.signal, self.pilot.signal, True)
+
+    @property
+    def signal(self) -> float:
+        """Motor signal 0..1 that produces the wanted thrust through the curve PX4 assumes (THR_MDL_FAC)."""
+        if not self.armed:
+            return 0.0
+        thrust = self.followed.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
+        return signal_for_thrust(thrust, self.params["THR_MDL_FAC"])
+
+    # -- every step ------------------------------------------------------------------------------
+
+    def step(self, now_s: float, felt: Felt, dt_s: float) -> Demand:
+        """Live for `dt_s` up to `now_s`."""
+        if not self.troubles.running:
+            return self.troubles.lifeless(self._answer, self.felt.rate_frd_radps, now_s - self.now_s)
+        self.now_s, self.felt = now_s, felt
+        self.estimator.in_air = self.armed and not self.land_detector.landed
+        if self.armed:
+            self._moved_s = now_s
+        self.estimator.at_rest = not self.commander.flown or now_s - self._moved_s > AT_REST_S
+        self.estimator.landing = self.lands
+        self.estimator.step(now_s, felt.motion, dt_s)
+        self.battery.step(self.armed, dt_s)
+        if now_s >= self._commander_due_s - 1e-9:
+            self._commander_due_s = now_s + COMMANDER_PERIODS_S[self.commander_passes % 2]
+            self.commander_passes += 1
+            self._command()
+        if now_s >= self._pilot_due_s - 1e-9:
+            self._pilot_due_s = now_s + PILOT_PERIOD_S
+            self._fly()
+        return self._demand()
+
+    def _speak_later(self) -> None:
+        """Say what was to come some time after something else."""
+        due = [text for at_s, text in self._later_texts if self.now_s >= at_s]
+        self._later_texts = [(at_s, text) for at_s, text in self._later_texts if self.now_s < at_s]
+        self.commander.texts += due
+
+    def _command(self) -> None:
+        self._speak_later()
+        if self.estimator.navigation_failed and not self._failure_told:
+            self._say(Severity.CRITICAL, "Navigation failure! Land and recalibrate sensors")
+        self._failure_told = self.estimator.navigation_failed
+        climb_controlled = self.mode is not Mode.OFFBOARD
+        throttle = self.pilot.signal if climb_controlled else self.followed.signal
+        down_mps = self.estimator.velocity_mps[2]
+        uses_gps = self.estimator.uses_gps
+        self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps, uses_gps)
+        self._watch_range()
+        self.commander.step(self.situation)
+        if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:
+            self.commander.choose(Mode.HOLD, self.situation)
+        self._find_home()
+
+    def _watch_range(self) -> None:
+        """PX4 doubts its range finder for some seconds after a take-off and at a landing."""
+        if self.land_detector.landed != self._was_landed:
+            self._was_landed = self.land_detector.landed
+            start_s, end_s = self._timing.range_doubt_s(taking_off=not self._was_landed)
+            self._range_doubted_s = (self.now_s + start_s, self.now_s + end_s)
+        start_s, end_s = self._range_doubted_s
+        doubted = start_s <= self.now_s < end_s
+        self.estimator.range_ok = not doubted and self.pilot.range_finder and bool(int(self.params["EKF2_RNG_CTRL"]))
+
+    def _find_home(self) -> None:
+        """Home is where it stands when it first knows its place on earth, and where it was armed last."""
+        origin_s = self.estimator.origin_set_s
+        known_s = HOME_KNOWN_S if self.estimator.uses_gps else (origin_s + 1.0 if origin_s is not None else math.inf)
+        if self.now_s >= known_s and (self.home is None or (self.land_detector.landed and self.armed)):
+            x, y, z = self.estimator.position_m
+            self.home = Position(x, y, z)
+
+    def _fly(self) -> None:
+        now = self.estimate
+        flying = (Mode.DESCEND if self._sinks_blind else self.mode, self.armed)
+        if flying != self._piloted:
+            self._piloted = flying
+            self._enter(now)
+        if self.armed and self.mode in PILOTED:
+            self.pilot.step(now, self.now_s, self.land_detector.landed, PILOT_PERIOD_S)
+        elif self.mode is not Mode.OFFBOARD or not self.armed:
+            self.pilot.signal = 0.0
+
+    @property
+    def _floor_seen_m(self) -> float:
+        """Height of the floor (NED z) in the estimate's frame: by the range finder, or where it was armed."""
+        if not int(self.params["EKF2_RNG_CTRL"]):
+            return self._floor_z_m
+        return self.estimator.position_m[2] - self.felt.motion.position_ned_m[2]
+
+    def _enter(self, now: Estimate) -> None:
+        start_s = max(self.now_s, self.commander.armed_at_s)
+        if self.mode not in PILOTED:
+            return
+        flown = Mode.DESCEND if self._sinks_blind else self.mode
+        self.pilot.enter(flown, now, start_s, self._floor_seen_m, not self.land_detector.landed)
+        if self.mode is Mode.TAKEOFF and math.isfinite(self._takeoff_z_m):
+            self.pilot.aim(min(self._takeoff_z_m, now.position_m[2]))
+        if self.mode is Mode.RTL and self.home is not None and self.armed:
+            self._start_return(now, self.home)
+
+    def _start_return(self, now: Estimate, home: Position) -> None:
+        """Next to home it lands there at once; from further away it climbs first."""
+        away_m = math.hypot(home.x_m - now.position_m[0], home.y_m - now.position_m[1])
+        height_m = home.z_m - now.position_m[2]
+        if away_m > self.params["RTL_MIN_DIST"]:
+            height_m = max(height_m, self.params["RTL_RETURN_ALT"])
+        self.pilot.home_in(home, home.z_m - height_m)
+        above_sea_m = self.origin.above_sea_m - home.z_m + height_m
+        self._say(Severity.INFO, f"RTL: start return at {above_sea_m:.0f} m ({height_m:.0f} m above destination)")
+        if away_m <= self.params["RTL_MIN_DIST"]:
+            text = Text(Severity.INFO, "RTL: land at destination\t")
+            self._later_texts.append((self.now_s + self._timing.return_text_s(), text))
+
+    def _demand(self) -> Demand:
+        offboard = self.mode is Mode.OFFBOARD
+        rates = self.followed.rate_frd_radps if offboard else None
+        q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
+        off_rad = (
+            self._yaw_error_rad,
+            self.troubles.roll_off_rad(self.now_s),
+            *self.estimator.horizon.error_rad,
+        )
+        return self._demand_of(q_estimated, rates, off_rad, self.signal, self.armed)
+
+    def _demand_of(self, q_estimated: Quad, rates: Triple | None, off_rad: Quad, signal: float, armed: bool) -> Demand:
+        """Setpoints count from the heading and horizon the autopilot believes; unchanged ones cost nothing."""
+        asked = (q_estimated, rates, off_rad, signal, armed)
+        if self._asked != asked:
+            self._asked = asked
+            yaw_error_rad, roll_rad, *_ = off_rad
+            horizon = self.estimator.horizon
+            q_level = q_estimated if horizon.perfect else horizon.true_setpoint(q_estimated)
+            q_true = rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_level)), roll_rad)
+            self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
+        return self._answer
+
+
+_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+_STILL = np.zeros(3)

@@ -1,0 +1,84 @@
+"""Truth in, frames out: when the simulated cameras look, what they see wrongly, and when it leaves the server.
+
+Pure: all times are the truth's. Room frame: right-handed, z up, x north, so (x, -y, -z) of NED; body FLU likewise.
+"""
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.physics.truth import Truth
+from mock_autopilot.qtm.config import QualisysConfig
+from mock_autopilot.qtm.packets import BodyPose, Frame
+
+FLIP_YZ = np.array([1.0, -1.0, -1.0])
+"""NED to room, and FRD to FLU: half a turn about x."""
+LOST = BodyPose(np.full(3, np.nan), np.full((3, 3), np.nan), float("nan"))
+_TICK_S = 1e-6
+"""Stamps count microseconds: a truth this close before a capture counts as reaching it."""
+
+
+@dataclass
+class Camera:
+    """Takes the truths in order and gives out the frames that are due; the same seed gives the same frames."""
+
+    config: QualisysConfig
+    seed: int
+    _rng: np.random.Generator = field(init=False)
+    _next: int | None = field(default=None, init=False)
+    _on_the_way: deque[tuple[float, Frame]] = field(default_factory=deque, init=False)
+
+    def __post_init__(self) -> None:
+        self._rng = np.random.default_rng(self.seed)
+
+    def look(self, truth: Truth) -> list[Frame]:
+        """Capture what became due up to this truth; return the frames that leave the server by now."""
+        if self._next is None:
+            self._next = int(np.ceil((truth.time_s - _TICK_S) * self.config.rate_hz))
+        while self._next / self.config.rate_hz <= truth.time_s + _TICK_S:
+            self._capture(self._next, _moved_to(truth, self._next / self.config.rate_hz))
+            self._next += 1
+        due = []  # in the order of capture: a late frame holds up those behind it
+        while self._on_the_way and self._on_the_way[0][0] <= truth.time_s + _TICK_S:
+            due.append(self._on_the_way.popleft()[1])
+        return due
+
+    def _capture(self, number: int, truth: Truth) -> None:
+        """Draw the same random numbers for every frame, so that one fault does not change the noise after it."""
+        position_noise, angle_noise = self._rng.normal(size=3), self._rng.normal(size=3)
+        jitter, drop = self._rng.random(2)
+        cfg = self.config
+        if drop < cfg.drop_probability or any(silence.contains(truth.time_s) for silence in cfg.silences):
+            return
+        pose = _seen(truth, cfg.noise_m * position_noise, cfg.noise_rad * angle_noise, cfg.residual_m)
+        if any(outage.contains(truth.time_s) for outage in cfg.outages):
+            pose = LOST
+        leaves_s = truth.time_s + cfg.delay_s + cfg.jitter_s * jitter
+        bodies = (pose, *(_standing(place, cfg.residual_m) for place in range(len(cfg.extra_bodies))))
+        self._on_the_way.append((leaves_s, Frame(number, round(truth.time_s * 1e6), bodies)))
+
+
+def _moved_to(truth: Truth, time_s: float) -> Truth:
+    """Go back along velocity and body rate to the instant of the capture, less than one truth ago."""
+    back_s = time_s - truth.time_s
+    turn = quat.from_rotation_vector(truth.rate_frd_radps * back_s)
+    return replace(
+        truth,
+        time_s=time_s,
+        position_ned_m=truth.position_ned_m + truth.velocity_ned_mps * back_s,
+        q_ned_frd_wxyz=quat.multiply(truth.q_ned_frd_wxyz, turn),
+    )
+
+
+def _seen(truth: Truth, offset_m: Array, turn_rad: Array, residual_m: float) -> BodyPose:
+    rotation_ned_frd = quat.to_matrix(quat.multiply(truth.q_ned_frd_wxyz, quat.from_rotation_vector(turn_rad)))
+    rotation_room_flu = FLIP_YZ[:, None] * rotation_ned_frd * FLIP_YZ
+    return BodyPose(truth.position_ned_m * FLIP_YZ + offset_m, rotation_room_flu, residual_m)
+
+
+def _standing(place: int, residual_m: float) -> BodyPose:
+    """A body on the floor, half a metre from the next, level."""
+    return BodyPose(np.array([1.0 + 0.5 * place, 2.0, 0.0]), np.eye(3), residual_m)

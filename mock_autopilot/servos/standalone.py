@@ -1,0 +1,57 @@
+"""The servo bus without a vehicle: its servos live by the wall clock, with no load but what you set."""
+
+import asyncio
+import contextlib
+import time
+
+from mock_autopilot.servos.bus import ServoBus
+from mock_autopilot.servos.config import DynamixelConfig
+
+STEP_S = 0.002
+"""Physics at 500 Hz of simulated time."""
+LONGEST_CATCH_UP_S = 1.0
+"""After a longer pause simulated time has simply stood still."""
+
+
+class BusAlone:
+    """A `ServoBus` that steps itself; use `async with`."""
+
+    def __init__(self, config: DynamixelConfig | None = None) -> None:
+        self.bus = ServoBus(config or DynamixelConfig(), self.catch_up)
+        self.load_nm: tuple[float, ...] = (0.0,) * len(self.bus.servos.servos)
+        """One for each servo, positive towards greater angles."""
+        self._boot_s = 0.0
+        self._steps = 0
+        self._running: asyncio.Task[None] | None = None
+
+    @property
+    def path(self) -> str:
+        """What the host opens."""
+        return self.bus.path
+
+    async def __aenter__(self) -> "BusAlone":
+        self.bus.open()
+        self._boot_s = time.monotonic()
+        self._running = asyncio.create_task(self._run(), name="mock_autopilot.servos.standalone")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._running is not None:
+            self._running.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._running
+        self.bus.close()
+
+    def catch_up(self) -> None:
+        """Bring the servos to the present."""
+        behind_s = time.monotonic() - self._boot_s - self._steps * STEP_S
+        if behind_s > LONGEST_CATCH_UP_S:
+            self._boot_s += behind_s - LONGEST_CATCH_UP_S
+        while (self._steps + 1) * STEP_S <= time.monotonic() - self._boot_s:
+            self._steps += 1
+            self.bus.servos.step(STEP_S, self.load_nm)
+
+    async def _run(self) -> None:
+        while True:
+            self.catch_up()
+            await asyncio.sleep(0.01)

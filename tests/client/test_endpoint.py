@@ -1,0 +1,65 @@
+"""Where the broker is: options, a file, the environment, this computer, in this order."""
+
+from pathlib import Path
+
+import pytest
+
+from companion.client.endpoint import BROKER, PASSWORD_FILE, VEHICLE, Given, place_of, url_of
+from companion.core.interfaces import ConfigError
+
+
+@pytest.fixture(autouse=True)
+def _plain_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in (BROKER, VEHICLE, PASSWORD_FILE):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_without_a_word_it_is_this_computer() -> None:
+    place = place_of(Given())
+    assert (url_of(place), place.topics.command) == ("mqtt://127.0.0.1:1883", "dauam/v1/vehicle/command")
+
+
+def test_options_go_before_a_file_and_that_before_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(BROKER, "mqtts://ann@far")
+    monkeypatch.setenv(VEHICLE, "lab/two")
+    place = place_of(Given())
+    assert (url_of(place), place.topics.root) == ("mqtts://ann@far:8883", "lab/v1/two")
+    file = tmp_path / "my.toml"
+    file.write_text('[operator]\nhost = "near"\nvehicle = "three"\n[whatever]\n')
+    place = place_of(Given(vehicle="four", config=file))
+    assert (url_of(place), place.topics.root) == ("mqtt://near:1883", "dauam/v1/four")
+
+
+def test_a_password_comes_from_a_file_that_is_its_owners(tmp_path: Path) -> None:
+    file = tmp_path / "password"
+    file.write_text("secret\n")
+    file.chmod(0o600)
+    place = place_of(Given(broker="mqtt://ann@near", password_file=str(file)))
+    assert place.password() == "secret"
+    assert "secret" not in url_of(place)
+    file.chmod(0o644)
+    with pytest.raises(ConfigError, match="chmod 600"):
+        place_of(Given(broker="mqtt://ann@near", password_file=str(file)))
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (Given(broker="http://near"), "--broker 'http://near': http is not spoken here: give mqtt://HOST"),
+        (Given(broker="mqtt://near:port"), "--broker 'mqtt://near:port': Port could not be cast"),
+        (Given(broker="mqtt://near/topic"), "--broker 'mqtt://near/topic': is no broker's address"),
+        (Given(broker="mqtt://ann:secret@near"), "--broker: a password in an address is there for all to read"),
+        (Given(broker="near", ca_file="no.pem"), "the broker's options: ca_file = 'no.pem': there is no such file"),
+        (Given(vehicle="a/b/c"), "the broker's options: prefix = 'a/b': must be 1 to 32 letters"),
+        (Given(vehicle="/c"), "--vehicle '/c': give VEHICLE, or PREFIX/VEHICLE"),
+        (Given(password_file="none"), "the broker's options: password_file = 'none': there is no such file"),
+        (Given(config=Path("config/mock.toml")), "config/mock.toml: has no table [operator]"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence_without_a_secret(given: Given, sentence: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        place_of(given)
+    assert str(error.value).startswith(sentence)
+    assert "secret" not in str(error.value)
