@@ -53,7 +53,7 @@ def test_csv_has_every_number_in_full(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read, columns["law_v0"][:, 1, 2])
     assert rows[-1]["reason"] == "the operator\nwants it"
     with (tmp_path / "out" / "faults.csv").open(encoding="utf-8", newline="") as file:
-        assert next(csv.DictReader(file))["reaction"] == "stop"
+        assert next(csv.DictReader(file))["reaction"] == "disarm"
 
 
 def test_what_is_no_record_is_said_and_the_others_are_listed(tmp_path: Path) -> None:

@@ -239,7 +239,7 @@ def test_a_legal_setpoint_costs_one_gate(monkeypatch: pytest.MonkeyPatch) -> Non
         seen.append(dt_s)
         return limit_setpoint(wanted, last, limits, dt_s)
 
-    monkeypatch.setattr("companion.guard.guard.gate", counted)
+    monkeypatch.setattr("companion.guard.guard.limit_setpoint", counted)
     checked(asking(1.0, 0.5, 0.2), MIDDLE, dt_s=DT_S)
     assert seen == [DT_S]
 

@@ -98,7 +98,7 @@ def test_another_law_brings_its_own_signals_in_the_same_flight(tmp_path: Path) -
 def test_faults_come_back_with_their_reaction_and_their_end(tmp_path: Path) -> None:
     ticks, record = flown(tmp_path)
     (fault,) = record.health
-    assert (fault.fault, fault.text, fault.reaction) == ("disk full", '1 MB free, 100 % "full"', "stop")
+    assert (fault.fault, fault.text, fault.reaction) == ("disk full", '1 MB free, 100 % "full"', "disarm")
     assert fault.time_s == ticks[0].time_s
     assert fault.end_s == next(tick.time_s for tick in ticks if not tick.events)
 

@@ -48,7 +48,7 @@ def test_a_fault_is_told_with_the_reaction_it_leads_to(said: Said) -> None:
     """Not with the one that follows it where it has led."""
     faults = {event.name: event.reaction for event in said[1] if event.kind is Kind.FAULT}
     assert faults["mocap silent"] == "PX4 lands"
-    assert faults["mocap late"] == "note"
+    assert faults["mocap late"] == "warn"
 
 
 def test_states_say_what_the_ticks_say(silent: Flight, said: Said) -> None:

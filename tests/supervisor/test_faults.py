@@ -60,10 +60,10 @@ def test_every_number_of_the_safety_rules_is_explained_by_a_row() -> None:
 
 
 def test_the_words_of_the_reactions() -> None:
-    words = ["note", "stop", "hold", "land", "PX4 lands", "let go", "terminate"]
+    words = ["warn", "disarm", "hold", "land", "PX4 lands", "release", "terminate"]
     assert [reaction.words for reaction in FailsafeAction] == words
     assert [int(reaction) for reaction in sorted(FailsafeAction)] == list(range(7))
-    for left, right in itertools.pairwise(("NOTE", "STOP", "HOLD", "LAND", "AUTOPILOT_LAND", "LET_GO", "TERMINATE")):
+    for left, right in itertools.pairwise(("WARN", "DISARM", "HOLD", "LAND", "AUTOPILOT_LAND", "RELEASE", "TERMINATE")):
         assert FailsafeAction[left] < FailsafeAction[right]
 
 

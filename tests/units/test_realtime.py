@@ -10,7 +10,7 @@ LOCK = """
 import logging, resource
 logging.basicConfig(level=logging.INFO, format="%(message)s")
 {before}
-from companion.adapters.realtime import lock_memory
+from companion.adapters.system.realtime import lock_memory
 locked = lock_memory()
 kb = next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmLck"))
 print(locked, kb > 1000)
@@ -21,7 +21,7 @@ try:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
 except PermissionError:
     pass
-from companion.adapters.realtime import beside_the_loop
+from companion.adapters.system.realtime import beside_the_loop
 beside_the_loop()
 print(os.sched_getscheduler(0) == os.SCHED_OTHER, os.getpriority(os.PRIO_PROCESS, 0) >= 5, flush=True)
 for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGABRT):
