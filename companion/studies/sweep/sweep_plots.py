@@ -13,14 +13,22 @@ from companion.studies.sweep.sweep_numbers import PARAMETERS, binned, blames, er
 mpl.use("Agg")  # pictures are files; no display is wanted or needed
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by colour-blind readers, too
-_ROWS, _ACROSS = 3, 4
+_ACROSS = 4
 _MARGIN = 1.3
 
 
 def plot_sweep(columns: Columns, title: str, paths: list[Path]) -> None:
-    """One page, written to every path by its suffix. What is beyond it or diverged is a cross at the upper edge."""
-    figure = Figure(figsize=(16.0, 10.0), layout="constrained")
-    grid = figure.add_gridspec(_ROWS, _ACROSS)
+    """Write one page to every path, by its suffix."""
+    figure = sweep_figure(columns, title)
+    for path in paths:
+        figure.savefig(path, dpi=110)
+
+
+def sweep_figure(columns: Columns, title: str) -> Figure:
+    """Return the page. What is beyond it or diverged is a cross at the upper edge."""
+    figure = Figure(figsize=(16.0, 13.0), layout="constrained")
+    rows_of_panels = -(-len(PARAMETERS) // _ACROSS)
+    grid = figure.add_gridspec(rows_of_panels + 1, _ACROSS)
     each = [of_nominal(columns, nominal) for nominal in nominals(columns)]
     top_m = _MARGIN * max(_finite_p98_m(rows) for rows in each)
     for place, (name, label) in enumerate(PARAMETERS.items()):
@@ -32,10 +40,9 @@ def plot_sweep(columns: Columns, title: str, paths: list[Path]) -> None:
         axes.grid(alpha=0.3)
         if place % _ACROSS == 0:
             axes.set_ylabel("error (m)")
-    _ranking(figure.add_subplot(grid[2, 2:]), each)
+    _ranking(figure.add_subplot(grid[rows_of_panels, :]), each)
     figure.suptitle(f"{title}. Line: median, dashes: 95 %, crosses: beyond the picture or diverged")
-    for path in paths:
-        figure.savefig(path, dpi=110)
+    return figure
 
 
 def _finite_p98_m(rows: Columns) -> float:
