@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from companion.experiments.sweep import ERROR, Columns
-from companion.experiments.sweep_numbers import PARAMETERS
-from companion.experiments.sweep_plots import sweep_figure
+from companion.studies.sweep.sweep import ERROR, Columns
+from companion.studies.sweep.sweep_numbers import PARAMETERS
+from companion.studies.sweep.sweep_plots import sweep_figure
 
 pytestmark = pytest.mark.slow
 
