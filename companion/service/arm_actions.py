@@ -1,4 +1,4 @@
-"""What an operator may ask of the arms, beside the verbs of the flight."""
+"""Actions of the arms that an operator may command."""
 
 from collections.abc import Awaitable, Callable
 
@@ -11,37 +11,37 @@ from companion.flight.arm_step import ArmStep
 from companion.flight.flight_loop import FlightLoop
 
 _SETTLE_S = 2.0
-"""For a joint to show its torque, or to come to rest at the end of a motion."""
+"""Time allowed for a joint to report its torque, or to come to rest at the end of a motion."""
 
 Until = Callable[[Callable[[], bool], float], Awaitable[bool]]
-"""Wait until something is true; False after so many seconds."""
+"""Waits until a condition holds; returns False after a timeout in seconds."""
 Grounded = Callable[[], Awaitable[None]]
-"""FlightError unless the vehicle is known to stand, disarmed."""
+"""Raises FlightError unless the vehicle is known to be disarmed and on the ground."""
 
 
 class ArmActions:
-    """Each raises FlightError for a vehicle without arms."""
+    """Commands to the arms of a running service; each raises FlightError for a vehicle without arms."""
 
     def __init__(self, loop: FlightLoop, config: ArmsConfig | None, until: Until, grounded: Grounded) -> None:
         self._loop, self._config, self._until, self._grounded = loop, config, until, grounded
 
     def check_ready(self) -> None:
-        """Hanging arms would meet the floor, and limp ones would swing: FlightError unless they are held, stowed."""
+        """Raise FlightError unless the arms are held stowed: hanging arms hit the floor, limp ones swing."""
         arms = self._loop.arms
         if arms is None:
             return
         if arms.fault:
             raise FlightError(f"cannot arm: {arms.fault}")
         if arms.state.phase is not ArmPhase.HOLDING:
-            raise FlightError(f"cannot arm: the arms are {arms.state.phase}, they must hold their stowed pose")
+            raise FlightError(f"cannot arm: the arms are {arms.state.phase}; run `companion arms live ready` first")
         if arms.off_stow:
             raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
 
     async def prepare(self) -> Array:
-        """On the ground: torque on, without a jump, and fold. Returns the joint angles (8,) that are held then.
+        """Enable torque without a jump and fold the arms, on the ground; return the held joint angles (8,), rad.
 
-        Raises ArmError when a joint refuses or no way leads to the stowed pose, FlightError when they do not get there
-        or when the vehicle does not stand: in the air nobody would know of their motion.
+        Raises ArmError when a joint refuses or no collision-free path to the stowed pose exists, FlightError when the
+        arms do not reach it or the vehicle is not on the ground (in the air the flight does not know this motion).
         """
         arms, config = self._fitted()
         await self._grounded()
@@ -56,35 +56,35 @@ class ArmActions:
         return held_rad
 
     async def move(self, motion: JointTrajectory) -> None:
-        """Begin a motion that was planned from where the joints are held; ArmError with the reason why it may not."""
+        """Start a motion planned from the held joint angles; raise ArmError with the reason when it may not start."""
         self.begin(motion)
 
     def begin(self, motion: JointTrajectory) -> None:
-        """As `move`, at once."""
+        """Start a motion like `move`, from code that cannot await."""
         arms, _ = self._fitted()
         arms.play(motion, self._loop.flight.phase)
 
     @property
     def held_rad(self) -> Array:
-        """The joint angles (8,) that are held now; FlightError while the arms move or do not hold."""
+        """Joint angles (8,) that are held now, rad; FlightError while the arms move or do not hold."""
         arms, _ = self._fitted()
         if arms.held_rad is None:
             raise FlightError(f"the arms must hold still first, they are {arms.fault or arms.state.phase}")
         return arms.held_rad
 
     def still(self, reason: str) -> None:
-        """Bring a motion to rest on its way; nothing for arms that hold."""
+        """Stop the running motion along its path; do nothing when the arms hold already."""
         arms, _ = self._fitted()
         arms.stop(reason)
 
     def end(self, motion: JointTrajectory, reason: str) -> None:
-        """Bring this motion to rest on its way; nothing where it is not run any more."""
+        """Stop this motion along its path; do nothing when it no longer runs."""
         arms, _ = self._fitted()
         if arms.state.motion is motion:
             arms.stop(reason)
 
     async def at_rest(self, within_s: float) -> None:
-        """Wait until a motion of so many seconds is over; FlightError when it was ended otherwise."""
+        """Wait until a motion of duration `within_s` is over; raise FlightError when something else ended it."""
         arms, _ = self._fitted()
         motion = arms.state.motion
         if not await self._until(lambda: arms.state.motion is not motion, within_s + _SETTLE_S):
@@ -93,7 +93,7 @@ class ArmActions:
             raise FlightError(f"the motion was ended: {arms.fault or arms.state.reason or arms.state.phase}")
 
     async def fold(self, taken: Callable[[str], None]) -> None:
-        """Fold from where the arms are held, in the air or on the ground; FlightError when they do not get there."""
+        """Fold the held arms, in flight or on the ground; raise FlightError when they do not get there."""
         arms, config = self._fitted()
         floor_z_m = None if self._loop.flight.airborne else config.floor_z_m
         way = arms.way_to_stow(self.held_rad, floor_z_m)
@@ -105,13 +105,13 @@ class ArmActions:
         await self.at_rest(way.duration_s)
 
     async def limp(self) -> None:
-        """On the ground: torque off; ArmError naming the joints that do not answer."""
+        """Disable torque on the ground; raise ArmError naming the joints that do not answer."""
         arms, _ = self._fitted()
         await self._grounded()
         await arms.torque_off()
 
     async def clear_faults(self) -> None:
-        """Forget the arms' latched faults; ArmError naming what is still wrong. Then `prepare` again."""
+        """Clear the arms' latched faults; raise ArmError naming those that persist. Call `prepare` afterwards."""
         arms, _ = self._fitted()
         await arms.clear_faults()
 
@@ -121,7 +121,7 @@ class ArmActions:
         return self._loop.arms, self._config
 
     async def _held(self, arms: ArmStep, timeout_s: float) -> Array:
-        """Wait until they stand still; the joint angles (8,) that they are held at."""
+        """Wait until the arms stand still and return the held joint angles (8,), rad."""
         await self._until(lambda: arms.held_rad is not None or bool(arms.fault), timeout_s)
         if arms.held_rad is None or arms.fault:
             raise FlightError(f"the arms are {arms.state.phase} and should be holding: {arms.fault or 'time is up'}")

@@ -1,4 +1,4 @@
-"""One command that is being carried out, and whoever waits for it."""
+"""One command under way and the replies to its sender."""
 
 import asyncio
 import time
@@ -10,51 +10,54 @@ from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Reply
 
 Say = Callable[[Reply], None]
-"""Where the answers to one command go; must neither wait nor raise."""
+"""Receiver of the replies to one command; must neither block nor raise."""
 LANES = ("flight", "arms")
 
 
 class CommandJob:
-    """One command that is being carried out, and whoever waits for it."""
+    """A command under way: its replies, its task, and whether it was cancelled."""
 
     def __init__(self, command: Command, say: Say) -> None:
         self.command, self._say = command, say
         self.accepted = False
         self.text = ""
         self.preparing = True
-        """Nothing of it has begun that an order to the flight, or to the arms, would end by itself."""
+        """True until the flight or the arms have started it; from then on a new request ends it by itself."""
         self.called_off = ""
-        """Why nothing may follow from it any more; empty when something may."""
+        """Reason why it was cancelled; empty while it may go on."""
         self._task: asyncio.Task[Any] | None = None
 
     def begin(self) -> None:
-        """The task that runs now carries it out."""
+        """Remember the current task as the one that carries out this command."""
         self._task = asyncio.current_task()
 
     def call_off(self, why: str) -> None:
-        """Have nothing follow from it, also when its task has not run yet."""
+        """Cancel it, also when its task has not run yet; the first reason is kept."""
         self.called_off = self.called_off or why
         if self._task is not None:
             self._task.cancel()
 
     def accept(self, text: str = "") -> None:
-        """It fits: from here on it can fail, but is not refused any more."""
+        """Report that it is accepted, once; afterwards it can fail but is not refused any more."""
         if not self.accepted:
             self.accepted = True
             self.answer(Answer.ACCEPTED, text)
 
     def progress(self, text: str) -> None:
-        """Tell where it is."""
+        """Report the step that it has reached."""
         self.text = text
         self.answer(Answer.PROGRESS, text)
 
     def answer(self, answer: Answer, text: str = "", data: dict[str, Any] | None = None) -> None:
-        """Say it to whoever asked."""
+        """Send a reply to the sender of the command."""
         self._say(Reply(id=self.command.id, answer=answer, time_s=time.time(), text=text, data=data or {}))
 
 
 def channels_of(command: Command) -> tuple[str, ...]:
-    """Commands of one lane exclude each other. While it is armed, or flies with them, nobody else moves the arms."""
+    """Return the channels a command occupies; commands of one channel exclude each other.
+
+    `arm`, and `track` with a motion of the arms, occupy both: nothing else moves the arms meanwhile.
+    """
     if isinstance(command, asked.Arms):
         return () if command.do == "hold" else ("arms",)
     if isinstance(command, asked.Params):

@@ -1,4 +1,4 @@
-"""What follows an operator's order, for whoever gave it and waits: each returns when it is done, FlightError if not."""
+"""Waiting for the end of an operator's request: each function returns when it is done and raises FlightError if not."""
 
 from companion.core.interfaces import FlightError
 from companion.service.flight_actions import FlightActions, ended_by
@@ -6,13 +6,13 @@ from companion.supervisor.faults import FailsafeAction
 from companion.supervisor.flight_state import LandRequest, Phase
 
 _STOP_S = 10.0
-"""Braking takes 2 s."""
+"""Time allowed to brake, which takes 2 s."""
 WATCHED_S = 3.0
-"""So long a flight under another law is watched before it is called good: what swings shows by then."""
+"""Time a flight is observed after a change of law before the change counts as done: oscillation shows by then."""
 
 
 async def stand_still(service: FlightActions) -> None:
-    """After hold: until the reference stands."""
+    """Wait after a hold request until the reference stands still."""
     loop = service.loop
     end = loop.flight.legs[-1]
 
@@ -23,30 +23,32 @@ async def stand_still(service: FlightActions) -> None:
     still = await service.until(over, _STOP_S)
     _expect_hold(service)
     if not still or loop.flight.legs[-1] is not end:
-        raise FlightError("something else is flown since" if still else f"it still brakes after {_STOP_S:.0f} s")
+        raise FlightError(
+            "another command took over while it braked" if still else f"the vehicle still brakes after {_STOP_S:.0f} s"
+        )
 
 
 async def resumed(service: FlightActions, timeout_s: float) -> None:
-    """After resume: until the autopilot shows OFFBOARD, and the law flies."""
+    """Wait after a resume request until the autopilot reports OFFBOARD and the law flies."""
     await service.until(lambda: service.phase is not Phase.RESUME, timeout_s)
     _expect_hold(service)
 
 
 async def killed(service: FlightActions, timeout_s: float) -> None:
-    """After kill: until the autopilot shows that the motors are off."""
+    """Wait after a kill request until the autopilot reports that the motors are off."""
     if not await service.until(lambda: not service.status.armed, timeout_s, although_failed=True):
         raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
 
 
 def nothing_follows(service: FlightActions, why: str) -> None:
-    """What no phase of the flight ends: checks before arming, and, on the ground, a motion of the arms."""
+    """Stop what no change of phase stops: the checks before arming and, on the ground, a motion of the arms."""
     service.loop.arming.call_off(why)
     if service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} and service.loop.arms is not None:
         service.loop.arms.stop(why)
 
 
 async def disarmed(service: FlightActions, timeout_s: float) -> None:
-    """Stop the motors of a vehicle that stands, whoever armed it; FlightError when the autopilot refuses."""
+    """Stop the motors of a vehicle on the ground, also one armed elsewhere; raise FlightError when it stays armed."""
     nothing_follows(service, "the operator disarmed")
     if service.phase in {Phase.PREFLIGHT, Phase.ARMED}:
         service.loop.ask(LandRequest("the operator disarmed"))
@@ -57,7 +59,7 @@ async def disarmed(service: FlightActions, timeout_s: float) -> None:
 
 
 async def switched(service: FlightActions) -> None:
-    """Wait for WATCHED_S after another law was given the vehicle; FlightError when the flight ends meanwhile."""
+    """Wait WATCHED_S after a change of law; raise FlightError when the flight ends meanwhile."""
     if service.loop.flight.airborne:
         await service.until(lambda: not service.loop.flight.airborne, WATCHED_S)
         if not service.loop.flight.airborne or service.loop.flight.level >= FailsafeAction.LAND:

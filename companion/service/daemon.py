@@ -1,4 +1,4 @@
-"""The service as it runs for days: the operators' bus, and a vehicle as soon as its devices are there."""
+"""Daemon: the operators' bus, and a vehicle whenever its devices are connected."""
 
 import asyncio
 import logging
@@ -38,20 +38,20 @@ LOG = logging.getLogger(__name__)
 
 _STATE_S = 0.1
 _AGAIN_S = 2.0
-"""Between two attempts to reach the devices."""
+"""Time between two attempts to connect to the devices."""
 _NAME_S = 3.0
-"""So long the broker is waited for, to hear whether another service has this vehicle's name."""
+"""Time to wait for the broker's report of another service with this vehicle's name."""
 _TICKING_S = 0.5
-"""A tick so lately, and the control loop lives."""
+"""Age of the newest tick below which the control loop counts as alive."""
 _SWITCH_S = 0.0005
-"""A thread that computes (a plan, a list of parameters) gives way to the control loop after this, not after 5 ms."""
+"""Interval after which a computing thread yields to the control loop; Python's default is 5 ms."""
 _LANDED_S = 60.0
 _NOT_TOLD = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
 @dataclass(frozen=True)
 class DaemonSettings:
-    """What is served, and to whom."""
+    """Configuration, law and process-wide devices of the daemon."""
 
     config: CompanionConfig
     controller: LoadedController
@@ -59,17 +59,17 @@ class DaemonSettings:
     recorder: RecordSink | None
     records: Path | None
     note_law: Callable[[str], None]
-    """Told the name of every law before it flies."""
+    """Called with the name of every law before it flies."""
     last_resort: LastResort
 
     @property
     def operator(self) -> OperatorConfig:
-        """The bus; without an [operator] table a broker of our own, for this computer alone."""
+        """Settings of the bus; without an [operator] table an embedded broker for this computer only."""
         return self.config.operator or OperatorConfig(embedded=True)
 
 
 async def serve(what: DaemonSettings) -> None:
-    """Until SIGTERM or Ctrl-C, which land first. Raises ConfigError for a broker that cannot be."""
+    """Run until SIGTERM or Ctrl-C, landing first; raise ConfigError for invalid settings of the broker."""
     sys.setswitchinterval(_SWITCH_S)
     stop = asyncio.Event()
     _end_on_signals(stop, what)
@@ -98,7 +98,7 @@ async def serve(what: DaemonSettings) -> None:
 
 
 async def _require_only_service(link: BusLink) -> None:
-    """ConfigError when another service has this vehicle's name on the broker; without a broker nobody can tell."""
+    """Raise ConfigError when another service uses this vehicle's name; without a broker this cannot be known."""
     await link.listened(_NAME_S)
     if link.rival():
         raise ConfigError(link.rival())
@@ -108,8 +108,8 @@ def _end_on_signals(stop: asyncio.Event, what: DaemonSettings) -> None:
     def end() -> None:
         what.last_resort.told_to_end()
         again = stop.is_set()
-        stop.set()  # first of all: what follows needs memory, which may lack
-        LOG.warning("told to end%s", ": it is doing so" if again else "")
+        stop.set()  # first: the calls below need memory, which may be exhausted
+        LOG.warning("told to end%s", ": already ending" if again else "")
         if not again:
             what.notifier.stopping("told to end")
 
@@ -131,7 +131,7 @@ async def _serve_vehicles(
     telemetry: Telemetry,
     stop: asyncio.Event,
 ) -> None:
-    """One vehicle, and again whenever its devices are lost and come back: on the ground, or with somebody else."""
+    """Serve the vehicle; reconnect on the ground, or while its pilot flies, whenever its devices were lost."""
     dead_man, said = KernelWatchdogTimer(what.config.safety.dead_man_s), ""
     while not stop.is_set():
         opened = asyncio.Event()
@@ -148,7 +148,7 @@ async def _serve_vehicles(
             first, said = not said or opened.is_set(), "" if opened.is_set() else said
             if str(error) != said:
                 said = str(error)
-                LOG.error("no vehicle: %s; tried again every %g s", said, _AGAIN_S)  # noqa: TRY400 - for the operator
+                LOG.error("no vehicle: %s; next attempts every %g s", said, _AGAIN_S)  # noqa: TRY400 - for the operator
             telemetry.forget(said)
             desk.waiting = said
             if first and isinstance(error, MocapError | ArmError):
@@ -159,7 +159,7 @@ async def _serve_vehicles(
 
 
 async def _tell_what_else(what: DaemonSettings, said: str) -> None:
-    """Say once which other devices cannot be reached: they are opened one after the other."""
+    """Log once which other devices cannot be reached, as devices are opened one after the other."""
     try:
         async with open_onlooker(what.config, what.records or Path(), forward_vision=False):
             return
@@ -172,7 +172,7 @@ async def _tell_what_else(what: DaemonSettings, said: str) -> None:
 
 
 async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Coroutine[Any, Any, None]) -> None:
-    """Do it to its end, unless `stop` comes before it has `begun`: then it is cancelled, and that is no error."""
+    """Run a coroutine to its end; cancel it without an error when `stop` is set before `begun`."""
     task = asyncio.create_task(doing, name="companion.vehicle")
     stopping = asyncio.create_task(stop.wait(), name="companion.end")
     try:
@@ -189,10 +189,10 @@ async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Corouti
 
 
 async def _with_vehicle(service: FlightActions, desk: CommandDispatcher, stop: asyncio.Event) -> None:
-    """Until told to end; raises what ends the flight loop before."""
+    """Serve one vehicle until `stop` is set, then land; raise what ends the flight loop earlier."""
     for warning in service.warnings:
         LOG.warning("%s", warning)
-    LOG.info("the vehicle is there: `companion preflight` says whether it may arm, then `companion arm`")
+    LOG.info("the vehicle is there: run `companion preflight`, then `companion arm`")
     desk.open(service)
     ending = asyncio.create_task(stop.wait(), name="companion.end")
     try:
@@ -210,16 +210,19 @@ def _flies(service: FlightActions) -> bool:
 
 
 def _needs_us(service: FlightActions) -> bool:
-    """Whether the vehicle falls or lands blind without this process; a landing by PX4 takes no longer than that."""
+    """Return whether the vehicle would fall or land blind without this process.
+
+    True while setpoints are sent, and for _LANDED_S after handing over, which is longer than a landing by PX4 takes.
+    """
     landing = service.phase is Phase.HANDED_OVER and time.monotonic() - service.loop.flight.since_s < _LANDED_S
     return service.phase in STREAMING or landing
 
 
 async def _land(service: FlightActions) -> None:
-    """Down, before anything is closed; who else has the vehicle is waited for."""
+    """Land before the devices are closed; wait when the autopilot or its pilot has the vehicle."""
     if not _flies(service):
         return
-    LOG.warning("lands, then ends")
+    LOG.warning("landing, then the service ends")
     try:
         await service.land("the service was told to end")
     except CompanionError as error:
@@ -229,7 +232,7 @@ async def _land(service: FlightActions) -> None:
 async def _show(
     link: BusLink, telemetry: Telemetry, beat: LoopHeartbeat, desk: CommandDispatcher, what: DaemonSettings
 ) -> None:
-    """The state, ten times a second; and a sign of life to systemd while the control loop ticks, or waits for one."""
+    """Publish the state ten times a second, and notify systemd while the control loop ticks or is not running."""
     rate_hz = what.config.control.rate_hz
     while True:
         if lives(beat.ticked_s, desk.ticking, time.monotonic()):
@@ -243,20 +246,20 @@ async def _show(
             link.show(state)
             what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
         except Exception:
-            LOG.exception("the state cannot be told")
+            LOG.exception("the state cannot be published")
         await asyncio.sleep(_STATE_S)
 
 
 def _warnings(recorder: RecordSink | None, link: BusLink) -> tuple[str, ...]:
-    """Return what is wrong beside the vehicle."""
+    """Return warnings that do not concern the vehicle: the record, and a second service."""
     unrecorded = f"the record: {recorder.failed}" if recorder is not None and recorder.failed else ""
     return tuple(filter(None, (unrecorded, link.rival())))
 
 
 def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:
-    """Whether systemd is to let the process go on: the control loop has ticked lately, or does not tick.
+    """Return whether to notify systemd: the control loop has ticked recently, or is not meant to tick.
 
-    One that has failed still shows the autopilot, which lands, where it is; ended by systemd, it would land blind.
+    A loop that has failed still sends poses to the autopilot, which lands; killed by systemd, it would land blind.
     """
     return not ticking or now_s - ticked_s < _TICKING_S
 
@@ -270,15 +273,15 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
 
 
 class CommandLogger:
-    """The desk; what it is told and says, everyone who watches hears, and it goes into the record."""
+    """Wrapper of the dispatcher that publishes and records every command and reply."""
 
     def __init__(self, desk: CommandDispatcher) -> None:
         self._desk = desk
         self.tell: Callable[[Happened], None] | None = None
-        """Where it is told; None as long as nobody can hear it."""
+        """Publisher of events; None until there is one."""
 
     def __call__(self, command: Command, say: Answering) -> None:
-        """Take one command."""
+        """Publish one command and pass it to the dispatcher."""
 
         def said(reply: Reply) -> None:
             if reply.answer is not Answer.PROGRESS:
@@ -296,7 +299,7 @@ class CommandLogger:
 
 
 class EventPublisher:
-    """Events go to the operators and into the record."""
+    """Publisher of events to the operators and into the record."""
 
     def __init__(self, link: BusLink, recorder: RecordSink | None) -> None:
         self._link, self._recorder = link, recorder

@@ -1,4 +1,4 @@
-"""Where operators' commands are carried out: one flight command at a time, and what must not wait at once."""
+"""Execution of operators' commands: queued ones one at a time for each channel, immediate ones at once."""
 
 import asyncio
 import logging
@@ -37,59 +37,59 @@ LOG = logging.getLogger(__name__)
 
 _VERBS_IN_WORDS = {"arm": "arm", "takeoff": "take off"}
 _FLY = TrackRequest(Hold(np.zeros(3)), 0.0)
-"""Any: whether one fits depends on the phase alone."""
+"""Any trajectory: whether one may be flown depends on the phase alone."""
 
 
 def _nobody(_: str) -> None:
-    """Nobody wants to know."""
+    """Ignore the name of the law."""
 
 
 def _no_rival() -> str:
-    """No other service is known."""
+    """Return no conflict with another service."""
     return ""
 
 
 class CommandDispatcher:
-    """Takes commands that count (bus.intake) and answers each: refused; or accepted, and later done or failed.
+    """Executor of validated commands; replies to each: refused, or accepted and later done or failed.
 
-    Verbs of AT_ONCE are handed to the flight loop in the same turn, whatever else is under way: what they end is
-    answered as failed, and so is what is still prepared: nothing asked for before them begins after them. Of the others
-    one for the flight and one for the arms run at a time.
+    Verbs of AT_ONCE reach the flight loop in the same turn of the event loop, whatever else is under way. Commands that
+    they end, or that are still being prepared, are answered as failed: nothing sent before them starts after them. Of
+    the others, one for the flight and one for the arms run at a time.
     """
 
     def __init__(self, config: CompanionConfig, law: str) -> None:
         self._config, self._laws = config, Laws(config, law)
         self._service: FlightActions | None = None
         self._jobs: dict[str, CommandJob] = {}
-        """By lane: flight, arms."""
+        """Commands under way by channel: flight, arms."""
         self._tasks: dict[asyncio.Task[None], CommandJob] = {}
-        self.waiting = "the service begins"
-        """Why nothing can be carried out now."""
+        self.waiting = "the service starts"
+        """Reason why no command can be carried out now."""
         self.note_law: Callable[[str], None] = _nobody
-        """Told the name of a law before it takes over."""
+        """Called with the name of a law before that law takes over."""
         self.rival: Callable[[], str] = _no_rival
-        """Says what is wrong when another service has this vehicle's name: then nothing is armed."""
+        """Returns the conflict when another service uses this vehicle's name; arming is refused then."""
 
     def open(self, service: FlightActions) -> None:
-        """From now on commands are carried out; the law that flies is the one the service was begun with."""
+        """Accept commands for this vehicle; it flies the law that the service was started with."""
         self._service = service
         service.loop.law_name = self._laws.name
 
     async def close(self) -> None:
-        """Nothing is carried out any more; what was, is answered as failed."""
-        self._service, self.waiting = None, "it was lost, or the service ends"
+        """Stop accepting commands; those under way are answered as failed."""
+        self._service, self.waiting = None, "the connection to it was lost, or the service ends"
         for job in self._tasks.values():
             job.call_off(self.waiting)
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     @property
     def ticking(self) -> bool:
-        """There is a flight loop, and its cycles come by themselves."""
+        """True while a flight loop runs and ticks by itself."""
         return self._service is not None and self._service.loop.ticking
 
     @property
     def ended_loop(self) -> tuple[FlightState, AutopilotStatus] | None:
-        """The flight and the autopilot after the loop has failed: it hands over, and makes no ticks; else None."""
+        """Flight and autopilot status after the loop has failed and handed over without further ticks; else None."""
         service = self._service
         if service is None or not service.loop.failed:
             return None
@@ -97,12 +97,12 @@ class CommandDispatcher:
 
     @property
     def doing(self) -> Doing | None:
-        """The flight's command, or else the arms'."""
+        """Command of the flight that is under way, or else that of the arms; None when there is neither."""
         job = self._jobs.get("flight") or self._jobs.get("arms")
         return None if job is None else Doing(id=job.command.id, verb=job.command.verb, text=job.text)
 
     def take(self, command: Command, say: Say) -> None:
-        """Begin it, or refuse it; never waits."""
+        """Start a command or refuse it, without waiting."""
         job = CommandJob(command, say)
         try:
             work = self._work(job)
@@ -118,14 +118,14 @@ class CommandDispatcher:
         job.answer(Answer.REFUSED, reason)
 
     def _work(self, job: CommandJob) -> Coroutine[Any, Any, "str | _Said"]:
-        """What is to be awaited for it; CompanionError when it cannot begin. At-once verbs have begun then."""
+        """Return the coroutine that carries it out, or raise CompanionError. Immediate verbs have started by then."""
         command, service = job.command, self._service
         if service is None:
-            raise FlightError(f"there is no vehicle yet: {self.waiting}")
+            raise FlightError(f"cannot {command.verb}: there is no vehicle yet: {self.waiting}")
         if command.verb in AT_ONCE:
             work = ImmediateCommands(service, job, self._config.px4.answer_timeout_s).begin()
             if not isinstance(command, asked.Resume):
-                self._call_off(LANES, f"{command.verb} was ordered")
+                self._call_off(LANES, f"{command.verb} was commanded")
             return work
         if isinstance(command, asked.Arm | asked.TakeOff) and self.rival():
             raise FlightError(f"cannot {_VERBS_IN_WORDS[command.verb]}: {self.rival()}")
@@ -138,11 +138,11 @@ class CommandDispatcher:
                 )
         self._jobs |= dict.fromkeys(lanes, job)
         if isinstance(command, asked.Arms) and command.do == "hold":
-            self._call_off(("arms",), "the arms were to hold still")
+            self._call_off(("arms",), "a hold of the arms was commanded")
         return QueuedCommands(service, self._config, self._laws, job, self.note_law).run()
 
     def _call_off(self, lanes: Iterable[str], why: str) -> None:
-        """What is still prepared; what has begun is ended by the flight, or by the arms."""
+        """Cancel commands in preparation; those that have started are ended by the flight or by the arms."""
         for lane in lanes:
             job = self._jobs.get(lane)
             if job is not None and job.preparing:
@@ -183,11 +183,11 @@ class CommandDispatcher:
 
 
 _Said = tuple[str, dict[str, Any]]
-"""A sentence, and what was asked for."""
+"""A sentence for the operator, and the data that was requested."""
 
 
 class _NotGoodError(CompanionError):
-    """What was asked for can be told, and is not good."""
+    """A negative result that still has data to return."""
 
     def __init__(self, reason: str, data: dict[str, Any]) -> None:
         super().__init__(reason)
@@ -195,19 +195,19 @@ class _NotGoodError(CompanionError):
 
 
 def _does_not_fit(what: str, refused: str, wanted: Request, service: FlightActions) -> FlightError:
-    """Return the refusal, with what to do first where the phase alone is in the way."""
+    """Return the refusal as an error, with the remedy where the phase is the only reason."""
     todo = remedy_for(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
     return FlightError(f"cannot {what} in phase {service.phase}: {todo}" if todo else f"cannot {what}: {refused}")
 
 
 class ImmediateCommands:
-    """A verb of AT_ONCE: the request goes to the flight loop now, its end is awaited."""
+    """Commands of AT_ONCE: the request goes to the flight loop at once, its end is awaited."""
 
     def __init__(self, service: FlightActions, job: CommandJob, answer_s: float) -> None:
         self._service, self._job, self._answer_s = service, job, answer_s
 
     def begin(self) -> Coroutine[Any, Any, str]:
-        """Hand it in; FlightError with the reason when it does not fit."""
+        """Pass the request to the flight loop and return the wait for its end; raise FlightError when it is refused."""
         command, service = self._job.command, self._service
         if isinstance(command, asked.Disarm):
             return self._disarm()
@@ -268,12 +268,12 @@ class ImmediateCommands:
 
 
 async def _said(text: str) -> str:
-    """What needs no waiting for."""
+    """Return a reply that needs no waiting."""
     return text
 
 
 class QueuedCommands:
-    """A verb that takes its time."""
+    """Commands that take time and wait for their channel."""
 
     def __init__(
         self,
@@ -287,7 +287,7 @@ class QueuedCommands:
         self._note_law = note_law
 
     def run(self) -> Coroutine[Any, Any, str | _Said]:
-        """The coroutine that does it."""
+        """Return the coroutine that carries out the command."""
         how: dict[type, Callable[[Any], Coroutine[Any, Any, str | _Said]]] = {
             asked.Preflight: self._preflight,
             asked.Arm: self._arm,
@@ -301,7 +301,7 @@ class QueuedCommands:
         return how[type(self._job.command)](self._job.command)
 
     def _begun(self, text: str = "") -> None:
-        """From here on the flight, or the arms, end it; what is said first is that it fits."""
+        """Accept the command and end its preparation: from here on the flight, or the arms, end it."""
         self._job.preparing = False
         self._job.accept(text)
 

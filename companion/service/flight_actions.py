@@ -1,4 +1,4 @@
-"""The operator's verbs of a running service."""
+"""Actions of the flight that an operator may command on a running service."""
 
 import asyncio
 import logging
@@ -33,38 +33,38 @@ from companion.trajectories.reference import Hold, Trajectory, minimum_jerk_dura
 LOG = logging.getLogger(__name__)
 
 Preflight = Callable[[Trajectory | None], Awaitable[Sequence[Check]]]
-"""Every check of a vehicle that is to fly this."""
+"""Runs every preflight check for a vehicle that will fly this trajectory, None if not known yet."""
 Params = Callable[[Sequence[str]], Awaitable[dict[str, float]]]
-"""Values of the autopilot's parameters by name; those that it does not know are absent."""
+"""Reads the autopilot's parameters by name; those that it does not have are absent."""
 
 _POLL_S = 0.02
 _STREAM_FIRST_S = 0.2
-"""Setpoints stream so long before OFFBOARD is asked for; MAVSDK gives up its own stream after 3 s."""
+"""Time setpoints are streamed before OFFBOARD is requested; MAVSDK stops its own stream after 3 s."""
 _KNOWN_VELOCITY_MPS = 0.1
 _LANDING_MARGIN_S = 20.0
 _CLIMB_MARGIN_S = 15.0
 _APPROACH_MARGIN_S = 15.0
-"""Beyond what the way to a place takes."""
+"""Margin on top of the planned duration of the approach."""
 _SAME_HEIGHT_M = 1e-6
 _OURS = frozenset(Phase) - {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
 """Phases of a flight that this service has begun."""
 
 
 async def _no_params(_: Sequence[str]) -> dict[str, float]:
-    """Of an autopilot that has none."""
+    """Return no parameters, for an autopilot without any."""
     return {}
 
 
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """Ignore the start of the motion."""
 
 
 def _tell_nobody(_: str) -> None:
-    """Nobody wants to know."""
+    """Ignore what the checks wait for."""
 
 
 def ended_by(flight: FlightState) -> str:
-    """Return what ended a motion, for a sentence: the flight itself may go on."""
+    """Return the reason why a motion ended, as part of a sentence; the flight itself may go on."""
     if flight.phase is Phase.HOLD and flight.level is FailsafeAction.WARN:
         return "ended by another command: a hold was ordered, the vehicle hovers"
     if flight.phase in {Phase.STOW, Phase.LAND}:
@@ -75,7 +75,7 @@ def ended_by(flight: FlightState) -> str:
 
 
 class FlightActions:
-    """The verbs of an operator; each returns when it is done and raises CompanionError with the reason if not."""
+    """Actions of an operator; each returns when it is done and raises CompanionError with the reason if not."""
 
     def __init__(
         self,
@@ -88,17 +88,17 @@ class FlightActions:
     ) -> None:
         self.loop = loop
         self.warnings: tuple[str, ...] = ()
-        """What a device would like to have otherwise, for the operator to read."""
+        """Remarks of the devices on their configuration, for the operator."""
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
         self.checks, self.params = checks, params
         self.tell_waiting: Callable[[str], None] = _tell_nobody
-        """Told what the checks wait for; see waits_told_to."""
+        """Called with what the checks wait for; see report_waits_to."""
         self.arms = ArmActions(loop, config.arms, self.until, self.require_ground)
-        """What an operator may ask of the arms."""
+        """Actions of the arms."""
 
     @contextmanager
     def waits_told_to(self, tell: Callable[[str], None]) -> Iterator[None]:
-        """Have `tell` called with what is waited for meanwhile."""
+        """Call `tell` with what the checks wait for while the context is open."""
         self.tell_waiting = tell
         try:
             yield
@@ -107,26 +107,26 @@ class FlightActions:
 
     @property
     def trouble(self) -> str:
-        """What went wrong in this flight, although it may have ended as it should; empty when nothing did."""
+        """Fault of this flight, also when it ended as it should; empty without one."""
         return self.loop.flight.reason or (self.loop.arms.fault if self.loop.arms is not None else "")
 
     @property
     def status(self) -> AutopilotStatus:
-        """What the autopilot last said."""
+        """Newest status of the autopilot."""
         return self._autopilot.status()
 
     @property
     def ticking(self) -> "asyncio.Task[None]":
-        """The flight loop: done when it has failed."""
+        """Task of the flight loop; done when the loop has failed."""
         return self._ticking
 
     @property
     def phase(self) -> Phase:
-        """Where in a flight we are."""
+        """Present phase of the flight."""
         return self.loop.flight.phase
 
     async def ready(self) -> None:
-        """Wait until the vehicle's motion is known; MocapError when the body is not seen."""
+        """Wait until the vehicle's motion is estimated; raise MocapError when the body is not seen."""
 
         def known() -> bool:
             return self.loop.estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS
@@ -138,7 +138,7 @@ class FlightActions:
             )
 
     async def _heard(self) -> None:
-        """Wait until the autopilot has said whether it is armed, in which mode, and whether it stands."""
+        """Wait until the autopilot has reported its arming state, its mode and whether it is in the air."""
 
         def known() -> bool:
             status = self._autopilot.status()
@@ -150,14 +150,14 @@ class FlightActions:
             raise AutopilotError(f"the autopilot was heard once but {what}: look at the link")
 
     async def require_ground(self) -> None:
-        """FlightError unless the autopilot says that the vehicle stands, disarmed; waits until it has said so."""
+        """Raise FlightError unless the autopilot reports the vehicle disarmed on the ground; wait for its report."""
         await self._heard()
         status = self._autopilot.status()
         if status.armed or status.in_air:
             raise FlightError(self._not_on_ground(bool(status.in_air)))
 
     def _not_on_ground(self, in_air: bool) -> str:
-        """Return what keeps an armed vehicle from being armed or its arms from being touched, and what to do."""
+        """Return why an action for a disarmed vehicle on the ground is refused, and what to do."""
         where = "in the air" if in_air else "armed"
         if self.phase not in _OURS:
             return (
@@ -169,11 +169,11 @@ class FlightActions:
         return "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"
 
     async def arm(self, trajectory: Trajectory | None = None) -> None:
-        """Check everything, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
+        """Run every check, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
 
-        `trajectory` is what will be flown, if it is known. FlightError names every check that fails, ConfigError says
-        where it leads out of the room. Whatever interrupts it, an operator's order or cancellation too, nothing is
-        asked of the autopilot any more but to disarm.
+        `trajectory` is what will be flown, if it is known. FlightError names every check that fails, ConfigError the
+        instant at which the trajectory leaves the room. After any interruption, a command or a cancellation, the only
+        request still sent to the autopilot is to disarm.
         """
         await self._check(trajectory)
         self._ask(ArmRequest(), "arm")
@@ -192,7 +192,7 @@ class FlightActions:
             raise
 
     async def _check(self, trajectory: Trajectory | None) -> None:
-        """All that is looked at before arming; FlightError, too, when an abort or a kill comes meanwhile."""
+        """Run the checks before arming; raise FlightError when one fails or an abort or kill comes meanwhile."""
         arming, since_s = self.loop.arming, self.loop.flight.since_s
 
         def ended() -> bool:
@@ -216,7 +216,7 @@ class FlightActions:
             raise FlightError(refused)
 
     async def _while_preparing(self, call: Callable[[], Coroutine[Any, Any, None]]) -> None:
-        """What insists, as long as nobody has ended the preparation: an arming must not go on after a kill."""
+        """Await a call that retries; cancel it when the preparation ends, as arming must not go on after a kill."""
         self._expect(Phase.PREFLIGHT)
         calling = asyncio.ensure_future(call())
         await self._unless(lambda: self.phase not in {Phase.PREFLIGHT, Phase.ARMED}, calling)
@@ -225,7 +225,7 @@ class FlightActions:
         calling.result()
 
     async def _unless(self, ended: Callable[[], bool], doing: "asyncio.Future[None]") -> None:
-        """Wait for what is being done; it is cancelled when it is ended from elsewhere."""
+        """Wait for a future and cancel it when `ended` becomes true first."""
         try:
             await self.until(lambda: doing.done() or ended(), math.inf)
         finally:
@@ -233,7 +233,7 @@ class FlightActions:
             await asyncio.gather(doing, return_exceptions=True)
 
     async def _disarm_again(self) -> None:
-        """Arming was asked for, whether or not it shows yet: ask for the opposite."""
+        """Request disarming after an arming request that may not show in the status yet."""
         try:
             await self._autopilot.disarm()
         except CompanionError as error:
@@ -242,7 +242,7 @@ class FlightActions:
     async def take_off(self, height_m: float) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold there.
 
-        FlightError where the fence is too near, and where an order held the vehicle below: then it stays there.
+        Raises FlightError where the geofence is too near, and when another command held the vehicle at a lower height.
         """
         vehicle = self.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
@@ -255,15 +255,16 @@ class FlightActions:
             raise FlightError(f"{ended_by(self.loop.flight)} at {held_m:.2f} m, not at {height_m:g} m")
 
     def _held_at_m(self) -> float:
-        """Height of what is flown at last above where the vehicle stood."""
+        """Return the height of the last hold point above where the vehicle stood, m."""
         flight = self.loop.flight
         ground_m = 0.0 if flight.ground_w_m is None else float(flight.ground_w_m[2])
         return float(flight.legs[-1].trajectory.at(0.0).position_w_m[2]) - ground_m
 
     async def go_to(self, position_w_m: Array, yaw_rad: float, taken: Callable[[], None] = _nothing) -> None:
-        """Fly straight to a place (3,) in W and a heading there, and hold; `taken` is called once it has begun.
+        """Fly straight to a position (3,) in W and a heading, and hold; `accepted` is called once it has started.
 
-        Before anything moves, ConfigError where it lies out of the room, FlightError where it is too near the fence.
+        Raises, before anything moves, ConfigError for a position outside the room and FlightError for one too near the
+        geofence.
         """
         place = Hold(position_w_m, yaw_rad)
         await check_room_and_fence(place, self._config)
@@ -272,15 +273,15 @@ class FlightActions:
         way, *_, end = self.loop.flight.legs
         most_s = way.trajectory.duration_s + _APPROACH_MARGIN_S
         if not await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), most_s):
-            raise FlightError(f"the place was not reached within {most_s:.0f} s")
+            raise FlightError(f"the position was not reached within {most_s:.0f} s")
         await asyncio.sleep(self._config.flight.settle_s)
         self._expect(Phase.HOLD, end)
 
     async def fly(self, trajectory: Trajectory, taken: Callable[[], None] = _nothing) -> None:
-        """Go to the trajectory's start, fly it, hold its end; `taken` is called once it has begun.
+        """Go to the trajectory's start, fly it, hold its end; `accepted` is called once it has started.
 
-        Before anything moves, ConfigError where it leads out of the room or is too fast, FlightError where it comes
-        too near the fence; the vehicle goes on as it was.
+        Raises, before anything moves, ConfigError for a trajectory that leaves the room or is too fast and FlightError
+        for one that comes too near the geofence; the vehicle then continues as before.
         """
         await check_room_and_fence(trajectory, self._config)
         settle_s = self._config.flight.settle_s
@@ -293,30 +294,30 @@ class FlightActions:
         self._expect(Phase.HOLD, end)
 
     async def hold(self) -> None:
-        """Brake and hover; what was flown is not taken up again."""
+        """Brake and hover; the interrupted motion is not continued later."""
         self._ask(HoldRequest(), "hold")
 
     async def resume(self) -> None:
-        """Take the vehicle back from the autopilot or its pilot, and hover where it is."""
+        """Take control back from the autopilot or its pilot, and hover where the vehicle is."""
         self._ask(ResumeRequest(), "take the vehicle back")
         await self._reach(Phase.HOLD, self._config.px4.answer_timeout_s)
 
     async def disarm(self) -> None:
-        """Ask the autopilot itself; AutopilotError when it refuses."""
+        """Send a disarm request to the autopilot; raise AutopilotError when it refuses."""
         await self._autopilot.disarm()
 
     async def kill(self) -> None:
-        """Stop the motors at once, wherever the vehicle is; whoever calls this has had it confirmed."""
+        """Stop the motors at once, in flight too; the caller has had this confirmed."""
         self._ask(KillRequest(), "stop the motors")
         if not await self.until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
             raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
 
     async def land(self, reason: str = "") -> None:
-        """Come down where the vehicle is, stop the motors, disarm. From any phase; on the ground it only calls an
-        arming off. `reason` is for the operator, when nobody commanded it.
+        """Land where the vehicle is, stop the motors and disarm, from any phase; on the ground only cancel an arming.
 
-        Whoever else has the vehicle is waited for, and commanded nothing. When the flight loop has failed it has told
-        the autopilot to land: then the autopilot's landing is awaited.
+        `reason` is for the operator when no command asked for the landing. While the autopilot or its pilot has the
+        vehicle, nothing is commanded and their landing is awaited; so is that of a failed flight loop, which has told
+        the autopilot to land.
         """
         if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
             self.loop.arming.call_off(reason or "a landing was ordered")
@@ -335,7 +336,7 @@ class FlightActions:
         stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
         landed = await self.until(down, stow_s + down_s + _LANDING_MARGIN_S, although_failed=True)
         if not self._autopilot.status().connected:
-            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+            raise FlightError("the autopilot is not heard any more: check the vehicle and the link")
         if not landed:
             raise FlightError(
                 f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
@@ -348,7 +349,7 @@ class FlightActions:
             raise FlightError(f"cannot {what}: {refusal}{before}")
 
     def _diverted(self, end: Leg | None) -> bool:
-        """Whether something else is flown than what ends so."""
+        """Return whether another motion has replaced the one that ends with this leg."""
         legs = self.loop.flight.legs
         return end is not None and bool(legs) and legs[-1] is not end
 
@@ -359,9 +360,10 @@ class FlightActions:
     async def _reach(
         self, phase: Phase, timeout_s: float, through: Phase | None = None, end: Leg | None = None
     ) -> None:
-        """Wait for a phase; leaving the phases on the way there means that the flight went another way.
+        """Wait for a phase; raise FlightError when the flight goes elsewhere.
 
-        So does, in flight, an end that is not the last of what is flown any more: somebody ordered something else.
+        It does so when it leaves the present phase and `through` for another one, or when the last leg is not `end`
+        any more because another command replaced it.
         """
         on_the_way = {self.phase, through}
 
@@ -373,7 +375,10 @@ class FlightActions:
         self._expect(phase, end)
 
     async def until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
-        """Poll; False after the time-out. Raises what stopped the flight loop, unless `although_failed`."""
+        """Poll a condition; return False after the timeout.
+
+        Raises what stopped the flight loop, unless `although_failed`.
+        """
         clock = asyncio.get_running_loop()
         end_s = clock.time() + timeout_s
         while not true():

@@ -1,6 +1,6 @@
-"""A law's margins, measured in a process of their own.
+"""Measurement of a law's stability margins in a separate process.
 
-Half a second of Python in a thread beside the flight loop makes its ticks 40 ms late, and starves the arms' bus.
+Half a second of Python in a thread of the flight process delays its ticks by 40 ms and starves the arms' bus.
 """
 
 import json
@@ -16,18 +16,18 @@ from companion.control.margin import Margin, Verdict
 from companion.core.interfaces import ConfigError
 
 _WITHIN_S = 7.0
-"""An operator's command is answered within 8 s; an idle computer needs 1.5 s."""
+"""Timeout, below the 8 s within which a command is answered; an idle computer needs 1.5 s."""
 
 
 def measure_apart(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> Margin | str:
-    """Return the law's margins, or why there are none; blocks for a second or two, so call it in a thread.
+    """Return the law's margins, or why there are none; blocks for one to two seconds, so call it in a thread.
 
-    ConfigError when the process comes to nothing: then nothing is known of the law. A law of one's own may be slow.
+    Raises ConfigError when the process fails, as the margins are unknown then. A user's own law may be too slow.
     """
     asked = json.dumps({"name": loaded.name, "vehicle": asdict(vehicle), "period_s": period_s})
     command = [sys.executable, "-m", "companion.service.margin_process"]
     try:
-        ran = subprocess.run(  # noqa: S603 - this program, with arguments of ours
+        ran = subprocess.run(  # noqa: S603 - this program, with our arguments
             command, input=asked, capture_output=True, text=True, timeout=_WITHIN_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
@@ -44,13 +44,13 @@ def measure_apart(loaded: LoadedController, vehicle: VehicleModel, period_s: flo
 
 
 def _why(error: Exception) -> str:
-    """Return what went wrong, without the command line."""
+    """Return the reason of a failure, without the command line."""
     late = isinstance(error, subprocess.TimeoutExpired)
     return f"{_WITHIN_S:.0f} s were not enough, this computer is busy" if late else str(error)
 
 
 def main() -> None:
-    """Answer on standard output what was asked on standard input."""
+    """Read a request from standard input and print its result as JSON on standard output."""
     beside_the_loop()
     asked = json.load(sys.stdin)
     vehicle, period_s = VehicleModel(**asked["vehicle"]), asked["period_s"]

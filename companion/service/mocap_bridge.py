@@ -1,4 +1,4 @@
-"""Forwards QTM's frames to the broker, from the room's workstation; the other end is `mocap.source = "mqtt"`."""
+"""Bridge from QTM to the broker, on the room's workstation; the receiving end is `mocap.source = "mqtt"`."""
 
 import asyncio
 import logging
@@ -17,7 +17,7 @@ from companion.protocol.mocap import MocapPose, Vector
 LOG = logging.getLogger(__name__)
 
 _AGAIN_S = 1.0
-"""Between two attempts to find QTM and the body."""
+"""Time between two attempts to connect to QTM and find the body."""
 _SILENT_S = 0.5
 _SILENT = "QTM sends no frames: is the capture stopped, or the network cut?"
 _USABLE = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
@@ -25,24 +25,24 @@ _USABLE = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 @dataclass(frozen=True)
 class Glance:
-    """How it goes."""
+    """Counters and state of a bridge at one instant."""
 
     frames: int
-    """From QTM so far."""
+    """Frames received from QTM so far."""
     sent: int
     age_s: float
-    """Since the newest frame came; infinite before the first."""
+    """Time since the newest frame was received; infinite before the first."""
     dropped: int
-    """By the way from QTM: lost, overtaken or broken."""
+    """Frames lost between QTM and the bridge: missing, out of order or malformed."""
     passed_over: int
-    """By the way to the broker, which had not taken the one before."""
+    """Frames not sent because the broker had not yet taken the one before."""
     tracked: bool
     trouble: str
-    """What keeps frames from the vehicle; empty when nothing does."""
+    """Reason why frames do not reach the vehicle; empty when they do."""
 
 
 class Bridge:
-    """One vehicle's."""
+    """Bridge that forwards the frames of one vehicle's body."""
 
     def __init__(self, config: MocapConfig, broker: OperatorConfig, clock: Clock) -> None:
         self._config, self._broker, self._clock = config, broker, clock
@@ -51,10 +51,13 @@ class Bridge:
         self._source: QualisysSource | None = None
         self._out: MocapOut | None = None
         self._frames = self._dropped = 0
-        self._trouble = "QTM is looked for"
+        self._trouble = "connecting to QTM"
 
     async def run(self) -> None:
-        """Until cancelled; MocapError when another bridge forwards this vehicle, ConfigError for a bad login file."""
+        """Forward frames until cancelled.
+
+        Raises MocapError when another bridge forwards this vehicle, ConfigError for an unusable password file.
+        """
         async with open_mocap_out(self._broker) as out:
             self._out = out
             reading = asyncio.create_task(self._read(out), name="companion.mocap_bridge")
@@ -66,7 +69,7 @@ class Bridge:
                 await asyncio.gather(reading, return_exceptions=True)
 
     def glance(self) -> Glance:
-        """As it is now."""
+        """Return the present counters and state."""
         out, frame = self._out, self._source.latest() if self._source is not None else None
         age_s = self._clock.now_s() - frame.received_s if frame is not None else float("inf")
         return Glance(
@@ -80,7 +83,7 @@ class Bridge:
         )
 
     async def _read(self, out: MocapOut) -> None:
-        """From QTM, again and again; what keeps it from us is told once, and to whoever asks over the broker."""
+        """Connect to QTM repeatedly; log each failure once and publish it on the broker."""
         said = ""
         while True:
             try:
@@ -115,9 +118,9 @@ class Bridge:
 
 
 def pose_of(body: str, frame: MocapFrame, estimate: EstimatorState) -> MocapPose:
-    """Return a frame as it goes over the bus.
+    """Return a frame as published on the bus.
 
-    `estimate` is the one after this frame; its velocity counts only if it took the frame.
+    `estimate` is the one after this frame; its velocity is used only if the estimator accepted the frame.
     """
     vehicle = estimate.vehicle if estimate.verdict in _USABLE else None
     a, b, c = frame.rotation_w_b.tolist()

@@ -1,4 +1,4 @@
-"""The commands that need nobody to see them through, into requests of the flight."""
+"""Requests to the flight for commands that need no further steps."""
 
 import time
 
@@ -19,12 +19,12 @@ _WANTED: dict[str, Request] = {
 
 
 def wanted_by(command: Command) -> Request | None:
-    """What it asks of the flight; None for a verb that takes more than that."""
+    """Return the request that carries out this command; None for a verb that needs more steps."""
     return _WANTED.get(command.verb)
 
 
 def obey(loop: FlightLoop, command: Command, answer: Answering) -> None:
-    """Hand it to the flight loop, which takes it at once; FlightError with the reason when it does not fit."""
+    """Pass a command to the flight loop and reply at once; raise FlightError with the reason when it is refused."""
     wanted = wanted_by(command)
     if wanted is None:
         raise FlightError(f"cannot {command.verb}: only {', '.join(_WANTED)} are taken here")

@@ -1,4 +1,4 @@
-"""What a command needs before it can begin: trajectories, motions of the arms, laws, parameters. In threads."""
+"""Preparation of commands in threads: trajectories, motions of the arms, laws, parameters."""
 
 import asyncio
 from dataclasses import dataclass
@@ -27,14 +27,14 @@ from companion.trajectories.reference import Trajectory
 from companion.trajectories.waypoints import Waypoints
 
 _ALONE_S = 60.0
-"""A motion that is played without a trajectory and would go on for ever ends after this."""
+"""Duration of an endless motion that is played without a trajectory."""
 _AROUND_S = 30.0
-"""The way to the trajectory's start, and the pauses."""
+"""Time for the approach to the trajectory's start and the pauses around it."""
 
 
 @dataclass(frozen=True)
 class Planned:
-    """What `track` is to do."""
+    """Trajectory, and motion of the arms if any, that a `track` command will fly."""
 
     name: str
     trajectory: Trajectory
@@ -47,10 +47,10 @@ class Laws:
     def __init__(self, config: CompanionConfig, name: str) -> None:
         self._config = config
         self.name = name
-        """Of the law that a vehicle begins with."""
+        """Name of the law that a vehicle starts with."""
 
     async def load(self, name: str) -> Controller:
-        """A law that has run once; ConfigError for a name that is none, or a law that must not fly this vehicle."""
+        """Return a law that has run once; raise ConfigError for an unknown name or a law unfit for this vehicle."""
         return await asyncio.to_thread(self._load, name)
 
     def _load(self, name: str) -> Controller:
@@ -64,7 +64,7 @@ class Laws:
 
 
 async def planned_track(command: asked.Track, service: FlightActions, config: CompanionConfig) -> Planned:
-    """Trajectory and motion of the arms; ConfigError, ArmError or FlightError with the reason why there are none."""
+    """Return the trajectory and the motion of the arms; raise ConfigError, ArmError or FlightError with the reason."""
     return await asyncio.to_thread(_planned_track, command, service, config)
 
 
@@ -94,15 +94,15 @@ def _waypoints(rows: tuple[asked.Waypoint, ...]) -> Trajectory:
 
 
 def _height_m(service: FlightActions) -> float:
-    """Where the vehicle is now; a curve is level."""
+    """Return the present height in W, m, at which a level curve is flown."""
     vehicle = service.loop.estimate.vehicle
     if vehicle is None:
-        raise FlightError("nobody knows where the vehicle is")
+        raise FlightError("the vehicle's position is not known: check motion capture")
     return round(float(vehicle.position_w_m[2]), 2)
 
 
 async def planned_arms(name: str, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
-    """A motion from where the joints are held; ConfigError or ArmError with the reason why it cannot be run."""
+    """Return a motion that starts at the held joint angles; raise ConfigError or ArmError when it cannot be run."""
     return await asyncio.to_thread(_planned_arms, name, _ALONE_S, service, config)
 
 
@@ -116,15 +116,15 @@ def _planned_arms(name: str, duration_s: float, service: FlightActions, config: 
 
 
 def yaw_here_rad(service: FlightActions) -> float:
-    """The heading that is asked for now, or else the one that is seen."""
+    """Return the estimated heading in W, rad; raise FlightError while there is no estimate."""
     vehicle = service.loop.estimate.vehicle
     if vehicle is None:
-        raise FlightError("nobody knows where the vehicle is")
+        raise FlightError("the vehicle's position is not known: check motion capture")
     return float(yaw_of(vehicle.q_w_flu_wxyz))
 
 
 async def params_of(service: FlightActions, config: CompanionConfig, law: str) -> dict[str, Any]:
-    """The configuration in force, the law's file, and those of the autopilot's parameters that the preflight reads."""
+    """Return the active configuration, the law's file and the autopilot parameters that the preflight reads."""
     names = sorted(wanted.name for wanted in load_recommended(config.preflight.parameters))
     return {
         "config": config.model_dump(mode="json"),

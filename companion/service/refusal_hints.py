@@ -1,4 +1,4 @@
-"""What an operator has to say first, when a command does not fit the flight's phase."""
+"""Remedies for commands that are refused in the present phase of the flight."""
 
 from companion.supervisor.flight_state import HoldRequest, Phase, Request, ResumeRequest, TakeoffRequest, TrackRequest
 
@@ -24,5 +24,5 @@ _FIRST: dict[type[Request], dict[Phase, str]] = {
 
 
 def remedy_for(wanted: Request, phase: Phase) -> str:
-    """For the end of a sentence, after the reason; empty where nothing helps."""
+    """Return the state and the remedy for a refused request; empty where there is none."""
     return _FIRST.get(type(wanted), {}).get(phase, "")

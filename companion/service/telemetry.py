@@ -1,4 +1,4 @@
-"""Ticks into what is told of the flight: a state now and then, an event when something changes."""
+"""Conversion of ticks into telemetry: a state on request, an event at every change."""
 
 import math
 import time
@@ -13,17 +13,17 @@ from companion.supervisor.faults import Event, Fault, reaction_to
 from companion.supervisor.flight_state import FlightState
 
 Tell = Callable[[Happened], None]
-"""Where events go; must neither wait nor raise."""
+"""Receiver of events; must neither block nor raise."""
 _SHARE_S = 1.0
 
 
 class Telemetry:
-    """A TickSink. Looks at each tick for what has changed, a microsecond; the state is made when it is asked for."""
+    """TickSink that compares each tick with the last one (about 1 us); the state is built on request."""
 
     def __init__(self, session: str, tell: Tell) -> None:
         self._session, self._tell = session, tell
-        self.waiting = "the service begins"
-        """Why there is no vehicle; then a state says so."""
+        self.waiting = "the service starts"
+        """Reason why there is no vehicle, for the state."""
         self._tick: Tick | None = None
         self._events: tuple[Event, ...] = ()
         self._sent_s: list[float] = []
@@ -31,7 +31,7 @@ class Telemetry:
         self._warnings: tuple[str, ...] = ()
 
     def __call__(self, tick: Tick) -> None:
-        """Take one tick."""
+        """Compare a tick with the one before and publish the changes."""
         before, self._tick = self._tick, tick
         if math.isfinite(tick.sent_s) and tick.flight.airborne:
             self._sent_s.append(tick.time_s)
@@ -43,12 +43,12 @@ class Telemetry:
             self._text, self._text_s = tick.status.last_text, tick.time_s
 
     def note_ended_loop(self, flight: FlightState, status: AutopilotStatus, time_s: float) -> None:
-        """Tell on what becomes of the vehicle when the loop has failed, and makes no ticks any more."""
+        """Report the flight and the autopilot's status after the loop has failed and ticks no more."""
         if self._tick is not None:
             self(replace(self._tick, flight=flight, status=status, time_s=time_s, sent_s=math.nan, events=()))
 
     def warn(self, warnings: tuple[str, ...]) -> None:
-        """Say in every state what is wrong beside the vehicle; what is new is an event, too."""
+        """Set the warnings shown in every state; publish an event for each that appears or disappears."""
         for text in warnings:
             if text not in self._warnings:
                 self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=text))
@@ -78,15 +78,15 @@ class Telemetry:
 
     @property
     def tick(self) -> Tick | None:
-        """The newest."""
+        """Newest tick; None without a vehicle."""
         return self._tick
 
     def forget(self, waiting: str) -> None:
-        """There is no vehicle any more, and why."""
+        """Forget the vehicle, with the reason why it is gone."""
         self._tick, self._events, self.waiting = None, (), waiting
 
     def state(self, doing: Doing | None, rate_hz: float) -> State:
-        """All that is told of the newest tick. `rate_hz` is the control loop's."""
+        """Return the state of the newest tick; `rate_hz` is the rate of the control loop."""
         tick = self._tick
         if tick is None:
             return State(

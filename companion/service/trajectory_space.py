@@ -1,4 +1,4 @@
-"""Whether what an operator asks for stays in the room and inside the fence."""
+"""Checks that a commanded motion stays in the room and inside the geofence."""
 
 import asyncio
 from collections.abc import Callable
@@ -13,11 +13,14 @@ from companion.trajectories.room_check import check_trajectory, instants_s
 
 _NAME = "the trajectory"
 _PIECE = 12
-"""Instants of a trajectory that are looked at in one go: half a millisecond, in which no control cycle can begin."""
+"""Instants of a trajectory that are checked at a time: 0.5 ms, during which no control cycle can start."""
 
 
 def check_climb(height_m: float, position_w_m: Array | None, config: CompanionConfig) -> None:
-    """FlightError unless a hover so high above this place, (3,) in W, keeps the fence's margin; None: not known."""
+    """Raise FlightError unless a hover `height_m` above this position keeps the geofence's margin.
+
+    `position_w_m` (3,) is in W, None while it is not known.
+    """
     if not height_m >= LEAST_CLIMB_M:
         raise FlightError(f"cannot take off: {height_m:g} m is too low to hover at, at least {LEAST_CLIMB_M:g} m")
     fence = config.fence
@@ -25,12 +28,12 @@ def check_climb(height_m: float, position_w_m: Array | None, config: CompanionCo
 
 
 async def check_room(trajectory: Trajectory, config: CompanionConfig) -> None:
-    """ConfigError with the first instant at which it leaves the room or goes too fast."""
+    """Raise ConfigError with the first instant at which the trajectory leaves the room or is too fast."""
     await _look_along(trajectory, lambda times_s: check_trajectory(trajectory, config.room, _NAME, times_s))
 
 
 async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) -> None:
-    """As `check_room`; and FlightError where it, or braking from it, does not keep the fence's margin."""
+    """Check like `check_room`; raise FlightError where it, or braking from it, violates the geofence's margin."""
     fence, margin_m = config.fence.fence(), config.fence.margin_m
 
     def look(times_s: Array) -> None:
@@ -41,9 +44,9 @@ async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) 
 
 
 async def _look_along(trajectory: Trajectory, look: Callable[[Array], None]) -> None:
-    """Hand its instants to `look` piece by piece, so that the control loop goes on meanwhile.
+    """Pass the trajectory's instants to `look` in pieces, so that the control loop can run in between.
 
-    Pieces overlap by two instants, between which the heading's acceleration is seen.
+    Pieces overlap by two instants, which the acceleration of the heading is computed from.
     """
     times_s = instants_s(trajectory)
     for first in range(0, len(times_s), _PIECE):

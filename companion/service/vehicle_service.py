@@ -1,4 +1,4 @@
-"""Builds the devices from the configuration and starts the flight loop; `Service` offers the operator's verbs."""
+"""Construction of the devices and the flight loop from the configuration."""
 
 import asyncio
 import gc
@@ -42,10 +42,10 @@ async def open_service(
     records: Path | None = None,
     operator: OperatorLink | None = None,
 ) -> AsyncIterator[FlightActions]:
-    """Devices connected and the loop ticking; `records` is the folder whose disk must not be full.
+    """Connect the devices and run the flight loop; `records` is the folder whose disk must not be full.
 
-    `operator` is a link whose commands somebody else takes; without it the configured one is opened, for orders that
-    need nobody to see them through.
+    `operator` is a link whose commands the caller handles; without it the configured one is opened, for commands that
+    need no further steps.
 
     Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
     autopilot, or when the first two devices fail later, and whatever the law raises.
@@ -93,23 +93,23 @@ async def open_service(
 
 
 def _landed_age_s(loop: FlightLoop, clock: Clock) -> float:
-    """Return the time since a flight of this service ended (s), whose arming found both attitudes to agree."""
+    """Return the time since this service's last flight ended, s; its arming found both attitudes to agree."""
     return clock.now_s() - loop.flight.since_s if loop.flight.phase is Phase.DISARMED else math.inf
 
 
 class _Obeying:
-    """Between the operator's link, which is opened first, and the flight loop."""
+    """Forwarder of commands from the operator's link, which is opened first, to the flight loop."""
 
     loop: FlightLoop | None = None
 
     def take(self, command: Command, answer: Answering) -> None:
-        """FlightError with the reason when the command does not fit."""
+        """Pass on a command; raise FlightError with the reason when it is refused."""
         if self.loop is None:
             raise FlightError("the service is not ready yet")
         obey(self.loop, command, answer)
 
 
 def _spare_the_collector() -> None:
-    """All that was imported and built stays for good: the collector need not walk it in flight, which takes 50 ms."""
+    """Exempt everything built so far from garbage collection, which would take 50 ms in flight."""
     gc.collect()
     gc.freeze()
