@@ -12,7 +12,7 @@ from typing import Any
 
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.faults.fault import Fault
-from mock_autopilot.faults.schedule import Turn
+from mock_autopilot.faults.schedule import FaultTransition
 from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
 from mock_autopilot.mavlink.link import LinkError
 from mock_autopilot.qtm.server import ServerStartError
@@ -117,9 +117,9 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
         os.set_blocking(sys.stdin.fileno(), False)
     async with Simulator(config, options.seed, with_qualisys=not options.no_qualisys) as simulator:
         if options.exit_with_stdin:
-            loop.add_reader(sys.stdin.fileno(), _Orders(simulator, stop).read)
+            loop.add_reader(sys.stdin.fileno(), _StdinCommands(simulator, stop).read)
         print(_ready_line(simulator, options.seed), flush=True)
-        told = _Told(simulator, config.faults)
+        told = _FaultReporter(simulator, config.faults)
         ended = [
             asyncio.create_task(simulator.wait(), name="mock_autopilot.wait"),
             asyncio.create_task(stop.wait(), name="mock_autopilot.stop"),
@@ -134,14 +134,14 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
             task.result()
 
 
-class _Told:
+class _FaultReporter:
     """Says on standard output which fault begins and ends, for whoever started this process."""
 
     def __init__(self, simulator: Simulator, faults: Sequence[Fault]) -> None:
         self._simulator, self._waiting = simulator, list(faults)
         simulator.world.faults.observers.append(self._turn)
 
-    def _turn(self, turn: Turn) -> None:
+    def _turn(self, turn: FaultTransition) -> None:
         if turn.begins and turn.fault in self._waiting:
             self._waiting.remove(turn.fault)
         at_s = self._simulator.started_s + turn.time_s  # on this machine's monotonic clock
@@ -154,7 +154,7 @@ class _Told:
             print(f"fault never began: {sentence_of(fault)}", flush=True)
 
 
-class _Orders:
+class _StdinCommands:
     """Lines on standard input, from whoever started this process; its end is ours."""
 
     def __init__(self, simulator: Simulator, stop: asyncio.Event) -> None:
@@ -171,11 +171,11 @@ class _Orders:
         *lines, self._begun = (self._begun + data).split(b"\n")
         for line in lines:
             try:
-                self._obey(line.decode().strip())
+                self._execute(line.decode().strip())
             except ValueError as error:
                 print(f"mock autopilot: {line.decode(errors='replace')!r}: {error}", file=sys.stderr, flush=True)
 
-    def _obey(self, order: str) -> None:
+    def _execute(self, order: str) -> None:
         """A fault from now on: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`.
 
         Or the hand's: `carry 0.5 0 -0.3` to a place (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw (rad).

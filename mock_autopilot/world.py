@@ -10,17 +10,17 @@ from dataclasses import replace
 import numpy as np
 
 from mock_autopilot.config import ArmsConfig, MockConfig
-from mock_autopilot.faults.autopilot import troubles_of
+from mock_autopilot.faults.autopilot import injected_faults_of
 from mock_autopilot.faults.catalogue import Part
 from mock_autopilot.faults.fault import Fault, check_fits
-from mock_autopilot.faults.schedule import FaultSchedule, Turn
+from mock_autopilot.faults.schedule import FaultSchedule, FaultTransition
 from mock_autopilot.faults.servos import bus_fault_of
 from mock_autopilot.physics import plant, plant_one
 from mock_autopilot.physics import quaternion as quat
-from mock_autopilot.physics.airframe import Demand, Felt
+from mock_autopilot.physics.airframe import ActuatorDemand, SensorState
 from mock_autopilot.physics.arms import Arms
 from mock_autopilot.physics.disturbance import Disturbance
-from mock_autopilot.physics.handling import Hand
+from mock_autopilot.physics.handling import Handling
 from mock_autopilot.physics.plant import PlantState, Wrench
 from mock_autopilot.physics.plant_one import OneActuation, OneState
 from mock_autopilot.physics.quaternion_one import Three
@@ -57,13 +57,13 @@ class World:
         self._full_thrust_n = self._params.max_thrust_n
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
         self._steps = 0
-        still = Demand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        still = ActuatorDemand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
         self.attitude_delay_s = start.attitude_delay_s
         self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
         self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
         self.external_wrench: Wrench = plant.no_wrench()
         """Force and push from outside, for a payload or a gust; stays until it is changed."""
-        self._hand = Hand()
+        self._handling = Handling()
         self.servos: ServoRack | None = None
         self.arms: Arms | None = None
         """Both arms, if the vehicle has them."""
@@ -123,17 +123,17 @@ class World:
 
     def _step(self) -> None:
         self._steps += 1
-        self._turn_faults()
+        self._update_faults()
         before = self._state_in_floats()
-        demand = self.vehicle.step(self.uptime_s, self._felt(before), STEP_S)
+        demand = self.vehicle.step(self.uptime_s, self._sensor_state(before), STEP_S)
         actuation = self._delayed(demand)
         force, push = self._pushed(before)
         after = plant_one.moved(before, actuation, force, push, plant_one.fixed_of(self._params, STEP_S))
         self._state = plant_one.in_arrays(after)
         self._in_floats = self._state, after
-        self._hand.holds = self._hand.holds and not demand.motors_on
-        if self._hand.holds:
-            self._state = self._hand.carry(self._state, self.time_s)
+        self._handling.holds = self._handling.holds and not demand.motors_on
+        if self._handling.holds:
+            self._state = self._handling.carry(self._state, self.time_s)
 
     def _state_in_floats(self) -> OneState:
         """The airframe's state; converted only where somebody else has set it."""
@@ -162,26 +162,29 @@ class World:
         where = np.array([*north_east_down_m, *roll_pitch_yaw_rad])
         if where.shape != (6,) or not np.isfinite(where).all():
             raise ValueError("carry wants NORTH EAST DOWN in m, and perhaps ROLL PITCH YAW in rad")
-        self._hand.take_to(where, self._state, self.time_s)
+        self._handling.take_to(where, self._state, self.time_s)
 
     def fault_rng(self) -> np.random.Generator:
         """Chance for one part's faults, another one with each call; what else is random does not depend on it."""
         return np.random.default_rng(self._seed.spawn(1)[0])
 
-    def _turn_faults(self) -> None:
+    def _update_faults(self) -> None:
         vehicle = self.vehicle
         self.faults.step(self.time_s, vehicle.armed, not self._state.on_ground, vehicle.lands)
 
-    def _on_turn(self, turn: Turn) -> None:
+    def _on_turn(self, turn: FaultTransition) -> None:
         if turn.fault.part is Part.SERVOS and turn.begins and self.servos is not None:
             self.servos.inject(bus_fault_of(turn.fault))
         if turn.fault.part is Part.AUTOPILOT:
-            self._trouble_autopilot()
+            self._apply_lasting()
             if turn.begins and not turn.fault.lasts_s:
-                self._befall_autopilot(turn.fault)
+                self._apply_once(turn.fault)
 
-    def _trouble_autopilot(self) -> None:
-        before, after = self.vehicle.troubles, troubles_of(self.faults.holding(Part.AUTOPILOT), self._booted_s)
+    def _apply_lasting(self) -> None:
+        before, after = (
+            self.vehicle.injected_faults,
+            injected_faults_of(self.faults.active(Part.AUTOPILOT), self._booted_s),
+        )
         if after.thrust_share != before.thrust_share:
             self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
         if before.powered and not after.powered:
@@ -189,18 +192,18 @@ class World:
             self.vehicle = self._booted(params, yaw_rad)
         if after.powered and not before.powered:
             self._booted_s, self.boots = self.time_s, self.boots + 1
-        self.vehicle.troubles = after
+        self.vehicle.injected_faults = after
 
-    def _befall_autopilot(self, fault: Fault) -> None:
+    def _apply_once(self, fault: Fault) -> None:
         vehicle = self.vehicle
         if fault.how == "disarms":
             vehicle.commander.disarm("Disarmed by kill switch")
         elif fault.how == "pilot takes over":
             vehicle.take_over()
         else:
-            vehicle.battery.drop_to(fault.much)
+            vehicle.battery.drop_to(fault.magnitude)
 
-    def _delayed(self, demand: Demand) -> OneActuation:
+    def _delayed(self, demand: ActuatorDemand) -> OneActuation:
         """Transport delay of the setpoints; switching the motors off takes none."""
         self._attitude_line.append(demand)
         self._thrust_line.append(demand)
@@ -208,11 +211,11 @@ class World:
         motors_on = demand.motors_on and thrust.motors_on
         return plant_one.one_actuation(attitude.q_sp_wxyz, thrust.signal, attitude.rate_sp_frd_radps, motors_on)
 
-    def _felt(self, one: OneState) -> Felt:
+    def _sensor_state(self, one: OneState) -> SensorState:
         (x, y, z), (x0, y0, z0), state = one.position_ned_m, self._start_m, self._state
         place = (x - x0, y - y0, z - z0)
         motion = Motion(place, one.velocity_ned_mps, one.acceleration_ned_mps2, quat.yaw_of(state.q_ned_frd_wxyz))
-        return Felt(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
+        return SensorState(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
 
 
 def _horizon_rng(seed: int) -> np.random.Generator:

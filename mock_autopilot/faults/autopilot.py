@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mock_autopilot.faults.catalogue import Kind
-from mock_autopilot.faults.schedule import Held
+from mock_autopilot.faults.schedule import ActiveFault
 from mock_autopilot.physics import quaternion as quat
-from mock_autopilot.physics.airframe import Demand
+from mock_autopilot.physics.airframe import ActuatorDemand
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.px4.vocabulary import Mode
 
@@ -20,7 +20,7 @@ CAUGHT_S = 0.75
 
 
 @dataclass(frozen=True)
-class Troubles:
+class InjectedFaults:
     """Healthy unless said otherwise."""
 
     powered: bool = True
@@ -48,7 +48,7 @@ class Troubles:
         """Whether it does not go to this mode by command."""
         return (mode is Mode.OFFBOARD and self.refuses_offboard) or (mode is Mode.LAND and self.refuses_land)
 
-    def lifeless(self, last: Demand, rate_frd_radps: Array, since_s: float) -> Demand:
+    def lifeless(self, last: ActuatorDemand, rate_frd_radps: Array, since_s: float) -> ActuatorDemand:
         """What the airframe gets `since_s` after the last sign of life: nothing, or the last signals, unbalanced.
 
         `rate_frd_radps` is how it turned then.
@@ -63,7 +63,7 @@ class Troubles:
         return self.powered and not self.hung
 
 
-HEALTHY = Troubles()
+HEALTHY = InjectedFaults()
 
 
 def rolled(q_wxyz: Array, roll_rad: float) -> Array:
@@ -71,19 +71,19 @@ def rolled(q_wxyz: Array, roll_rad: float) -> Array:
     return quat.multiply(q_wxyz, quat.from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))) if roll_rad else q_wxyz
 
 
-def troubles_of(held: Sequence[Held], booted_s: float) -> Troubles:
+def injected_faults_of(held: Sequence[ActiveFault], booted_s: float) -> InjectedFaults:
     """All of the autopilot's faults that are there, together; it booted at `booted_s` of simulated time."""
     ways = {(one.fault.kind, one.fault.how) for one in held}
-    much = {one.fault.how: one.fault.much for one in held}
-    return Troubles(
-        powered=(Kind.OFF, "") not in ways and "reboot" not in much,
+    magnitude = {one.fault.how: one.fault.magnitude for one in held}
+    return InjectedFaults(
+        powered=(Kind.OFF, "") not in ways and "reboot" not in magnitude,
         hung=(Kind.STUCK, "") in ways,
-        refuses_offboard="refuses offboard" in much,
-        refuses_land="refuses to land" in much,
-        ignores_setpoints="ignores setpoints" in much,
-        tilt_off_rad=much.get("attitude off", 0.0),
-        heading_off_rad=much.get("heading off", 0.0),
-        motor_roll_rad=much.get("motor", 0.0),
+        refuses_offboard="refuses offboard" in magnitude,
+        refuses_land="refuses to land" in magnitude,
+        ignores_setpoints="ignores setpoints" in magnitude,
+        tilt_off_rad=magnitude.get("attitude off", 0.0),
+        heading_off_rad=magnitude.get("heading off", 0.0),
+        motor_roll_rad=magnitude.get("motor", 0.0),
         motor_since_s=max((one.since_s - booted_s for one in held if one.fault.how == "motor"), default=0.0),
-        thrust_share=much.get("weak", 1.0),
+        thrust_share=magnitude.get("weak", 1.0),
     )

@@ -63,10 +63,10 @@ class Fault(BaseModel):
         """How long it is there, s; 0 for what happens once."""
         if self.way.lasts:
             return self.for_s
-        return self.much if self.way.amount is not None and self.way.amount.unit == "s" else 0.0
+        return self.magnitude if self.way.amount is not None and self.way.amount.unit == "s" else 0.0
 
     @property
-    def much(self) -> float:
+    def magnitude(self) -> float:
         """The amount, said or usual; 0 where there is none."""
         usual = self.way.amount.usual if self.way.amount is not None else 0.0
         return usual if self.amount is None else self.amount

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from mock_autopilot.faults.catalogue import Kind, Part
-from mock_autopilot.faults.schedule import FaultSchedule, Held
+from mock_autopilot.faults.schedule import ActiveFault, FaultSchedule
 
 Item = TypeVar("Item")
 _SLACK_S = 1e-6
@@ -28,23 +28,25 @@ class LinkFaults:
         Bytes may arrive damaged; anything else stands for a datagram that, damaged, is not understood and lost. Call it
         often, also with nothing: what is held back arrives later.
         """
-        held = self._schedule.holding(Part.LINK)
+        held = self._schedule.active(Part.LINK)
         if not held and not self._queue:
             return sent
         mine = [one for one in held if one.fault.how in {"", self._direction}]
         for item in sent:
             self._queue += [(now_s, one) for one in self._what_is_left(item, mine)]
-        delay_s = sum(one.fault.much for one in mine if one.fault.kind is Kind.DELAYED)
+        delay_s = sum(one.fault.magnitude for one in mine if one.fault.kind is Kind.DELAYED)
         due = [item for at_s, item in self._queue if at_s + delay_s <= now_s + _SLACK_S]
         self._queue = self._queue[len(due) :]
         return due  # type: ignore[return-value]  # what comes out went in
 
-    def _what_is_left(self, item: Item, held: Sequence[Held]) -> list[Item]:
+    def _what_is_left(self, item: Item, held: Sequence[ActiveFault]) -> list[Item]:
         self._count += 1
         for one in held:
-            kind, much = one.fault.kind, one.fault.much
-            regular = kind is Kind.SLOW and int(self._count * much + 1e-9) > int((self._count - 1) * much + 1e-9)
-            by_chance = kind in {Kind.INTERMITTENT, Kind.GARBAGE} and float(self._rng.random()) < much
+            kind, magnitude = one.fault.kind, one.fault.magnitude
+            regular = kind is Kind.SLOW and int(self._count * magnitude + 1e-9) > int(
+                (self._count - 1) * magnitude + 1e-9
+            )
+            by_chance = kind in {Kind.INTERMITTENT, Kind.GARBAGE} and float(self._rng.random()) < magnitude
             if (
                 kind is Kind.OFF
                 or regular

@@ -28,7 +28,7 @@ _NUMBER = re.compile(
 _TIMES = {"at", "after", "for"}
 
 
-def meant(sentence: str) -> str:
+def nearest_phrase(sentence: str) -> str:
     """The phrase that begins a fault's sentence and looks most like this one; empty when none does."""
     said = _plain(_TAIL.sub("", f"{sentence.lower()} "))
     part, _, rest = said.partition(" ")
@@ -45,7 +45,7 @@ def _nearest(said: str, phrases: dict[str, str]) -> str:
     return phrases[near[0]] if near else ""
 
 
-def asked(phrase: str) -> str:
+def did_you_mean(phrase: str) -> str:
     """As a question behind what is wrong; empty when there is nothing to ask."""
     return f'; did you mean "{phrase}"?' if phrase else ""
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from mock_autopilot.faults.catalogue import Kind, Part
 from mock_autopilot.faults.fault import Fault
-from mock_autopilot.faults.schedule import FaultSchedule, Held
+from mock_autopilot.faults.schedule import ActiveFault, FaultSchedule
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.qtm.packets import HEADER, Body, BodyPose, Frame
 
@@ -34,14 +34,14 @@ class MocapFaults:
 
         Call it often, also without frames: what is held back leaves later.
         """
-        held = self._schedule.holding(Part.MOCAP)
+        held = self._schedule.active(Part.MOCAP)
         if not held:
             self._stuck = self._frozen = None
             if not self._queue:
                 return frames
         for frame in frames:
             self._take(frame, held, now_s)
-        delay_s = sum(one.fault.much for one in held if one.fault.kind is Kind.DELAYED)
+        delay_s = sum(one.fault.magnitude for one in held if one.fault.kind is Kind.DELAYED)
         due = [entry for entry in self._queue if entry[0] + entry[1] + delay_s <= now_s + _SLACK_S]
         self._queue = [entry for entry in self._queue if entry[0] + entry[1] + delay_s > now_s + _SLACK_S]
         due.sort(key=lambda entry: entry[0] + entry[1])  # stable: equal ones in the order of capture
@@ -50,13 +50,13 @@ class MocapFaults:
     @property
     def breaks_packets(self) -> bool:
         """Whether what leaves now cannot be understood by anybody."""
-        return any((h.fault.kind, h.fault.how) == (Kind.GARBAGE, "packets") for h in self._schedule.holding(Part.MOCAP))
+        return any((h.fault.kind, h.fault.how) == (Kind.GARBAGE, "packets") for h in self._schedule.active(Part.MOCAP))
 
     def packet(self, packet: bytes) -> bytes:
         """One data packet of the protocol as it leaves: as it is, or with its header right and its contents broken."""
         return broken(packet, self._rng) if self.breaks_packets else packet
 
-    def _take(self, frame: Frame, held: tuple[Held, ...], now_s: float) -> None:
+    def _take(self, frame: Frame, held: tuple[ActiveFault, ...], now_s: float) -> None:
         late_s = 0.0
         for one in held:
             if self._lost(frame, one):
@@ -66,20 +66,20 @@ class MocapFaults:
             frame = self._changed(frame, one, now_s)
         self._queue.append((now_s, late_s, replace(frame, bodies=self._in_the_list(frame.bodies, held))))
 
-    def _lost(self, frame: Frame, held: Held) -> bool:
-        kind, much = held.fault.kind, held.fault.much
+    def _lost(self, frame: Frame, held: ActiveFault) -> bool:
+        kind, magnitude = held.fault.kind, held.fault.magnitude
         if kind is Kind.SLOW:
-            share = min(much / self._rate_hz, 1.0)
+            share = min(magnitude / self._rate_hz, 1.0)
             return int(frame.number * share + 1e-9) == int((frame.number - 1) * share + 1e-9)
-        return kind is Kind.OFF or (kind is Kind.INTERMITTENT and float(self._rng.random()) < much)
+        return kind is Kind.OFF or (kind is Kind.INTERMITTENT and float(self._rng.random()) < magnitude)
 
-    def _changed(self, frame: Frame, held: Held, now_s: float) -> Frame:
+    def _changed(self, frame: Frame, held: ActiveFault, now_s: float) -> Frame:
         fault, (ours, *others) = held.fault, frame.bodies
         if fault.kind is Kind.STUCK:
             self._stuck = self._stuck or frame.bodies
             return replace(frame, bodies=self._stuck)
         if fault.how == "clock jump":
-            return replace(frame, stamp_us=frame.stamp_us + round(fault.much * 1e6))
+            return replace(frame, stamp_us=frame.stamp_us + round(fault.magnitude * 1e6))
         if fault.kind is Kind.GARBAGE and not fault.how:
             ours = BodyPose(
                 self._rng.uniform(-_FAR_M, _FAR_M, 3), self._rng.uniform(-1.0, 1.0, (3, 3)), ours.residual_m
@@ -87,7 +87,7 @@ class MocapFaults:
         elif fault.how in {"swapped", "swapped and frozen"}:
             ours = self._other_body(ours, frozen=fault.how != "swapped")
         elif fault.kind is Kind.WRONG and fault.how in _POSES:
-            ours = _POSES[fault.how](ours, fault.much, now_s - held.since_s)
+            ours = _POSES[fault.how](ours, fault.magnitude, now_s - held.since_s)
         return replace(frame, bodies=(ours, *others))
 
     def when_bodies_change(self, tell: Callable[[], None]) -> None:
@@ -97,16 +97,16 @@ class MocapFaults:
     @property
     def changes_list(self) -> bool:
         """Whether QTM's list of rigid bodies is another one now than it was at the start."""
-        return any(is_of_the_list(held.fault) for held in self._schedule.holding(Part.MOCAP))
+        return any(is_of_the_list(held.fault) for held in self._schedule.active(Part.MOCAP))
 
     def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
         """Return QTM's list of rigid bodies, ours the first, as it has been changed by now."""
-        for held in self._schedule.holding(Part.MOCAP):
+        for held in self._schedule.active(Part.MOCAP):
             if is_of_the_list(held.fault):
                 bodies = _IN_SETTINGS[held.fault.how](bodies)
         return bodies
 
-    def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[Held, ...]) -> tuple[BodyPose, ...]:
+    def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[ActiveFault, ...]) -> tuple[BodyPose, ...]:
         """The bodies of a frame, ours the first, in the order of the list as it is now."""
         for one in held:
             if is_of_the_list(one.fault):
@@ -152,13 +152,13 @@ def _about_x(angle_rad: float) -> Array:
 
 _LOST = BodyPose(np.full(3, np.nan), np.full((3, 3), np.nan), float("nan"))
 _POSES: dict[str, Callable[[BodyPose, float, float], BodyPose]] = {
-    "jump": lambda pose, much, _: _moved(pose, much),
-    "drift": lambda pose, much, for_s: _moved(pose, much * for_s),
+    "jump": lambda pose, magnitude, _: _moved(pose, magnitude),
+    "drift": lambda pose, magnitude, for_s: _moved(pose, magnitude * for_s),
     "upside down": lambda pose, _, __: _defined(pose, _FLIP_YZ),
     "mirrored": lambda pose, _, __: _reflected(pose, _FLIP_Y),
     "axes swapped": lambda pose, _, __: _reflected(pose, _SWAP_XY),
-    "turned": lambda pose, much, _: _defined(pose, _about_z(much)),
-    "tilted": lambda pose, much, _: _defined(pose, _about_x(much)),
+    "turned": lambda pose, magnitude, _: _defined(pose, _about_z(magnitude)),
+    "tilted": lambda pose, magnitude, _: _defined(pose, _about_x(magnitude)),
     "lost": lambda _, __, ___: _LOST,
 }
 

@@ -9,7 +9,7 @@ from mock_autopilot.faults.fault import Fault
 
 
 @dataclass(frozen=True)
-class Turn:
+class FaultTransition:
     """A fault that begins or ends."""
 
     fault: Fault
@@ -19,7 +19,7 @@ class Turn:
 
 
 @dataclass(frozen=True)
-class Held:
+class ActiveFault:
     """A fault that is there."""
 
     fault: Fault
@@ -43,9 +43,9 @@ class FaultSchedule:
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._waiting = [_Waiting(fault, 0.0) for fault in faults]
         self._reached_s: dict[Phase, float] = {Phase.ON_THE_GROUND: 0.0}
-        self._held: dict[Part, tuple[Held, ...]] = dict.fromkeys(Part, ())
+        self._held: dict[Part, tuple[ActiveFault, ...]] = dict.fromkeys(Part, ())
         self._next_s = -math.inf
-        self.observers: list[Callable[[Turn], None]] = []
+        self.observers: list[Callable[[FaultTransition], None]] = []
         """Called with every fault that begins or ends."""
 
     def inject(self, fault: Fault, now_s: float) -> None:
@@ -53,7 +53,7 @@ class FaultSchedule:
         self._waiting.append(_Waiting(fault, now_s))
         self._turn(now_s)
 
-    def holding(self, part: Part) -> tuple[Held, ...]:
+    def active(self, part: Part) -> tuple[ActiveFault, ...]:
         """The faults of this part that are there, in the order in which they began."""
         return self._held[part]
 
@@ -88,11 +88,11 @@ class FaultSchedule:
             self._held[part] = tuple(other for other in self._held[part] if other is not held)
         for one in begun:
             if one.fault.lasts_s > 0.0:
-                self._held[one.fault.part] += (Held(one.fault, now_s),)
+                self._held[one.fault.part] += (ActiveFault(one.fault, now_s),)
         self._next_s = self._next_edge_s()
         for fault, begins in (*((h.fault, False) for h in ended), *((one.fault, True) for one in begun)):
             for observer in self.observers:
-                observer(Turn(fault, begins, now_s))
+                observer(FaultTransition(fault, begins, now_s))
 
     def _next_edge_s(self) -> float:
         ends = [held.until_s for every in self._held.values() for held in every]

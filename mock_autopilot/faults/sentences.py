@@ -8,7 +8,7 @@ from pydantic_core import ErrorDetails
 
 from mock_autopilot.faults.catalogue import WAYS, Kind, Part, Phase, Way, ways_of
 from mock_autopilot.faults.fault import Fault
-from mock_autopilot.faults.mistakes import asked, meant, mistaken_number
+from mock_autopilot.faults.mistakes import did_you_mean, mistaken_number, nearest_phrase
 
 _NUMBER = r"(?P<value>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)"
 _SECONDS = rf"{_NUMBER}\s*s"
@@ -50,7 +50,7 @@ def _said(mistake: ErrorDetails, sentence: str) -> str:
     word, wanted = _TIMES.get(str(mistake["loc"][0]) if mistake["loc"] else "", ("", ""))
     if not word:
         said = mistake["msg"].removeprefix("Value error, ")
-        return f"{said}{asked(meant(sentence))}" if "does not know" in said else said
+        return f"{said}{did_you_mean(nearest_phrase(sentence))}" if "does not know" in said else said
     too_long = mistake["type"] == "less_than_equal"
     return f'"{word} {mistake["input"]:g} s": {"at most 100000 s can be waited for" if too_long else wanted}'
 
@@ -61,12 +61,14 @@ def keys_of(sentence: str) -> dict[str, Any]:
     if head is None:
         raise FaultError(f'an empty sentence is no fault; one is "{EXAMPLES[0]}"')
     if head["part"] not in list(Part):
-        raise FaultError(f'"{head["part"]}" is no part; possible: {", ".join(Part)}{asked(meant(head[0]))}')
+        raise FaultError(
+            f'"{head["part"]}" is no part; possible: {", ".join(Part)}{did_you_mean(nearest_phrase(head[0]))}'
+        )
     part, kind = Part(head["part"]), head["kind"] or ""
     known = list(dict.fromkeys(way.kind for way in WAYS if way.part is part))
     if kind not in known:
         cannot = f'{part} cannot be "{kind}"; it' if kind else f"what is wrong with {part}? It"
-        raise FaultError(f"{cannot} can be {', '.join(known)}{asked(meant(head[0])) if kind else ''}")
+        raise FaultError(f"{cannot} can be {', '.join(known)}{did_you_mean(nearest_phrase(head[0])) if kind else ''}")
     keys: dict[str, Any] = {"part": part, "kind": Kind(kind), "how": (head["how"] or "").strip()}
     _take_clauses(head["rest"], keys, head[0])
     return keys
@@ -79,8 +81,8 @@ def _take_clauses(rest: str, keys: dict[str, Any], sentence: str) -> None:
         if match is None:
             way = _way_of(keys)
             why = mistaken_number(rest, way.words, way.amount.unit if way.amount else None) if way else ""
-            near = "" if begun or why else meant(sentence)
-            raise FaultError(why or f'"{rest}" is not understood{asked(near) or f"; {_POSSIBLE}"}')
+            near = "" if begun or why else nearest_phrase(sentence)
+            raise FaultError(why or f'"{rest}" is not understood{did_you_mean(near) or f"; {_POSSIBLE}"}')
         begun = True
         if key in keys:
             raise FaultError(f'"{match[0]}" says a second time what was said before')
@@ -105,7 +107,7 @@ def sentence_of(fault: Fault) -> str:
     """The fault in words; `parse` understands them."""
     words = [fault.way.words]
     if fault.way.amount is not None:
-        words.append(fault.way.amount.text(fault.much))
+        words.append(fault.way.amount.text(fault.magnitude))
     if fault.at_s is not None:
         words.append(f"at {fault.at_s:g} s")
     if fault.phase is not None:

@@ -22,9 +22,9 @@ def bus_fault_of(fault: Fault) -> BusFault:
     """What to inject when it begins, for all servos."""
     values: dict[str, object] = {"kind": _KINDS[fault.kind, fault.how], "for_s": fault.for_s}
     if fault.how == "voltage":
-        values["volts_v"] = fault.much
+        values["volts_v"] = fault.magnitude
     if fault.kind is Kind.DELAYED:
-        values["late_s"] = fault.much
+        values["late_s"] = fault.magnitude
     if fault.kind is Kind.INTERMITTENT:
-        values["every"] = round(1.0 / fault.much)
+        values["every"] = round(1.0 / fault.magnitude)
     return BusFault.model_validate(values)

@@ -160,7 +160,7 @@ class MavlinkLink:
 
     def _understand(self, payload: bytes) -> list[bytes]:
         heartbeats: list[bytes] = []
-        if not self._world.vehicle.troubles.running:
+        if not self._world.vehicle.injected_faults.running:
             return heartbeats
         for message in messages_in(payload, self._codec):
             if message.get_type() == "HEARTBEAT":
@@ -190,7 +190,7 @@ class MavlinkLink:
             self._understand(payload)  # its heartbeats are not forwarded
         if self._boots != self._world.boots:
             self._boot()
-        if not self._world.vehicle.troubles.running:
+        if not self._world.vehicle.injected_faults.running:
             return
         for message in (*self._receiver.pop_answers(), *self.streams.due(self._world)):
             self.send(message)

@@ -162,7 +162,7 @@ def highres_imu(world: World) -> Message:
     force = quat.to_matrix(state.q_ned_frd_wxyz).T @ [ax, ay, az - GRAVITY_MPS2]
     p, q, r = state.rate_frd_radps.tolist()
     fx, fy, fz = force.tolist()
-    height = world.vehicle.origin.to_global(world.vehicle.felt.motion.position_ned_m)[2] / 1e3
+    height = world.vehicle.origin.to_global(world.vehicle.sensor_state.motion.position_ned_m)[2] / 1e3
     return mavlink.MAVLink_highres_imu_message(
         boot_us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
     )

@@ -34,7 +34,7 @@ def _knows_earth(world: World) -> bool:
 
 def gps_raw_int(world: World) -> Message:
     """The receiver; PX4 reports it fused or not."""
-    state = world.vehicle.felt.motion
+    state = world.vehicle.sensor_state.motion
     lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(state.position_ned_m)
     vn, ve, _ = state.velocity_ned_mps
     course = round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000
@@ -54,7 +54,7 @@ def gps_global_origin(world: World) -> Message | None:
 def hil_state_quaternion(world: World) -> Message:
     """The simulator's truth; a simulated PX4 has it, one on a vehicle has nothing to send."""
     truth = world.truth
-    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(world.vehicle.felt.motion.position_ned_m)
+    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(world.vehicle.sensor_state.motion.position_ned_m)
     speeds = [round(100 * v) for v in truth.velocity_ned_mps.tolist()]
     q, rates = truth.q_ned_frd_wxyz.tolist(), truth.rate_frd_radps.tolist()
     return mavlink.MAVLink_hil_state_quaternion_message(

@@ -47,7 +47,7 @@ def link_node_status(world: World) -> Message:
 
 def scaled_pressure(world: World) -> Message:
     """The barometer: 955.8 hPa at the simulator's home, 0.113 hPa less for each metre."""
-    height_m = -world.vehicle.felt.motion.position_ned_m[2]
+    height_m = -world.vehicle.sensor_state.motion.position_ned_m[2]
     return mavlink.MAVLink_scaled_pressure_message(boot_ms(world), 955.8 - 0.113 * height_m, 0.0, 1182, 0)
 
 
@@ -55,7 +55,7 @@ def distance_sensor(world: World) -> Message | None:
     """The range finder that looks down, if there is one, cm; below its ground it wraps round, as recorded."""
     if not world.vehicle.pilot.range_finder:
         return None
-    height_m = -world.vehicle.felt.motion.position_ned_m[2]
+    height_m = -world.vehicle.sensor_state.motion.position_ned_m[2]
     return mavlink.MAVLink_distance_sensor_message(boot_ms(world), 0, 10000, round(100 * height_m) % 65536, 0, 0, 25, 0)
 
 
@@ -66,7 +66,7 @@ def time_estimate_to_target(_world: World) -> Message:
 
 def open_drone_id_location(world: World) -> Message:
     """Nothing but the barometer's height, and whether it flies: no place is known indoors."""
-    above_sea_m = world.vehicle.origin.above_sea_m - world.vehicle.felt.motion.position_ned_m[2]
+    above_sea_m = world.vehicle.origin.above_sea_m - world.vehicle.sensor_state.motion.position_ned_m[2]
     status = 2 if world.vehicle.estimator.in_air else 1
     return mavlink.MAVLink_open_drone_id_location_message(
         0, 0, NOBODY, status, 36100, 25500, 6300, 0, 0, above_sea_m, -1000.0, 0, -1000.0, 0, 0, 0, 0, 65535.0, 0

@@ -115,7 +115,7 @@ class Receiver:
 
     def _manual_control(self, m: Any) -> None:
         if m.target == SYSTEM:
-            self._world.vehicle.hear_sticks((m.x / 1e3, m.y / 1e3, m.z / 500.0 - 1.0, m.r / 1e3))
+            self._world.vehicle.on_manual_control((m.x / 1e3, m.y / 1e3, m.z / 500.0 - 1.0, m.r / 1e3))
 
     # -- setpoints and poses ---------------------------------------------------------------------
 
@@ -133,10 +133,10 @@ class Receiver:
                 self._send(origin)
 
     def _vision(self, m: Any) -> None:
-        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), m.yaw, None, m.reset_counter))
+        self._world.vehicle.on_vision(VisionSample((m.x, m.y, m.z), m.yaw, None, m.reset_counter))
 
     def _mocap(self, m: Any) -> None:
-        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), _yaw(m.q)))
+        self._world.vehicle.on_vision(VisionSample((m.x, m.y, m.z), _yaw(m.q)))
 
     def _odometry(self, m: Any) -> None:
         """Position in a local NED-like frame; the velocity is in the child frame and real if it is finite."""
@@ -145,7 +145,7 @@ class Receiver:
             velocity = None
         elif m.child_frame_id == BODY_FRD_FRAME:
             velocity = _body_to_world(m.q, (m.vx, m.vy, m.vz))
-        self._world.vehicle.see(VisionSample((m.x, m.y, m.z), _yaw(m.q), velocity, m.reset_counter))
+        self._world.vehicle.on_vision(VisionSample((m.x, m.y, m.z), _yaw(m.q), velocity, m.reset_counter))
 
     # -- parameters ------------------------------------------------------------------------------
 

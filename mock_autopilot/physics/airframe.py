@@ -8,7 +8,7 @@ from mock_autopilot.px4.estimator import Motion
 
 
 @dataclass(frozen=True)
-class Demand:
+class ActuatorDemand:
     """What the autopilot asks of the airframe, in true world coordinates."""
 
     q_sp_wxyz: Array
@@ -18,7 +18,7 @@ class Demand:
     motors_on: bool
 
 
-class Felt(NamedTuple):
+class SensorState(NamedTuple):
     """The truth the sensors see, relative to the start position; world NED, body FRD."""
 
     motion: Motion

@@ -13,7 +13,7 @@ MOVE_S = 0.8
 _STILL = np.zeros(3)
 
 
-class Hand:
+class Handling:
     """Holds it from the first order on, in the air, too, until it is let go."""
 
     def __init__(self) -> None:

@@ -1,12 +1,12 @@
 """PX4's commander: arming, modes, failsafes. Recorded behaviour: docs/px4-conformance.md, sections a, b, c, e, g, h.
 
-It decides from a `Situation` and never looks at the vehicle itself, so every case can be tried on its own.
+It decides from a `FailsafeFlags` and never looks at the vehicle itself, so every case can be tried on its own.
 """
 
 from dataclasses import replace
 
 from mock_autopilot.px4 import failsafe
-from mock_autopilot.px4.failsafe import Action, Failsafe, Situation, can_run
+from mock_autopilot.px4.failsafe import Action, Failsafe, FailsafeFlags, can_run
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.vocabulary import (
     CUSTOM_MODE_ENABLED,
@@ -78,7 +78,7 @@ class Commander:
         self._failsafe = Failsafe(params)
         self._landed_at_s: float | None = None
         self._was_landed = True
-        self._checked: Situation | None = None
+        self._checked: FailsafeFlags | None = None
         """What the last checks found."""
         self._check_due_s = 0.0
         self._reported: tuple[object, ...] = ()
@@ -93,24 +93,24 @@ class Commander:
 
     # -- what it shows ---------------------------------------------------------------------------
 
-    def can_arm(self, now: Situation) -> bool:
+    def can_arm(self, now: FailsafeFlags) -> bool:
         """The arming checks of the chosen mode, in flight of the mode it flies, pass (the prearm bit of SYS_STATUS)."""
         if self.armed:
             return self.checked(now) and can_run(self.mode, now)
         flyable = can_run(self.user_mode, now) and (now.remote or self.user_mode not in NEEDS_PILOT)
         return self.checked(now) and self.user_mode not in NO_ARMING and flyable
 
-    def checked(self, now: Situation) -> bool:
+    def checked(self, now: FailsafeFlags) -> bool:
         """Return whether the first checks after the boot are over."""
         return now.now_s >= self._checks_pass_s
 
-    def system_status(self, now: Situation) -> SystemStatus:
+    def system_status(self, now: FailsafeFlags) -> SystemStatus:
         """HEARTBEAT.system_status."""
         if self.armed:
             return SystemStatus.FAILSAFE if self.failsafe else SystemStatus.ACTIVE
         return SystemStatus.STANDBY if self.can_arm(now) else SystemStatus.NOT_READY
 
-    def base_mode(self, now: Situation) -> int:
+    def base_mode(self, now: FailsafeFlags) -> int:
         """HEARTBEAT.base_mode; OFFBOARD has neither the auto nor the guided bit."""
         bits = CUSTOM_MODE_ENABLED | (SAFETY_ARMED if self.armed else 0)
         if self.mode is Mode.OFFBOARD:
@@ -123,7 +123,7 @@ class Commander:
 
     # -- commands --------------------------------------------------------------------------------
 
-    def arm_disarm(self, arm: float, force: float, now: Situation) -> Result | None:
+    def arm_disarm(self, arm: float, force: float, now: FailsafeFlags) -> Result | None:
         """COMPONENT_ARM_DISARM; None where PX4 leaves the sender without an ACK."""
         forced = force == FORCE_MAGIC
         if arm == 1.0:
@@ -133,7 +133,7 @@ class Commander:
         self._say(Severity.CRITICAL, f"Unsupported ARM_DISARM param: {arm:.3f}")
         return None
 
-    def _arm(self, forced: bool, now: Situation) -> Result:
+    def _arm(self, forced: bool, now: FailsafeFlags) -> Result:
         if self.armed:
             return Result.ACCEPTED
         if not forced and not self.can_arm(now):
@@ -153,7 +153,7 @@ class Commander:
         self._say(Severity.INFO, LOG_NAME.format(hours % 24, minutes, seconds))
         self._logs = True
 
-    def _disarm_by_command(self, forced: bool, now: Situation) -> Result:
+    def _disarm_by_command(self, forced: bool, now: FailsafeFlags) -> Result:
         if not self.armed:
             return Result.ACCEPTED
         if not forced and not now.landed:
@@ -170,7 +170,7 @@ class Commander:
         self.check_now()
         self._say(Severity.INFO, text)
 
-    def set_mode(self, base_mode: int, main: int, sub: int, now: Situation) -> Result:
+    def set_mode(self, base_mode: int, main: int, sub: int, now: FailsafeFlags) -> Result:
         """DO_SET_MODE as the commander answers it (the link has said ACCEPTED before)."""
         if not base_mode & CUSTOM_MODE_ENABLED:
             return Result.ACCEPTED
@@ -183,7 +183,7 @@ class Commander:
         known = MAIN_MODES.get(main)
         return Result.ACCEPTED if known is None else self.choose(known, now)
 
-    def choose(self, mode: Mode, now: Situation) -> Result:
+    def choose(self, mode: Mode, now: FailsafeFlags) -> Result:
         """Take a mode the user asks for, flown from the next step on; while armed only one that can be flown."""
         if self.armed and not self._may_choose(mode, self._checked or now):
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
@@ -191,7 +191,7 @@ class Commander:
         self.take(mode)
         return Result.ACCEPTED
 
-    def _may_choose(self, mode: Mode, checked: Situation) -> bool:
+    def _may_choose(self, mode: Mode, checked: FailsafeFlags) -> bool:
         flyable = can_run(mode, checked)
         if mode is Mode.POSITION:
             flyable = can_run(Mode.ALTITUDE, checked)  # in which it is flown until there is a position again
@@ -204,7 +204,7 @@ class Commander:
         if mode not in NO_ARMING:
             self._after_disarm = mode
 
-    def hear_pilot(self, now: Situation) -> None:
+    def on_sticks(self, now: FailsafeFlags) -> None:
         """Sticks are heard: the first make Position the mode to begin with, moved ones take over."""
         if not self._ever_chose and not self.armed:
             self.take(Mode.POSITION)
@@ -220,7 +220,7 @@ class Commander:
 
     # -- every tick ------------------------------------------------------------------------------
 
-    def step(self, now: Situation) -> None:
+    def step(self, now: FailsafeFlags) -> None:
         """Notice take-off and landing, react to what was lost, disarm when all is over."""
         self._watch_ground(now)
         checked = self._check(now)
@@ -246,7 +246,7 @@ class Commander:
         """Do the next checks with the next step."""
         self._check_due_s = 0.0
 
-    def _check(self, now: Situation) -> Situation:
+    def _check(self, now: FailsafeFlags) -> FailsafeFlags:
         """Look at what the modes need, at 10 Hz and after a change of the state; report what has changed."""
         if self._checked is None or now.now_s >= self._check_due_s - 1e-9:
             self._check_due_s = now.now_s + CHECK_PERIOD_S
@@ -255,7 +255,7 @@ class Commander:
             self._report(self._checked)
         return self._checked
 
-    def _report(self, checked: Situation) -> None:
+    def _report(self, checked: FailsafeFlags) -> None:
         """Say what is wrong, all of it whenever anything has changed."""
         found = (checked.battery_warning, checked.position_unstable, checked.offboard_ok)
         if found == self._reported:
@@ -266,7 +266,7 @@ class Commander:
         if checked.position_unstable and not self.armed:
             self.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
 
-    def _watch_ground(self, now: Situation) -> None:
+    def _watch_ground(self, now: FailsafeFlags) -> None:
         if self._was_landed and not now.landed and self.armed:
             self.flown, self._landed_at_s = True, None
             self._say(Severity.INFO, "Takeoff detected")
@@ -275,7 +275,7 @@ class Commander:
             self._say(Severity.INFO, "Landing detected")
         self._was_landed = now.landed
 
-    def _watch_failsafe(self, checked: Situation) -> None:
+    def _watch_failsafe(self, checked: FailsafeFlags) -> None:
         before = self._failsafe.action
         action = self._failsafe.select(self.user_mode, self._just_chose, checked)
         if action > max(before, Action.WARN):
@@ -289,7 +289,7 @@ class Commander:
             return f"Failsafe activated, entering Hold for {self._params['COM_FAIL_ACT_T']:.0f} seconds"
         return "Failsafe activated"
 
-    def _disarm_when_done(self, now: Situation) -> None:
+    def _disarm_when_done(self, now: FailsafeFlags) -> None:
         after_landing_s = self._params["COM_DISARM_LAND"]
         preflight_s = self._params["COM_DISARM_PRFLT"]
         if self._landed_at_s is not None:

@@ -224,14 +224,14 @@ class Estimator:
 
     # -- vision ----------------------------------------------------------------------------------
 
-    def see(self, sample: VisionSample, now_s: float, truth_yaw_rad: float) -> None:
+    def fuse_vision(self, sample: VisionSample, now_s: float, truth_yaw_rad: float) -> None:
         """Fuse one external pose, reject it, or jump to it."""
         bits = self._vision_bits
         if self.uses_gps or not bits & 1 or not all(abs(part) < FARTHEST_M for part in sample.position_ned_m):
             return
         self._note_heard(now_s)
         if bits & 8 and sample.yaw_rad is not None and math.isfinite(sample.yaw_rad):
-            self._see_yaw(sample.yaw_rad, truth_yaw_rad)
+            self._fuse_yaw(sample.yaw_rad, truth_yaw_rad)
         jump = self._jump_wanted(sample, now_s)
         if jump:
             self._reset_to(sample)
@@ -319,7 +319,7 @@ class Estimator:
         x, y, z = self.position_m
         return (x, y, z)
 
-    def _see_yaw(self, yaw_rad: float, truth_yaw_rad: float) -> None:
+    def _fuse_yaw(self, yaw_rad: float, truth_yaw_rad: float) -> None:
         wrong = wrap_rad(yaw_rad - truth_yaw_rad - self.yaw_error_rad)
         self.yaw_error_rad = wrap_rad(self.yaw_error_rad + (0.05 * wrong if self._yaw_known else wrong))
         self._yaw_known = True

@@ -56,7 +56,7 @@ TAKEOVER = frozenset({Action.HOLD, Action.RETURN, Action.LAND, Action.DESCEND})
 
 
 @dataclass(frozen=True, kw_only=True)
-class Situation:
+class FailsafeFlags:
     """What the commander is told."""
 
     now_s: float
@@ -75,7 +75,7 @@ class Situation:
     """External poses contradict the estimate of a vehicle that stands (PX4's innovation check before flight)."""
 
 
-def can_run(mode: Mode, now: Situation) -> bool:
+def can_run(mode: Mode, now: FailsafeFlags) -> bool:
     """Return whether a mode has the estimates and signals it needs; a missing pilot is a matter of its own."""
     if mode is Mode.OFFBOARD:
         return now.offboard_ok
@@ -101,7 +101,7 @@ class Failsafe:
         self._delay_until_s = -math.inf
         self._serious: set[str] = set()
 
-    def arm(self, now: Situation) -> None:
+    def arm(self, now: FailsafeFlags) -> None:
         """Note what was missing when it was armed: that is optional from then on."""
         self._clear()
         self._remote_optional, self._battery_at_arming = not now.remote, now.battery_warning
@@ -115,7 +115,7 @@ class Failsafe:
         self._user_mode, self._delay_until_s = None, -math.inf
         self._serious.clear()
 
-    def select(self, user_mode: Mode, mode_chosen: bool, now: Situation) -> Action:
+    def select(self, user_mode: Mode, mode_chosen: bool, now: FailsafeFlags) -> Action:
         """Return the action for this moment; `mode_chosen`: a user has just asked for a mode."""
         chosen = self._user_mode is not None and (mode_chosen or user_mode is not self._user_mode)
         self._user_mode = user_mode
@@ -134,7 +134,7 @@ class Failsafe:
         self.action = _flyable(wanted, user_mode, now)
         return self.action
 
-    def _on_remote(self, user_mode: Mode, now: Situation) -> Action:
+    def _on_remote(self, user_mode: Mode, now: FailsafeFlags) -> Action:
         """Loss of the pilot's sticks; the reaction stays until a mode is chosen."""
         if now.remote:
             self._remote_optional = False
@@ -144,7 +144,7 @@ class Failsafe:
             self._remote_failed = LINK_LOSS.get(int(self._params["NAV_RCL_ACT"]), Action.NONE)
         return self._remote_failed or Action.NONE
 
-    def _on_battery(self, now: Situation) -> Action:
+    def _on_battery(self, now: FailsafeFlags) -> Action:
         """Low warns; critical and emergency do what COM_LOW_BAT_ACT says, unless it was so at arming already."""
         action = int(self._params["COM_LOW_BAT_ACT"])
         if now.battery_warning <= LOW or now.battery_warning <= self._battery_at_arming or action == 0:
@@ -153,7 +153,7 @@ class Failsafe:
             return Action.LAND
         return Action.RETURN
 
-    def _notice_new(self, causes: dict[str, Action], now: Situation) -> None:
+    def _notice_new(self, causes: dict[str, Action], now: FailsafeFlags) -> None:
         """A new cause ends a pilot's takeover; it first holds for COM_FAIL_ACT_T, where Hold can be flown."""
         serious = {cause for cause, action in causes.items() if action > Action.WARN}
         wait_s = self._params["COM_FAIL_ACT_T"]
@@ -175,7 +175,7 @@ class Failsafe:
         return self.action is Action.HOLD and math.isfinite(self._delay_until_s)
 
 
-def mode_fallback(user_mode: Mode, params: ParamTable, now: Situation) -> Action:
+def mode_fallback(user_mode: Mode, params: ParamTable, now: FailsafeFlags) -> Action:
     """Return what to do when the user's mode cannot be flown."""
     action, mode = Action.NONE, user_mode
     if mode is Mode.OFFBOARD and not now.offboard_ok:
@@ -190,7 +190,7 @@ def mode_fallback(user_mode: Mode, params: ParamTable, now: Situation) -> Action
     return action if can_run(mode, now) else max(action, Action.RETURN)
 
 
-def _flyable(wanted: Action, user_mode: Mode, now: Situation) -> Action:
+def _flyable(wanted: Action, user_mode: Mode, now: FailsafeFlags) -> Action:
     """Return the first action from `wanted` on that can be flown."""
     if wanted in FALLBACKS:
         rest = FALLBACKS[FALLBACKS.index(wanted) :]

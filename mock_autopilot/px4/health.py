@@ -21,7 +21,7 @@ NO_LOG = -1
 def sensors_present(vehicle: Vehicle) -> int:
     """What the vehicle has."""
     fitted = _fitted(vehicle)
-    return fitted | RC_RECEIVER if fitted and vehicle.situation.remote else fitted
+    return fitted | RC_RECEIVER if fitted and vehicle.failsafe_flags.remote else fitted
 
 
 def sensors_enabled(vehicle: Vehicle) -> int:
@@ -40,7 +40,7 @@ def sensors_health(vehicle: Vehicle) -> int:
     """Health bits of SYS_STATUS; PREARM says that arming in the chosen mode would be accepted."""
     if vehicle.now_s < CHECKED_S:
         return BOOT
-    now = vehicle.situation
+    now = vehicle.failsafe_flags
     ready = vehicle.commander.checked(now) and now.local_ok and not now.position_unstable
     bits = BASE | (POSITION_CONTROL if ready else 0) | (RC_RECEIVER if now.remote else 0)
     low = vehicle.commander.battery_low

@@ -24,7 +24,7 @@ class AttitudeTarget:
 
 
 @dataclass(frozen=True)
-class Followed:
+class AttitudeSetpoint:
     """What the attitude loop follows, and what ATTITUDE_TARGET repeats."""
 
     q_wxyz: Quad = LEVEL
@@ -40,7 +40,7 @@ class Followed:
     """Whether HEARTBEAT shows the stabilize bit."""
 
 
-def follow(target: AttitudeTarget, before: Followed) -> Followed:
+def next_setpoint(target: AttitudeTarget, before: AttitudeSetpoint) -> AttitudeSetpoint:
     """Nothing is refused: unusable attitudes leave the last usable one, thrust keeps PX4's oddities."""
     if target.type_mask & IGNORE_ATTITUDE and target.type_mask & IGNORE_RATES == IGNORE_RATES:
         return before  # everything ignored: fly on with the last values

@@ -23,7 +23,7 @@ class Sticks:
         self.moved = False
         """Moved faster than COM_RC_STICK_OV since `moved` was reset."""
 
-    def hear(self, sticks: tuple[float, float, float, float], now_s: float) -> bool:
+    def update(self, sticks: tuple[float, float, float, float], now_s: float) -> bool:
         """Take one input (pitch, roll, throttle -1..1, yaw); return whether PX4 uses such sticks at all."""
         if int(self._params["COM_RC_IN_MODE"]) in NO_JOYSTICK:
             return False

@@ -10,18 +10,18 @@ import numpy as np
 
 from mock_autopilot.faults.autopilot import HEALTHY, rolled
 from mock_autopilot.physics import quaternion as quat
-from mock_autopilot.physics.airframe import Demand, Felt
+from mock_autopilot.physics.airframe import ActuatorDemand, SensorState
 from mock_autopilot.physics.geodesy import Origin, simulators_home
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.px4.battery import Battery
 from mock_autopilot.px4.commander import AUTO_SUB_MODES, MAIN_MODES, OFFBOARD_LATE_S, UNSTABLE_TEXT, Commander
 from mock_autopilot.px4.estimator import Estimator, Motion
-from mock_autopilot.px4.failsafe import Situation
+from mock_autopilot.px4.failsafe import FailsafeFlags
 from mock_autopilot.px4.horizon import Horizon
 from mock_autopilot.px4.land_detector import LandDetector
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.pilot import Estimate, Pilot
-from mock_autopilot.px4.setpoint import AttitudeTarget, Followed, Quad, Triple, follow, signal_for_thrust
+from mock_autopilot.px4.setpoint import AttitudeSetpoint, AttitudeTarget, Quad, Triple, next_setpoint, signal_for_thrust
 from mock_autopilot.px4.sticks import Sticks
 from mock_autopilot.px4.timing import Timing
 from mock_autopilot.px4.vision import VisionSample
@@ -70,16 +70,18 @@ class Vehicle:
         self.pilot = Pilot(params, range_finder=range_off_m is not None)
         self.land_detector = LandDetector(params, timing)
         self.battery = Battery(params)
-        self.troubles = HEALTHY
+        self.injected_faults = HEALTHY
         self.sticks = Sticks(params)
         self._remote = False
         self._away_since_s, self._unstable_until_s = math.inf, -math.inf
-        self.followed = Followed()
+        self.attitude_setpoint = AttitudeSetpoint()
         self.home: Position | None = None
         self.origin = simulators_home(params)
         """Where the local frame lies on earth, as far as that is known."""
         self.now_s = 0.0
-        self.felt = Felt(Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL)
+        self.sensor_state = SensorState(
+            Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL
+        )
         self._setpoint_at_s = self._moved_s = -math.inf
         self._commander_due_s = 0.0
         self.commander_passes = 0
@@ -89,20 +91,20 @@ class Vehicle:
         self._floor_z_m = 0.0
         self._takeoff_z_m = math.nan
         self._failure_told = False
-        self._asked: tuple[object, ...] = ()
-        self._answer = Demand(self.felt.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        self._demand_inputs: tuple[object, ...] = ()
+        self._last_demand = ActuatorDemand(self.sensor_state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
 
     # -- what comes in ---------------------------------------------------------------------------
 
     def attitude_target(self, target: AttitudeTarget) -> None:
         """SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
-        if not self.troubles.ignores_setpoints:
-            self.followed = follow(target, self.followed)
+        if not self.injected_faults.ignores_setpoints:
+            self.attitude_setpoint = next_setpoint(target, self.attitude_setpoint)
         self._setpoint_at_s = self.now_s
         if self.commander.misses_setpoints:
             self.commander.check_now()
 
-    def see(self, sample: VisionSample) -> None:
+    def on_vision(self, sample: VisionSample) -> None:
         """An external pose."""
         away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
         if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
@@ -111,7 +113,7 @@ class Vehicle:
             self._away_since_s = min(self._away_since_s, self.now_s)
             if self.now_s - self._away_since_s >= UNSTABLE_AFTER_S:
                 self._unstable_until_s = self.now_s + UNSTABLE_S
-        self.estimator.see(sample, self.now_s, self.felt.motion.yaw_rad)
+        self.estimator.fuse_vision(sample, self.now_s, self.sensor_state.motion.yaw_rad)
 
     def set_origin(self, origin: Origin) -> None:
         """SET_GPS_GLOBAL_ORIGIN."""
@@ -122,7 +124,7 @@ class Vehicle:
 
     def arm_disarm(self, arm: float, force: float) -> Result | None:
         """COMPONENT_ARM_DISARM; None: PX4 gives no ACK."""
-        result = self.commander.arm_disarm(arm, force, self.situation)
+        result = self.commander.arm_disarm(arm, force, self.failsafe_flags)
         self._floor_z_m = self.estimator.position_m[2] if self.land_detector.landed else self._floor_z_m
         return result
 
@@ -131,11 +133,11 @@ class Vehicle:
         wanted = MAIN_MODES.get(main) if main != AUTO_MAIN_MODE else AUTO_SUB_MODES.get(sub)
         if wanted is not None and self._refuses(wanted):
             return Result.TEMPORARILY_REJECTED
-        return self.commander.set_mode(base_mode, main, sub, self.situation)
+        return self.commander.set_mode(base_mode, main, sub, self.failsafe_flags)
 
     def take_off(self, above_sea_m: float = math.nan) -> Result:
         """NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
-        result = self.commander.choose(Mode.TAKEOFF, self.situation)
+        result = self.commander.choose(Mode.TAKEOFF, self.failsafe_flags)
         self._takeoff_z_m = self.origin.above_sea_m - above_sea_m
         if result is Result.ACCEPTED and self.commander.armed:
             self._piloted = None  # from here, also when it takes off already
@@ -150,28 +152,28 @@ class Vehicle:
         """NAV_LAND, here."""
         if self._refuses(Mode.LAND):
             return Result.TEMPORARILY_REJECTED
-        result = self.commander.choose(Mode.LAND, self.situation)
+        result = self.commander.choose(Mode.LAND, self.failsafe_flags)
         if result is Result.ACCEPTED:
             self._say(Severity.INFO, "Landing at current position")
         return result
 
     def return_home(self) -> Result:
         """NAV_RETURN_TO_LAUNCH."""
-        return self.commander.choose(Mode.RTL, self.situation)
+        return self.commander.choose(Mode.RTL, self.failsafe_flags)
 
     def take_over(self) -> None:
         """A pilot with a remote control flies it from now on, in Position mode."""
         self._remote = True
         self.commander.take(Mode.POSITION)
 
-    def hear_sticks(self, sticks: tuple[float, float, float, float]) -> None:
+    def on_manual_control(self, sticks: tuple[float, float, float, float]) -> None:
         """MANUAL_CONTROL: pitch, roll, throttle, yaw, -1..1."""
-        if self.sticks.hear(sticks, self.now_s):
-            self.commander.hear_pilot(self.situation)
+        if self.sticks.update(sticks, self.now_s):
+            self.commander.on_sticks(self.failsafe_flags)
             self.sticks.moved = False
 
     def _refuses(self, mode: Mode) -> bool:
-        refused = self.troubles.refuses(mode)
+        refused = self.injected_faults.refuses(mode)
         if refused:
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
         return refused
@@ -188,16 +190,16 @@ class Vehicle:
     # -- what it reports -------------------------------------------------------------------------
 
     @property
-    def situation(self) -> Situation:
+    def failsafe_flags(self) -> FailsafeFlags:
         """What the commander knows now."""
         loss_s = self.params["COM_OF_LOSS_T"] + OFFBOARD_LATE_S
-        return Situation(
+        return FailsafeFlags(
             now_s=self.now_s,
             landed=self.land_detector.landed,
             local_ok=self.estimator.local_ok,
             global_ok=self.estimator.global_ok,
             offboard_ok=self.now_s - self._setpoint_at_s <= loss_s,
-            offboard_attitude=self.followed.attitude_control,
+            offboard_attitude=self.attitude_setpoint.attitude_control,
             remote=self._remote or self.sticks.there(self.now_s),
             sticks_moved=self.sticks.moved,
             battery_warning=self.battery.warning,
@@ -217,12 +219,12 @@ class Vehicle:
     @property
     def system_status(self) -> SystemStatus:
         """HEARTBEAT.system_status."""
-        return self.commander.system_status(self.situation)
+        return self.commander.system_status(self.failsafe_flags)
 
     @property
     def base_mode(self) -> int:
         """HEARTBEAT.base_mode."""
-        return self.commander.base_mode(self.situation)
+        return self.commander.base_mode(self.failsafe_flags)
 
     @property
     def landed_state(self) -> LandedState:
@@ -246,57 +248,59 @@ class Vehicle:
     @property
     def _sinks_blind(self) -> bool:
         """It descends level; in Altitude mode it does so while nobody moves the sticks that are not there."""
-        return self.mode is Mode.DESCEND or (self.mode is Mode.ALTITUDE and not self.situation.remote)
+        return self.mode is Mode.DESCEND or (self.mode is Mode.ALTITUDE and not self.failsafe_flags.remote)
 
     @property
     def attitude_estimate_wxyz(self) -> Array:
         """Attitude as reported: the truth, turned by the errors of heading and horizon."""
-        turned = quat.turned_about_z(self._yaw_error_rad, self.felt.q_ned_frd_wxyz)
+        turned = quat.turned_about_z(self._yaw_error_rad, self.sensor_state.q_ned_frd_wxyz)
         if not self.estimator.horizon.perfect:
             w, x, y, z = turned.tolist()
             turned = np.array(self.estimator.horizon.believed((w, x, y, z)))
-        return rolled(turned, self.troubles.tilt_off_rad)
+        return rolled(turned, self.injected_faults.tilt_off_rad)
 
     @property
     def _yaw_error_rad(self) -> float:
-        return self.estimator.yaw_error_rad + self.troubles.heading_off_rad
+        return self.estimator.yaw_error_rad + self.injected_faults.heading_off_rad
 
     @property
     def estimate(self) -> Estimate:
         """Position, velocity and heading as reported."""
         x, y, z = self.estimator.position_m
         vx, vy, vz = self.estimator.velocity_mps
-        yaw = self.felt.motion.yaw_rad + self._yaw_error_rad
+        yaw = self.sensor_state.motion.yaw_rad + self._yaw_error_rad
         return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok)
 
     @property
-    def target(self) -> Followed:
+    def target(self) -> AttitudeSetpoint:
         """What ATTITUDE_TARGET repeats: the offboard setpoint as sent, or the autopilot's own."""
         if self.mode is Mode.OFFBOARD:
-            return self.followed
-        return Followed(self.pilot.q_wxyz, self.pilot.q_wxyz, None, self.pilot.signal, self.pilot.signal, True)
+            return self.attitude_setpoint
+        return AttitudeSetpoint(self.pilot.q_wxyz, self.pilot.q_wxyz, None, self.pilot.signal, self.pilot.signal, True)
 
     @property
     def signal(self) -> float:
         """Motor signal 0..1 that produces the wanted thrust through the curve PX4 assumes (THR_MDL_FAC)."""
         if not self.armed:
             return 0.0
-        thrust = self.followed.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
+        thrust = self.attitude_setpoint.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
         return signal_for_thrust(thrust, self.params["THR_MDL_FAC"])
 
     # -- every step ------------------------------------------------------------------------------
 
-    def step(self, now_s: float, felt: Felt, dt_s: float) -> Demand:
+    def step(self, now_s: float, sensor_state: SensorState, dt_s: float) -> ActuatorDemand:
         """Live for `dt_s` up to `now_s`."""
-        if not self.troubles.running:
-            return self.troubles.lifeless(self._answer, self.felt.rate_frd_radps, now_s - self.now_s)
-        self.now_s, self.felt = now_s, felt
+        if not self.injected_faults.running:
+            return self.injected_faults.lifeless(
+                self._last_demand, self.sensor_state.rate_frd_radps, now_s - self.now_s
+            )
+        self.now_s, self.sensor_state = now_s, sensor_state
         self.estimator.in_air = self.armed and not self.land_detector.landed
         if self.armed:
             self._moved_s = now_s
         self.estimator.at_rest = not self.commander.flown or now_s - self._moved_s > AT_REST_S
         self.estimator.landing = self.lands
-        self.estimator.step(now_s, felt.motion, dt_s)
+        self.estimator.step(now_s, sensor_state.motion, dt_s)
         self.battery.step(self.armed, dt_s)
         if now_s >= self._commander_due_s - 1e-9:
             self._commander_due_s = now_s + COMMANDER_PERIODS_S[self.commander_passes % 2]
@@ -319,14 +323,14 @@ class Vehicle:
             self._say(Severity.CRITICAL, "Navigation failure! Land and recalibrate sensors")
         self._failure_told = self.estimator.navigation_failed
         climb_controlled = self.mode is not Mode.OFFBOARD
-        throttle = self.pilot.signal if climb_controlled else self.followed.signal
+        throttle = self.pilot.signal if climb_controlled else self.attitude_setpoint.signal
         down_mps = self.estimator.velocity_mps[2]
         uses_gps = self.estimator.uses_gps
         self.land_detector.step(self.now_s, self.armed, climb_controlled, throttle, down_mps, uses_gps)
         self._watch_range()
-        self.commander.step(self.situation)
+        self.commander.step(self.failsafe_flags)
         if self.mode is Mode.TAKEOFF and self.armed and self.pilot.takeoff_done and self.pilot.mode is Mode.TAKEOFF:
-            self.commander.choose(Mode.HOLD, self.situation)
+            self.commander.choose(Mode.HOLD, self.failsafe_flags)
         self._find_home()
 
     def _watch_range(self) -> None:
@@ -363,7 +367,7 @@ class Vehicle:
         """Height of the floor (NED z) in the estimate's frame: by the range finder, or where it was armed."""
         if not int(self.params["EKF2_RNG_CTRL"]):
             return self._floor_z_m
-        return self.estimator.position_m[2] - self.felt.motion.position_ned_m[2]
+        return self.estimator.position_m[2] - self.sensor_state.motion.position_ned_m[2]
 
     def _enter(self, now: Estimate) -> None:
         start_s = max(self.now_s, self.commander.armed_at_s)
@@ -389,28 +393,30 @@ class Vehicle:
             text = Text(Severity.INFO, "RTL: land at destination\t")
             self._later_texts.append((self.now_s + self._timing.return_text_s(), text))
 
-    def _demand(self) -> Demand:
+    def _demand(self) -> ActuatorDemand:
         offboard = self.mode is Mode.OFFBOARD
-        rates = self.followed.rate_frd_radps if offboard else None
-        q_estimated = self.followed.q_wxyz if offboard else self.pilot.q_wxyz
+        rates = self.attitude_setpoint.rate_frd_radps if offboard else None
+        q_estimated = self.attitude_setpoint.q_wxyz if offboard else self.pilot.q_wxyz
         off_rad = (
             self._yaw_error_rad,
-            self.troubles.roll_off_rad(self.now_s),
+            self.injected_faults.roll_off_rad(self.now_s),
             *self.estimator.horizon.error_rad,
         )
         return self._demand_of(q_estimated, rates, off_rad, self.signal, self.armed)
 
-    def _demand_of(self, q_estimated: Quad, rates: Triple | None, off_rad: Quad, signal: float, armed: bool) -> Demand:
+    def _demand_of(
+        self, q_estimated: Quad, rates: Triple | None, off_rad: Quad, signal: float, armed: bool
+    ) -> ActuatorDemand:
         """Setpoints count from the heading and horizon the autopilot believes; unchanged ones cost nothing."""
-        asked = (q_estimated, rates, off_rad, signal, armed)
-        if self._asked != asked:
-            self._asked = asked
+        inputs = (q_estimated, rates, off_rad, signal, armed)
+        if self._demand_inputs != inputs:
+            self._demand_inputs = inputs
             yaw_error_rad, roll_rad, *_ = off_rad
             horizon = self.estimator.horizon
             q_level = q_estimated if horizon.perfect else horizon.true_setpoint(q_estimated)
             q_true = rolled(quat.turned_about_z(-yaw_error_rad, np.array(q_level)), roll_rad)
-            self._answer = Demand(q_true, None if rates is None else np.array(rates), signal, armed)
-        return self._answer
+            self._last_demand = ActuatorDemand(q_true, None if rates is None else np.array(rates), signal, armed)
+        return self._last_demand
 
 
 _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

@@ -102,7 +102,7 @@ class ServoBus:
         """Let the port go or come back as the faults say, while the bus is open."""
         if self._watch is None:
             return
-        gone = self.servos.holding(FaultKind.PORT_GONE)
+        gone = self.servos.active(FaultKind.PORT_GONE)
         if gone and self._port is not None:
             self._unplug()
         elif not gone and self._port is None:

@@ -54,7 +54,7 @@ class ServoRack:
         if since_s >= TEND_EVERY_S - 1e-9:
             self._tended_s = self.time_s
             if self.time_s >= self._next_fault_s:
-                self._turn_faults()
+                self._update_faults()
             for servo in self.servos:
                 servo.tend(since_s, self.time_s)
 
@@ -91,7 +91,7 @@ class ServoRack:
 
     def answer(self, packet: Packet, baud: int | None = None) -> list[Answer]:
         """Let the servos act on a packet that came at `baud` (None: whatever theirs is); what they put on the wire."""
-        if self.holding(FaultKind.SILENT_BUS):
+        if self.active(FaultKind.SILENT_BUS):
             return []
         hearing = [s for s in self.servos if s.protocol == packet.protocol and self._hears(s, baud)]
         for servo in hearing:
@@ -140,7 +140,7 @@ class ServoRack:
         """Add a fault from now on, its `at_s` counted from now; ValueError when it names a servo that is not there."""
         DynamixelConfig.check_fault(fault, {servo.id for servo in self.servos})
         self._faults.append(fault.model_copy(update={"at_s": self.time_s + fault.at_s}))
-        self._turn_faults()
+        self._update_faults()
 
     def clear(self, kind: FaultKind | None = None, servo_id: int | None = None) -> None:
         """End faults, all or those of a kind or a servo; what the servos have latched stays latched."""
@@ -149,9 +149,9 @@ class ServoRack:
             for fault in self._faults
             if (kind is not None and fault.kind is not kind) or (servo_id is not None and fault.id != servo_id)
         ]
-        self._turn_faults()
+        self._update_faults()
 
-    def holding(self, kind: FaultKind) -> bool:
+    def active(self, kind: FaultKind) -> bool:
         """Whether a fault of the whole bus is there."""
         return any(fault.kind is kind and fault.holds(self.time_s) for fault in self._faults)
 
@@ -161,7 +161,7 @@ class ServoRack:
                 return fault
         return None
 
-    def _turn_faults(self) -> None:
+    def _update_faults(self) -> None:
         """Begin and end what is due, and note when the next of it is."""
         now_s = self.time_s
         reboots = [fault for fault in self._faults if fault.kind is FaultKind.REBOOT and fault.at_s <= now_s]

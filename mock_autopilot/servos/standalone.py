@@ -13,7 +13,7 @@ LONGEST_CATCH_UP_S = 1.0
 """After a longer pause simulated time has simply stood still."""
 
 
-class BusAlone:
+class StandaloneBus:
     """A `ServoBus` that steps itself; use `async with`."""
 
     def __init__(self, config: DynamixelConfig | None = None) -> None:
@@ -29,7 +29,7 @@ class BusAlone:
         """What the host opens."""
         return self.bus.path
 
-    async def __aenter__(self) -> "BusAlone":
+    async def __aenter__(self) -> "StandaloneBus":
         self.bus.open()
         self._boot_s = time.monotonic()
         self._running = asyncio.create_task(self._run(), name="mock_autopilot.servos.standalone")

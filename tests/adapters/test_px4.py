@@ -59,7 +59,7 @@ async def test_a_setpoint_leaning_forward_brings_the_nose_down_at_the_autopilot(
         forward = np.array([math.cos(half), 0.0, math.sin(half), 0.0])  # FLU: a turn about left, nose down
         autopilot.send_setpoint(AttitudeThrust(forward, np.array(0.3)))
         await asyncio.sleep(0.2)
-        w, x, y, z = mock.world.vehicle.followed.q_wxyz
+        w, x, y, z = mock.world.vehicle.attitude_setpoint.q_wxyz
         pitch_deg = math.degrees(math.asin(2.0 * (w * y - z * x)))
         assert pitch_deg == pytest.approx(-10.0, abs=0.01)
 

@@ -154,7 +154,7 @@ async def test_kill_stops_the_motors_of_a_vehicle_that_refuses_to_disarm() -> No
         await autopilot.arm()
         level = np.array([math.cos(0.5), 0.0, 0.0, math.sin(0.5)])
         autopilot.send_setpoint(AttitudeThrust(level, np.array(0.6)))
-        await until(lambda: -mock.world.vehicle.felt.motion.position_ned_m[2] > 0.3)
+        await until(lambda: -mock.world.vehicle.sensor_state.motion.position_ned_m[2] > 0.3)
         disarming = asyncio.create_task(autopilot.disarm())
         await autopilot.kill()
         assert not mock.world.vehicle.armed

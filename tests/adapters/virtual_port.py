@@ -29,7 +29,7 @@ class Servos(Protocol):
     def answer(self, packet: Packet, baud: int | None = None) -> list[Answer]:
         """See `ServoRack.answer`."""
 
-    def holding(self, kind: FaultKind) -> bool:
+    def active(self, kind: FaultKind) -> bool:
         """See `ServoRack.holding`."""
 
 
@@ -43,7 +43,7 @@ class VirtualPort(BusPort):
         self._coming: list[tuple[float, bytes]] = []
 
     def _check(self) -> None:
-        if self._servos.holding(FaultKind.PORT_GONE):
+        if self._servos.active(FaultKind.PORT_GONE):
             raise PortGoneError("the device is gone")
 
     def open(self) -> None:

@@ -17,7 +17,7 @@ from companion.config.arms_config import ArmsConfig
 from companion.core.types import Array
 from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
 from mock_autopilot.servos.servo import Servo
-from mock_autopilot.servos.standalone import BusAlone
+from mock_autopilot.servos.standalone import StandaloneBus
 from tests import warm
 from tests.flights.command import ROOT, Ran, Running, run, start
 
@@ -31,7 +31,7 @@ _ZERO_RAD = np.array([ARMS.servos[name].zero_rad for name in ARMS.servos])
 class ArmsRig:
     """Both arms, stowed and limp at first."""
 
-    alone: BusAlone
+    alone: StandaloneBus
     config: Path
     """For `--config`."""
 
@@ -85,7 +85,7 @@ async def arms_rig(folder: Path, **changes: dict[str, Any]) -> AsyncIterator[Arm
     with (ROOT / "config" / "mock.toml").open("rb") as file:
         bus = tomllib.load(file)["arms"]["bus"]
     servos = [servo | changes.get(f"id{servo['id']}", {}) for servo in bus["servos"]]
-    async with BusAlone(DynamixelConfig.model_validate({"servos": servos})) as alone:
+    async with StandaloneBus(DynamixelConfig.model_validate({"servos": servos})) as alone:
         config = folder / "bench.toml"
         config.write_text(f'[arms]\nport = "{alone.path}"\n', encoding="utf-8")
         yield ArmsRig(alone, config)

@@ -25,7 +25,7 @@ from companion.geometry.frames import flip_yz
 from companion.supervisor.flight_state import Phase
 from mock_autopilot.config import MockConfig
 from mock_autopilot.faults.mocap import MocapFaults
-from mock_autopilot.faults.schedule import Turn
+from mock_autopilot.faults.schedule import FaultTransition
 from mock_autopilot.faults.sentences import parse
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
@@ -73,7 +73,7 @@ class Room:
         self._camera = Camera(cameras, seed)
         self._faults = MocapFaults(world.faults, world.fault_rng(), cameras.rate_hz)
         self._qtm = SimulatedQtm(cameras, self._faults, self)
-        self.fault_turns: list[Turn] = []
+        self.fault_turns: list[FaultTransition] = []
         """Every fault that began or ended, and when."""
         world.faults.observers.append(self.fault_turns.append)
         self.frame: MocapFrame | None = None

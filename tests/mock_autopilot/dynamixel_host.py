@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import dynamixel_sdk as dxl
 
 from mock_autopilot.servos.config import DynamixelConfig
-from mock_autopilot.servos.standalone import BusAlone
+from mock_autopilot.servos.standalone import StandaloneBus
 
 Result = TypeVar("Result")
 
@@ -51,13 +51,13 @@ def opened(path: str, baud: int = 1_000_000) -> Iterator[Host]:
 
 
 @asynccontextmanager
-async def powered(config: DynamixelConfig | None = None) -> AsyncIterator[BusAlone]:
+async def powered(config: DynamixelConfig | None = None) -> AsyncIterator[StandaloneBus]:
     """A bus whose servos live by the wall clock."""
-    async with BusAlone(config) as bus:
+    async with StandaloneBus(config) as bus:
         yield bus
 
 
-async def talk(bus: BusAlone, what: Callable[[Host], Result], baud: int = 1_000_000) -> Result:
+async def talk(bus: StandaloneBus, what: Callable[[Host], Result], baud: int = 1_000_000) -> Result:
     """Let the SDK do something in a worker thread, while the bus goes on here."""
 
     def work() -> Result:
@@ -67,7 +67,7 @@ async def talk(bus: BusAlone, what: Callable[[Host], Result], baud: int = 1_000_
     return await asyncio.to_thread(work)
 
 
-async def within(bus: BusAlone, what: Callable[[Host], bool], for_s: float = 10.0) -> bool:
+async def within(bus: StandaloneBus, what: Callable[[Host], bool], for_s: float = 10.0) -> bool:
     """Ask again until it is so."""
 
     def patiently(host: Host) -> bool:

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from mock_autopilot.px4.failsafe import CRITICAL, EMERGENCY, LOW, Action, Failsafe, Situation
+from mock_autopilot.px4.failsafe import CRITICAL, EMERGENCY, LOW, Action, Failsafe, FailsafeFlags
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.sticks import Sticks
 from mock_autopilot.px4.vocabulary import Mode
 
-WELL = Situation(
+WELL = FailsafeFlags(
     now_s=10.0, landed=False, local_ok=True, global_ok=False, offboard_ok=True, offboard_attitude=True, remote=True
 )
 
@@ -119,14 +119,14 @@ def test_sticks_take_over_when_they_move_fast(way: float, speed: float, moved: b
     now_s, place = 1.0, 0.0
     for _ in range(80):
         now_s, place = now_s + 0.02, min(place + speed * 0.02, way)
-        assert sticks.hear((place, 0.0, 0.0, 0.0), now_s)
+        assert sticks.update((place, 0.0, 0.0, 0.0), now_s)
     assert sticks.moved is moved
 
 
 def test_sticks_are_lost_with_the_next_look() -> None:
     sticks = Sticks(ParamTable({"COM_RC_IN_MODE": 2}))
     assert not sticks.there(0.0)
-    sticks.hear((0.0, 0.0, 0.0, 0.0), 2.0)
+    sticks.update((0.0, 0.0, 0.0, 0.0), 2.0)
     assert sticks.there(2.59)
     assert not sticks.there(2.61)
-    assert not Sticks(ParamTable({"COM_RC_IN_MODE": 4})).hear((0.0, 0.0, 0.0, 0.0), 1.0)
+    assert not Sticks(ParamTable({"COM_RC_IN_MODE": 4})).update((0.0, 0.0, 0.0, 0.0), 1.0)

@@ -157,7 +157,7 @@ def test_the_battery_is_suddenly_weaker_and_drains_on(hovering: Bench, sentence:
     words = f"autopilot wrong {sentence}"
     bench = _with(hovering, words, 0.5)
     assert bench.all("SYS_STATUS")[-1].message.battery_remaining == pytest.approx(percent, abs=1)
-    assert bench.world.vehicle.battery.charge <= parse(words).much
+    assert bench.world.vehicle.battery.charge <= parse(words).magnitude
 
 
 def test_weak_motors_lift_less_while_it_lasts(hovering: Bench) -> None:

@@ -78,7 +78,7 @@ def test_an_autopilot_that_hears_no_setpoints_lands_and_says_so() -> None:
     bench.fly_offboard(1.5)
     while bench.world.vehicle.mode is Mode.OFFBOARD and bench.now_s < 60.0:
         bench.run(0.02)
-    (held,) = bench.world.faults.holding(parse("link off").part)
+    (held,) = bench.world.faults.active(parse("link off").part)
     after_s = bench.now_s - held.since_s - bench.world.vehicle.params["COM_OF_LOSS_T"]
     assert after_s == pytest.approx(0.08, abs=0.05), "PX4 was recorded to notice it 0.09 to 0.105 s late"
     beats = len(bench.all("HEARTBEAT", held.since_s))

@@ -153,7 +153,7 @@ async def test_the_ground_stations_link_stays_whole_and_servos_fail_on_their_bus
         while simulator.world.time_s < 0.1:  # noqa: ASYNC110 - simulated time follows the wall clock
             await asyncio.sleep(0.01)
         assert simulator.servo_bus is not None
-        assert simulator.servo_bus.servos.holding(FaultKind.SILENT_BUS)
+        assert simulator.servo_bus.servos.active(FaultKind.SILENT_BUS)
         offboard = mavlink.MAVLink_command_long_message(1, 1, 176, 0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         frame = bytes(offboard.pack(mavlink.MAVLink(None, srcSystem=245, srcComponent=190)))
         main, gcs = simulator.links

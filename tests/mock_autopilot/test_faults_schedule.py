@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from mock_autopilot.faults.catalogue import Part
-from mock_autopilot.faults.schedule import FaultSchedule, Turn
+from mock_autopilot.faults.schedule import FaultSchedule, FaultTransition
 from mock_autopilot.faults.sentences import parse
 from tests.mock_autopilot.bench import NO_GPS, Bench
 
@@ -16,7 +16,7 @@ ARMED_S, AIRBORNE_S, LANDING_S = 2.0, 3.0, 8.0
 def _turns(*sentences: str, order_at_s: float = -1.0, order: str = "", to_s: float = 15.0) -> list[tuple[bool, Any]]:
     """Begins (True) and ends of a flight that is armed, in the air and landing at fixed times."""
     schedule = FaultSchedule([parse(sentence) for sentence in sentences])
-    turns: list[Turn] = []
+    turns: list[FaultTransition] = []
     schedule.observers.append(turns.append)
     for count in range(round(to_s / STEP_S)):
         now_s = count * STEP_S
@@ -24,7 +24,7 @@ def _turns(*sentences: str, order_at_s: float = -1.0, order: str = "", to_s: flo
             schedule.inject(parse(order), now_s)
         schedule.step(now_s, now_s >= ARMED_S, AIRBORNE_S <= now_s < 10.0, now_s >= LANDING_S)
         there = [turn.begins for turn in turns].count(True) - [turn.begins for turn in turns].count(False)
-        lasting = [one for part in Part for one in schedule.holding(part)]
+        lasting = [one for part in Part for one in schedule.active(part)]
         assert len(lasting) == there or any(not turn.fault.way.lasts for turn in turns)
     return [(turn.begins, pytest.approx(turn.time_s, abs=1e-6)) for turn in turns]
 
@@ -66,7 +66,7 @@ def test_what_happens_once_is_told_once_and_several_are_there_together() -> None
 def test_the_phases_are_the_vehicles() -> None:
     """Lift-off by the truth, landing by PX4's own mode."""
     bench = Bench(NO_GPS, faults=["broker off armed", "broker stuck at 1 s", "broker delayed landing"])
-    turns: list[Turn] = []
+    turns: list[FaultTransition] = []
     bench.world.faults.observers.append(turns.append)
     bench.vision = True
     bench.run(5.0)

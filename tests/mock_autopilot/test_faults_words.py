@@ -22,9 +22,9 @@ def test_a_sentence_is_a_fault() -> None:
     mirrored = parse("Mocap  wrong (mirrored) in the air after 3s")
     assert mirrored == Fault(part=Part.MOCAP, kind=Kind.WRONG, how="mirrored", phase=Phase.IN_THE_AIR, after_s=3.0)
     assert mirrored.for_s == math.inf
-    assert parse("link delayed by 0.2 s at 10 s").much == 0.2
-    assert parse("mocap slow to 15 Hz").much == 15.0
-    assert parse("mocap slow").much == 20.0, "the usual amount"
+    assert parse("link delayed by 0.2 s at 10 s").magnitude == 0.2
+    assert parse("mocap slow to 15 Hz").magnitude == 15.0
+    assert parse("mocap slow").magnitude == 20.0, "the usual amount"
     assert parse("mocap wrong (clock jump) for 3 s by -4 s").amount == -4.0
 
 
@@ -33,7 +33,7 @@ def test_every_line_of_the_table_is_understood_and_said_again(way: Way) -> None:
     fault = parse(f"{way.words} landing after 1.5 s")
     assert fault.way is way
     assert parse(sentence_of(fault)).way is way
-    assert parse(sentence_of(fault)).much == fault.much
+    assert parse(sentence_of(fault)).magnitude == fault.magnitude
     if way.amount is not None:
         with pytest.raises(FaultError, match="goes from"):
             parse(f"{way.words} {way.amount.word} {way.amount.most + 1.0:g}")

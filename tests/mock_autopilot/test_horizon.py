@@ -36,7 +36,7 @@ def errors(seed: int, vision_noise_m: float) -> tuple[Array, Array]:
         estimator.step(step * STEP_S, HOVERING, STEP_S)
         if step % 10 == 0:
             x, y, z = rng.normal(0.0, 0.0003, 3).tolist()
-            estimator.see(VisionSample((x, y, z), 0.0), step * STEP_S, 0.0)
+            estimator.fuse_vision(VisionSample((x, y, z), 0.0), step * STEP_S, 0.0)
         if step >= 4000 and step % 20 == 0:
             positions.append(list(estimator.position_m))
             velocities.append(list(estimator.velocity_mps))

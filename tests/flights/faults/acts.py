@@ -145,7 +145,7 @@ class _Broker:
         self._faults, self._now_s = flight.room.bench.world.faults, flight.room.now_s
 
     def age_s(self) -> float:
-        gone = self._faults.holding(Part.BROKER)
+        gone = self._faults.active(Part.BROKER)
         return self._now_s() - min(held.since_s for held in gone) if gone else 0.0
 
 

@@ -80,7 +80,7 @@ class Watch:
         flown.blinded = flown.blinded or (not truth.on_ground and vehicle.estimator.silence_s > REGAIN_AFTER_S)
         self._sinking_mps = float(truth.velocity_ned_mps[2])
         flown.on_ground = truth.on_ground
-        flown.hung = any(held.fault.kind is Kind.STUCK for held in self._world.faults.holding(Part.AUTOPILOT))
+        flown.hung = any(held.fault.kind is Kind.STUCK for held in self._world.faults.active(Part.AUTOPILOT))
         self._look_at_arming(vehicle.armed, now_s)
         if flown.armed_s is None:
             return
