@@ -10,7 +10,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection, Reached
+from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection, Endpoint
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import ConfigError
 from companion.protocol.topics import Topics
@@ -30,7 +30,7 @@ class BrokerConnection(Connection):
 
     def __init__(self, place: OperatorConfig, client: str, version: aiomqtt.ProtocolVersion, again: bool) -> None:
         """`again`: what the broker has kept for `client` since the connection before is wanted."""
-        reached = Reached(place.host, place.port, client, place.user, place.password(), _tls_of(place), None)
+        reached = Endpoint(place.host, place.port, client, place.user, place.password(), _tls_of(place), None)
         super().__init__(reached, version, _WAITING)
         self._refused: dict[int, int] = {}
         if version is V5:

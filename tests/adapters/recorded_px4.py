@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from companion.adapters.px4 import direct
-from companion.adapters.px4.direct import Px4Mavlink
-from companion.adapters.px4.heard import Px4Telemetry
+from companion.adapters.px4 import mavlink
+from companion.adapters.px4.mavlink import Px4Mavlink
+from companion.adapters.px4.telemetry import Px4Telemetry
 from tests.mock_autopilot.reenact.session import Session
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame
 
@@ -68,7 +68,7 @@ class RecordedPx4:
     """The companion's view of a session, advanced step by step."""
 
     def __init__(self, session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(direct, "MavlinkDirect", FakePlugin)
+        monkeypatch.setattr(mavlink, "MavlinkDirect", FakePlugin)
         self.clock = HandClock()
         self.reboots = 0
         system = FakeSystem()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.adapters.dynamixel.worker import THREAD_NAME
+from companion.adapters.dynamixel.bus_thread import THREAD_NAME
 from companion.arms.model import ArmModel
 from companion.config.arms_config import ArmsConfig
 from companion.core.interfaces import ArmError

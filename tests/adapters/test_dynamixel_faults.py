@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.adapters.dynamixel.worker import THREAD_NAME
+from companion.adapters.dynamixel.bus_thread import THREAD_NAME
 from companion.core.interfaces import ArmError
 from companion.core.types import ArmFaultKind
 from mock_autopilot.servos.config import FaultKind
@@ -287,13 +287,13 @@ async def test_an_unexpected_failure_of_the_worker_is_a_fault_with_its_text(capl
         def broken() -> None:
             raise ZeroDivisionError("made up")
 
-        bus._worker._obey = broken  # type: ignore[method-assign]
+        bus._bus_thread._obey = broken  # type: ignore[method-assign]
         with caplog.at_level(logging.ERROR):
             fault = await fault_of(bus, "bus")
         assert fault.kind is ArmFaultKind.BUS
         assert "ZeroDivisionError('made up')" in fault.text
         assert "Traceback" in caplog.text
-        del bus._worker._obey
+        del bus._bus_thread._obey
         await bus.clear_faults()
         await cycles(bus, 5)
         assert bus.status().faults == ()

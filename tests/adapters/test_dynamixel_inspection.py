@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from companion.adapters.dynamixel.chain import BusCycle
+from companion.adapters.dynamixel.bus_cycle import BusCycle
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
 from companion.adapters.dynamixel.joint import joints_of
@@ -36,14 +36,14 @@ class Clock:
 
 
 class Bench:
-    """The mock's servos at the end of a virtual port, and the driver's chain."""
+    """The mock's servos at the end of a virtual port, and the driver's bus_cycle."""
 
     def __init__(self, config: ArmsConfig | None = None, **mock: Any) -> None:
         self.config, self.clock = config or ArmsConfig(), Clock()
         self.rack = ServoRack(DynamixelConfig.model_validate(mock))
         self.port = VirtualPort(self.config, self.rack, self.clock)
         self.port.patience_ms = 20.0
-        self.chain = BusCycle(joints_of(self.config), Wire(self.port), FaultLog(), self.config, self.clock)
+        self.bus_cycle = BusCycle(joints_of(self.config), Wire(self.port), FaultLog(), self.config, self.clock)
 
     def put(self, servo_id: int, register: str, value: int) -> "Bench":
         self.rack.servo(servo_id).table.put(register, value)
@@ -54,7 +54,7 @@ class Bench:
         return self
 
     def inspect(self) -> Inspected:
-        return inspect(self.chain, self.config, lambda: False)
+        return inspect(self.bus_cycle, self.config, lambda: False)
 
     def refusal(self) -> list[str]:
         """Return the lines of the error that connecting ends with."""
@@ -278,7 +278,7 @@ def test_settings_that_change_nothing_for_us_are_passed_over(register: str, valu
 def test_factory_settings_bring_no_warning_and_no_bad_packet() -> None:
     bench = Bench()
     assert bench.inspect().remarks == ()
-    assert bench.chain.wire.bad_packets == 0
+    assert bench.bus_cycle.wire.bad_packets == 0
 
 
 def test_a_limp_joint_turned_past_the_end_of_its_servos_turn_is_named_as_when_connecting() -> None:
@@ -286,12 +286,12 @@ def test_a_limp_joint_turned_past_the_end_of_its_servos_turn_is_named_as_when_co
     bench.inspect()
     bench.rack.servo(2).motor.angle_rad = -0.08
     with pytest.raises(ArmError) as caught:
-        list(torque_on(bench.chain))
+        list(torque_on(bench.bus_cycle))
     assert str(caught.value) == (
         f"torque is not on everywhere:\n  {XM} stands at -3.22 rad, and should be within -0.2 to 2.6: move it there by "
         "hand, or correct zero_rad and direction"
     )
     assert [servo.torque_on for servo in bench.rack.servos].count(True) == 7
     bench.rack.servo(2).motor.angle_rad = 3.2
-    list(torque_on(bench.chain))
+    list(torque_on(bench.bus_cycle))
     assert all(servo.torque_on for servo in bench.rack.servos)

@@ -90,7 +90,7 @@ _REASON = b"Preflight Fail: heading estimate invalid"
 async def test_what_it_says_when_the_setpoints_begin_is_part_of_its_refusal_to_arm(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    with FakePx4() as fake, caplog.at_level(logging.INFO, logger="companion.adapters.px4.heard"):
+    with FakePx4() as fake, caplog.at_level(logging.INFO, logger="companion.adapters.px4.telemetry"):
         fake.denials[ARM_DISARM] = _DENIED
         async with linked(fake, arm_timeout_s=0.0001) as px4:
             fake.to_send.append(text(b"GPS lost"))

@@ -11,7 +11,7 @@ import pytest
 from qtm_rt.packet import QRTPacket
 
 from companion.adapters.mocap.newest_frame import MocapCounts
-from companion.adapters.qualisys import QualisysSource, keeping, open_qualisys
+from companion.adapters.qualisys import QualisysSource, open_qualisys, stream_watch
 from companion.adapters.qualisys.bodies import RigidBody, misfit, objection, place_in_frame, rigid_bodies
 from companion.adapters.qualisys.packets import MalformedError
 from mock_autopilot.faults.mocap import MocapFaults
@@ -222,7 +222,7 @@ async def test_bodies_that_change_their_order_are_followed() -> None:
 async def test_a_change_that_nobody_tells_and_no_number_shows_is_found_by_looking(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(keeping, "EVERY_S", 0.05)
+    monkeypatch.setattr(stream_watch, "EVERY_S", 0.05)
     async with changing(tells_changes=False) as (_, schedule, source):
         schedule.inject(parse("mocap wrong (body replaced)"), 0.0)
         async with asyncio.timeout(5.0):
@@ -235,7 +235,7 @@ async def test_a_change_that_nobody_tells_and_no_number_shows_is_found_by_lookin
 
 @pytest.mark.realtime
 async def test_our_body_may_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(keeping, "EVERY_S", 0.05)
+    monkeypatch.setattr(stream_watch, "EVERY_S", 0.05)
     async with changing(tells_changes=False) as (_, schedule, source):
         schedule.inject(parse("mocap wrong (body renamed) for 5 s"), 0.0)
         async with asyncio.timeout(5.0):

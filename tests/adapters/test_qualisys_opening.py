@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from companion.adapters.mocap.newest_frame import MocapCounts
-from companion.adapters.qualisys import QualisysSource, keeping, open_qualisys
+from companion.adapters.qualisys import QualisysSource, open_qualisys, stream_watch
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import MocapError
@@ -279,7 +279,7 @@ async def test_a_stream_that_falls_silent_is_asked_for_anew(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A server that hangs, a QTM computer without power: the connection stays open, and nothing comes."""
-    monkeypatch.setattr(keeping, "SILENT_S", SOON_S)
+    monkeypatch.setattr(stream_watch, "SILENT_S", SOON_S)
     async with talked_to() as (source, conversations, port):
         for _ in range(2):  # each conversation says one frame
             assert await source.wait_frame(5.0)
@@ -297,7 +297,7 @@ async def test_a_length_that_cannot_be_is_no_reason_to_wait_for_the_rest() -> No
 async def test_a_qtm_that_measures_nothing_for_long_is_told_once(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(keeping, "SILENT_S", SOON_S)
+    monkeypatch.setattr(stream_watch, "SILENT_S", SOON_S)
     async with serving() as server:
         async with capturing(server):
             opening = open_qualisys(settings_for(server), CLOCK)

@@ -8,10 +8,10 @@ suffer is noticed by the code that flies, and the same seed gives the same fligh
 from typing import TYPE_CHECKING
 
 from companion.adapters.dynamixel.bus import DynamixelBus
-from companion.adapters.dynamixel.chain import BusCycle
+from companion.adapters.dynamixel.bus_cycle import BusCycle
+from companion.adapters.dynamixel.bus_thread import BusThread
 from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.wire import Wire
-from companion.adapters.dynamixel.worker import BusThread
 from companion.config.arms_config import ArmsConfig
 from mock_autopilot.physics.truth import Truth
 from tests.adapters.virtual_port import VirtualPort
@@ -42,7 +42,7 @@ class _Worker(BusThread):
         assert room.bench.world.servos is not None
         self._port = VirtualPort(config, room.bench.world.servos, clock)
         self._wire = Wire(self._port)
-        self._chain = BusCycle(joints_of(config), self._wire, self._faults, config, clock)
+        self._bus_cycle = BusCycle(joints_of(config), self._wire, self._faults, config, clock)
         assert self._connect()
         self._period_s = 1.0 / config.rate_hz
         self._due_s = room.now_s() + self._period_s

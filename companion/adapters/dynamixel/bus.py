@@ -4,10 +4,10 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 
+from companion.adapters.dynamixel.bus_thread import BusThread
 from companion.adapters.dynamixel.inspection import Inspected
 from companion.adapters.dynamixel.orders import Goals
 from companion.adapters.dynamixel.torque import Steps
-from companion.adapters.dynamixel.worker import BusThread
 from companion.arms.model import JOINT_COUNT
 from companion.config.arms_config import ArmsConfig
 from companion.core.interfaces import ArmError, Clock
@@ -27,34 +27,34 @@ async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) 
     the servos by connecting. On leaving, the port is closed and the torque stays as it is, on or off: arms that go
     limp in the air are a danger, so whoever wants that says `torque_off`.
     """
-    worker = BusThread(config, clock, strict)
-    worker.start()
+    bus_thread = BusThread(config, clock, strict)
+    bus_thread.start()
     try:
-        await worker.connected
-        yield DynamixelBus(worker)
+        await bus_thread.connected
+        yield DynamixelBus(bus_thread)
     finally:
-        await worker.close()
+        await bus_thread.close()
 
 
 class DynamixelBus:
     """`ports.ArmBus` over dynamixel-sdk; made by `open_dynamixel`."""
 
-    def __init__(self, worker: BusThread) -> None:
-        self._worker = worker
+    def __init__(self, bus_thread: BusThread) -> None:
+        self._bus_thread = bus_thread
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what works but should be better: the adapter's latency timer and name, servos' settings."""
-        return self._worker.warnings
+        return self._bus_thread.warnings
 
     @property
     def inspected(self) -> Inspected:
         """What connecting found."""
-        return self._worker.inspected
+        return self._bus_thread.inspected
 
     def status(self) -> ArmStatus:
         """The last known state; never waits."""
-        return self._worker.status
+        return self._bus_thread.status
 
     def move(self, position_rad: Array) -> None:
         """Take new goals, (8,); never waits, the latest wins.
@@ -64,37 +64,37 @@ class DynamixelBus:
         """
         if position_rad.shape != (JOINT_COUNT,):
             raise ValueError(f"goals must have the shape ({JOINT_COUNT},), not {position_rad.shape}")
-        self._worker.goals = Goals(tuple(position_rad.tolist()))
+        self._bus_thread.goals = Goals(tuple(position_rad.tolist()))
 
     def hold(self) -> None:
         """Bring every joint's goals to rest from the last ones that were sent; never waits. Torque stays on.
 
         Goals that stand stay: a loaded joint does not creep, a claw keeps its grip.
         """
-        goals = self._worker.goals
+        goals = self._bus_thread.goals
         if goals is None or goals.position_rad is not None:
-            self._worker.goals = Goals()
+            self._bus_thread.goals = Goals()
 
     async def torque_on(self) -> None:
         """Hold every joint where it is, without a jump; ArmError naming the joints that refuse.
 
         While any fault is latched, none is switched on. Goals given before do not count.
         """
-        await self._done("torque on", self._worker.switch_on, TORQUE_TIMEOUT_S)
+        await self._done("torque on", self._bus_thread.switch_on, TORQUE_TIMEOUT_S)
 
     async def torque_off(self) -> None:
         """Let every joint go limp; ArmError naming the joints that do not answer."""
-        await self._done("torque off", self._worker.switch_off, TORQUE_TIMEOUT_S)
+        await self._done("torque off", self._bus_thread.switch_off, TORQUE_TIMEOUT_S)
 
     async def clear_faults(self) -> None:
         """Forget latched faults, rebooting XMs with a hardware error and opening a lost port anew.
 
         What was at fault has no torque afterwards, until `torque_on`. ArmError naming what is still wrong.
         """
-        await self._done("clear faults", self._worker.clear, CLEAR_TIMEOUT_S)
+        await self._done("clear faults", self._bus_thread.clear, CLEAR_TIMEOUT_S)
 
     async def _done(self, what: str, begin: Callable[[], Steps], timeout_s: float) -> None:
-        command = self._worker.commands.submit(begin)
+        command = self._bus_thread.commands.submit(begin)
         try:
             async with asyncio.timeout(timeout_s):
                 await command.done

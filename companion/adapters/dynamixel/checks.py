@@ -103,9 +103,9 @@ def _range(joint: Joint, found: Found) -> Iterator[str]:
             f"{joint.limit.min_rad:g} to {joint.limit.max_rad:g}: widen its position limits {_WIZARD}, narrow "
             "arms.limits, or correct zero_rad"
         )
-    place = misplaced(joint, joint.scale.joint_rad(found.counts))
-    if place:
-        yield place
+    outside = misplaced(joint, joint.scale.joint_rad(found.counts))
+    if outside:
+        yield outside
 
 
 def misplaced(joint: Joint, at_rad: float) -> str | None:

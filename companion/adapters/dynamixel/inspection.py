@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from companion.adapters.dynamixel.chain import BusCycle
+from companion.adapters.dynamixel.bus_cycle import BusCycle
 from companion.adapters.dynamixel.checks import complaints
 from companion.adapters.dynamixel.found import Found, found_ax, found_xm
 from companion.adapters.dynamixel.joint import Joint
@@ -27,7 +27,7 @@ class Inspected:
     """Settings that somebody left in the servos, with which they work."""
 
 
-def inspect(chain: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
+def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:
     """Look at every servo and take its first state; ArmError when any is missing or wrong.
 
     Not `strict`: only when none answers; one that is missing or reports an error begins with its fault latched.
@@ -35,57 +35,57 @@ def inspect(chain: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], st
     """
     found: dict[int, Found] = {}
     unread: dict[int, str] = {}
-    for joint in chain.joints:
+    for joint in bus_cycle.joints:
         if stopped():
             return Inspected()
-        one = _found(chain, joint)
+        one = _found(bus_cycle, joint)
         if one is not None:
-            found[joint.place] = one
-        elif why := partly_heard(chain, joint):
-            unread[joint.place] = why
-    answering = [(joint, found[joint.place]) for joint in chain.joints if joint.place in found]
+            found[joint.index] = one
+        elif why := partly_heard(bus_cycle, joint):
+            unread[joint.index] = why
+    answering = [(joint, found[joint.index]) for joint in bus_cycle.joints if joint.index in found]
     lines = [line for joint, one in answering for line in complaints(joint, one, config)]
-    silent = [joint for joint in chain.joints if joint.place not in found and joint.place not in unread]
-    missing = [joint for joint in chain.joints if joint.place in unread] + silent
-    gone = [f"{joint.label} {unread[joint.place]}" for joint in missing if joint.place in unread]
-    gone += absent(chain, silent, config, stopped)
+    silent = [joint for joint in bus_cycle.joints if joint.index not in found and joint.index not in unread]
+    missing = [joint for joint in bus_cycle.joints if joint.index in unread] + silent
+    gone = [f"{joint.label} {unread[joint.index]}" for joint in missing if joint.index in unread]
+    gone += absent(bus_cycle, silent, config, stopped)
     if (lines or gone) and (strict or not answering):
         raise ArmError(f"the arms on {config.port} cannot be used:\n  " + "\n  ".join([*lines, *gone]))
     for joint, line in zip(missing, gone, strict=False):  # what comes after them speaks of strangers
         joint.in_group = False
-        chain.faults.latch(joint, ArmFaultKind.SILENT, line.removeprefix(f"{joint.label} "))
+        bus_cycle.faults.latch(joint, ArmFaultKind.SILENT, line.removeprefix(f"{joint.label} "))
     for joint, one in answering:
-        if not _first_look(chain, joint, one):
+        if not _first_look(bus_cycle, joint, one):
             raise ArmError(f"the arms on {config.port} cannot be used: {joint.label} stopped answering")
     left = [line for joint, one in answering for line in remarks(joint, one, config)]
-    return Inspected(tuple(found.get(joint.place) for joint in chain.joints), (*lines, *gone), tuple(left))
+    return Inspected(tuple(found.get(joint.index) for joint in bus_cycle.joints), (*lines, *gone), tuple(left))
 
 
-def _first_look(chain: BusCycle, joint: Joint, found: Found) -> bool:
+def _first_look(bus_cycle: BusCycle, joint: Joint, found: Found) -> bool:
     """A servo of another model is not read: its registers may mean something else."""
     joint.paused = found.model_number != joint.scale.model.number
-    return joint.paused or chain.first_look(joint)
+    return joint.paused or bus_cycle.first_look(joint)
 
 
-def _found(chain: BusCycle, joint: Joint) -> Found | None:
-    number = ping(chain, joint, joint.protocol)
+def _found(bus_cycle: BusCycle, joint: Joint) -> Found | None:
+    number = ping(bus_cycle, joint, joint.protocol)
     if number is None:
         return None
     if number != joint.scale.model.number:
         return Found(model_number=number)
-    answers = chain.wire.ping_answers(joint.protocol, joint.servo_id)
+    answers = bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id)
     if joint.protocol == 2:
-        blocks = [_read(chain, joint, block) for block in (Xm.IDENTITY, Xm.TUNING, Xm.HEALTH, Xm.STATE)]
+        blocks = [_read(bus_cycle, joint, block) for block in (Xm.IDENTITY, Xm.TUNING, Xm.HEALTH, Xm.STATE)]
         one = None if None in blocks else found_xm(*(data for data, _ in filter(None, blocks)))
     else:
-        identity, state = _read(chain, joint, Ax.IDENTITY), _read(chain, joint, Ax.STATE)
+        identity, state = _read(bus_cycle, joint, Ax.IDENTITY), _read(bus_cycle, joint, Ax.STATE)
         one = found_ax(identity[0], state[0], joint.health_of(*state).trouble) if identity and state else None
     return one and replace(one, answers=answers)
 
 
-def _read(chain: BusCycle, joint: Joint, block: Block) -> tuple[bytes, int] | None:
+def _read(bus_cycle: BusCycle, joint: Joint, block: Block) -> tuple[bytes, int] | None:
     for _ in range(ATTEMPTS):
-        answer = chain.wire.read(joint.protocol, joint.servo_id, block)
+        answer = bus_cycle.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
             return answer.data, answer.error
     return None

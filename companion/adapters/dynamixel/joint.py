@@ -24,7 +24,7 @@ _STEPS = 5
 class Joint:
     """One servo in its joint."""
 
-    place: int
+    index: int
     """In a joint vector."""
     name: str
     servo_id: int
@@ -136,11 +136,11 @@ def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:
     limits = config.model().limits
     return tuple(
         Joint(
-            place,
+            index,
             name,
             config.servos[name].id,
             JointScale.of(config.servos[name]),
-            limits[place % len(KINDS)],
+            limits[index % len(KINDS)],
         )
-        for place, name in enumerate(JOINT_NAMES)
+        for index, name in enumerate(JOINT_NAMES)
     )

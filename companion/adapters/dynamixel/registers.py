@@ -25,10 +25,10 @@ class Register:
 
     def raw(self, block: bytes, start: int) -> int:
         """The counts, from `block` that was read from address `start`; ValueError when it is not in there."""
-        place = self.address - start
-        if place < 0 or place + self.size > len(block):
+        offset = self.address - start
+        if offset < 0 or offset + self.size > len(block):
             raise ValueError(f"register {self.address} is not in the {len(block)} bytes from address {start}")
-        return int.from_bytes(block[place : place + self.size], "little", signed=self.signed)
+        return int.from_bytes(block[offset : offset + self.size], "little", signed=self.signed)
 
     def value(self, block: bytes, start: int) -> float:
         """The same in SI units."""
@@ -181,7 +181,7 @@ OPERATING_MODES = {
 """XM, Operating Mode (11)."""
 
 XM_BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""XM, Baud Rate (8): the code is the place in this list."""
+"""XM, Baud Rate (8): the code is the index in this list."""
 LIKELY_BAUDS = {
     1: (1_000_000, 57_600, 115_200, 500_000, 400_000, 250_000, 200_000, 19_200, 9_600),
     2: (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 9_600),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from companion.adapters.dynamixel.chain import BusCycle
+from companion.adapters.dynamixel.bus_cycle import BusCycle
 from companion.adapters.dynamixel.checks import answer_all, model_name
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.port import PortGoneError
@@ -17,13 +17,13 @@ _LOW_IDS = range(1, 21)
 _WIZARD = "with DYNAMIXEL Wizard 2.0"
 
 
-def partly_heard(chain: BusCycle, joint: Joint) -> str | None:
+def partly_heard(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """Return why a servo cannot be read though bytes come from it; None when it is silent."""
-    if any(chain.wire.ping_answers(joint.protocol, joint.servo_id) for _ in range(2)):
-        chain.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
-        if not chain.wire.garbled:
+    if any(bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id) for _ in range(2)):
+        bus_cycle.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
+        if not bus_cycle.wire.garbled:
             return f"answers pings but no reads: Status Return Level 0, and should be 2: {answer_all(joint)}"
-    elif not chain.wire.garbled:
+    elif not bus_cycle.wire.garbled:
         return None
     return (
         f"answers in broken packets: two servos have ID {joint.servo_id}, so take all others off the bus and give one "
@@ -31,43 +31,43 @@ def partly_heard(chain: BusCycle, joint: Joint) -> str | None:
     )
 
 
-def absent(chain: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
+def absent(bus_cycle: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
     """Return a line for each servo that is silent, with where it was found instead, then lines on strangers."""
     if not missing:
         return []
-    strangers = _strangers(chain)
-    chain.wire.port.patience_ms = _PATIENCE_MS
+    strangers = _strangers(bus_cycle)
+    bus_cycle.wire.port.patience_ms = _PATIENCE_MS
     if any(joint.protocol == 1 for joint in missing):
-        strangers += _strangers_of_protocol_1(chain)
-    hints = {joint.place: _other_protocol(chain, joint) for joint in missing}
-    hints |= _other_bauds(chain, [joint for joint in missing if not hints[joint.place]], config, stopped)
+        strangers += _strangers_of_protocol_1(bus_cycle)
+    hints = {joint.index: _other_protocol(bus_cycle, joint) for joint in missing}
+    hints |= _other_bauds(bus_cycle, [joint for joint in missing if not hints[joint.index]], config, stopped)
     lines = [
         f"{joint.label} does not answer at {config.baud} bits/s: "
-        f"{hints[joint.place] or 'look at its cable, its supply and its ID'}"
+        f"{hints[joint.index] or 'look at its cable, its supply and its ID'}"
         for joint in missing
     ]
     return lines + strangers
 
 
-def ping(chain: BusCycle, joint: Joint, protocol: int) -> int | None:
+def ping(bus_cycle: BusCycle, joint: Joint, protocol: int) -> int | None:
     """Return its model number, if it answers within some attempts."""
-    answers = (chain.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
+    answers = (bus_cycle.wire.ping(protocol, joint.servo_id) for _ in range(ATTEMPTS))
     return next((number for number in answers if number is not None), None)
 
 
-def _strangers(chain: BusCycle) -> list[str]:
+def _strangers(bus_cycle: BusCycle) -> list[str]:
     """Servos of Protocol 2.0 with an ID that nobody has asked for: one of the missing, perhaps."""
-    known = {joint.servo_id for joint in chain.joints}
+    known = {joint.servo_id for joint in bus_cycle.joints}
     return [
         f"ID {servo_id} answers, {model_name(number)}, but no joint has that ID: correct arms.servos or the servo's ID"
-        for servo_id, number in sorted(chain.wire.broadcast_ping().items())
+        for servo_id, number in sorted(bus_cycle.wire.broadcast_ping().items())
         if servo_id not in known
     ]
 
 
-def _strangers_of_protocol_1(chain: BusCycle) -> list[str]:
-    known = {joint.servo_id for joint in chain.joints if joint.protocol == 1}
-    found = {servo_id: chain.wire.ping(1, servo_id) for servo_id in _LOW_IDS if servo_id not in known}
+def _strangers_of_protocol_1(bus_cycle: BusCycle) -> list[str]:
+    known = {joint.servo_id for joint in bus_cycle.joints if joint.protocol == 1}
+    found = {servo_id: bus_cycle.wire.ping(1, servo_id) for servo_id in _LOW_IDS if servo_id not in known}
     return [
         f"ID {servo_id} answers by Protocol 1.0, {model_name(number)}, but no joint of that protocol has that ID: "
         "correct arms.servos or the servo's ID"
@@ -76,9 +76,9 @@ def _strangers_of_protocol_1(chain: BusCycle) -> list[str]:
     ]
 
 
-def _other_protocol(chain: BusCycle, joint: Joint) -> str | None:
+def _other_protocol(bus_cycle: BusCycle, joint: Joint) -> str | None:
     other, model = 3 - joint.protocol, joint.scale.model
-    number = ping(chain, joint, other)
+    number = ping(bus_cycle, joint, other)
     if number is None:
         return None
     if number == model.number:
@@ -90,29 +90,29 @@ def _other_protocol(chain: BusCycle, joint: Joint) -> str | None:
 
 
 def _other_bauds(
-    chain: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]
+    bus_cycle: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]
 ) -> dict[int, str | None]:
-    hints: dict[int, str | None] = {joint.place: None for joint in missing}
+    hints: dict[int, str | None] = {joint.index: None for joint in missing}
     likely = dict.fromkeys(baud for joint in missing for baud in LIKELY_BAUDS[joint.protocol] if baud != config.baud)
     try:
         for baud in likely:
-            lost = [j for j in missing if hints[j.place] is None and baud in LIKELY_BAUDS[j.protocol]]
+            lost = [j for j in missing if hints[j.index] is None and baud in LIKELY_BAUDS[j.protocol]]
             if stopped():
                 break
-            if not lost or not _tuned(chain, baud):
+            if not lost or not _tuned(bus_cycle, baud):
                 continue
             for joint in lost:
-                if chain.wire.ping_answers(joint.protocol, joint.servo_id):
-                    hints[joint.place] = f"it answers at {baud}, so set its Baud Rate {_WIZARD}"
+                if bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id):
+                    hints[joint.index] = f"it answers at {baud}, so set its Baud Rate {_WIZARD}"
     finally:
-        chain.wire.port.change_baud(config.baud)
+        bus_cycle.wire.port.change_baud(config.baud)
     return hints
 
 
-def _tuned(chain: BusCycle, baud: int) -> bool:
+def _tuned(bus_cycle: BusCycle, baud: int) -> bool:
     """Change the port's baud rate for the search; return False where the adapter does not have that one."""
     try:
-        chain.wire.port.change_baud(baud)
+        bus_cycle.wire.port.change_baud(baud)
     except PortGoneError:
         return False
     return True

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator
 
-from companion.adapters.dynamixel.chain import ATTEMPTS, BusCycle
+from companion.adapters.dynamixel.bus_cycle import ATTEMPTS, BusCycle
 from companion.adapters.dynamixel.checks import misplaced
 from companion.adapters.dynamixel.faults import described
 from companion.adapters.dynamixel.joint import Joint
@@ -29,27 +29,27 @@ _REFUSALS = {1: 0x5A, 2: 0x7F}
 """Bits of the error field that say that the instruction itself was not taken."""
 
 
-def torque_on(chain: BusCycle) -> Steps:
+def torque_on(bus_cycle: BusCycle) -> Steps:
     """Every joint on, where it is; ArmError naming those that refuse. None is touched while faults are latched."""
-    if chain.faults.faults:
-        said = "\n  ".join(fault.text for fault in chain.faults.faults)
+    if bus_cycle.faults.faults:
+        said = "\n  ".join(fault.text for fault in bus_cycle.faults.faults)
         raise ArmError(f"torque stays as it is while faults are latched:\n  {said}")
-    yield from _each(chain, _switch_on, "torque is not on everywhere")
+    yield from _each(bus_cycle, _switch_on, "torque is not on everywhere")
 
 
-def torque_off(chain: BusCycle) -> Steps:
+def torque_off(bus_cycle: BusCycle) -> Steps:
     """Every joint limp; ArmError naming those that do not answer, after all others are."""
-    for joint in chain.joints:
+    for joint in bus_cycle.joints:
         joint.driven = False  # before the first write: an AX takes torque on again with its next goal
-    yield from _each(chain, _switch_off, "torque is not off everywhere")
+    yield from _each(bus_cycle, _switch_off, "torque is not off everywhere")
 
 
-def clear_faults(chain: BusCycle, clock: Clock) -> Steps:
+def clear_faults(bus_cycle: BusCycle, clock: Clock) -> Steps:
     """Forget what is over; reboot XMs with a hardware error; ArmError naming what is still wrong."""
     problems = []
-    for joint in chain.joints:
+    for joint in bus_cycle.joints:
         if joint.faults:
-            problem = yield from _cleared(chain, joint, clock)
+            problem = yield from _cleared(bus_cycle, joint, clock)
             if problem:
                 problems.append(f"{joint.label} {problem}")
             yield
@@ -57,10 +57,10 @@ def clear_faults(chain: BusCycle, clock: Clock) -> Steps:
         raise ArmError("not all faults could be cleared:\n  " + "\n  ".join(problems))
 
 
-def _each(chain: BusCycle, act: Action, headline: str) -> Steps:
+def _each(bus_cycle: BusCycle, act: Action, headline: str) -> Steps:
     problems = []
-    for joint in chain.joints:
-        problem = act(chain, joint)
+    for joint in bus_cycle.joints:
+        problem = act(bus_cycle, joint)
         if problem:
             problems.append(f"{joint.label} {problem}")
         yield
@@ -68,7 +68,7 @@ def _each(chain: BusCycle, act: Action, headline: str) -> Steps:
         raise ArmError(f"{headline}:\n  " + "\n  ".join(problems))
 
 
-def _switch_on(chain: BusCycle, joint: Joint) -> str | None:
+def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """Goal := present position before the torque, so that whatever goal was left there is never gone to.
 
     One that has torque and stands near its goal keeps that: its load bends it away, and to begin where it stands would
@@ -76,39 +76,39 @@ def _switch_on(chain: BusCycle, joint: Joint) -> str | None:
     """
     if joint.driven:
         return None
-    if not chain.first_look(joint):
+    if not bus_cycle.first_look(joint):
         return _SILENT
     if joint.faults:
         return "has a fault: clear it first"
     assert joint.reading is not None
-    place = misplaced(joint, joint.reading.position_rad)
-    if place:
-        return place
-    counts = _first_goal(chain, joint)
+    outside = misplaced(joint, joint.reading.position_rad)
+    if outside:
+        return outside
+    counts = _first_goal(bus_cycle, joint)
     goal = joint.scale.model.goal.encoded(counts)
-    problem = next(filter(None, (_write(chain, joint, *order) for order in _switching_on(joint, goal))), None)
-    problem = problem or _not_shown(chain, joint, on=True)
+    problem = next(filter(None, (_write(bus_cycle, joint, *order) for order in _switching_on(joint, goal))), None)
+    problem = problem or _not_shown(bus_cycle, joint, on=True)
     if problem is None:
         joint.begin_driving(joint.scale.joint_rad(counts))
     return problem
 
 
-def _first_goal(chain: BusCycle, joint: Joint) -> int:
+def _first_goal(bus_cycle: BusCycle, joint: Joint) -> int:
     """In counts."""
     assert joint.reading is not None
     register = joint.scale.model.goal
     block = Block(register.address, register.address + register.size)
-    held = chain.wire.read(joint.protocol, joint.servo_id, block) if joint.torque_on else None
+    held = bus_cycle.wire.read(joint.protocol, joint.servo_id, block) if joint.torque_on else None
     if held is None:
         return joint.reading.counts
     counts = register.raw(held.data, register.address)
     bent_rad = abs(joint.scale.joint_rad(counts) - joint.reading.position_rad)
-    return counts if bent_rad < _BENT_RAD or joint.place in CLAWS else joint.reading.counts
+    return counts if bent_rad < _BENT_RAD or joint.index in CLAWS else joint.reading.counts
 
 
-def _not_shown(chain: BusCycle, joint: Joint, on: bool) -> str | None:
+def _not_shown(bus_cycle: BusCycle, joint: Joint, on: bool) -> str | None:
     """Whether the servo itself says what it was told."""
-    if not chain.insist(lambda: chain.read_health(joint)):
+    if not bus_cycle.insist(lambda: bus_cycle.read_health(joint)):
         return _SILENT
     if on and (joint.faults or not joint.torque_on):
         return "took the command but has no torque"
@@ -126,17 +126,17 @@ def _switching_on(joint: Joint, goal: bytes) -> list[tuple[int, bytes]]:
     ]
 
 
-def _switch_off(chain: BusCycle, joint: Joint) -> str | None:
+def _switch_off(bus_cycle: BusCycle, joint: Joint) -> str | None:
     register = Ax.TORQUE_ENABLE if joint.protocol == 1 else Xm.TORQUE_ENABLE
-    return _write(chain, joint, register.address, b"\x00") or _not_shown(chain, joint, on=False)
+    return _write(bus_cycle, joint, register.address, b"\x00") or _not_shown(bus_cycle, joint, on=False)
 
 
-def _write(chain: BusCycle, joint: Joint, address: int, data: bytes) -> str | None:
+def _write(bus_cycle: BusCycle, joint: Joint, address: int, data: bytes) -> str | None:
     """What went wrong, if anything; all our writes may be repeated.
 
     Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
     """
-    wire, block = chain.wire, Block(address, address + len(data))
+    wire, block = bus_cycle.wire, Block(address, address + len(data))
     for _ in range(ATTEMPTS):
         error = wire.write(joint.protocol, joint.servo_id, address, data)
         if error is not None and error & _REFUSALS[joint.protocol]:
@@ -147,73 +147,73 @@ def _write(chain: BusCycle, joint: Joint, address: int, data: bytes) -> str | No
     return f"does not keep {data.hex(' ')} in register {address}, or does not answer: look at its cable and its supply"
 
 
-def _cleared(chain: BusCycle, joint: Joint, clock: Clock) -> Repair:
+def _cleared(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Repair:
     joint.driven, joint.paused = False, True
     try:
-        problem = yield from _repaired(chain, joint, clock)
+        problem = yield from _repaired(bus_cycle, joint, clock)
     finally:
         joint.paused = False
     if problem is not None:
         return problem
-    chain.faults.forget(joint)
-    if not chain.first_look(joint):
+    bus_cycle.faults.forget(joint)
+    if not bus_cycle.first_look(joint):
         return _SILENT
     return "is at fault again" if joint.faults else None
 
 
-def _repaired(chain: BusCycle, joint: Joint, clock: Clock) -> Repair:
-    errors = _errors(chain, joint)
+def _repaired(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Repair:
+    errors = _errors(bus_cycle, joint)
     if errors is None:
         return _SILENT
     if not errors:
         return None
     if joint.protocol == 2:
-        chain.wire.reboot(joint.servo_id)
-        yield from _until_back(chain, joint, clock)
+        bus_cycle.wire.reboot(joint.servo_id)
+        yield from _until_back(bus_cycle, joint, clock)
     else:
-        problem = _restore_torque_limit(chain, joint)
+        problem = _restore_torque_limit(bus_cycle, joint)
         if problem:
             return problem
-    errors = yield from _errors_left(chain, joint, clock)
+    errors = yield from _errors_left(bus_cycle, joint, clock)
     if errors is None:
         return _SILENT
     return f"still reports {described(errors, joint.protocol)}: remove the cause and try again" if errors else None
 
 
-def _errors_left(chain: BusCycle, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
+def _errors_left(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
     """Its errors, once they are gone or have had time to go."""
     begun_s = clock.now_s()
-    while (errors := _errors(chain, joint)) and clock.now_s() - begun_s < _SETTLE_S:
+    while (errors := _errors(bus_cycle, joint)) and clock.now_s() - begun_s < _SETTLE_S:
         yield
     return errors
 
 
-def _errors(chain: BusCycle, joint: Joint) -> int | None:
+def _errors(bus_cycle: BusCycle, joint: Joint) -> int | None:
     block = Ax.STATE if joint.protocol == 1 else Xm.HEALTH
     for _ in range(ATTEMPTS):
-        answer = chain.wire.read(joint.protocol, joint.servo_id, block)
+        answer = bus_cycle.wire.read(joint.protocol, joint.servo_id, block)
         if answer is not None:
             return joint.health_of(answer.data, answer.error).trouble
     return None
 
 
-def _until_back(chain: BusCycle, joint: Joint, clock: Clock) -> Steps:
+def _until_back(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Steps:
     begun_s = clock.now_s()
     look_s = begun_s + _FIRST_LOOK_S
     while clock.now_s() - begun_s < REBOOT_S:
         yield
         if clock.now_s() >= look_s:
-            if chain.wire.ping(2, joint.servo_id) is not None:
+            if bus_cycle.wire.ping(2, joint.servo_id) is not None:
                 return
             look_s = clock.now_s() + _LOOK_EVERY_S
 
 
-def _restore_torque_limit(chain: BusCycle, joint: Joint) -> str | None:
+def _restore_torque_limit(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """An AX's shutdown sets Torque Limit (34) to 0 and has no other mark; off first, so that it stays limp."""
-    identity = chain.wire.read(1, joint.servo_id, Ax.IDENTITY)
+    identity = bus_cycle.wire.read(1, joint.servo_id, Ax.IDENTITY)
     if identity is None:
         return _SILENT
     limit = Ax.TORQUE_LIMIT.encoded(Ax.MAX_TORQUE.raw(identity.data, Ax.IDENTITY.start))
-    return _write(chain, joint, Ax.TORQUE_ENABLE.address, b"\x00") or _write(
-        chain, joint, Ax.TORQUE_LIMIT.address, limit
+    return _write(bus_cycle, joint, Ax.TORQUE_ENABLE.address, b"\x00") or _write(
+        bus_cycle, joint, Ax.TORQUE_LIMIT.address, limit
     )

@@ -48,7 +48,7 @@ class UnansweredError(aiomqtt.MqttError):
 
 
 @dataclass(frozen=True)
-class Reached:
+class Endpoint:
     """How the broker is reached, and as whom."""
 
     host: str
@@ -63,29 +63,29 @@ class Reached:
 class Connection(aiomqtt.Client):
     """A context manager for one use: MqttError, OSError or ValueError when the broker cannot be had."""
 
-    def __init__(self, reached: Reached, version: aiomqtt.ProtocolVersion, waiting: int) -> None:
+    def __init__(self, endpoint: Endpoint, version: aiomqtt.ProtocolVersion, waiting: int) -> None:
         """`waiting`: messages that may wait to be read; what is more is lost."""
         self.version = version
         self.objection = ""
         """Why the broker took a message and passed it on to nobody, which MQTT 5 tells."""
         super().__init__(
-            reached.host,
-            reached.port,
-            identifier=reached.identifier,
-            username=reached.user,
-            password=reached.password,
-            tls_context=reached.tls,
+            endpoint.host,
+            endpoint.port,
+            identifier=endpoint.identifier,
+            username=endpoint.user,
+            password=endpoint.password,
+            tls_context=endpoint.tls,
             protocol=version,
             clean_session=None if version is V5 else True,
             properties=_bounds() if version is V5 else None,
-            will=reached.will,
+            will=endpoint.will,
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
             max_queued_incoming_messages=waiting,
             logger=_QUIET,
         )
         self._client.connect_timeout = ANSWER_S
-        self._host, self._tls = reached.host, reached.tls
+        self._host, self._tls = endpoint.host, endpoint.tls
         self._client._ssl_wrap_socket = self._encrypted  # type: ignore[method-assign, assignment]
         self._receive = self._client._sock_recv
         self._client._sock_recv = self._receive_bounded  # type: ignore[method-assign, assignment]

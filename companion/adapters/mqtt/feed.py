@@ -7,7 +7,7 @@ import aiomqtt
 import paho.mqtt.client as paho
 from aiomqtt.types import PahoSocket
 
-from companion.adapters.mqtt.connection import Connection, Reached
+from companion.adapters.mqtt.connection import Connection, Endpoint
 
 OnMessage = Callable[[paho.MQTTMessage], None]
 
@@ -20,9 +20,9 @@ only, and few enough that a flood does not stop it.
 class Feed(Connection):
     """A `Connection` without aiomqtt's queue, which makes a task for every message."""
 
-    def __init__(self, reached: Reached, version: aiomqtt.ProtocolVersion, on_message: OnMessage) -> None:
+    def __init__(self, endpoint: Endpoint, version: aiomqtt.ProtocolVersion, on_message: OnMessage) -> None:
         """`on_message` must not wait; what it raises ends the connection."""
-        super().__init__(reached, version, waiting=1)
+        super().__init__(endpoint, version, waiting=1)
         self._hand_on = on_message
         self._read = 0
 

@@ -13,10 +13,10 @@ from pydantic import BaseModel
 
 from companion import __version__
 from companion.adapters.mqtt.connection import V5, V311, Connection
+from companion.adapters.mqtt.endpoint import endpoint
 from companion.adapters.mqtt.outbox import Outbox, OutboxMessage
-from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
-from companion.adapters.mqtt.return_path import ReturnPath
+from companion.adapters.mqtt.reply_address import ReplyAddress
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, CompanionError
@@ -77,7 +77,7 @@ class BusLink:
             since_s=time.time(),
         )
         gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
-        self._reached = reached(config, aiomqtt.Will(self._topics.status, gone, qos=1, retain=True))
+        self._endpoint = endpoint(config, aiomqtt.Will(self._topics.status, gone, qos=1, retain=True))
         self._where = f"{config.host}:{config.port}"
         self._rival = Rival(self._presence, self._topics.status, self._where, clock)
         self._listened = asyncio.Event()
@@ -127,7 +127,7 @@ class BusLink:
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
-        async with Connection(self._reached, version, _WAITING) as broker:
+        async with Connection(self._endpoint, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
             await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
             async with asyncio.TaskGroup() as group:
@@ -178,7 +178,7 @@ class BusLink:
 
     def _take(self, message: aiomqtt.Message) -> None:
         payload = message.payload if isinstance(message.payload, bytes) else b""
-        path = ReturnPath.of(message, self._topics)
+        path = ReplyAddress.of(message, self._topics)
         if message.retain:
             refusal = self._intake.refuse(payload, "a retained command is an old one: publish it without retain")
             return self._refuse(path, refusal)
@@ -188,7 +188,7 @@ class BusLink:
         self._hand_on(taken, path.named(taken.reply_to))
         return None
 
-    def _hand_on(self, command: Command, path: ReturnPath) -> None:
+    def _hand_on(self, command: Command, path: ReplyAddress) -> None:
         LOG.info("the operator commands %s (%s)", command.verb, command.id)
 
         def answer(reply: Reply) -> None:
@@ -205,7 +205,7 @@ class BusLink:
             LOG.exception("the command %s (%s) failed", command.verb, command.id)
             end(Answer.FAILED, type(error).__name__)
 
-    def _refuse(self, path: ReturnPath, refusal: Refusal) -> None:
+    def _refuse(self, path: ReplyAddress, refusal: Refusal) -> None:
         """Without waiting: the next command may be an abort."""
         if not self._listened.is_set() or len(self._replies) >= _WAITING:
             return  # nobody knows of us yet, so that another was meant; or a flood: what fits in says enough
@@ -213,7 +213,7 @@ class BusLink:
         reply = Reply(id=refusal.id, answer=Answer.REFUSED, time_s=time.time(), text=refusal.reason)
         self._answer(path.named(refusal.reply_to), reply)
 
-    def _answer(self, path: ReturnPath, reply: Reply) -> None:
+    def _answer(self, path: ReplyAddress, reply: Reply) -> None:
         reply = reply.model_copy(update={"session": self._presence.session})
         self._put(self._replies, path.topic, path.message(reply), path.correlation)
 

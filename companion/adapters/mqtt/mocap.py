@@ -13,8 +13,8 @@ import paho.mqtt.client as paho
 from pydantic import ValidationError
 
 from companion.adapters.mocap.newest_frame import NewestFrame
+from companion.adapters.mqtt.endpoint import endpoint
 from companion.adapters.mqtt.feed import Feed
-from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig
@@ -63,7 +63,7 @@ class MqttMocap(NewestFrame):
         self._foreign = ""
         """Another body that the bridge forwards."""
         self._pose_topic, self._bridge_topic = topics.mocap, topics.mocap_bridge
-        self._reached = reached(broker, None)
+        self._endpoint = endpoint(broker, None)
         self._broker_link = LoggedReconnector(f"motion capture's broker {broker.host}:{broker.port}")
         self._bridge: BridgePresence | None = None
 
@@ -78,7 +78,7 @@ class MqttMocap(NewestFrame):
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
         """One connection, until it breaks; raises whatever broke it."""
-        async with Feed(self._reached, version, self.on_message) as feed:
+        async with Feed(self._endpoint, version, self.on_message) as feed:
             await feed.follow(self._bridge_topic)
             await feed.follow(self._pose_topic)
             while True:

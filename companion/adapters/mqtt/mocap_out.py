@@ -13,8 +13,8 @@ import aiomqtt
 import paho.mqtt.client as paho
 from pydantic import ValidationError
 
+from companion.adapters.mqtt.endpoint import endpoint
 from companion.adapters.mqtt.feed import Feed
-from companion.adapters.mqtt.reached import reached
 from companion.adapters.mqtt.reconnector import LoggedReconnector
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import MocapError
@@ -54,7 +54,7 @@ class MocapOut:
             online=True, session=secrets.token_hex(8), host=socket.gethostname(), since_s=time.time()
         )
         gone = self._presence.model_copy(update={"online": False}).model_dump_json().encode()
-        self._reached = reached(broker, aiomqtt.Will(self._topics.mocap_bridge, gone, qos=1, retain=True))
+        self._endpoint = endpoint(broker, aiomqtt.Will(self._topics.mocap_bridge, gone, qos=1, retain=True))
         self._broker_link = LoggedReconnector(f"the broker {self._where}")
         self._alone = self._echoed = False
         self._newest: MocapPose | None = None
@@ -89,7 +89,7 @@ class MocapOut:
         await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
-        async with Feed(self._reached, version, self._on_message) as feed:
+        async with Feed(self._endpoint, version, self._on_message) as feed:
             await feed.follow(self._topics.mocap_bridge)
             self._broker_link.heard()
             self._answers.clear()

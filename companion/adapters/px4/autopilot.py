@@ -2,7 +2,7 @@
 
 NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
 - A mode command gets two COMMAND_ACKs, the first of which only means "well-formed". So a mode, and the armed state,
-  count as reached only when PX4's own messages show them (`direct`).
+  count as reached only when PX4's own messages show them (`mavlink`).
 - MAVSDK re-sends the last setpoint at 20 Hz by itself, for as long as the process lives and PX4 shows OFFBOARD.
 - `mavsdk.asyncio` runs every call in the shared thread pool, where unanswered commands can starve a setpoint for
   seconds, and MAVSDK crashes when it is destroyed under a call that is not answered yet. The synchronous setpoint takes
@@ -21,8 +21,8 @@ from mavsdk.plugins.mocap import AngleBody, Covariance, Mocap, PositionBody, Vis
 from mavsdk.plugins.offboard import ActuatorControl, Attitude, Offboard
 
 from companion.adapters.px4.commands import CommandSender, MavResult
-from companion.adapters.px4.direct import Px4Mavlink
-from companion.adapters.px4.heard import LocalEstimate, Px4Telemetry
+from companion.adapters.px4.mavlink import Px4Mavlink
+from companion.adapters.px4.telemetry import LocalEstimate, Px4Telemetry
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError, Clock
 from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
@@ -53,10 +53,10 @@ class Px4:
         """`own_ids` are our system and component in MAVLink."""
         self._config, self._clock = config, clock
         self._loop = asyncio.get_running_loop()
-        self._offboard, self._mocap, self._direct = Offboard(system), Mocap(system), Px4Mavlink(system)
-        self._commands = CommandSender(self._direct, own_ids)
-        self._heard = Px4Telemetry(system, self._direct, clock, config.battery_id, self._ask_again)
-        self._told: Attitude | None = None
+        self._offboard, self._mocap, self._mavlink = Offboard(system), Mocap(system), Px4Mavlink(system)
+        self._commands = CommandSender(self._mavlink, own_ids)
+        self._telemetry = Px4Telemetry(system, self._mavlink, clock, config.battery_id, self._ask_again)
+        self._last_setpoint: Attitude | None = None
         """The setpoint that MAVSDK repeats; None while nothing leaves."""
         self._stream_begun_s = math.inf
         """When the first setpoint of this stream left: PX4 begins to say then what keeps it from arming."""
@@ -110,16 +110,16 @@ class Px4:
 
     def status(self) -> AutopilotStatus:
         """The last known state; never waits."""
-        status = self._heard.status
+        status = self._telemetry.status
         return replace(status, strangers=self.strangers) if self.strangers else status
 
     def local(self) -> LocalEstimate:
         """Where the autopilot itself believes to be; never waits."""
-        return self._heard.local
+        return self._telemetry.local
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
         """Values of PX4's parameters; those it does not know, or does not answer for, are absent."""
-        return await self._direct.params(names)
+        return await self._mavlink.params(names)
 
     def send_setpoint(self, setpoint: AttitudeThrust) -> None:
         """Send one attitude setpoint on the calling thread (0.1 ms)."""
@@ -128,9 +128,9 @@ class Px4:
             self._offboard.set_attitude(told := Attitude(roll, pitch, yaw, float(setpoint.thrust)))
         except MavsdkError as error:
             raise AutopilotError(f"setpoint not sent: {error}") from error
-        if self._told is None:
+        if self._last_setpoint is None:
             self._stream_begun_s = self._clock.now_s()
-        self._told = told
+        self._last_setpoint = told
 
     def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
         """Forward one pose as VISION_POSITION_ESTIMATE, stamped by MAVSDK; its covariance is PX4's parameter."""
@@ -147,7 +147,7 @@ class Px4:
 
         MAVSDK repeats setpoints of one kind at a time: one of another kind, with nothing in it, replaces the attitude.
         """
-        self._told, self._stream_begun_s = None, math.inf
+        self._last_setpoint, self._stream_begun_s = None, math.inf
         self._offboard.set_actuator_control(ActuatorControl([]))
 
     async def start_offboard(self) -> None:
@@ -155,44 +155,46 @@ class Px4:
         since_s = self._clock.now_s()
         repeating = self._loop.create_task(self._repeat_setpoint(), name="companion.px4.repeat")
         try:
-            flags = _CUSTOM_MODE_BIT | (_ARMED_BIT if self._heard.status.armed else 0)
+            flags = _CUSTOM_MODE_BIT | (_ARMED_BIT if self._telemetry.status.armed else 0)
             await self._call("start offboard mode", since_s, _DO_SET_MODE, flags, _OFFBOARD_MAIN_MODE)
-            await self._shown("OFFBOARD mode", since_s, lambda: self._heard.mode_since(since_s) is FlightMode.OFFBOARD)
+            await self._shown(
+                "OFFBOARD mode", since_s, lambda: self._telemetry.mode_since(since_s) is FlightMode.OFFBOARD
+            )
         finally:
             repeating.cancel()
 
     async def _repeat_setpoint(self) -> None:
         """Keep MAVSDK at its repetition, which it gives up 3 s after its begin while the mode is not OFFBOARD yet."""
         while True:
-            if self._told is not None:
+            if self._last_setpoint is not None:
                 with contextlib.suppress(MavsdkError):
-                    self._offboard.set_attitude(self._told)
+                    self._offboard.set_attitude(self._last_setpoint)
             await asyncio.sleep(_REPEAT_S)
 
     async def arm(self) -> None:
         """Arm and wait until the HEARTBEAT shows it; asks again while PX4 says no, as it does while it warms up."""
         since_s = self._clock.now_s()
         await self._insist("arm", since_s, self._config.arm_timeout_s, _ARM_DISARM, 1.0)
-        await self._shown("armed", since_s, lambda: self._heard.armed_since(since_s) is True)
+        await self._shown("armed", since_s, lambda: self._telemetry.armed_since(since_s) is True)
 
     async def disarm(self) -> None:
         """Disarm and wait until shown; PX4 refuses in the air and for about a second after touchdown."""
         since_s = self._clock.now_s()
         await self._insist("disarm", since_s, self._config.answer_timeout_s, _ARM_DISARM, 0.0)
-        await self._shown("disarmed", since_s, lambda: self._heard.armed_since(since_s) is False)
+        await self._shown("disarmed", since_s, lambda: self._telemetry.armed_since(since_s) is False)
 
     async def land(self) -> None:
         """Hand over to PX4's own landing and wait until OFFBOARD is left."""
         since_s = self._clock.now_s()
         await self._call("land", since_s, _NAV_LAND, 0.0, 0.0, 0.0, None)  # yaw NaN: as it is
         still = {None, FlightMode.OFFBOARD}
-        await self._shown("leaving OFFBOARD", since_s, lambda: self._heard.mode_since(since_s) not in still)
+        await self._shown("leaving OFFBOARD", since_s, lambda: self._telemetry.mode_since(since_s) not in still)
 
     async def kill(self) -> None:
         """Stop the motors at once, also in the air: told again and again until the HEARTBEAT shows it."""
         since_s = self._clock.now_s()
-        while self._heard.armed_since(since_s) is not False:
-            self._direct.kill()
+        while self._telemetry.armed_since(since_s) is not False:
+            self._mavlink.kill()
             if self._clock.now_s() - since_s > self._config.answer_timeout_s:
                 said = await self._reason("look at the link", since_s)
                 raise AutopilotError(f"the autopilot was told to stop the motors but does not show it: {said}")
@@ -232,7 +234,7 @@ class Px4:
     async def _reason(self, result: str, since_s: float) -> str:
         """Return the autopilot's own words, which may come a little after its refusal; `result` if it gives none."""
         for _ in range(round(_WORDS_S / _POLL_S)):
-            if self._heard.texts_since(since_s):
+            if self._telemetry.texts_since(since_s):
                 break
             await asyncio.sleep(_POLL_S)
         return "; ".join(self._words(since_s)) or result
@@ -243,6 +245,6 @@ class Px4:
         PX4 names what is wrong ("Preflight Fail: ...") when the setpoints begin, before it is asked to arm; its refusal
         says only that something is. In the air the stream has begun long ago: there, the command alone counts.
         """
-        on_the_ground = not self._heard.status.armed
+        on_the_ground = not self._telemetry.status.armed
         begun_s = min(since_s, self._stream_begun_s) if on_the_ground else since_s
-        return list(dict.fromkeys(self._heard.texts_since(begun_s)))
+        return list(dict.fromkeys(self._telemetry.texts_since(begun_s)))

@@ -10,7 +10,7 @@ import asyncio
 from enum import IntEnum
 from typing import Any
 
-from companion.adapters.px4.direct import Px4Mavlink
+from companion.adapters.px4.mavlink import Px4Mavlink
 
 _RESEND_S = 0.5
 """As MAVSDK and QGroundControl do."""
@@ -45,13 +45,13 @@ class MavResult(IntEnum):
 class CommandSender:
     """Sends commands to the autopilot, one of a kind at a time: an acknowledgement names the command's number alone."""
 
-    def __init__(self, direct: Px4Mavlink, own_ids: tuple[int, int]) -> None:
+    def __init__(self, mavlink: Px4Mavlink, own_ids: tuple[int, int]) -> None:
         """`own_ids` are our system and component: acknowledgements to others (a ground station) are not ours."""
-        self._direct, self._own_ids = direct, own_ids
+        self._mavlink, self._own_ids = mavlink, own_ids
         self._loop = asyncio.get_running_loop()
         self._turns: dict[int, asyncio.Lock] = {}
         self._answers: dict[int, asyncio.Queue[MavResult]] = {}
-        direct.on("COMMAND_ACK", self._on_ack)
+        mavlink.on("COMMAND_ACK", self._on_ack)
 
     async def send(self, command: int, *params: float | None, timeout_s: float) -> MavResult:
         """Send until the autopilot has answered, and return its answer; TimeoutError when none comes in time.
@@ -71,7 +71,7 @@ class CommandSender:
     ) -> MavResult:
         confirmation = 0
         while True:
-            self._direct.send_command(command, *params, confirmation=confirmation)
+            self._mavlink.send_command(command, *params, confirmation=confirmation)
             try:
                 async with asyncio.timeout(_RESEND_S):
                     answer = await answers.get()

@@ -11,8 +11,8 @@ from mavsdk.connection_result import ConnectionResult
 from mavsdk.mavsdk import Configuration, Mavsdk
 
 from companion.adapters.px4.autopilot import Px4
-from companion.adapters.px4.doorkeeper import Doorkeeper
 from companion.adapters.px4.native_log import take_native_log
+from companion.adapters.px4.sender_lock import SenderLock
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError, Clock
 
@@ -46,13 +46,13 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
         result = mavsdk.add_any_connection(config.url)
         if result != ConnectionResult.SUCCESS:
             raise AutopilotError(f"cannot open {config.url}: {_ADVICE.get(result, _ADVICE_ELSE)}")
-        with closing(Doorkeeper(config, clock)) as door:
-            system = await _autopilot(mavsdk, door, config, clock)
+        with closing(SenderLock(config, clock)) as sender_lock:
+            system = await _autopilot(mavsdk, sender_lock, config, clock)
             px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
-            looking = asyncio.create_task(_watch_strangers(mavsdk, door, px4), name="companion.px4.look")
+            looking = asyncio.create_task(_watch_strangers(mavsdk, sender_lock, px4), name="companion.px4.look")
             try:
                 await px4.ask_for_messages()
-                px4.warnings += (door.warning,) if door.warning else ()
+                px4.warnings += (sender_lock.warning,) if sender_lock.warning else ()
                 yield px4
             finally:
                 looking.cancel()
@@ -61,31 +61,31 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
         _destroy(mavsdk, configuration)
 
 
-async def _autopilot(mavsdk: Mavsdk, door: Doorkeeper, config: Px4Config, clock: Clock) -> Any:
+async def _autopilot(mavsdk: Mavsdk, sender_lock: SenderLock, config: Px4Config, clock: Clock) -> Any:
     """Return the system that is flown: the configured one, or the first autopilot heard."""
     end_s = clock.now_s() + config.connect_timeout_s
     while True:
-        door.look()
+        sender_lock.look()
         systems = _autopilots(mavsdk)
         for system in systems:
             if config.system_id in {None, system.get_system_id()}:
                 _require_px4(system, config)
                 return system
         if clock.now_s() > end_s:
-            heard = {system.get_system_id() for system in systems} | set(door.strangers())
+            heard = {system.get_system_id() for system in systems} | set(sender_lock.strangers())
             raise AutopilotError(_not_heard(config, sorted(heard)))
         await asyncio.sleep(_LOOK_S)
 
 
-async def _watch_strangers(mavsdk: Mavsdk, door: Doorkeeper, px4: Px4) -> None:
-    """Keep the list of the other autopilots: behind the sender that is listened to (a router), and at the door."""
+async def _watch_strangers(mavsdk: Mavsdk, sender_lock: SenderLock, px4: Px4) -> None:
+    """List the other autopilots, those behind the accepted sender (a router) and those that send to the port."""
     while True:
-        door.heard_s = px4.status().heard_s
-        door.look()
+        sender_lock.heard_s = px4.status().heard_s
+        sender_lock.look()
         behind = [system for system in _autopilots(mavsdk) if system.get_system_id() != px4.status().system_id]
         px4.strangers = (
             *(f"system {one.get_system_id()} ({_NAMES.get(one.autopilot_type(), 'unknown')})" for one in behind),
-            *(words for found in door.strangers().values() for words in found),
+            *(words for found in sender_lock.strangers().values() for words in found),
         )
         await asyncio.sleep(_LOOK_AGAIN_S)
 

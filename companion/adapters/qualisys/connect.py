@@ -8,10 +8,10 @@ from contextlib import AsyncExitStack, asynccontextmanager
 
 from qtm_rt.protocol import QRTCommandException
 
-from companion.adapters.qualisys.dial import UnreachableError, agree_on_version, ask_bodies, connect, text, where
-from companion.adapters.qualisys.keeping import end_when_silent, keep_bodies_current
+from companion.adapters.qualisys.handshake import UnreachableError, agree_on_version, ask_bodies, connect, text, where
 from companion.adapters.qualisys.link import Datagrams, Link
 from companion.adapters.qualisys.source import QualisysSource
+from companion.adapters.qualisys.stream_watch import end_when_silent, keep_bodies_current
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import Clock, MocapError
 

@@ -6,7 +6,7 @@ import logging
 from qtm_rt.protocol import QRTCommandException
 
 from companion.adapters.qualisys.bodies import RigidBody, rigid_bodies
-from companion.adapters.qualisys.dial import text
+from companion.adapters.qualisys.handshake import text
 from companion.adapters.qualisys.link import Link
 from companion.adapters.qualisys.packets import MalformedError
 from companion.adapters.qualisys.source import QualisysSource

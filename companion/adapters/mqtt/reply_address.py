@@ -14,7 +14,7 @@ _MAX_CORRELATION_BYTES = 256
 
 
 @dataclass(frozen=True)
-class ReturnPath:
+class ReplyAddress:
     """To one client's reply topic, or, when nobody is named, to everyone as an event."""
 
     topics: Topics

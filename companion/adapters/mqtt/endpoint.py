@@ -5,12 +5,12 @@ import ssl
 
 import aiomqtt
 
-from companion.adapters.mqtt.connection import Reached
+from companion.adapters.mqtt.connection import Endpoint
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import ConfigError
 
 
-def reached(config: OperatorConfig, will: aiomqtt.Will | None) -> Reached:
+def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
     """ConfigError when password or certificate cannot be read."""
     tls = None
     if config.tls:
@@ -20,4 +20,4 @@ def reached(config: OperatorConfig, will: aiomqtt.Will | None) -> Reached:
             where = f"{config.table}.ca_file = {config.ca_file!r}"
             raise ConfigError(f"{where}: no certificates can be read: {error}") from error
     name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"  # or whoever takes our name takes our connection
-    return Reached(config.host, config.port, name, config.user, config.password(), tls, will)
+    return Endpoint(config.host, config.port, name, config.user, config.password(), tls, will)

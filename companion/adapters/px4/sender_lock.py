@@ -13,8 +13,8 @@ LOG = logging.getLogger(__name__)
 _LISTENS = ("udpin://", "udp://:", "udp://0.0.0.0:")
 
 
-class Doorkeeper:
-    """Chooses the sender, and names the others. Links with one end (serial, TCP, udpout) have no door."""
+class SenderLock:
+    """Chooses the sender, and names the others. Links with one end (serial, TCP, udpout) need none."""
 
     def __init__(self, config: Px4Config, clock: Clock) -> None:
         """Stand at the port that MAVSDK has opened."""

@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 
-from companion.adapters.dynamixel.chain import BusCycle
+from companion.adapters.dynamixel.bus_cycle import BusCycle
 from companion.adapters.dynamixel.conversion import Reading
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.inspection import Inspected, inspect
@@ -46,7 +46,7 @@ class BusThread:
         self._faults = FaultLog()
         self._port = BusPort(config.port, config.baud)
         self._wire = Wire(self._port)
-        self._chain = BusCycle(joints_of(config), self._wire, self._faults, config, clock)
+        self._bus_cycle = BusCycle(joints_of(config), self._wire, self._faults, config, clock)
         self._cycles, self._cycle_s = 0, 0.0
         self.status = self._status()
         self._thread = threading.Thread(target=self._run, name=THREAD_NAME)
@@ -74,7 +74,7 @@ class BusThread:
         try:
             self._port.open()
             self._port.patience_ms = CONNECT_PATIENCE_MS
-            self.inspected = inspect(self._chain, self._config, self._stop.is_set, self._strict)
+            self.inspected = inspect(self._bus_cycle, self._config, self._stop.is_set, self._strict)
             of_the_port = (latency_warning(self._config.port), name_warning(self._config.port))
             self.warnings = (*filter(None, of_the_port), *self.inspected.remarks)
             self.status = self._status()
@@ -110,7 +110,7 @@ class BusThread:
             self._port.patience_ms = 0.0
             if not self._faults.bus_is_down:
                 self._obey()
-                self._chain.cycle(begun_s)
+                self._bus_cycle.cycle(begun_s)
                 self._cycles, self._cycle_s = self._cycles + 1, self._clock.now_s() - begun_s
         except PortGoneError as error:
             self._faults.latch_bus(
@@ -127,34 +127,34 @@ class BusThread:
         if goals is None or goals is self._obeyed or self._switching_on:
             return
         self._obeyed = goals
-        for joint in self._chain.joints:
+        for joint in self._bus_cycle.joints:
             if not joint.driven:
                 continue
             if goals.position_rad is None:
                 joint.stop()
-            elif math.isfinite(goals.position_rad[joint.place]):
-                joint.order(goals.position_rad[joint.place])
+            elif math.isfinite(goals.position_rad[joint.index]):
+                joint.order(goals.position_rad[joint.index])
 
     def switch_on(self) -> Steps:
         """Torque on; forgets the goals that were given before."""
         self._refuse_when_down()
         self._switching_on = True
         try:
-            yield from torque_on(self._chain)
+            yield from torque_on(self._bus_cycle)
         finally:
             self._switching_on, self._obeyed = False, self.goals
 
     def switch_off(self) -> Steps:
         """Torque off."""
         self._refuse_when_down()
-        yield from torque_off(self._chain)
+        yield from torque_off(self._bus_cycle)
 
     def clear(self) -> Steps:
         """Clear faults; opens the port anew when it was gone."""
         if self._faults.bus_is_down:
             self._reopen()
             yield
-        yield from clear_faults(self._chain, self._clock)
+        yield from clear_faults(self._bus_cycle, self._clock)
 
     def _refuse_when_down(self) -> None:
         if self._faults.bus_is_down:
@@ -165,13 +165,13 @@ class BusThread:
         self._port.closePort()
         self._port.open()
         self._faults.forget_bus()
-        for joint in self._chain.joints:
+        for joint in self._bus_cycle.joints:
             joint.driven = False
-            if not self._chain.first_look(joint):
+            if not self._bus_cycle.first_look(joint):
                 self._faults.silent(joint, self._clock.now_s() - joint.heard_s)
 
     def _status(self) -> ArmStatus:
-        joints = self._chain.joints
+        joints = self._bus_cycle.joints
         columns: Array = np.array([_numbers(joint.reading) for joint in joints]).T
         return ArmStatus(
             read_s=np.array([joint.heard_s for joint in joints]),

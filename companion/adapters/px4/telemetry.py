@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from companion.adapters.px4.batteries import flight_battery, merged, reading
-from companion.adapters.px4.direct import Px4Mavlink
+from companion.adapters.px4.mavlink import Px4Mavlink
 from companion.adapters.px4.texts import TextPieces
 from companion.adapters.system.log_lines import LineLimit, printable
 from companion.core.interfaces import Clock
@@ -72,13 +72,13 @@ class Px4Telemetry:
     """The newest of everything."""
 
     def __init__(
-        self, system: Any, direct: Px4Mavlink, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
+        self, system: Any, mavlink: Px4Mavlink, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
     ) -> None:
         """`battery_id` is the battery that carries the vehicle, None: the lowest number heard.
 
         `rebooted` is called on MAVSDK's thread when the autopilot has started anew and forgotten what it was asked for.
         """
-        self._system, self._direct, self._clock = system, direct, clock
+        self._system, self._mavlink, self._clock = system, mavlink, clock
         self._battery_id, self._rebooted = battery_id, rebooted
         level = np.array([1.0, 0.0, 0.0, 0.0])
         self.status = AutopilotStatus(
@@ -113,10 +113,10 @@ class Px4Telemetry:
         return [text for at_s, text in self._texts if at_s >= time_s]
 
     def _subscribe(self) -> None:
-        on = self._direct.on
+        on = self._mavlink.on
         self._system.subscribe_is_connected(lambda up, _: self._update(connected=up))
-        self._direct.on_heartbeat(self._on_heartbeat)
-        self._direct.on_current_mode(self._on_current_mode)
+        self._mavlink.on_heartbeat(self._on_heartbeat)
+        self._mavlink.on_current_mode(self._on_current_mode)
         on("ESTIMATOR_STATUS", self._on_estimator)
         on("EXTENDED_SYS_STATE", lambda fields: self._update(in_air=_in_air(fields["landed_state"])))
         on("ATTITUDE_QUATERNION", self._on_attitude)

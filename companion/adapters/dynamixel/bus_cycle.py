@@ -168,11 +168,11 @@ class BusCycle:
                 return
 
     def _next(self, turn: str, joints: Iterable[Joint]) -> Joint | None:
-        """Round robin by place: the first one behind the last one served."""
-        waiting = sorted(joints, key=lambda joint: joint.place)
+        """Return the next joint in round-robin order of index: the first after the last one served."""
+        waiting = sorted(joints, key=lambda joint: joint.index)
         if not waiting:
             return None
         last = self._turns.get(turn, -1)
-        chosen = next((joint for joint in waiting if joint.place > last), waiting[0])
-        self._turns[turn] = chosen.place
+        chosen = next((joint for joint in waiting if joint.index > last), waiting[0])
+        self._turns[turn] = chosen.index
         return chosen
