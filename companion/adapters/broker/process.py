@@ -108,7 +108,7 @@ async def _end_of(process: asyncio.subprocess.Process) -> str:
 
 
 async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
-    """As often as it takes; each reason is told once."""
+    """Restart the broker whenever it ends, for as long as it takes; log each reason once."""
     pause_s, told = _AGAIN_S, ""
     while True:
         await asyncio.sleep(pause_s)

@@ -1,4 +1,4 @@
-"""The arms' bus as the flight code sees it: nothing here blocks."""
+"""Non-blocking interface of the arms' servo bus."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable
@@ -49,7 +49,7 @@ class DynamixelBus:
 
     @property
     def inspected(self) -> Inspected:
-        """What connecting found."""
+        """Settings and faults of every servo, as read while connecting."""
         return self._bus_thread.inspected
 
     def status(self) -> ArmStatus:

@@ -34,7 +34,7 @@ _LONGEST_STEP_S = 0.05
 
 
 class Way(Enum):
-    """How XMs are read together; not every firmware knows the fast one."""
+    """Method of reading the XMs together; not every firmware supports Fast Sync Read."""
 
     FAST = "Fast Sync Read"
     SYNC = "Sync Read"

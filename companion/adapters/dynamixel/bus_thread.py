@@ -1,4 +1,4 @@
-"""The one thread that owns the port: connects, cycles, and does what it is told between cycles."""
+"""Thread that owns the serial port: connects, runs the cycles, and executes commands between them."""
 
 import asyncio
 import logging
@@ -29,7 +29,7 @@ COMMAND_PATIENCE_MS = 5.0
 
 
 class BusThread:
-    """`goals`, `status`, `commands.submit`, `start` and `close` are for the event loop, the rest is the thread's."""
+    """Bus thread; `goals`, `status`, `commands.submit`, `start` and `close` are for the event loop."""
 
     def __init__(self, config: ArmsConfig, clock: Clock, strict: bool = True) -> None:
         self._config, self._clock, self._strict = config, clock, strict
@@ -52,11 +52,11 @@ class BusThread:
         self._thread = threading.Thread(target=self._run, name=THREAD_NAME)
 
     def start(self) -> None:
-        """Begin to connect; `connected` tells when it is done, or the ArmError."""
+        """Start connecting; `connected` resolves when it is done, or fails with the ArmError."""
         self._thread.start()
 
     async def close(self) -> None:
-        """End after the present cycle and close the port; torque stays as it is."""
+        """Stop after the current cycle and close the port; torque stays as it is."""
         self._stop.set()
         await asyncio.shield(self._ended)
         self._thread.join()
@@ -102,7 +102,7 @@ class BusThread:
             self._stop.wait(max(0.0, due_s - now_s))
 
     def _guarded_cycle(self) -> None:
-        """Nothing that goes wrong ends the thread: it becomes a fault of the bus."""
+        """Run one cycle; an exception does not end the thread but becomes a fault of the bus."""
         begun_s = self._clock.now_s()
         try:
             self._port.patience_ms = COMMAND_PATIENCE_MS
@@ -122,7 +122,7 @@ class BusThread:
         self.status = self._status()
 
     def _obey(self) -> None:
-        """Turn the newest order into the joints' wanted angles; none counts while torque is being switched on."""
+        """Pass new goals to the joints; goals are ignored while torque is being switched on."""
         goals = self.goals
         if goals is None or goals is self._obeyed or self._switching_on:
             return
@@ -136,7 +136,7 @@ class BusThread:
                 joint.order(goals.position_rad[joint.index])
 
     def switch_on(self) -> Steps:
-        """Torque on; forgets the goals that were given before."""
+        """Switch torque on; goals given before are discarded."""
         self._refuse_when_down()
         self._switching_on = True
         try:
@@ -145,12 +145,12 @@ class BusThread:
             self._switching_on, self._obeyed = False, self.goals
 
     def switch_off(self) -> Steps:
-        """Torque off."""
+        """Switch torque off on every joint; ArmError while the bus is down."""
         self._refuse_when_down()
         yield from torque_off(self._bus_cycle)
 
     def clear(self) -> Steps:
-        """Clear faults; opens the port anew when it was gone."""
+        """Clear the faults; reopens the port when it was lost."""
         if self._faults.bus_is_down:
             self._reopen()
             yield
@@ -161,7 +161,7 @@ class BusThread:
             raise ArmError("\n  ".join(fault.text for fault in self._faults.faults))
 
     def _reopen(self) -> None:
-        """What the servos went through meanwhile is unknown, so nothing is driven until torque is switched on again."""
+        """Reopen the port; the servos' state is unknown, so no joint is driven until torque is switched on again."""
         self._port.closePort()
         self._port.open()
         self._faults.forget_bus()

@@ -1,4 +1,4 @@
-"""Whether a servo that answered is the right one, set as it must be: one line for everything that is not. Pure."""
+"""Checks that a servo is the configured one with the required settings; one line for each deviation. Pure."""
 
 from collections.abc import Iterator
 
@@ -16,7 +16,7 @@ _WIZARD = "with DYNAMIXEL Wizard 2.0"
 
 
 def complaints(joint: Joint, found: Found, config: ArmsConfig) -> list[str]:
-    """Everything that is wrong with one servo, each with what would be right; empty when all is well."""
+    """List everything that is wrong with one servo, each with its remedy; empty when all is well."""
     if found.model_number != joint.scale.model.number:
         return [f"{joint.label} {_wrong_model(joint, found.model_number)}"]
     lines = (
@@ -36,7 +36,7 @@ def _wrong_model(joint: Joint, number: int) -> str:
 
 
 def model_name(number: int) -> str:
-    """Of a model number, as far as we know it."""
+    """Return the name of a servo model by its model number, for unknown numbers with the number."""
     known = {model.number: model.name for model in MODELS.values()} | OTHER_MODELS
     return known.get(number, f"an unknown model {number}")
 

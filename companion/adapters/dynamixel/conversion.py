@@ -1,4 +1,4 @@
-"""Between a servo's counts and the joint's SI values. Pure.
+"""Conversion between a servo's counts and the joint's SI values. Pure.
 
 A joint's angle is direction * (the servo's angle - zero_rad); the servo's angle counts from position 0, positive
 counter-clockwise as the manuals draw it.
@@ -16,7 +16,7 @@ _SIGN_BIT = 0x400
 
 @dataclass(frozen=True)
 class Reading:
-    """What one joint last said of itself, in the joint's sign."""
+    """Last state of one joint, with the sign of the joint's axis."""
 
     counts: int
     """Present Position as it came."""
@@ -30,7 +30,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Health:
-    """Whether a servo still does what it was told."""
+    """Torque state and errors of a servo."""
 
     torque_on: bool
     errors: int
@@ -56,20 +56,20 @@ class JointScale:
 
     @classmethod
     def of(cls, servo: ServoConfig) -> "JointScale":
-        """From the configuration."""
+        """Return the scale for one configured servo."""
         return cls(MODELS[servo.model], servo.direction, servo.zero_rad)
 
     def joint_rad(self, counts: int) -> float:
-        """Joint angle of a position in counts."""
+        """Return the joint angle, rad, of a position in counts."""
         return self.direction * (counts * self.model.position.unit - self.zero_rad)
 
     def counts(self, joint_rad: float) -> int:
-        """Nearest position in counts, kept inside the servo's turn."""
+        """Return the nearest position in counts, limited to the servo's range."""
         nearest = round((self.direction * joint_rad + self.zero_rad) / self.model.goal.unit)
         return min(max(nearest, 0), self.model.last_position)
 
     def reading(self, state: bytes) -> Reading:
-        """Of the model's `state` block; ValueError when it is too short."""
+        """Return the state decoded from the model's `state` block; ValueError when it is too short."""
         return self._ax_reading(state) if self.model.protocol == 1 else self._xm_reading(state)
 
     def _xm_reading(self, state: bytes) -> Reading:
@@ -104,6 +104,6 @@ def _signed(register: Register, state: bytes) -> float:
 
 
 def at_least_one(value: float, register: Register) -> int:
-    """Counts of a limit: never 0, which every servo reads as "no limit", and never more than the register's range."""
+    """Return a limit in counts: never 0, which every servo reads as "no limit", and at most the register's range."""
     most = Ax.LAST_POSITION if register.size == 2 else 32_767
     return min(max(math.ceil(value / register.unit), 1), most)

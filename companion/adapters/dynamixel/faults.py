@@ -14,34 +14,34 @@ _AGAIN = "then clear the faults and switch torque on"
 
 
 class FaultLog:
-    """All that is latched; for the worker's thread, `faults` for any."""
+    """Latched faults; changed by the bus thread only, `faults` may be read by any thread."""
 
     def __init__(self) -> None:
         self.faults: tuple[ArmFault, ...] = ()
 
     @property
     def bus_is_down(self) -> bool:
-        """The port is not to be touched until the operator clears that."""
+        """Return True while a bus fault is latched; the port is not used until the operator clears it."""
         return any(fault.kind is ArmFaultKind.BUS for fault in self.faults)
 
     def latch(self, joint: Joint, kind: ArmFaultKind, text: str) -> None:
-        """Note a joint's fault once; it gets no goals any more."""
+        """Latch a fault of a joint once; the joint gets no more goals."""
         if kind not in joint.faults:
             joint.faults.add(kind)
             self._add(ArmFault(joint.name, kind, f"{joint.label} {text}"))
 
     def latch_bus(self, text: str) -> None:
-        """Note that the whole bus is out."""
+        """Latch a fault of the whole bus once."""
         if not self.bus_is_down:
             self._add(ArmFault(BUS, ArmFaultKind.BUS, text))
 
     def forget(self, joint: Joint) -> None:
-        """Clear a joint's faults."""
+        """Remove the latched faults of this joint, so that it may be driven again."""
         joint.faults.clear()
         self.faults = tuple(fault for fault in self.faults if fault.joint != joint.name)
 
     def forget_bus(self) -> None:
-        """Clear the bus's fault."""
+        """Remove the latched fault of the whole bus."""
         self.faults = tuple(fault for fault in self.faults if fault.joint != BUS)
 
     def _add(self, fault: ArmFault) -> None:
@@ -49,7 +49,7 @@ class FaultLog:
         self.faults = (*self.faults, fault)
 
     def judge(self, joint: Joint, health: Health) -> None:
-        """Compare what a servo says with what it was told."""
+        """Compare a servo's state with its commanded state, and latch the faults that this shows."""
         joint.torque_on = health.torque_on
         errors = health.errors if joint.faults else health.trouble
         if errors:
@@ -72,7 +72,7 @@ class FaultLog:
             self.latch(joint, ArmFaultKind.HARDWARE, f"reports {said} and {torque}: remove the cause, {_AGAIN}")
 
     def silent(self, joint: Joint, age_s: float) -> None:
-        """It has not answered for too long."""
+        """Latch that a servo has not answered for `age_s`."""
         joint.driven = False
         self.latch(
             joint,
@@ -82,13 +82,13 @@ class FaultLog:
 
 
 def _has_rebooted(joint: Joint, health: Health) -> bool:
-    """An AX takes torque on again with its next goal, but not the speed it was given."""
+    """Return True when a driven servo has lost torque or settings."""
     forgotten = health.moving_speed is not None and health.moving_speed != int.from_bytes(joint.profile, "little")
     return forgotten or not health.torque_on
 
 
 def described(errors: int, protocol: int) -> str:
-    """The bits in words."""
+    """Return the error bits as text, separated by commas."""
     words = AX_ALARMS if protocol == 1 else XM_HARDWARE_ERRORS
     known = [word for bit, word in words.items() if errors & bit]
     return ", ".join(known) or f"an unknown error 0x{errors:02x}"

@@ -1,4 +1,4 @@
-"""Connecting: ask every servo who and how it is, change nothing, and raise one error with all that is wrong."""
+"""Inspection of every servo on connecting: changes nothing and raises one error that lists all deviations."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -17,12 +17,12 @@ from companion.core.types import ArmFaultKind
 
 @dataclass(frozen=True)
 class Inspected:
-    """Result of connecting."""
+    """Servo settings, deviations and remarks found while connecting."""
 
     found: tuple[Found | None, ...] = ()
     """By joint; None for a servo that did not answer."""
     complaints: tuple[str, ...] = ()
-    """All that is missing or wrong."""
+    """Missing servos and wrong settings, one line each."""
     remarks: tuple[str, ...] = ()
     """Settings that somebody left in the servos, with which they work."""
 
@@ -62,7 +62,7 @@ def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool]
 
 
 def _first_look(bus_cycle: BusCycle, joint: Joint, found: Found) -> bool:
-    """A servo of another model is not read: its registers may mean something else."""
+    """Read state and health once; a servo of another model is skipped, as its registers may differ."""
     joint.paused = found.model_number != joint.scale.model.number
     return joint.paused or bus_cycle.first_look(joint)
 

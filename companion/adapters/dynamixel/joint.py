@@ -1,4 +1,4 @@
-"""What the worker knows of one joint; belongs to the worker's thread."""
+"""State of one joint and its servo; used by the bus thread only."""
 
 import math
 from collections import deque
@@ -12,12 +12,12 @@ from companion.config.arms_config import ArmsConfig
 from companion.core.types import ArmFaultKind
 
 LIMITER_HEADROOM = 1.2
-"""Goals move at most so much faster than the joint's limit: a good trajectory is never touched."""
+"""Factor on the joint's speed limit for goals: a feasible trajectory is never limited."""
 PROFILE_VELOCITY_HEADROOM = 1.5
 PROFILE_ACCEL_HEADROOM = 3.0
 """The servo's own profile is the second guard. Its lag behind streamed goals is v^2 / 2a, so it gets room."""
 _STEPS = 5
-"""Cycles from which the speed of the goals is told."""
+"""Cycles over which the speed of the goals is estimated."""
 
 
 @dataclass
@@ -25,7 +25,7 @@ class Joint:
     """One servo in its joint."""
 
     index: int
-    """In a joint vector."""
+    """Index of the joint in a joint vector."""
     name: str
     servo_id: int
     scale: JointScale
@@ -51,17 +51,17 @@ class Joint:
     stopping: bool = False
     """The goals are being brought to rest, where they were going."""
     steps: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_STEPS))
-    """How the goals sent last went on, each (s, rad)."""
+    """Last steps of the sent goals, each (s, rad)."""
     faults: set[ArmFaultKind] = field(default_factory=set)
 
     @property
     def protocol(self) -> int:
-        """1 or 2."""
+        """DYNAMIXEL protocol of the servo, 1 (AX) or 2 (XM)."""
         return self.scale.model.protocol
 
     @property
     def label(self) -> str:
-        """For sentences."""
+        """Joint name and servo ID for messages, such as "left_shoulder (ID 1)"."""
         return f"{self.name} (ID {self.servo_id})"
 
     @property
@@ -81,12 +81,12 @@ class Joint:
         ) + Xm.PROFILE_VELOCITY.encoded(at_least_one(velocity_radps, Xm.PROFILE_VELOCITY))
 
     def hear(self, state: bytes, now_s: float) -> None:
-        """Take a state block that has just come."""
+        """Store a newly received state block and mark the servo as answering."""
         self.reading = self.scale.reading(state)
         self.heard_s, self.missed, self.missed_s, self.in_group = now_s, 0, math.inf, True
 
     def health_of(self, data: bytes, error: int) -> Health:
-        """From the block that carries it: XM's health, AX's state."""
+        """Return torque state and errors from XM's health block or AX's state block."""
         if self.protocol == 2:
             start = Xm.HEALTH.start
             return Health(bool(Xm.TORQUE_ENABLE.raw(data, start)), Xm.HARDWARE_ERROR.raw(data, start))
@@ -99,13 +99,13 @@ class Joint:
         )
 
     def begin_driving(self, goal_rad: float) -> None:
-        """From now on goals are sent, starting with the one that it has."""
+        """Start sending goals, beginning with the goal that the servo has."""
         self.driven = self.torque_on = True
         self.sent_rad = self.wanted_rad = goal_rad
         self.steps.clear()
 
     def order(self, goal_rad: float) -> None:
-        """Where to go from now on, kept inside the limits; one that is held beyond them is never moved further out.
+        """Set the goal, clamped to the limits; a joint held outside them is never moved further out.
 
         Nor is it moved in until a goal leads there: it would be the joint's first move, and nobody asked for it.
         """
@@ -122,7 +122,7 @@ class Joint:
         self.stopping = True
 
     def advance(self, dt_s: float) -> float:
-        """The goal to send `dt_s` after the last one, rad."""
+        """Return the next goal, rad, to send `dt_s` after the last one."""
         fastest = LIMITER_HEADROOM * self.limit.max_velocity_radps
         if self.stopping:
             fastest = min(fastest, braking_velocity(self.wanted_rad - self.sent_rad, self.limit.max_accel_radps2))
@@ -132,7 +132,7 @@ class Joint:
 
 
 def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:
-    """In the order of JOINT_NAMES."""
+    """Return the joints of this configuration in the order of JOINT_NAMES."""
     limits = config.model().limits
     return tuple(
         Joint(

@@ -1,17 +1,17 @@
-"""Goals that cannot jump. Pure."""
+"""Rate limiter for joint goals. Pure."""
 
 import math
 from collections.abc import Sequence
 
 
 def next_goal(sent_rad: float, wanted_rad: float, max_velocity_radps: float, dt_s: float) -> float:
-    """The goal to send now: from the one sent `dt_s` ago towards the wanted one, no faster than allowed."""
+    """Return the next goal, rad: the last one moved towards the wanted one, no faster than the limit."""
     step_rad = max_velocity_radps * max(dt_s, 0.0)
     return sent_rad + min(max(wanted_rad - sent_rad, -step_rad), step_rad)
 
 
 def goal_velocity(steps: Sequence[tuple[float, float]]) -> float:
-    """How fast goals move (rad/s) that lately went on by `steps`, each (s, rad), the newest last; 0 when they turned.
+    """Return the velocity, rad/s, of goals whose last `steps` were (s, rad), newest last; 0 after a reversal.
 
     Two clocks beat against each other, so that now and then a cycle finds no new goal and the next one finds two: one
     step says little. Of all steps and the last two the slower is taken, so that nobody stops farther on than need be.
@@ -28,10 +28,10 @@ def _mean_velocity(steps: Sequence[tuple[float, float]]) -> float:
 
 
 def stopping_point(goal_rad: float, velocity_radps: float, max_accel_radps2: float) -> float:
-    """Where a moving goal comes to rest when it brakes as hard as the joint may: v^2 / 2a further on."""
+    """Return the angle, rad, at which a moving goal stops with maximum deceleration, v^2 / 2a ahead."""
     return goal_rad + math.copysign(velocity_radps**2 / (2.0 * max_accel_radps2), velocity_radps)
 
 
 def braking_velocity(left_rad: float, max_accel_radps2: float) -> float:
-    """How fast (rad/s) a goal may still be that is to rest `left_rad` further on: v = sqrt(2 a s)."""
+    """Return the highest speed, rad/s, from which a goal stops within `left_rad`: v = sqrt(2 a s)."""
     return math.sqrt(2.0 * max_accel_radps2 * abs(left_rad))

@@ -1,4 +1,4 @@
-"""What the event loop hands to the worker's thread: goals in a slot, commands in a queue with somebody waiting."""
+"""Goals (one slot, latest wins) and queued commands from the event loop to the bus thread."""
 
 import asyncio
 import queue
@@ -11,7 +11,7 @@ from companion.core.interfaces import ArmError
 
 @dataclass(frozen=True)
 class Goals:
-    """What the slot holds; a new object is a new order."""
+    """Newest goals in the slot; each new object is a new order."""
 
     position_rad: tuple[float, ...] | None = None
     """By joint; None: come to rest."""
@@ -19,7 +19,7 @@ class Goals:
 
 @dataclass
 class Command:
-    """Something to be done between cycles."""
+    """Command that runs between bus cycles."""
 
     begin: Callable[[], Steps]
     done: "asyncio.Future[None]"
@@ -29,7 +29,7 @@ class Command:
 
 
 class Commands:
-    """One after the other, one step a cycle. `submit` is for the event loop, the rest for the worker's thread."""
+    """Queue of commands, run in order, one step a cycle. `submit` is for the event loop."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -37,13 +37,13 @@ class Commands:
         self._present: Command | None = None
 
     def submit(self, begin: Callable[[], Steps]) -> Command:
-        """Have something done."""
+        """Queue a command and return it; its `done` resolves when it has run."""
         command = Command(begin, self._loop.create_future())
         self._waiting.put(command)
         return command
 
     def step(self) -> None:
-        """The next step of the present command; what goes wrong is told to who waits, and raised if unexpected."""
+        """Run one step of the current command; errors go to the waiting caller, unexpected ones are raised, too."""
         command = self._present = self._present or self._next()
         if command is None:
             return
@@ -60,7 +60,7 @@ class Commands:
         self._present = None
 
     def drop_all(self) -> None:
-        """Tell all who wait that nothing will come."""
+        """Fail every queued command with an ArmError."""
         command = self._present or self._next()
         while command is not None:
             deliver(self._loop, command.done, ArmError("the arms' bus was closed before the command was done"))
@@ -83,7 +83,7 @@ def _goes_on(command: Command) -> bool:
 
 
 def deliver(loop: asyncio.AbstractEventLoop, future: "asyncio.Future[None]", error: ArmError | None = None) -> None:
-    """From the thread into the event loop, if anybody still waits there."""
+    """Resolve a future of the event loop from the bus thread, unless it is done or the loop closed."""
 
     def put() -> None:
         if future.done():

@@ -1,4 +1,4 @@
-"""What the servos keep at which address: the registers that this driver reads or writes. Pure.
+"""Control tables of the servos: the registers that this driver reads or writes. Pure.
 
 Sources, with the sections "Control Table of EEPROM Area" and "... of RAM Area" of each:
 - AX-12A, Protocol 1.0: https://emanual.robotis.com/docs/en/dxl/ax/ax-12a/
@@ -49,7 +49,7 @@ class Block:
 
     @property
     def length(self) -> int:
-        """In bytes."""
+        """Size of the register, bytes."""
         return self.end - self.start
 
 
@@ -58,7 +58,7 @@ MODEL_NUMBER = Block(0, 2)
 
 
 class Xm:
-    """XM430-W350 and XM430-W210."""
+    """Registers of XM430-W350 and XM430-W210 (protocol 2)."""
 
     MODEL_NUMBER = Register(0, 2)
     FIRMWARE = Register(6, 1)
@@ -109,7 +109,7 @@ class Xm:
 
 
 class Ax:
-    """AX-12A."""
+    """Registers of AX-12A (protocol 1)."""
 
     MODEL_NUMBER = Register(0, 2)
     FIRMWARE = Register(2, 1)
@@ -141,7 +141,7 @@ class Ax:
 
 @dataclass(frozen=True)
 class Model:
-    """What the driver must know of one kind of servo."""
+    """Properties of one servo model: protocol, registers, units and ranges."""
 
     name: str
     number: int

@@ -94,7 +94,7 @@ def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
 
 
 def _first_goal(bus_cycle: BusCycle, joint: Joint) -> int:
-    """In counts."""
+    """Return the first goal, counts: the goal that is held, or the present position."""
     assert joint.reading is not None
     register = joint.scale.model.goal
     block = Block(register.address, register.address + register.size)
@@ -107,7 +107,7 @@ def _first_goal(bus_cycle: BusCycle, joint: Joint) -> int:
 
 
 def _not_shown(bus_cycle: BusCycle, joint: Joint, on: bool) -> str | None:
-    """Whether the servo itself says what it was told."""
+    """Return an error text unless the servo reports the commanded torque state."""
     if not bus_cycle.insist(lambda: bus_cycle.read_health(joint)):
         return _SILENT
     if on and (joint.faults or not joint.torque_on):
@@ -132,7 +132,7 @@ def _switch_off(bus_cycle: BusCycle, joint: Joint) -> str | None:
 
 
 def _write(bus_cycle: BusCycle, joint: Joint, address: int, data: bytes) -> str | None:
-    """What went wrong, if anything; all our writes may be repeated.
+    """Write a register and return an error text, or None; every write may be repeated.
 
     Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
     """

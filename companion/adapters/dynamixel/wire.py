@@ -29,7 +29,7 @@ _FIRST = 8
 
 @dataclass(frozen=True)
 class Answer:
-    """A status packet."""
+    """Status packet of one servo: data and error byte."""
 
     data: bytes
     error: int
@@ -73,7 +73,7 @@ class Wire:
 
     @property
     def garbled(self) -> bool:
-        """Whether bytes came after the last instruction; that with no packet in them means that they collided."""
+        """True when bytes followed the last instruction; without a valid packet they were replies that collided."""
         return self.port.heard > 0
 
     def broadcast_ping(self) -> dict[int, int]:
@@ -162,7 +162,7 @@ class Wire:
 
 
 def fast_answers(params: bytes, length: int) -> dict[int, Answer]:
-    """What follows the instruction field of a Fast Sync Read's status packet: error, ID, data, CRC of each servo.
+    """Return error, ID, data and CRC of each servo, which follow the header of a Fast Sync Read's status packet.
 
     Empty when the lengths do not fit. https://emanual.robotis.com/docs/en/dxl/protocol2/#fast-sync-read-0x8a
     """

@@ -25,7 +25,7 @@ _MOST_DOUBT = 10
 
 @dataclass(frozen=True)
 class MocapCounts:
-    """What became of the frames so far."""
+    """Counts of frames received, used and dropped."""
 
     received: int = 0
     """Frames that were newer than all before them."""
@@ -78,7 +78,7 @@ class NewestFrame:
         return ""
 
     def is_overtaken(self, number: int, stamp_s: float) -> bool:
-        """Whether a newer frame, or the same, is here already; that is counted.
+        """Return True, and count the frame as late, when the same frame or a newer one was received before.
 
         The order is that of capture: some QTM versions number every live frame 1.
         """

@@ -1,4 +1,4 @@
-"""Why a broker's certificate is not accepted, and what to do about it."""
+"""Messages for rejected broker certificates, with the remedy."""
 
 import ssl
 import time

@@ -49,7 +49,7 @@ class UnansweredError(aiomqtt.MqttError):
 
 @dataclass(frozen=True)
 class Endpoint:
-    """How the broker is reached, and as whom."""
+    """Address, identity and TLS context of a broker connection."""
 
     host: str
     port: int
@@ -134,7 +134,7 @@ class Connection(aiomqtt.Client):
         self._connected.result()
 
     async def _wait_for(self, fut: Awaitable[_T], timeout: float | None) -> _T:  # noqa: ASYNC109 - aiomqtt's
-        """As aiomqtt does it, but ends when cancelled: wait_for forgets that when the answer comes at that moment."""
+        """Wait as aiomqtt does, and end when cancelled: wait_for loses a cancellation if the answer arrives then."""
         try:
             async with asyncio.timeout(self.timeout if timeout is None else timeout):
                 return await fut
@@ -149,7 +149,7 @@ class Connection(aiomqtt.Client):
         reason_code: ReasonCode,
         properties: Properties | None = None,
     ) -> None:
-        """As aiomqtt does it, and also before the broker has answered to CONNECT, which it would wait out."""
+        """Handle a disconnect as aiomqtt does, and also before CONNACK, for which it would wait until the timeout."""
         if not self._connected.done() and not self._disconnected.done():
             self._disconnected.set_result(None)
         super()._on_disconnect(client, userdata, flags, reason_code, properties)
@@ -167,7 +167,7 @@ class Connection(aiomqtt.Client):
         userdata: object,  # noqa: ARG002
         sock: PahoSocket,
     ) -> None:
-        """As aiomqtt does it a turn of the loop later, but not when the socket is closed by then, or all is written.
+        """Register the socket for writing in the next loop iteration, unless it is closed or has nothing to write.
 
         Its number would be nobody's, or the next one's that is opened; and nobody would end a watch begun too late.
         """
@@ -195,7 +195,7 @@ class Connection(aiomqtt.Client):
             await asyncio.wait([self._misc_task])
 
     def _encrypted(self, plain: socket.socket) -> ssl.SSLSocket:
-        """As paho does it, but what fails is closed."""
+        """Wrap the socket with TLS as paho does, and close it when the handshake fails."""
         assert self._tls is not None
         wire = self._tls.wrap_socket(plain, server_hostname=self._host, do_handshake_on_connect=False)
         try:
@@ -207,7 +207,7 @@ class Connection(aiomqtt.Client):
         return wire
 
     def _receive_bounded(self, size: int) -> bytes:
-        """What paho reads with; `size` is what is missing of a packet, as its head says."""
+        """Read up to `size` bytes, those missing of the current packet; ConnectionError when that is too large."""
         message = self._client._in_packet["command"] & 0xF0 == paho.PUBLISH
         if size > (MAX_PACKET_BYTES if message else _MAX_OTHER_BYTES):
             raise ConnectionError(f"a packet of {size} bytes")
@@ -220,14 +220,14 @@ class Connection(aiomqtt.Client):
 
 
 def knows_no_mqtt5(error: BaseException) -> bool:
-    """Whether the broker says so."""
+    """Return True when the broker rejects the connection because it does not support MQTT 5."""
     if not isinstance(error, MqttConnectError):
         return False
     return isinstance(error.rc, ReasonCode) and error.rc.getName() == "Unsupported protocol version"
 
 
 def _bounds() -> Properties:
-    """What a broker of MQTT 5 shall not send at all."""
+    """Return CONNECT properties that limit the size of packets that the broker sends."""
     bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
     bounds.MaximumPacketSize = MAX_PACKET_BYTES
     return bounds

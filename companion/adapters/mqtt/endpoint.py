@@ -1,4 +1,4 @@
-"""How a broker is reached, from its table of the configuration."""
+"""Broker endpoint from a table of the configuration."""
 
 import secrets
 import ssl
@@ -11,7 +11,7 @@ from companion.core.errors import ConfigError
 
 
 def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
-    """ConfigError when password or certificate cannot be read."""
+    """Return the endpoint with a random client identifier; ConfigError when password or certificate cannot be read."""
     tls = None
     if config.tls:
         try:

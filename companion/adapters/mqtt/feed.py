@@ -1,4 +1,4 @@
-"""A connection for a stream of which only the newest counts: messages are handed on as they are read."""
+"""Connection for a stream of which only the newest message counts: messages are passed on as they are read."""
 
 import asyncio
 from collections.abc import Callable
@@ -47,7 +47,7 @@ class Feed(Connection):
         self._hand_on(message)
 
     def _on_socket_open(self, client: paho.Client, userdata: object, sock: PahoSocket) -> None:
-        """As aiomqtt does it, but reads all that is there, and not one message a turn of the loop."""
+        """Register the socket for reading; one callback reads all pending messages, not one per loop iteration."""
         super()._on_socket_open(client, userdata, sock)
 
         def watch() -> None:
@@ -68,6 +68,6 @@ class Feed(Connection):
                 self._disconnected.set_exception(error)
 
     def _pending(self) -> bool:
-        """Whether TLS has decrypted more than was read: the socket would not show it."""
+        """Return True when TLS has decrypted more than was read, which the socket does not show."""
         pending = getattr(self._client.socket(), "pending", None)
         return pending is not None and pending() > 0

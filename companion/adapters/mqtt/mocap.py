@@ -1,4 +1,4 @@
-"""Motion capture by way of the room's workstation and the broker: `companion mocap-bridge` is the other end."""
+"""Motion capture over MQTT: receives the poses that `companion mocap-bridge` publishes."""
 
 import asyncio
 import logging
@@ -69,15 +69,15 @@ class MqttMocap(NewestFrame):
 
     @property
     def listens(self) -> bool:
-        """Whether the broker would hand on to us what the bridge says now."""
+        """True while the broker connection is up, so that the bridge's messages would arrive."""
         return self._broker_link.there
 
     async def keep(self) -> None:
-        """Listen, again and again, until cancelled."""
+        """Keep the connection up, reconnecting until cancelled."""
         await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
-        """One connection, until it breaks; raises whatever broke it."""
+        """Run one connection until it breaks; raises what broke it."""
         async with Feed(self._endpoint, version, self.on_message) as feed:
             await feed.follow(self._bridge_topic)
             await feed.follow(self._pose_topic)
@@ -89,7 +89,7 @@ class MqttMocap(NewestFrame):
                     await feed.follow(self._pose_topic)
 
     def on_message(self, message: paho.MQTTMessage) -> None:
-        """Take what has just arrived; nothing is raised for what it holds."""
+        """Handle one message; invalid content raises nothing."""
         received_s = self._clock.now_s()
         try:
             topic = message.topic
@@ -176,6 +176,6 @@ class MqttMocap(NewestFrame):
 
 
 def _first_mistake(error: ValidationError) -> str:
-    """Nothing of what was sent, which may be anything."""
+    """Return the first validation error without the sent content, which may be anything."""
     detail = error.errors(include_url=False, include_input=False)[0]
     return f"{'.'.join(str(part) for part in detail['loc'])[:60]}: {plain(detail)[:100]}"

@@ -1,4 +1,4 @@
-"""The bridge's end: every pose to the broker at once, and of those that it does not take only the newest."""
+"""Bridge's sender: publishes every pose at once, and while the broker is slow only the newest."""
 
 import asyncio
 import itertools
@@ -35,7 +35,7 @@ _LISTEN_S = 1.2
 
 @asynccontextmanager
 async def open_mocap_out(broker: OperatorConfig) -> AsyncIterator["MocapOut"]:
-    """Connects in the background, again and again. ConfigError when password or certificate cannot be read."""
+    """Connect and reconnect in the background. ConfigError when password or certificate cannot be read."""
     out = MocapOut(broker)
     keeping = asyncio.create_task(out.keep(), name="companion.mocap_out")
     try:
@@ -46,7 +46,7 @@ async def open_mocap_out(broker: OperatorConfig) -> AsyncIterator["MocapOut"]:
 
 
 class MocapOut:
-    """Made by `open_mocap_out`. To be used on its event loop only."""
+    """Sender of the bridge's poses, made by `open_mocap_out`; for its event loop only."""
 
     def __init__(self, broker: OperatorConfig) -> None:
         self._where, self._topics = f"{broker.host}:{broker.port}", broker.topics
@@ -68,20 +68,20 @@ class MocapOut:
 
     @property
     def why(self) -> str:
-        """Why nothing is sent; empty while it is."""
+        """Reason why no poses are sent; empty while they are."""
         if self._broker_link.there:
             return "" if self._alone else "listens whether another bridge is at work"
         return f"no broker at {self._where}" + (f": {self._broker_link.why}" if self._broker_link.why else "")
 
     def show(self, pose: MocapPose) -> None:
-        """Send it now if that can be, or as soon as it can be and there is nothing newer. Never waits."""
+        """Send the pose now, or as soon as possible unless a newer one replaces it. Never waits."""
         if self._newest is not None and self._alone:  # before that none was to be sent
             self.passed_over += 1
         self._newest = pose
         self._shown.set()
 
     def say_trouble(self, why: str) -> None:
-        """For everyone who asks why there are no frames; empty when there are."""
+        """Publish the reason why there are no frames with the presence; empty when there are frames."""
         self._presence = self._presence.model_copy(update={"trouble": why[:1000]})
 
     async def keep(self) -> None:
@@ -101,7 +101,7 @@ class MocapOut:
                 group.create_task(self._say_newest(feed), name="companion.mocap_out.poses")
 
     async def _beat(self, feed: Feed) -> None:
-        """Say that we are here, and have the broker prove that it is."""
+        """Publish the presence periodically; the broker's acknowledgement proves that it is alive."""
         for beat in itertools.count():
             if beat == _ECHO_BEATS and not self._echoed:
                 LOG.warning(
@@ -130,7 +130,7 @@ class MocapOut:
                 self.sent += 1
 
     def _on_message(self, message: paho.MQTTMessage) -> None:
-        """Another bridge's word counts only while it is said: the retained one may be of a bridge that was."""
+        """Handle presence messages; a retained one is ignored, as its bridge may have ended."""
         if message.retain:
             return
         try:

@@ -1,4 +1,4 @@
-"""What waits to be said over a broker that may be gone."""
+"""Queue of messages to publish while the broker may be unreachable."""
 
 import asyncio
 import logging
@@ -11,7 +11,7 @@ from paho.mqtt.properties import Properties
 LOG = logging.getLogger(__name__)
 
 _TRIES = 3
-"""What breaks the connection every time is not to keep everything else from being said."""
+"""Attempts for one message: one that breaks every connection must not block the others."""
 
 
 @dataclass
@@ -24,7 +24,7 @@ class OutboxMessage:
     tries: int = 0
 
     def properties(self) -> Properties:
-        """For MQTT 5."""
+        """Return the PUBLISH properties for MQTT 5."""
         said = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
         if self.correlation is not None:
             said.CorrelationData = self.correlation
@@ -44,7 +44,7 @@ class Outbox:
         return len(self._letters)
 
     def put(self, letter: OutboxMessage) -> None:
-        """To be said when its turn comes."""
+        """Append a message; the oldest is dropped when the queue is full."""
         if len(self._letters) >= self._most:
             self._letters.popleft()
         self._letters.append(letter)
@@ -60,7 +60,7 @@ class Outbox:
         return self._letters.popleft()
 
     def said(self) -> None:
-        """What was taken out is where it should be."""
+        """Return once every message that was taken out has been published."""
         self._open -= 1
         if not self._letters and not self._open:
             self._all_said.set()

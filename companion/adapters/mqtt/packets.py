@@ -1,4 +1,4 @@
-"""What of MQTT 5's packets would keep paho busy for too long: its time grows as the square of their properties."""
+"""Limit on MQTT 5 properties: paho's parsing time grows with the square of their number."""
 
 from paho.mqtt.properties import VariableByteIntegers
 

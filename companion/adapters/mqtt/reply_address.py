@@ -1,4 +1,4 @@
-"""Where the answers to one command go."""
+"""Address to which the replies to one command are published."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -10,12 +10,12 @@ from companion.protocol.telemetry import Happened, Kind, Reply
 from companion.protocol.topics import Topics
 
 _MAX_CORRELATION_BYTES = 256
-"""More is no number of anybody's, and would come back with every reply."""
+"""Longest correlation data that is sent back with replies."""
 
 
 @dataclass(frozen=True)
 class ReplyAddress:
-    """To one client's reply topic, or, when nobody is named, to everyone as an event."""
+    """Reply topic of one client; the event topic when the command names no client."""
 
     topics: Topics
     topic: str
@@ -23,7 +23,7 @@ class ReplyAddress:
 
     @classmethod
     def of(cls, message: aiomqtt.Message, topics: Topics) -> Self:
-        """As MQTT 5's properties say; a response topic that is no reply topic of this vehicle is not used."""
+        """Return the address in MQTT 5's properties; only a reply topic of this vehicle is accepted."""
         topic = getattr(message.properties, "ResponseTopic", None)
         correlation = getattr(message.properties, "CorrelationData", None)
         usable = isinstance(correlation, bytes) and len(correlation) <= _MAX_CORRELATION_BYTES
@@ -31,13 +31,13 @@ class ReplyAddress:
         return cls(topics, goal, correlation if usable else None)
 
     def named(self, client: str | None) -> Self:
-        """With `reply_to` of the command, which counts where no response topic does."""
+        """Return the address with the command's `reply_to`, used when there is no response topic."""
         if client is None or self.topic != self.topics.event:
             return self
         return replace(self, topic=self.topics.reply(client))
 
     def message(self, reply: Reply) -> BaseModel:
-        """The reply, or an event of it."""
+        """Return the reply itself, or an event of it when it goes to the event topic."""
         if self.topic != self.topics.event:
             return reply
         return Happened(time_s=reply.time_s, kind=Kind.REPLY, text=reply.text, name=reply.answer, id=reply.id)

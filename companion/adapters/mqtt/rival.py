@@ -15,7 +15,7 @@ _GONE_S = 3.0
 
 
 class Rival:
-    """What is heard of it on the status topic."""
+    """Detector of a second service with the same vehicle name, by its presence on the status topic."""
 
     def __init__(self, own: Presence, topic: str, where: str, clock: Clock) -> None:
         """`topic` is the status topic, `where` the broker, for a sentence."""
@@ -45,7 +45,7 @@ class Rival:
 
     @property
     def sentence(self) -> str:
-        """What is wrong and what to do; empty when no other is heard."""
+        """Return an error with its remedy; empty when no other service is seen."""
         other = self._presence
         if other is None or self._clock.now_s() - self._heard_s > _GONE_S:
             return ""

@@ -1,4 +1,4 @@
-"""Who of those that send to our port is the autopilot: the first heard, for as long as it is heard. Pure."""
+"""Choice of the sender that is the autopilot: the first heard, for as long as it is heard. Pure."""
 
 import math
 import struct
@@ -23,7 +23,7 @@ _FORGOTTEN_S = 5.0
 
 @dataclass(frozen=True)
 class Sender:
-    """What the head of one MAVLink frame says of its sender."""
+    """Sender fields of one MAVLink frame's header."""
 
     system: int
     component: int
@@ -32,7 +32,7 @@ class Sender:
 
 
 def sender_of(datagram: bytes) -> Sender | None:
-    """Return who says to have sent the first frame of a datagram; None when it is no MAVLink."""
+    """Return the sender of a datagram's first frame; None when it is not MAVLink."""
     header = {_V1: _V1_HEADER, _V2: _V2_HEADER}.get(datagram[0] if datagram else 0)
     if header is None or len(datagram) <= header:
         return None
@@ -55,7 +55,7 @@ class Admission:
         self._strangers: dict[Endpoint, tuple[float, int, str]] = {}
 
     def hear(self, endpoint: Endpoint, datagram: bytes, now_s: float, heard_s: float) -> bool:
-        """Take what somebody else sent; True when this is the sender to listen to from now on.
+        """Process a datagram of another sender; True when this sender is to be accepted from now on.
 
         `heard_s` is when the accepted one was heard last, -inf before.
         """

@@ -47,7 +47,7 @@ _LANDED_RATE_HZ = 5.0
 
 
 class Px4:
-    """ports.Autopilot over MAVSDK."""
+    """Autopilot interface to PX4 over MAVSDK."""
 
     def __init__(self, system: Any, config: Px4Config, clock: Clock, own_ids: tuple[int, int]) -> None:
         """`own_ids` are our system and component in MAVLink."""
@@ -64,7 +64,7 @@ class Px4:
         self.strangers: tuple[str, ...] = ()
         """Other autopilots on the link, each in a few words."""
         self.warnings: tuple[str, ...] = ()
-        """What the operator should know of this autopilot's link."""
+        """Warnings about the link for the operator."""
 
     async def ask_for_messages(self) -> None:
         """Ask for the message that shows a change of mode within 50 ms; a warning when PX4 does not grant it.
@@ -78,13 +78,13 @@ class Px4:
             )
 
     async def close(self) -> None:
-        """Ask for nothing any more."""
+        """Cancel all pending message requests."""
         for task in self._asking:
             task.cancel()
         await asyncio.gather(*self._asking, return_exceptions=True)
 
     def _ask_again(self) -> None:
-        """After a reboot of the autopilot; called on MAVSDK's thread."""
+        """Request the messages again after a reboot; called on MAVSDK's thread."""
         self._loop.call_soon_threadsafe(lambda: self._begin(self._ask_for_both()))
 
     async def _ask_for_both(self) -> bool:
@@ -109,16 +109,16 @@ class Px4:
         task.add_done_callback(self._asking.discard)
 
     def status(self) -> AutopilotStatus:
-        """The last known state; never waits."""
+        """Return the last known state; never waits."""
         status = self._telemetry.status
         return replace(status, strangers=self.strangers) if self.strangers else status
 
     def local(self) -> LocalEstimate:
-        """Where the autopilot itself believes to be; never waits."""
+        """Return PX4's own local position estimate; never waits."""
         return self._telemetry.local
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
-        """Values of PX4's parameters; those it does not know, or does not answer for, are absent."""
+        """Return values of PX4's parameters; unknown or unanswered ones are absent."""
         return await self._mavlink.params(names)
 
     def send_setpoint(self, setpoint: AttitudeThrust) -> None:
@@ -191,7 +191,7 @@ class Px4:
         await self._shown("leaving OFFBOARD", since_s, lambda: self._telemetry.mode_since(since_s) not in still)
 
     async def kill(self) -> None:
-        """Stop the motors at once, also in the air: told again and again until the HEARTBEAT shows it."""
+        """Stop the motors at once, also in the air; repeated until the HEARTBEAT shows it."""
         since_s = self._clock.now_s()
         while self._telemetry.armed_since(since_s) is not False:
             self._mavlink.kill()

@@ -52,13 +52,13 @@ _AUTO_MODES = {
 
 
 def flight_mode(custom_mode: int) -> FlightMode:
-    """PX4's custom_mode (px4_custom_mode.h: main mode in byte 2, mode within AUTO in byte 3)."""
+    """Return the flight mode of a custom_mode (px4_custom_mode.h: main mode in byte 2, AUTO's sub mode in byte 3)."""
     main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
     return (_AUTO_MODES.get(sub) if main == _AUTO else _MODES.get(main)) or FlightMode.OTHER
 
 
 class Px4Mavlink:
-    """Requests and subscriptions by message. Callbacks run on MAVSDK's thread, in the order of arrival."""
+    """MAVLink requests and subscriptions. Callbacks run on MAVSDK's thread, in the order of arrival."""
 
     def __init__(self, system: Any) -> None:
         self._plugin = MavlinkDirect(system)
@@ -68,7 +68,7 @@ class Px4Mavlink:
         self.on("PARAM_VALUE", self._on_param)
 
     def on(self, name: str, take: Callable[[dict[str, Any]], None]) -> None:
-        """Have `take` called with the fields of every such message of the autopilot; floats that are NaN are None."""
+        """Call `take` with the fields of every such message of the autopilot; NaN floats are None."""
 
         def heard(message: MavlinkMessage, _: Any) -> None:
             self._threads.keep()
@@ -83,7 +83,7 @@ class Px4Mavlink:
         self._plugin.subscribe_message(name, heard)
 
     def on_heartbeat(self, take: Callable[[bool, FlightMode], None]) -> None:
-        """Have `take` called with armed state and mode of every HEARTBEAT."""
+        """Call `take` with armed state and mode of every HEARTBEAT."""
 
         def heard(fields: dict[str, Any]) -> None:
             if fields["autopilot"] == _PX4:
@@ -92,7 +92,7 @@ class Px4Mavlink:
         self.on("HEARTBEAT", heard)
 
     def on_current_mode(self, take: Callable[[FlightMode, bool], None]) -> None:
-        """Have `take` called with the mode PX4 is really in, and whether a failsafe has chosen it.
+        """Call `take` with PX4's actual mode, and True when a failsafe has chosen it.
 
         An intended mode of 0 is none.
         """
@@ -114,7 +114,7 @@ class Px4Mavlink:
         self._send(self._message("COMMAND_LONG", command=command, confirmation=confirmation, **named))
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
-        """Values of PX4's parameters; those it does not know are absent (PX4 does not answer), after a second.
+        """Return values of PX4's parameters; unknown ones are absent (PX4 does not answer), after a second.
 
         NaN for an integer from -8388607 to -1: PX4 sends integers byte by byte in a float, and these look like NaN.
         """

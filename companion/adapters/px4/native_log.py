@@ -1,4 +1,4 @@
-"""What MAVSDK's native library says, into our log: harmless to a terminal, and not more than a log can bear."""
+"""MAVSDK's native log redirected to ours: made safe for a terminal and rate-limited."""
 
 import contextlib
 import ctypes

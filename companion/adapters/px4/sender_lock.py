@@ -1,4 +1,4 @@
-"""Lets MAVSDK hear the autopilot alone, where its link is a port to which anybody may send."""
+"""Sender lock: limits MAVSDK to the autopilot's datagrams on a port to which anybody may send."""
 
 import logging
 import math
@@ -14,15 +14,15 @@ _LISTENS = ("udpin://", "udp://:", "udp://0.0.0.0:")
 
 
 class SenderLock:
-    """Chooses the sender, and names the others. Links with one end (serial, TCP, udpout) need none."""
+    """Sender choice on an open UDP port; links with one peer (serial, TCP, udpout) need none."""
 
     def __init__(self, config: Px4Config, clock: Clock) -> None:
-        """Stand at the port that MAVSDK has opened."""
+        """Attach the filter to the port that MAVSDK has opened."""
         self._clock, self._admission = clock, Admission(config.system_id)
         self.heard_s = -math.inf
         """When the autopilot was heard last, on our clock."""
         self.warning = ""
-        """Why everybody is listened to; empty when nobody else is."""
+        """Reason why frames of every sender are accepted; empty while the filter works."""
         self._filter: SenderFilter | None = None
         if config.url.startswith(_LISTENS):
             host, _, port = config.url.partition("://")[2].rpartition(":")
@@ -34,7 +34,7 @@ class SenderLock:
                 )
 
     def look(self) -> None:
-        """Take what others sent, and listen to the autopilot where it is heard now."""
+        """Process other senders' datagrams, and accept the autopilot's present sender."""
         if self._filter is None:
             return
         now_s, before = self._clock.now_s(), self._admission.accepted
@@ -52,6 +52,6 @@ class SenderLock:
         return found
 
     def close(self) -> None:
-        """Leave the port."""
+        """Close the filter and its socket."""
         if self._filter is not None:
             self._filter.close()

@@ -1,4 +1,4 @@
-"""What PX4 says of itself, as it arrives: status, texts, and where its own estimator believes to be.
+"""Telemetry from PX4: status, texts, and its local position estimate.
 
 Messages arrive on MAVSDK's one thread for callbacks, in order, and replace frozen values that any thread may read. They
 are taken by message and not by MAVSDK's Telemetry: that takes the newest battery's state for the battery's, fails on a
@@ -64,12 +64,12 @@ class LocalEstimate:
 
     @property
     def vision_fused(self) -> bool:
-        """Whether the estimate comes from measurements of its position; indoors that is vision."""
+        """True when EKF2 fuses position measurements; indoors these are vision."""
         return self.flags & _FROM_VISION == _FROM_VISION
 
 
 class Px4Telemetry:
-    """The newest of everything."""
+    """Newest status, texts and local position received from PX4."""
 
     def __init__(
         self, system: Any, mavlink: Px4Mavlink, clock: Clock, battery_id: int | None, rebooted: Callable[[], None]
@@ -101,11 +101,11 @@ class Px4Telemetry:
         self._subscribe()
 
     def mode_since(self, since_s: float) -> FlightMode | None:
-        """The mode, if a message showed it after `since_s` on our clock."""
+        """Return the mode if a message after `since_s` on our clock showed it, else None."""
         return self.status.mode if self._mode_s > since_s else None
 
     def armed_since(self, since_s: float) -> bool | None:
-        """Whether armed, if a HEARTBEAT showed it after `since_s` on our clock."""
+        """Return the armed state if a HEARTBEAT after `since_s` on our clock showed it, else None."""
         return self.status.armed if self.status.heartbeat_s > since_s else None
 
     def texts_since(self, time_s: float) -> list[str]:
@@ -170,7 +170,7 @@ class Px4Telemetry:
         self._keep_texts(whole)
 
     def _give_up_pieces(self) -> None:
-        """Take a long text as it is whose last piece was lost."""
+        """Accept a long text whose last piece was lost."""
         if self._pieces.text and self._clock.now_s() - self._pieces_s > _LAST_PIECE_S:
             pieces, self._pieces = self._pieces, TextPieces()
             self._keep_texts((pieces.text,))

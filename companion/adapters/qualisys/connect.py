@@ -1,4 +1,4 @@
-"""From an address to a running stream, and to another one whenever it is lost."""
+"""Connection to QTM: a running stream from an address, and a new one whenever it is lost."""
 
 import asyncio
 import logging
@@ -49,7 +49,7 @@ async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[Qual
 async def _streaming(
     config: MocapConfig, source: QualisysSource, on_failure: Callable[[str], None]
 ) -> AsyncIterator[Link]:
-    """A connection on which frames have been asked for; `on_failure` is told what ends it."""
+    """Open a connection and request frames; `on_failure` gets the reason when it ends."""
     link = await connect(config)
     datagrams: asyncio.DatagramTransport | None = None
     current: asyncio.Task[None] | None = None
@@ -74,7 +74,7 @@ async def _streaming(
 
 
 async def _keep_streaming(config: MocapConfig, source: QualisysSource, link: Link, connection: AsyncExitStack) -> None:
-    """Whenever the link is lost, have another one in its place in `connection`; until cancelled."""
+    """Reconnect whenever the link is lost and replace it in `connection`; until cancelled."""
     while True:
         await end_when_silent(link, source)
         await asyncio.wait([link.closed])
@@ -86,7 +86,7 @@ async def _keep_streaming(config: MocapConfig, source: QualisysSource, link: Lin
 
 
 async def _found_again(config: MocapConfig, source: QualisysSource, connection: AsyncExitStack) -> Link:
-    """Try until there is a stream; what a QTM that answers has against us is told once."""
+    """Retry until there is a stream; log each objection of a QTM that answers once."""
     told = ""
     while True:
         await connection.aclose()
@@ -112,7 +112,7 @@ async def _open_datagrams(link: Link, source: QualisysSource, config: MocapConfi
 
 
 def _bound_socket(host: str, port: int) -> socket.socket:
-    """A UDP socket, bound here and not by the event loop: uvloop leaks one whose port is taken."""
+    """Return a UDP socket bound here, not by the event loop: uvloop leaks one whose port is taken."""
     receiver = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
     receiver.setblocking(False)
     try:

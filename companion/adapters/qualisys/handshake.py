@@ -1,4 +1,4 @@
-"""From an address to a conversation: the TCP connection, the protocol's version, the list of rigid bodies."""
+"""Handshake with QTM: TCP connection, protocol version, list of rigid bodies."""
 
 import asyncio
 import logging
@@ -20,11 +20,11 @@ _TELLS_ENABLED, _TELLS_RELATIVE = 24, 21
 
 
 class UnreachableError(MocapError):
-    """Nothing answers at QTM's address."""
+    """Error: nothing answers at QTM's address."""
 
 
 def where(config: MocapConfig) -> str:
-    """Return QTM's address as sentences have it."""
+    """Return QTM's address as "host:port"."""
     return f"{config.host}:{config.port}"
 
 

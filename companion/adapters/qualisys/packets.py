@@ -1,4 +1,4 @@
-"""What bytes from QTM must look like before anything is done with them; pure.
+"""Checks on packets from QTM before the SDK parses them; pure.
 
 The SDK trusts sizes and counts: a size of zero or a count of four billion keeps it busy for ever.
 """
@@ -21,7 +21,7 @@ MAX_PACKET_BYTES: Mapping[int, int] = MappingProxyType(
 )
 """By type. A rigid body needs 52 bytes of a frame, and some kilobytes of the settings."""
 _MAX_UNKNOWN_BYTES = 64_000
-"""Of types that nobody asked for."""
+"""Limit for packets of other types."""
 MAX_TALK = 500
 """Packets in one read that are no frames: events and answers are few, and each is logged while the loop waits."""
 MAX_COMPONENTS = 32

@@ -31,7 +31,7 @@ class QualisysSource(NewestFrame):
         self.list_wanted = asyncio.Event()
         """Set while QTM's list of bodies is to be read before another frame is believed."""
         self.doubts = 0
-        """How often that was so."""
+        """Number of times the list was marked as outdated."""
         self.on_frame: Callable[[], None] | None = None
         """Called once, with the next frame that is believed."""
         self._body = body
@@ -43,7 +43,7 @@ class QualisysSource(NewestFrame):
 
     @property
     def trouble(self) -> str:
-        """Why no frame is believed, as the end of a sentence that begins with 'QTM at ...'; empty while frames are."""
+        """Reason why no frame is used, to follow 'QTM at ...'; empty while frames are used."""
         return self._objection or self._misfit
 
     def why_silent(self) -> str:
@@ -92,7 +92,7 @@ class QualisysSource(NewestFrame):
         self.stray = host
 
     def _is_of_the_list(self, count: int) -> bool:
-        """Whether a frame of `count` bodies was made with the list of bodies as it was read."""
+        """Return True when a frame of `count` bodies matches the list of bodies as last read."""
         if self.list_wanted.is_set() or self._objection:
             return False
         if self._in_frame is None:

@@ -1,4 +1,4 @@
-"""What runs beside a stream: QTM's list of bodies is kept current, and a stream that has fallen silent is ended."""
+"""Watch tasks of a stream: keep QTM's list of bodies current, and end a stream that has fallen silent."""
 
 import asyncio
 import logging
@@ -14,11 +14,11 @@ from companion.adapters.qualisys.source import QualisysSource
 LOG = logging.getLogger(__name__)
 
 EVERY_S = 1.0
-"""The list of bodies is read so often anyway: QTM promises no event for a change that keeps their number."""
+"""Period at which the list is read in any case: QTM sends no event for a change that keeps the number of bodies."""
 _FIRST_PAUSE_S = 0.02
 """Between two readings while the list does not fit the frames, doubled every time up to EVERY_S."""
 SILENT_S = 3.0
-"""A stream without a frame for so long is ended, and asked for anew."""
+"""Silence after which a stream is ended and reopened."""
 _GLANCE_S = 0.1
 
 
@@ -48,7 +48,7 @@ async def keep_bodies_current(link: Link, source: QualisysSource, answer_s: floa
 
 
 async def _wanted(source: QualisysSource) -> bool:
-    """Wait until the list is wanted; False when it is just time again."""
+    """Wait until the list is requested and return True; False when the period has elapsed."""
     try:
         async with asyncio.timeout(EVERY_S):
             await source.list_wanted.wait()

@@ -4,7 +4,7 @@ import time
 
 
 class MonotonicClock:
-    """`ports.Clock` on time.monotonic."""
+    """Clock interface on time.monotonic, s."""
 
     def now_s(self) -> float:
         """Seconds since some instant before this process; never goes back."""

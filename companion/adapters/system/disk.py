@@ -1,4 +1,4 @@
-"""How much room is left where records go, asked on a thread: a network disk that is gone does not answer, ever."""
+"""Free disk space for records, asked on a thread: a network disk that is gone never answers."""
 
 import logging
 import math
@@ -57,7 +57,7 @@ class DiskWatch:
 
 
 def _free_mb(folder: Path) -> float:
-    """Of the disk that holds the folder, or will when it is made."""
+    """Return the free space, MB, of the disk that holds the folder, or will when it is created."""
     there = folder.absolute()
     while not there.exists():
         there = there.parent

@@ -62,7 +62,7 @@ def _held(what: str) -> Iterator[str | None]:
 
 
 def _link(url: str) -> str:
-    """What two URLs of one link have in common."""
+    """Return the device or port of a URL, equal for all URLs of one link."""
     scheme, _, rest = url.partition("://")
     if scheme == "serial":
         return "serial " + os.path.realpath(rest.rpartition(":")[0] if ":" in rest else rest)
@@ -72,7 +72,7 @@ def _link(url: str) -> str:
 
 
 def _holder(name: str) -> str:
-    """Who holds the lock, for a sentence; empty when the kernel does not tell."""
+    """Return the process that holds the lock as " (process N)"; empty when the kernel does not tell."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as question:
         question.setblocking(False)
         try:

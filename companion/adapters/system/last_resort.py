@@ -42,7 +42,7 @@ class LastResort:
         self._thread.start()
 
     def told_to_end(self) -> None:
-        """From now on the process has 20 s on the ground to end in order."""
+        """Start the deadline: on the ground the process has 20 s to end in order."""
         if self._told_s is None:
             self._told_s = self._clock_s()
 

@@ -1,4 +1,4 @@
-"""What native libraries and the interpreter write past the log, taken into it while the service runs."""
+"""Capture of output that native libraries and the interpreter write past the log while the service runs."""
 
 import contextlib
 import logging

@@ -1,4 +1,4 @@
-"""What keeps other programs and page faults from holding the control loop up, and helpers from holding it up."""
+"""Real-time settings that keep other programs, page faults and helper threads from delaying the control loop."""
 
 import ctypes
 import logging

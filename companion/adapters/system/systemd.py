@@ -1,4 +1,4 @@
-"""What systemd wants to hear from a service (sd_notify), and a log as its journal reads it (sd-daemon).
+"""Notifications to systemd (sd_notify), and log lines in its journal's format (sd-daemon).
 
 Both protocols are a few bytes, so that no library is needed: sd_notify(3), systemd.exec(5), sd-daemon(3).
 """
@@ -42,7 +42,7 @@ class Notifier:
 
     @classmethod
     def from_environment(cls, environment: MutableMapping[str, str] = os.environ) -> "Notifier":
-        """As systemd says in NOTIFY_SOCKET and WATCHDOG_USEC, which are taken out: they are not for our children."""
+        """Return the notifier from NOTIFY_SOCKET and WATCHDOG_USEC, and remove them: children must not inherit them."""
         address = environment.pop("NOTIFY_SOCKET", None)
         period_us, process = environment.pop("WATCHDOG_USEC", ""), environment.pop("WATCHDOG_PID", "")
         watched = period_us.isdecimal() and int(period_us) > 0 and process in {"", str(os.getpid())}
@@ -73,7 +73,7 @@ class Notifier:
             self._due_s = now_s + self.period_s / _BEATS
 
     def _say(self, message: str) -> bool:
-        """Whether it was taken. A full or closed socket is not waited for; what must not be lost goes with the next."""
+        """Send without blocking, True when it was sent; a message that must not be lost is repeated with the next."""
         if self._address is None:
             return False
         try:
@@ -141,7 +141,7 @@ class QuietHandler(logging.Handler):
         self._writer.start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Never waits."""
+        """Queue the record for the writer thread without blocking; count repetitions of the last message."""
         try:
             said = (record.name, record.levelno, record.getMessage())
             if said == self._last and record.created - self._last_s < _AGAIN_S:
@@ -186,7 +186,7 @@ class QuietHandler(logging.Handler):
 
 
 def to_journal(stream: TextIO) -> bool:
-    """Whether what is written to `stream` lands in systemd's journal: JOURNAL_STREAM names its device and inode."""
+    """Return True when `stream` is connected to systemd's journal: JOURNAL_STREAM names its device and inode."""
     try:
         seen = os.fstat(stream.fileno())
     except (OSError, ValueError):
