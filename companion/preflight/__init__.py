@@ -1,1 +1,1 @@
-"""What is checked before a vehicle may arm: pure functions from plain facts to `Check`s."""
+"""Checks before a vehicle may arm: pure functions from plain facts to `Check`s."""

@@ -1,4 +1,4 @@
-"""When the vehicle was last carried by hand, in a small JSON file of the vehicle's state folder."""
+"""Time of the last hand test, in a small JSON file of the vehicle's state folder."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Looks on: reads all devices and estimates as in flight, and has no way to command anything.
+"""Observation of a vehicle: reads all devices and estimates as in flight, and cannot command anything.
 
 At most it forwards poses to the autopilot's estimator, as a service does while the vehicle stands.
 """
@@ -48,7 +48,7 @@ class DevicesMissingError(CompanionError):
 
 
 class LiveObserver:
-    """One cycle for every frame; `each` is called with its time and the arrival of its frame, NaN without one."""
+    """Observer that runs one cycle per frame; `each` gets its time and the frame's arrival, NaN without one."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class LiveObserver:
         self.each: Callable[[float, float], None] | None = None
 
     async def run(self) -> None:
-        """Until cancelled; raises what motion capture raises when its connection is lost."""
+        """Run until cancelled; raises the error of motion capture when its connection is lost."""
         while True:
             fresh = await self._mocap.wait_frame(_DEADLINE_S)
             now_s = self._clock.now_s()
@@ -91,7 +91,7 @@ class LiveObserver:
 async def open_onlooker(
     config: CompanionConfig, records: Path, forward_vision: bool, tell: Tell = lambda _: None
 ) -> AsyncIterator[tuple[Running, LiveObserver]]:
-    """Devices connected and read; `records` is the folder whose disk is watched.
+    """Connect and read all devices; `records` is the folder whose disk is checked.
 
     Raises DevicesMissingError, after all were tried, when a device cannot be reached, AutopilotError when a service has
     the autopilot, and MocapError when motion capture fails later. Servos that are missing or at fault show in
@@ -138,7 +138,7 @@ async def _opened_arms(opening: DeviceOpening, config: CompanionConfig, clock: C
 
 @asynccontextmanager
 async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[LiveObserver, MocapWatch]]:
-    """Motion capture alone, connected and read: no autopilot and no servos are asked for.
+    """Connect and read motion capture alone, without autopilot and servos.
 
     MocapError when it cannot be reached, or fails later.
     """
@@ -151,7 +151,7 @@ async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[Li
 
 
 async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfig) -> tuple[Check, ...]:
-    """What a short look at motion capture shows, when nothing else can be looked at."""
+    """Return the mocap checks from a short observation, used when other devices are missing."""
     onlooker = LiveObserver(mocap, clock, config, None, None)
     watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
     onlooker.each = lambda now_s, _: watch.look(now_s)
@@ -174,7 +174,7 @@ def mocap_place(config: CompanionConfig) -> str:
 
 @asynccontextmanager
 async def _kept_going(onlooker: LiveObserver) -> AsyncIterator[None]:
-    """What ends the onlooker ends whoever waits meanwhile, with that error."""
+    """Run the observer beside the body; its error ends the body's wait with the same error."""
     try:
         async with asyncio.TaskGroup() as group:
             looking = group.create_task(onlooker.run(), name="companion.onlooker")

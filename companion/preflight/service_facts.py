@@ -56,10 +56,10 @@ class Answering(Protocol):
     """An autopilot that is looked at and asked, and not commanded."""
 
     def status(self) -> AutopilotStatus:
-        """See ports.Autopilot."""
+        """Return the autopilot's status, as core.interfaces.Autopilot does."""
 
     def local(self) -> LocalEstimate:
-        """Where the autopilot itself believes to be; never waits."""
+        """Return the autopilot's own local position estimate; never waits."""
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
         """Values of its parameters; those it does not know are absent."""
@@ -71,12 +71,12 @@ def _never_landed() -> float:
 
 
 def _nothing(_: str) -> None:
-    """Nobody waits."""
+    """Ignore the text: nobody is shown what is waited for."""
 
 
 @dataclass(frozen=True)
 class Running:
-    """What a preflight looks at; a flight loop, or an onlooker, keeps it going."""
+    """Devices that a preflight reads; kept current by a flight loop or an observer."""
 
     mocap: MocapSource
     autopilot: Answering
@@ -185,7 +185,7 @@ def _operator_age_s(running: Running) -> float:
 
 @dataclass(frozen=True)
 class Watched:
-    """Some seconds of both."""
+    """Observation of motion capture and of both attitudes over some seconds."""
 
     mocap: MocapSeen
     apart: Apart
@@ -230,7 +230,7 @@ async def watch(
 
 
 def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:
-    """What was watched, and the rest as it is now."""
+    """Return the facts from the collected samples and the present state."""
     vehicle, now_s = running.estimate().vehicle, running.clock.now_s()
     return Facts(
         now_s,
@@ -270,6 +270,6 @@ def machine_of(running: Running) -> MachineSeen:
 
 
 def _synchronised() -> bool | None:
-    """Whether a time service keeps the system clock, by adjtimex(2); None when the kernel does not tell."""
+    """Return whether a time service synchronizes the system clock, by adjtimex(2); None when unknown."""
     state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(_TIMEX_BYTES))  # modes = 0: only asks
     return None if state < 0 else state != _UNSYNCHRONISED

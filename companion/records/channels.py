@@ -1,4 +1,4 @@
-"""Rows and events to Foxglove's channels: one file, and whoever watches live, get the same."""
+"""Foxglove channels for rows and events: the same for a file and for live viewers."""
 
 import json
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ _WHOLE_CHUNKS = MCAPWriteOptions(chunk_size=None, disable_seeking=True, compress
 
 
 class Channels:
-    """All topics, by name."""
+    """Foxglove channels of all topics, opened as rows and events need them."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -39,7 +39,7 @@ class Channels:
         self._log = LogChannel("/log", context=context)
 
     def row(self, row: RecordRow, time_ns: int, recorded: bool) -> None:
-        """All topics of a row; in vain where it is neither recorded nor watched, and then not done."""
+        """Log all topics of a row; does nothing while it is neither recorded nor watched."""
         if not recorded and row.layout in self._seen and not any(one.has_sinks() for one in self._json.values()):
             return
         self._seen.add(row.layout)
@@ -50,7 +50,7 @@ class Channels:
             self._json[message.topic].log(message.data.encode(), log_time=time_ns)
 
     def _widen(self, topic: str, shapes: Shapes) -> None:
-        """A topic has more to say than its schema has: another channel for it."""
+        """Replace a topic's channel by one whose schema has the additional fields."""
         if topic in self._json:
             self._json[topic].close()
         known = self._shapes[topic] = self._shapes.get(topic, {}) | shapes
@@ -58,43 +58,43 @@ class Channels:
         self._json[topic] = Channel(topic, schema=schema, message_encoding="json", context=self._context)
 
     def event(self, said: dict[str, Any], time_ns: int) -> None:
-        """Something told: `time_s`, `kind`, `text`."""
+        """Log an event with `time_s`, `kind` and `text`."""
         self._event.log(json.dumps(said).encode(), log_time=time_ns)
         self.log(said["kind"], said["text"], time_ns)
 
     def log(self, name: str, text: str, time_ns: int, warning: bool = False) -> None:
-        """A line for Foxglove's log panel."""
+        """Log a line for Foxglove's log panel."""
         level = LogLevel.Warning if warning else LogLevel.Info
         self._log.log(Log(timestamp=stamp(time_ns), level=level, name=name, message=text), log_time=time_ns)
 
 
 def stamp(time_ns: int) -> Timestamp:
-    """Foxglove's way to tell the time."""
+    """Return a Foxglove timestamp, seconds and nanoseconds."""
     return Timestamp(sec=time_ns // 10**9, nsec=time_ns % 10**9)
 
 
 @dataclass(frozen=True)
 class Mcap:
-    """An open file."""
+    """Open MCAP file with its writer."""
 
     path: Path
     file: Any
     writer: Any
 
     def flush(self) -> None:
-        """All that was said is in the file."""
+        """Write everything logged so far to the file."""
         self.writer.flush()
 
     def metadata(self, name: str, text: str) -> None:
-        """JSON under a name."""
+        """Write a JSON text as the metadata record `name`."""
         self.writer.write_metadata(META, {name: text})
 
     def close(self) -> None:
-        """Write the summary."""
+        """Write the summary section and close the file."""
         self.writer.close()
         self.file.close()
 
 
 def open_mcap(path: Path, file: Any, context: Context) -> Mcap:
-    """From now on the context's channels go into the file."""
+    """Open an MCAP file that receives everything logged to the context's channels."""
     return Mcap(path, file, foxglove.open_mcap(file, context=context, writer_options=_WHOLE_CHUNKS))

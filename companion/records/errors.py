@@ -1,4 +1,4 @@
-"""What can be wrong with a record; imports nothing that takes time."""
+"""Errors of reading records; a module without expensive imports."""
 
 from companion.core.errors import CompanionError
 

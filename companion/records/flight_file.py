@@ -1,4 +1,4 @@
-"""Which ticks go into which file: one a flight, from leaving standby until some seconds after its end."""
+"""Split of ticks into files: one per flight, from leaving standby until some seconds after its end."""
 
 import json
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from companion.records.scene import Scene
 AFTER_S = 3.0
 """Recorded after the flight's end: what the arms and the autopilot do then."""
 _FLUSH_S = 0.5
-"""At most so much is lost when the writer is killed."""
+"""Time that is lost at most when the writer is killed."""
 _LOOK_S = 1.0
 """How often the disk's free space is asked."""
 _OVER = frozenset({"standby", "disarmed", "terminated"})
@@ -25,7 +25,7 @@ _ANEW = "preflight"
 
 
 class FlightFiles:
-    """Takes messages of RowEncoder in their order; what goes wrong with the disk is told, and ends no flight."""
+    """Receiver of RowEncoder's messages, in order; disk errors are reported and never end a flight."""
 
     def __init__(self, shelf: Retention, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
         self._shelf, self._context, self._tell = shelf, context, tell
@@ -34,13 +34,13 @@ class FlightFiles:
         self._begin: dict[str, Any] = {}
         self._offset_s = 0.0
         self._laws: dict[str, None] = {}
-        """That were in charge of this flight, in their order."""
+        """Laws that flew in this flight, in order."""
         self._over_s: float | None = None
         self._flushed_s = self._looked_s = 0.0
         self._said = ("", "")
 
     def begin(self, message: bytes) -> None:
-        """What is known of the flights to come: a message BEGIN."""
+        """Store the metadata of the next flights from a BEGIN message."""
         self._begin |= json.loads(message[1:])
         self._offset_s = float(self._begin.get("unix_offset_s", self._offset_s))
         self._scene.arms = _arm_model(self._begin)
@@ -48,11 +48,11 @@ class FlightFiles:
             self._file.metadata("begin", json.dumps(self._begin))
 
     def learn(self, message: bytes) -> None:
-        """A message LAYOUT."""
+        """Store the column layout of a LAYOUT message."""
         self._decoder.learn(message)
 
     def start(self, message: bytes) -> None:
-        """A flight begins with the next row: a message START."""
+        """Open a file for the flight that begins with the next row, on a START message."""
         text = message[1:].decode()
         said = json.loads(text)
         if self._file is not None and said["phase"] != _ANEW:
@@ -76,7 +76,7 @@ class FlightFiles:
         self._tell({"file": str(path)})
 
     def row(self, message: bytes) -> None:
-        """A message ROW."""
+        """Decode a ROW message, publish it, and record it during a flight."""
         row = self._decoder.row(message)
         time_s = float(row.block[TIME])
         time_ns = round(1e9 * (time_s + self._offset_s))
@@ -88,12 +88,12 @@ class FlightFiles:
             self._keep(self._file, row, time_s)
 
     def told(self, message: bytes) -> None:
-        """A message TOLD: `time_s`, `kind`, `text`."""
+        """Publish the event of a TOLD message: `time_s`, `kind`, `text`."""
         said = json.loads(message[1:])
         self._channels.event(said, round(1e9 * (said["time_s"] + self._offset_s)))
 
     def close(self) -> None:
-        """The flight's record is whole."""
+        """Write the end metadata and close the flight's file."""
         file, self._file = self._file, None
         if file is None:
             return
@@ -131,7 +131,7 @@ class FlightFiles:
         return phase in _OVER or (phase == "handed over" and not row.cell("armed"))
 
     def _announce(self, row: RecordRow, time_ns: int) -> None:
-        """Phases and faults for the log panel."""
+        """Log changes of phase and faults for the log panel."""
         said = (row.words["phase"], ", ".join(event["fault"] for event in row.words["events"]))
         if said == self._said:
             return

@@ -1,4 +1,4 @@
-"""A flight that was read: columns, events, and exactly what each cycle was given."""
+"""Flight read from a file: columns, events, and the exact inputs of each cycle."""
 
 import json
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ _HORIZON = ("horizon_off_roll_rad", "horizon_off_pitch_rad", "horizon_roll_rad",
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedWire:
-    """What left in place of the law's setpoint, and what it was made of."""
+    """Setpoint that was sent in place of the law's, and the corrections that it includes."""
 
     setpoint: AttitudeThrust
     last_q_w_flu_wxyz: Array
@@ -50,7 +50,7 @@ class RecordedWire:
 
 @dataclass(frozen=True)
 class RecordedTick:
-    """What one cycle was given and made of it, exactly; arrays as the law had them."""
+    """Exact inputs and outputs of one cycle; arrays with the law's types and shapes."""
 
     number: int
     """Counted by the service: one is missing where rows were dropped."""
@@ -69,7 +69,7 @@ class RecordedTick:
     signals: dict[str, Array]
     """The law's inner values, early and late ones."""
     setpoint: AttitudeThrust | None
-    """After the gate."""
+    """Setpoint after the limits."""
     sent_s: float
     wire: RecordedWire | None = None
     """Also in cycles in which it was as before and did not leave again; None in an old record."""
@@ -77,7 +77,7 @@ class RecordedTick:
 
 @dataclass(frozen=True)
 class FlightRecord:
-    """One flight."""
+    """Recorded flight: columns, events and metadata."""
 
     path: Path
     columns: dict[str, np.ndarray]
@@ -96,18 +96,18 @@ class FlightRecord:
 
     @property
     def unix_offset_s(self) -> float:
-        """Unix time less `time_s`; 0 where it was not recorded."""
+        """Unix time minus `time_s`; 0 where it was not recorded."""
         return float(self.metadata.get("unix_offset_s", 0.0))
 
     @property
     def dropped(self) -> int:
-        """Ticks that the service had and the record has not."""
+        """Number of ticks of the service that are missing from the record."""
         numbers = self.columns.get("tick", np.zeros(0))
         return int(numbers[-1] - numbers[0]) + 1 - len(numbers) if len(numbers) else 0
 
     @cached_property
     def first_estimate(self) -> EstimatorState | None:
-        """What the estimator knew after the first tick's frame; a replay begins with it."""
+        """Estimator state after the first tick's frame; a replay begins with it. None where it was not recorded."""
         known = self.start.get("estimate")
         try:
             return of_json(EstimatorState, json.dumps(known)) if known else None
@@ -116,7 +116,7 @@ class FlightRecord:
 
     @cached_property
     def laws(self) -> tuple[str, ...]:
-        """Names of the laws that were in charge, in their order."""
+        """Return the names of the laws that flew, in order."""
         if "law_name" not in self.columns or "airborne" not in self.columns:
             return ()
         return tuple(
@@ -125,13 +125,13 @@ class FlightRecord:
 
     @property
     def law_flew(self) -> bool:
-        """A law was in charge in at least one cycle."""
+        """Return True when a law flew in at least one cycle."""
         given = self.columns.get("given_dt_s")
         return given is not None and bool(np.isfinite(given).any())
 
     @property
     def signal_names(self) -> tuple[str, ...]:
-        """The laws' inner values, without `law_`."""
+        """Names of the laws' internal signals, without the prefix `law_`."""
         return tuple(
             name.removeprefix("law_") for name in self.columns if name.startswith("law_") and name not in _OURS
         )

@@ -1,4 +1,4 @@
-"""One line on each flight of a folder, without reading all of it; imports numpy only for files without a summary."""
+"""One-line summary of each flight of a folder, without reading it whole; numpy only for files without a summary."""
 
 import json
 import math
@@ -28,7 +28,7 @@ _CHANNEL, _LENGTH = struct.Struct("<H"), struct.Struct("<Q")
 
 @dataclass(frozen=True)
 class Glance:
-    """A line of a list of flights."""
+    """Summary of one flight, a line of the list."""
 
     path: Path
     begin_s: float
@@ -63,7 +63,7 @@ def unreadable(path: Path, why: str) -> Glance:
 
 
 def _at_its_ends(path: Path) -> Glance | None:
-    """From the summary and the last tick; None where the file has no summary, or what it names is not there."""
+    """Return the summary from the file's summary section and last tick; None where either is missing."""
     with path.open("rb") as opened:
         file = BoundedFile(opened)
         try:
@@ -109,7 +109,7 @@ def _laws(file: BoundedFile, summary: bytes, last_law: str) -> str:
 
 
 def _of_all(path: Path) -> Glance:
-    """From the whole record: it was cut off, or is an NPZ file."""
+    """Return the summary by reading the whole record, for files cut off and NPZ files."""
     from companion.records.read import read_flight  # noqa: PLC0415 - a list of whole flights does without numpy
 
     record = read_flight(path)

@@ -1,4 +1,4 @@
-"""A row's columns as one JSON message a topic, every float as `repr` has it: exact."""
+"""JSON messages of a row, one per topic; floats are written exactly, as `repr` does."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from companion.records.tick_columns import Column, Shape
 
 Shapes = dict[str, Shape]
 WITH_WORDS = "/flight"
-"""The topic that has the words, too."""
+"""Topic that also carries the text columns."""
 _NO_NUMBER = {"nan": "null", "inf": "1e999", "-inf": "-1e999"}
 """JSON knows none of them; what reads a number too large makes it infinite."""
 _ERROR: Shapes = {"position_error_w_m": (3,), "velocity_error_w_mps": (3,), "distance_m": ()}
@@ -26,7 +26,7 @@ _TABLES = {"type": "array", "items": {"type": "object"}}
 
 @dataclass(frozen=True)
 class Message:
-    """One topic's part of a row."""
+    """Message of one topic, made of a row."""
 
     topic: str
     shapes: Shapes
@@ -43,7 +43,7 @@ class _Topic:
 
 
 class JsonRows:
-    """Keeps what it worked out of each layout."""
+    """Converter of rows to JSON messages; caches its work for each layout."""
 
     def __init__(self) -> None:
         self._layouts: dict[Layout, list[_Topic]] = {}
@@ -51,7 +51,7 @@ class JsonRows:
         self._said = ""
 
     def messages(self, row: RecordRow) -> list[Message]:
-        """All topics of the row."""
+        """Return the messages of all topics of the row."""
         if row.words is not self._words:
             self._words, self._said = row.words, "," + json.dumps(row.words)[1:]
         topics = self._layouts.get(row.layout)
@@ -71,7 +71,7 @@ class JsonRows:
 
     @staticmethod
     def _error(row: RecordRow, number: str, time: str) -> list[Message]:
-        """Where the vehicle is, less where it should be: what everybody wants to plot."""
+        """Return the message of the tracking error: the vehicle's position minus its reference."""
         if "position_w_m" not in row or "reference_position_w_m" not in row:
             return []
         position = (row.cell("position_w_m") - row.cell("reference_position_w_m")).tolist()

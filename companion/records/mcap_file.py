@@ -126,7 +126,7 @@ class McapFile:
         """The file ends in the middle, or nothing after a damaged part can be read."""
 
     def __iter__(self) -> Iterator[McapRecord]:
-        """Read; call it once."""
+        """Read the whole file and return the flight; call it once."""
         reader = self._file.reader()
         while True:
             at = self._file.tell()

@@ -58,9 +58,9 @@ class RecordSink:
         self._gone: list[subprocess.Popen[bytes]] = []
         """Writers that were given up and may still be ending."""
         self.dropped = 0
-        """Rows that the writer did not get."""
+        """Number of rows that the writer did not get."""
         self.trouble = ""
-        """Why flights are not recorded as they should be; empty when they are."""
+        """Reason why flights are not recorded completely; empty while they are."""
         self._behind = False
         self.file = ""
         """Path of the newest record."""
@@ -68,12 +68,12 @@ class RecordSink:
 
     @property
     def alive(self) -> bool:
-        """Whether there is a writer."""
+        """True while the writer process is connected."""
         return self._link is not None
 
     @property
     def failed(self) -> str | None:
-        """Why the flight is not, or no longer, recorded as it should be; None while it is.
+        """Reason why the flight is not recorded completely; None while it is.
 
         Known within half a second of ticks. It stays until the next record begins, or another writer is there for it.
         """
@@ -81,22 +81,22 @@ class RecordSink:
 
     @property
     def pid(self) -> int | None:
-        """Of the writer."""
+        """Process ID of the writer; None while there is none."""
         return self._writer.pid if self._writer is not None else None
 
     @property
     def ready(self) -> bool:
-        """Whether the writer takes what it is sent; a second after its start."""
+        """True once the writer accepts messages, about a second after its start."""
         self._listen()
         return self._ready
 
     def begin(self, metadata: dict[str, Any]) -> None:
-        """What is to be known of the flights to come: `config`, `controller`, `versions`, `seed`; adds to what was."""
+        """Add metadata of the next flights: `config`, `controller`, `versions`, `seed`."""
         self._begin |= metadata
         self._send(BEGIN + json.dumps(self._begin).encode())
 
     def __call__(self, tick: Tick) -> None:
-        """Take one tick."""
+        """Queue one tick for the writer, without waiting."""
         if self._link is None:
             self.dropped += 1
             if tick.flight.phase in _ON_GROUND and tick.time_s - self._started_s > _AGAIN_S:
@@ -107,7 +107,7 @@ class RecordSink:
             self._flush()
 
     def _flush(self) -> None:
-        """Hand over what is waiting."""
+        """Encode and send the queued ticks."""
         ticks, self._waiting = self._waiting, []
         try:
             messages = [message for tick, kept in ticks for message in self._encoder.messages(tick, kept)]
@@ -131,11 +131,11 @@ class RecordSink:
             self._warn("the process that writes records does not keep up: a part of this flight is not recorded")
 
     def tell(self, kind: str, text: str, time_s: float) -> None:
-        """Something for the record: a command, a reply, an event."""
+        """Record an event: a command, a reply or a message of the service."""
         self._send(TOLD + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
 
     def close(self) -> None:
-        """The flight's file is whole when this returns; at most 10 s."""
+        """Wait until the flight's file is complete, at most 10 s."""
         self._flush()
         if self._link is not None:
             with contextlib.suppress(OSError):  # the writer is gone already, or hangs
@@ -172,7 +172,7 @@ class RecordSink:
         self.begin({})
 
     def _send(self, message: bytes) -> bool:
-        """Now, or as soon as the writer takes it; False when too much waits already."""
+        """Send a message, or queue it until the writer accepts it; False when the queue is full."""
         if len(self._backlog) >= _MOST_BACKLOG:
             self._send_backlog()  # the writer may have time again
         if self._link is None or len(self._backlog) >= _MOST_BACKLOG:
@@ -182,7 +182,7 @@ class RecordSink:
         return self._link is not None
 
     def _send_backlog(self) -> None:
-        """A few messages, as far as the socket has room: a writer that was kept waiting catches up step by step."""
+        """Send some queued messages, as far as the socket has room, so that a delayed writer catches up in steps."""
         for _ in range(min(_SENT_AT_ONCE, len(self._backlog))):
             if self._link is None:
                 return
@@ -200,7 +200,7 @@ class RecordSink:
         self._behind = self._behind and bool(self._backlog)
 
     def _lose(self, error: OSError) -> None:
-        """The writer is gone."""
+        """Drop the connection to a writer that has failed, and report it."""
         self._warn(f"the process that writes records has ended ({error.strerror}): this flight is not recorded further")
         if self._link is not None:
             self._link.close()
@@ -210,14 +210,14 @@ class RecordSink:
             self._writer.poll()
 
     def _reap(self, wait_s: float = 0.0) -> None:
-        """Take note of the end of writers that were given up: they leave no zombies."""
+        """Reap writers that were given up, so that they leave no zombies."""
         for writer in self._gone:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 writer.wait(wait_s)
         self._gone = [writer for writer in self._gone if writer.returncode is None]
 
     def _listen(self) -> None:
-        """What the writer has to say."""
+        """Read the writer's reports: new files, closed files and warnings."""
         while self._link is not None:
             try:
                 said = json.loads(self._link.recv(65536) or b"null")

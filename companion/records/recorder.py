@@ -14,7 +14,7 @@ _NO_JOINTS = np.full(JOINT_COUNT, np.nan)
 
 
 class _Rows:
-    """Vectors of one shape, a row a tick, in one array that doubles when it is full; NaN where nothing was put."""
+    """Column of vectors of one shape, one row per tick, that doubles when full; NaN where nothing was put."""
 
     def __init__(self, shape: tuple[int, ...]) -> None:
         self._values = np.full((1024, *shape), np.nan)
@@ -25,7 +25,7 @@ class _Rows:
         self._values[row] = value
 
     def array(self, count: int) -> Array:
-        """The first `count` rows."""
+        """Return the first `count` rows, (count, *shape)."""
         if count > len(self._values):
             self.put(count - 1, np.full(self._values.shape[1:], np.nan))
         return self._values[:count].copy()
@@ -41,11 +41,11 @@ class Recorder:
 
     @property
     def flew(self) -> bool:
-        """Whether the law was ever in charge."""
+        """True when the law flew in at least one tick."""
         return any(self._columns.get("airborne", ()))
 
     def __call__(self, tick: Tick) -> None:
-        """Append one tick."""
+        """Append the columns of one tick."""
         vehicle, reference, asked, gated = tick.vehicle, tick.reference, tick.asked, tick.gated
         scalars: dict[str, object] = {
             "time_s": tick.time_s,
@@ -99,7 +99,7 @@ class Recorder:
         self._count += 1
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Every column, one row a tick; a law's inner signals as `law_<name>`, NaN where the law slept."""
+        """Return every column, one row per tick; a law's internal signals as `law_<name>`, NaN while it was idle."""
         columns = {name: np.array(values) for name, values in self._columns.items()}
         return columns | {name: rows.array(self._count) for name, rows in self._vectors.items()}
 

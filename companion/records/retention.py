@@ -1,4 +1,4 @@
-"""The folder of records: names, what must go, and whether there is room."""
+"""Folder of records: file names, deletion of old records, free space."""
 
 import contextlib
 import errno
@@ -32,18 +32,18 @@ _PAUSE_S = 180 * 86400.0
 
 @dataclass(frozen=True)
 class Retention:
-    """One vehicle's records; several vehicles may share a folder."""
+    """Retention of one vehicle's records; several vehicles may share a folder."""
 
     config: RecordsConfig
     vehicle: str
 
     @property
     def folder(self) -> Path:
-        """Where they are."""
+        """Folder that holds the records."""
         return Path(self.config.folder)
 
     def new_path(self, unix_s: float) -> Path:
-        """A name that is not taken; makes the folder. OSError when it cannot."""
+        """Return an unused file path and create the folder; OSError when that fails."""
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = f"{datetime.fromtimestamp(unix_s, UTC).astimezone():%Y%m%d-%H%M%S}-{self.vehicle}"
         path, again = self.folder / f"{stem}.mcap", 1
@@ -53,7 +53,7 @@ class Retention:
         return path
 
     def free_mb(self) -> float:
-        """What may be filled of the disk, MB; 0 where it cannot be asked."""
+        """Return the disk space that records may use, MB; 0 where it cannot be read."""
         there = self.folder.absolute()
         while not there.exists():
             there = there.parent
@@ -64,7 +64,7 @@ class Retention:
         return disk.f_bavail * disk.f_frsize * 1e-6
 
     def has_room(self) -> bool:
-        """Whether a flight may be written."""
+        """Return True when there is enough free space to record a flight."""
         return self.free_mb() >= self.config.min_free_mb
 
     def rotate(self, writing: Path | None = None, now_s: float | None = None) -> list[Path]:
@@ -151,7 +151,7 @@ def _size(writing: Path | None) -> int:
 
 
 class Unbreakable(io.FileIO):
-    """A new file that takes all it is given: what the disk refuses is dropped from there on, and told once.
+    """New file whose writes never fail: after the first disk error the rest is dropped and reported once.
 
     So what is in the file stays readable, and whoever writes need not know.
     """
@@ -162,7 +162,7 @@ class Unbreakable(io.FileIO):
         self.broken = False
 
     def write(self, data: object) -> int:
-        """All of it, or as good as that."""
+        """Write the data, or drop it after a disk error; returns the full length."""
         view = memoryview(data)  # type: ignore[arg-type]
         left = view.nbytes
         while left and not self.broken:

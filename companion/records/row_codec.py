@@ -38,7 +38,7 @@ WORDS = (
 
 @dataclass(frozen=True)
 class _Known:
-    """A layout that was sent."""
+    """Layout that has been sent."""
 
     number: int
     pack: Callable[..., bytes]
@@ -46,12 +46,12 @@ class _Known:
 
 
 def batch(messages: list[bytes]) -> bytes:
-    """Several messages as one."""
+    """Return several messages packed into one BATCH message."""
     return BATCH + b"".join([part for message in messages for part in (_LENGTH.pack(len(message)), message)])
 
 
 def unbatched(message: bytes) -> Iterator[bytes]:
-    """The messages in a BATCH, in order."""
+    """Yield the messages in a BATCH, in order."""
     at = 1
     while at < len(message):
         (length,) = _LENGTH.unpack_from(message, at)
@@ -60,7 +60,7 @@ def unbatched(message: bytes) -> Iterator[bytes]:
 
 
 class RowEncoder:
-    """Ticks to messages. Holds which layouts and words the other side has; `retell` when it has them no more."""
+    """Encoder of ticks; remembers the layouts and words it has sent, `retell` makes it send them again."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -68,13 +68,13 @@ class RowEncoder:
         self.retell()
 
     def retell(self) -> None:
-        """Something was lost on the way: all is told again. The count of ticks goes on, so that a gap shows."""
+        """Send all layouts and words again after a loss. The tick count continues, so that the gap shows."""
         self._layouts: dict[Any, _Known] = {}
         self._words: tuple[Any, ...] = ()
         self._phase: Phase | None = None
 
     def messages(self, tick: Tick, kept: Frozen) -> list[bytes]:
-        """What is to be sent of this tick and of what was `frozen` of it, in order; the row is the last."""
+        """Return the messages for this tick and its `frozen` values, in order; the row is the last."""
         before: list[bytes] = []
         phase = tick.flight.phase
         if phase is not self._phase:
@@ -102,7 +102,7 @@ class RowEncoder:
         return before
 
     def _changed_words(self, tick: Tick) -> bytes:
-        """All words as JSON where one has changed, else nothing."""
+        """Return all words as JSON when one has changed, else nothing."""
         flight, arms = tick.flight, tick.arms
         words = (
             flight.phase,
@@ -148,7 +148,7 @@ def _event(event: Event, tick: Tick) -> dict[str, str]:
 
 
 def _start(tick: Tick, number: int) -> str:
-    """Where a replay may begin: what the estimator knew after this tick's frame."""
+    """Return the start of a replay as JSON: the estimator's state after this tick's frame."""
     return to_json({"time_s": tick.time_s, "number": number, "phase": tick.flight.phase, "estimate": tick.estimate})
 
 
@@ -159,7 +159,7 @@ def _known(number: int, values: Values, signals: Signals) -> _Known:
 
 
 class Layout:
-    """What the numbers of a row mean; the same object in every row of its kind."""
+    """Column layout of a row's numbers; one shared object for all rows of a kind."""
 
     def __init__(self, columns: list[Column]) -> None:
         self.columns = tuple(columns)
@@ -173,7 +173,7 @@ class Layout:
         return name in self._places
 
     def cell(self, name: str, block: Array) -> Array:
-        """A column's value, in its shape."""
+        """Return a column's value in its shape."""
         begin, end, shape = self._places[name]
         return block[begin:end].reshape(shape)
 
@@ -193,7 +193,7 @@ class RecordRow:
         return name in self.layout
 
     def cell(self, name: str) -> Array:
-        """A column's value, in its shape."""
+        """Return a column's value in its shape."""
         return self.layout.cell(name, self.block)
 
 
@@ -205,7 +205,7 @@ class RowDecoder:
         self._words: dict[str, Any] = {}
 
     def learn(self, message: bytes) -> None:
-        """A message LAYOUT."""
+        """Store the layout of a LAYOUT message."""
         number, columns = json.loads(message[1:])
         self._layouts[number] = Layout([(topic, name, tuple(shape)) for topic, name, shape in columns])
 

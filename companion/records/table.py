@@ -37,7 +37,7 @@ class HealthEvent:
 
 
 class Table:
-    """Messages to rows."""
+    """Table of rows, built from a file's messages."""
 
     def __init__(self) -> None:
         self.topics: dict[int, str] = {}
@@ -120,7 +120,7 @@ class Table:
 
 
 def _derived(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """What Recorder.arrays() has under other names."""
+    """Return the columns that Recorder.arrays() has under other names."""
     nothing = np.zeros(len(columns["time_s"]))
 
     def cut(*names: str) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What of a tick is recorded: names of its parts, and their values in the same order."""
+"""Columns recorded of a tick: names of its parts, and their values in the same order."""
 
 import math
 from dataclasses import dataclass, field, fields
@@ -79,7 +79,7 @@ _GOAL = {"/arms": ("", "joint_goal_rad joint_goal_velocity_radps joint_goal_acce
 
 @dataclass(frozen=True)
 class Signals:
-    """What the law wants and its inner values, in one block."""
+    """The law's output and internal signals in one block of bytes."""
 
     columns: tuple[Any, ...]
     """Their names, then the shape of each."""
@@ -92,7 +92,7 @@ Frozen = tuple[list[Array], bytes]
 
 @dataclass
 class Values:
-    """What is gathered of one tick."""
+    """Numbers and arrays of one tick, with the names of its parts."""
 
     parts: list[dict[str, tuple[str, str]]] = field(default_factory=list)
     numbers: list[Any] = field(default_factory=list)
@@ -100,7 +100,7 @@ class Values:
 
 
 def gathered(tick: Tick) -> Values:
-    """Numbers and arrays of all parts that this tick has; a part's names stand above."""
+    """Return numbers and arrays of all parts that this tick has, named by the tables above."""
     status, flight = tick.status, tick.flight
     parts = [_BASE]
     numbers: list[Any] = [
@@ -170,7 +170,7 @@ def _gather_arms(tick: Tick, parts: list[Any], numbers: list[Any], arrays: list[
 
 
 def frozen(tick: Tick) -> Frozen:
-    """What the law wants and its inner values as they are now: a user's law may go on to write into its arrays.
+    """Copy the law's output and internal signals: a user's law may write into its arrays later.
 
     For every tick at once, and cheap: the bytes alone are copied.
     """
@@ -195,7 +195,7 @@ def _array(signal: Any) -> Array:
 
 
 def signals_of(tick: Tick, kept: Frozen) -> Signals:
-    """Of `frozen` values what a row needs."""
+    """Return the names, shapes and float64 block of `frozen` values, for a row."""
     arrays, block = kept
     names = (*tick.late_signals,)
     if tick.asked is not None:

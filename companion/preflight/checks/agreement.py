@@ -1,4 +1,4 @@
-"""Whether motion capture and the autopilot's estimator tell the same of a vehicle that stands."""
+"""Agreement of motion capture and the autopilot's estimator for a vehicle that stands."""
 
 import math
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Apart:
 
 @dataclass(frozen=True)
 class VisionSeen:
-    """What the autopilot makes of the poses that it is sent."""
+    """State of the autopilot's vision fusion."""
 
     fused: bool
     """Its estimator says that it has a position relative to its origin."""
@@ -38,7 +38,7 @@ class VisionSeen:
 
 
 def apart(mocap_q_wxyz: Array, autopilot_q_wxyz: Array) -> Apart:
-    """From attitudes (n, 4) taken at the same moments, body FLU into W; NaN without any."""
+    """Return the median differences of attitudes (n, 4) taken at the same times, body FLU to W; NaN without any."""
     if not len(mocap_q_wxyz):
         return Apart(math.nan, math.nan, math.nan)
     ours, theirs = _angles_rad(mocap_q_wxyz), _angles_rad(autopilot_q_wxyz)
@@ -50,7 +50,7 @@ def apart(mocap_q_wxyz: Array, autopilot_q_wxyz: Array) -> Apart:
 
 
 def _angles_rad(q: Array) -> Array:
-    """Roll, pitch and heading, (n, 3), as in `Apart`."""
+    """Return roll, pitch and heading, rad, (n, 3), with the signs of `Apart`."""
     up_b = matrix_from_quat(q)[:, 2, :]
     roll = np.arctan2(up_b[:, 1], up_b[:, 2])
     pitch = np.arcsin(np.clip(up_b[:, 0], -1.0, 1.0))
@@ -94,7 +94,7 @@ def _check(
 
 
 def check_heading(off: Apart, most_rad: float) -> Check:
-    """The setpoint's heading is motion capture's: an autopilot with another north would fly off sideways."""
+    """Check the heading: setpoints use motion capture's, so with another north the vehicle flies off sideways."""
     quarter = _quarter(off.heading_rad)
     about = f", as if the frames were turned by {quarter} degrees" if quarter else ""
     todo = (
@@ -114,7 +114,7 @@ def _degrees(angle_rad: float, most_rad: float, ways: tuple[str, str]) -> str:
 
 
 def _quarter(angle_rad: float) -> int:
-    """90 or 180 when the angle is near it, signed; 0 for any other."""
+    """Return the signed quarter turn, 90 or 180 degrees, that the angle is near; 0 for any other."""
     if math.isnan(angle_rad):
         return 0
     turns = round(angle_rad / (0.5 * math.pi))
@@ -123,7 +123,7 @@ def _quarter(angle_rad: float) -> int:
 
 
 def check_vision(seen: VisionSeen, most_m: float) -> Check:
-    """Whether EKF2 takes the poses in: without, PX4 cannot land or hold by itself."""
+    """Check that EKF2 fuses the poses: without them PX4 cannot land or hold by itself."""
     where = "no position" if math.isnan(seen.apart_m) else f"its position {seen.apart_m:.2f} m from mocap's"
     says = f"{'fused' if seen.fused else 'not fused'}, {where}, at most {most_m:g} m wanted"
     todo = (
@@ -134,7 +134,7 @@ def check_vision(seen: VisionSeen, most_m: float) -> Check:
 
 
 def check_delay(parameter_ms: float, measured_s: float, most_s: float) -> Check:
-    """EKF2_EV_DELAY against the delay from capture to arrival; NaN for what is not known."""
+    """Check EKF2_EV_DELAY against the delay from capture to arrival; NaN where unknown."""
     wanted_ms = round(1e3 * measured_s) if math.isfinite(measured_s) else 0
     says = f"EKF2_EV_DELAY = {parameter_ms:g} ms, mocap's delay here {1e3 * measured_s:.0f} ms"
     off_s = abs(1e-3 * parameter_ms - measured_s)

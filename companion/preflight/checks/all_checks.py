@@ -25,7 +25,7 @@ DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
 
 @dataclass(frozen=True)
 class Facts:
-    """All that was seen."""
+    """Facts about vehicle, devices and computer that the checks need."""
 
     time_s: float
     """On our monotonic clock."""
@@ -79,7 +79,7 @@ def check_all(
 
 
 def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
-    """This computer."""
+    """Check this computer's disk, clocks and scheduling."""
     return (
         computer.check_disk(seen, config.safety.disk_free_mb),
         *computer.check_clock(seen),
@@ -88,13 +88,13 @@ def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightC
 
 
 def check_operator(age_s: float, config: CompanionConfig) -> tuple[Check, ...]:
-    """The way to the operator, where one is configured: without it a flight ends soon after it has begun."""
+    """Check the operator's broker, where one is configured: without it a flight ends soon after takeoff."""
     operator = config.operator
     return () if operator is None else (computer.check_broker(age_s, f"{operator.host}:{operator.port}"),)
 
 
 def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
-    """Motion capture."""
+    """Check body, rate, age and residual of motion capture."""
     return (
         mocap.check_body(seen),
         mocap.check_rate(seen, wanted.mocap_hz),
@@ -114,7 +114,7 @@ def check_agreement(apart: Apart, wanted: PreflightConfig, landed_age_s: float =
 def check_place(
     position_w_m: Array | None, config: CompanionConfig, trajectory: Trajectory | None
 ) -> tuple[Check, ...]:
-    """The fence around what stands, and around what will be flown if it is known already."""
+    """Check that the vehicle, and the trajectory where known, are inside the fence with its margin."""
     fence, margin_m = config.fence.fence(), config.fence.margin_m
     standing = start_place.check_standing(position_w_m, config.flight.takeoff_height_m, fence, margin_m)
     return (standing,) if trajectory is None else (standing, start_place.check_trajectory(trajectory, fence, margin_m))

@@ -1,4 +1,4 @@
-"""What one check says, and what many of them mean for arming."""
+"""Result of one check, and the arming decision from many."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the list."""
+    """Result of one check, a line of the list."""
 
     name: str
     passed: bool
@@ -19,12 +19,12 @@ class Check:
 
     @property
     def refuses(self) -> bool:
-        """Whether it keeps the vehicle on the ground."""
+        """True when this check prevents arming."""
         return self.must and not self.passed
 
 
 def refusal(checks: Iterable[Check]) -> str:
-    """Why the vehicle may not arm, every reason with what to do; empty when it may."""
+    """Return why the vehicle may not arm, each reason with its remedy; empty when it may."""
     failed = [check for check in checks if check.refuses]
     if not failed:
         return ""

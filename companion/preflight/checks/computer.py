@@ -13,7 +13,7 @@ _NICE = -10
 
 @dataclass(frozen=True)
 class MachineSeen:
-    """This computer and this process."""
+    """State of this computer and this process."""
 
     disk_free_mb: float
     """Where records go; infinite when nothing is recorded to disk."""
@@ -29,7 +29,7 @@ class MachineSeen:
 
 
 def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
-    """Whether the flight's record has room; `limit_mb` is what ends a flight."""
+    """Check that the disk has room for the flight's record; below `limit_mb` a flight is ended."""
     wanted_mb = limit_mb + _RECORD_MB
     free = "nothing is recorded" if math.isinf(seen.disk_free_mb) else f"{seen.disk_free_mb:.0f} MB free"
     says = f"{free}, at least {wanted_mb:.0f} wanted"
@@ -37,7 +37,7 @@ def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
 
 
 def check_clock(seen: MachineSeen) -> tuple[Check, Check]:
-    """All timing is the monotonic clock's; the system clock only names records, so it should be right."""
+    """Check both clocks: timing uses the monotonic one, the system clock only names records."""
     ticks = f"monotonic to {1e6 * seen.clock_resolution_s:g} us"
     good = seen.clock_resolution_s <= _RESOLUTION_S and seen.clock_sane
     says = ticks if seen.clock_sane else f"{ticks}; the system clock is before this software was installed"
@@ -55,14 +55,14 @@ def check_clock(seen: MachineSeen) -> tuple[Check, Check]:
 
 
 def check_broker(age_s: float, where: str) -> Check:
-    """Whether the operator's broker answers, `age_s` after it last did."""
+    """Check that the operator's broker answers, `age_s` after its last answer."""
     says = f"{where} has not answered for {age_s:.1f} s" if age_s > 0.0 else f"{where} answers"
     todo = "start the broker, or look at operator.host, port, user and password, and at what that user may read"
     return Check("operator's broker", age_s <= 0.0, says, todo)
 
 
 def check_priority(seen: MachineSeen, must: bool) -> Check:
-    """Whether other programs can hold the control loop up."""
+    """Check that the control loop has real-time priority over other programs."""
     realtime = seen.realtime_priority > 0
     says = f"real-time, {seen.realtime_priority}" if realtime else f"not real-time, nice {seen.nice}"
     todo = (

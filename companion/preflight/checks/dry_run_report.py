@@ -1,4 +1,4 @@
-"""What a dry run showed: did the law command anything sensible, and would a flight have been ended?"""
+"""Checks of a dry run: sensible commands of the law, and no fault that would have ended a flight."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ class DrySeen:
 
 
 def check_law(seen: DrySeen) -> Check:
-    """Whether it gave a finite command in every cycle."""
+    """Check that the law gave a finite command in every cycle."""
     todo = "look at the controller file, and at where the vehicle stands compared with the trajectory's start"
     low, high = seen.thrust
     says = seen.law_fault or (
@@ -39,7 +39,7 @@ def check_law(seen: DrySeen) -> Check:
 
 
 def check_health(seen: DrySeen) -> Check:
-    """Whether the health checks of a flight were content."""
+    """Check that the health checks of a flight found no fault."""
     says = "; ".join(f"{fault}: {text}" for fault, text in seen.events.items()) or "nothing"
     ended = [fault for fault in seen.events if reaction_to(fault, Stage.FLYING) > FailsafeAction.WARN]
     todo = "a flight would have been ended by it: docs/safety.md" if ended else "a flight would have gone on"

@@ -32,7 +32,7 @@ _ENDS_S = 0.3
 
 
 class Move(StrEnum):
-    """What the hand does, in this order."""
+    """Moves of the hand test, in order."""
 
     LIFT = "lift"
     FORWARD = "forward"
@@ -40,7 +40,7 @@ class Move(StrEnum):
 
     @property
     def asks(self) -> str:
-        """For the person who does it."""
+        """Instruction for the person who moves the vehicle."""
         return {
             Move.LIFT: "lift the vehicle by about 0.3 m, level, and hold it there",
             Move.FORWARD: "push it by about 0.5 m towards its nose, without turning it, and let it rest",
@@ -49,18 +49,18 @@ class Move(StrEnum):
 
     @property
     def least_m(self) -> float:
-        """So far at least."""
+        """Minimum distance of the move, m."""
         return 0.15 if self is Move.LIFT else 0.3
 
     @property
     def direction(self) -> Array:
-        """Where to, (3,): in W for the lift, in the body's axes (FLU) for the others."""
+        """Direction (3,): in W for the lift, in the body's axes (FLU) for the others."""
         return np.array({Move.LIFT: (0.0, 0.0, 1.0), Move.FORWARD: (1.0, 0.0, 0.0), Move.LEFT: (0.0, 1.0, 0.0)}[self])
 
 
 @dataclass(frozen=True)
 class Track:
-    """Both opinions of one move, sampled at the same moments; from rest to rest."""
+    """Positions and attitudes of one move from both sources, sampled at the same times; from rest to rest."""
 
     time_s: Array
     """(n,), rising."""
@@ -76,7 +76,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Moved:
-    """From a move's first rest to its last: displacements (3,), m, in W and along the axes of the body at first."""
+    """Displacements of a move between its rests: (3,), m, in W and along the initial body axes."""
 
     mocap_w_m: Array
     mocap_b_m: Array
@@ -85,12 +85,12 @@ class Moved:
 
 
 def at_rest(track: Track) -> bool:
-    """Whether motion capture has seen it stand still for a while, at the track's end."""
+    """Return True when motion capture shows the vehicle at rest at the track's end."""
     return _rests(track.time_s, track.mocap_w_m)
 
 
 def settled(track: Track) -> bool:
-    """Whether the autopilot, which follows a little later, believes so, too."""
+    """Return True when the autopilot's position, which lags a little, is at rest, too."""
     return _rests(track.time_s, track.autopilot_w_m)
 
 
@@ -102,12 +102,12 @@ def _rests(time_s: Array, position_w_m: Array) -> bool:
 
 
 def is_over(track: Track, move: Move) -> bool:
-    """Whether it has gone far enough, whatever the way, and rests."""
+    """Return True when it moved far enough in any direction and is at rest."""
     return at_rest(track) and bool(np.linalg.norm(moved(track).mocap_w_m) >= move.least_m)
 
 
 def moved(track: Track) -> Moved:
-    """The displacement between both ends."""
+    """Return the displacement between both ends."""
     first = track.time_s <= track.time_s[0] + _ENDS_S
     last = track.time_s >= track.time_s[-1] - _ENDS_S
 
@@ -120,7 +120,7 @@ def moved(track: Track) -> Moved:
 
 
 def judge(move: Move, seen: Moved) -> Check:
-    """One move: the first of what may be wrong that is."""
+    """Judge one move; the first deviation found is reported."""
     says = f"mocap {_metres(seen.mocap_w_m)}, autopilot {_metres(seen.autopilot_w_m)}"
     for todo in (_of_mocap(move, seen), _of_position(seen), _of_heading(move, seen)):
         if todo:
@@ -129,7 +129,7 @@ def judge(move: Move, seen: Moved) -> Check:
 
 
 def _of_mocap(move: Move, seen: Moved) -> str:
-    """What is wrong with motion capture alone; empty when nothing is."""
+    """Return what is wrong with motion capture alone; empty when nothing is."""
     shown = seen.mocap_w_m if move is Move.LIFT else seen.mocap_b_m
     if _angle_rad(shown, move.direction) <= _OFF_RAD:
         return ""
@@ -148,7 +148,7 @@ def _of_mocap(move: Move, seen: Moved) -> str:
 
 
 def _of_position(seen: Moved) -> str:
-    """What is wrong with the autopilot's position, compared with motion capture's; empty when nothing is."""
+    """Return what is wrong with the autopilot's position compared with motion capture's; empty when nothing is."""
     ours_m, theirs_m = float(np.linalg.norm(seen.mocap_w_m)), float(np.linalg.norm(seen.autopilot_w_m))
     if not theirs_m >= _FOLLOWS * ours_m:  # NaN, too
         return "the autopilot's position does not follow: EKF2 does not fuse vision, see EKF2_EV_CTRL and its reset"
@@ -167,7 +167,7 @@ def _of_position(seen: Moved) -> str:
 
 
 def _of_heading(move: Move, seen: Moved) -> str:
-    """Position right, but not where its nose points: this is what becomes a toilet bowl."""
+    """Return what is wrong with the autopilot's heading, which causes toilet-bowling; empty when nothing is."""
     if move is Move.LIFT:
         return ""
     off_rad = math.atan2(*seen.autopilot_b_m[1::-1].tolist()) - math.atan2(*seen.mocap_b_m[1::-1].tolist())
@@ -181,7 +181,7 @@ def _of_heading(move: Move, seen: Moved) -> str:
 
 
 def judge_together(seen: Mapping[Move, Moved]) -> Check:
-    """All three moves: turned and mirrored are the same along one line, together they are told apart."""
+    """Judge all three moves together: a turned and a mirrored frame differ only in more than one direction."""
     name = "by hand: frames"
     ours = np.stack([seen[move].mocap_w_m for move in Move], axis=-1)
     theirs = np.stack([seen[move].autopilot_w_m for move in Move], axis=-1)
@@ -202,7 +202,7 @@ def judge_together(seen: Mapping[Move, Moved]) -> Check:
 
 
 def _turn(seen: Moved) -> str:
-    """The turn about the vertical that leads from the one to the other, where there is one."""
+    """Return the turn about the vertical between both displacements as text; empty where it is not defined."""
     a, b = seen.mocap_w_m, seen.autopilot_w_m
     if min(math.hypot(a[0], a[1]), math.hypot(b[0], b[1])) < 0.5 * float(np.linalg.norm(a)):
         return ""
@@ -211,13 +211,13 @@ def _turn(seen: Moved) -> str:
 
 
 def _angle_rad(a: Array, b: Array) -> float:
-    """Between two directions; pi when one is none."""
+    """Return the angle between two directions, rad; pi when one has no length."""
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return math.acos(min(1.0, max(-1.0, float(a @ b) / size))) if size > 0.0 else math.pi
 
 
 def _axis(vector: Array) -> str:
-    """The nearest axis, signed."""
+    """Return the nearest axis with its sign, such as "+x"."""
     if not np.isfinite(vector).all():
         return "nothing"
     place = int(np.argmax(np.abs(vector)))
@@ -230,7 +230,7 @@ def _metres(vector: Array) -> str:
 
 @dataclass(frozen=True)
 class Kept:
-    """The last time that all moves passed."""
+    """Last hand test that passed."""
 
     body: str
     """The rigid body's name in QTM."""

@@ -11,7 +11,7 @@ _SEEN = 0.98
 
 @dataclass(frozen=True)
 class MocapSeen:
-    """Some seconds of motion capture."""
+    """Statistics of some seconds of motion capture."""
 
     body: str
     frames: int
@@ -31,12 +31,12 @@ class MocapSeen:
 
     @property
     def rate_hz(self) -> float:
-        """Frames that arrived, a second."""
+        """Rate of arrived frames, Hz."""
         return self.frames / self.seconds_s if self.seconds_s > 0.0 else 0.0
 
 
 def check_body(seen: MocapSeen) -> Check:
-    """Whether the rigid body is tracked all the time."""
+    """Check that the rigid body is tracked all the time."""
     share = seen.tracked / seen.frames if seen.frames else 0.0
     todo = (
         f"is {seen.body!r} in the volume, are its markers uncovered and the cameras calibrated?"
@@ -47,14 +47,14 @@ def check_body(seen: MocapSeen) -> Check:
 
 
 def check_rate(seen: MocapSeen, least_hz: float) -> Check:
-    """Whether frames come often enough."""
+    """Check the rate of frames."""
     says = f"{seen.rate_hz:.0f} Hz, at least {least_hz:g} wanted"
     todo = "raise the capture rate in QTM, or look for losses on the network: a cable, not Wi-Fi"
     return Check("mocap rate", seen.rate_hz >= least_hz, says, todo)
 
 
 def check_age(seen: MocapSeen, most_s: float) -> Check:
-    """Whether poses are young enough to fly on."""
+    """Check the age of poses against the limit for flight."""
     known = math.isfinite(seen.age_s)
     says = f"below {1e3 * seen.age_s:.0f} ms for 95 % of the time" if known else "no pose at all"
     todo = "frames are late or come in bursts: look at the network, at QTM's processing and at this computer's load"
@@ -62,7 +62,7 @@ def check_age(seen: MocapSeen, most_s: float) -> Check:
 
 
 def check_residual(seen: MocapSeen, most_m: float) -> Check:
-    """Whether the markers fit the body as it was defined; a system that does not say is not blamed."""
+    """Check the residual of the markers; passes when the system does not report it."""
     if math.isnan(seen.residual_m):
         return Check("mocap residual", True, "not reported")
     says = f"{1e3 * seen.residual_m:.1f} mm, at most {1e3 * most_m:.1f} wanted"

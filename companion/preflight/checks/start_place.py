@@ -1,4 +1,4 @@
-"""Whether vehicle and trajectory stay inside the fence, with its margin."""
+"""Checks that vehicle and trajectory stay inside the fence with its margin."""
 
 import math
 
@@ -13,7 +13,7 @@ _STEP_S = 0.02
 
 
 def check_standing(position_w_m: Array | None, takeoff_height_m: float, fence: Fence, margin_m: float) -> Check:
-    """Whether the place where the vehicle stands, (3,) in W, and the hover above it are inside."""
+    """Check that the vehicle's position, (3,) in W, and the hover above it are inside the fence."""
     if position_w_m is None:
         return Check("fence around the vehicle", False, "where it stands is not known", "see the mocap checks")
     above = position_w_m + np.array([0.0, 0.0, takeoff_height_m])
@@ -25,7 +25,7 @@ def check_standing(position_w_m: Array | None, takeoff_height_m: float, fence: F
 
 
 def check_trajectory(trajectory: Trajectory, fence: Fence, margin_m: float, times_s: Array | None = None) -> Check:
-    """The place, and where braking would end, with the margin: noise and errors must not bring it near the fence.
+    """Check a trajectory's positions and stopping points with the margin: noise and errors must not reach the fence.
 
     Every 20 ms of it, or only at `times_s` (n,). What is no number is outside.
     """

@@ -13,7 +13,7 @@ _PLAUSIBLE = (0.2, 0.7)
 
 @dataclass(frozen=True)
 class ArmsSeen:
-    """The arms' servos."""
+    """State of the arms' servos."""
 
     unread_s: float
     """Since the joint that waits longest was read; infinite when it never was."""
@@ -26,7 +26,7 @@ class ArmsSeen:
 
 
 def check_link(status: AutopilotStatus, now_s: float, most_s: float) -> Check:
-    """Whether the autopilot is heard."""
+    """Check that the autopilot was heard lately."""
     age_s = now_s - status.heard_s
     known = math.isfinite(age_s) and status.connected
     says = f"heard {1e3 * age_s:.0f} ms ago, at most {1e3 * most_s:.0f} wanted" if known else "not heard"
@@ -34,7 +34,7 @@ def check_link(status: AutopilotStatus, now_s: float, most_s: float) -> Check:
 
 
 def check_ground(status: AutopilotStatus) -> Check:
-    """Whether it stands disarmed: this service does not take control of what it did not start."""
+    """Check that the vehicle is landed and disarmed: this service takes over no flight that it did not start."""
     if status.in_air is None or math.isinf(status.heartbeat_s):
         todo = "wait until PX4 has started; if it stays so, look at its land detector (LNDMC_*) and at the link"
         return Check("disarmed", False, "the autopilot does not say whether it is armed, or flies", todo)
@@ -78,7 +78,7 @@ def _battery_words(one: BatteryReading) -> str:
 
 
 def check_hover_thrust(hover_thrust: float, mpc_thr_hover: float) -> Check:
-    """vehicle.hover_thrust against PX4's own MPC_THR_HOVER (NaN when it is not known)."""
+    """Check vehicle.hover_thrust against PX4's own MPC_THR_HOVER (NaN when unknown)."""
     low, high = _PLAUSIBLE
     says = f"vehicle.hover_thrust = {hover_thrust:g}, MPC_THR_HOVER = {mpc_thr_hover:g}"
     todo = (
@@ -90,7 +90,7 @@ def check_hover_thrust(hover_thrust: float, mpc_thr_hover: float) -> Check:
 
 
 def check_thrust_curve(thrust_curve: float, thr_mdl_fac: float) -> Check:
-    """The curve of thrust over signal must be corrected once: here, by PX4, or by the motor controllers."""
+    """Check that the thrust curve is corrected once only: here, by PX4, or by the motor controllers."""
     says = f"vehicle.thrust_curve = {thrust_curve:g}, THR_MDL_FAC = {thr_mdl_fac:g}"
     once = math.isfinite(thr_mdl_fac) and not (thrust_curve > 0.0 and thr_mdl_fac > 0.0)
     todo = "it is corrected twice: set vehicle.thrust_curve = 0 where PX4 has THR_MDL_FAC"
@@ -98,7 +98,7 @@ def check_thrust_curve(thrust_curve: float, thr_mdl_fac: float) -> Check:
 
 
 def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
-    """Whether all joints answer, without a fault, in their stowed pose; nothing for a vehicle without arms."""
+    """Check that all joints answer, without a fault, in their stowed pose; no checks for a vehicle without arms."""
     if seen is None:
         return ()
     there = seen.unread_s <= most_s and not seen.fault
