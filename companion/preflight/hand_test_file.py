@@ -36,7 +36,7 @@ def read_kept(wanted: PreflightConfig) -> Kept | str:
 
 
 def write_kept(wanted: PreflightConfig, kept: Kept) -> Path:
-    """Write it anew; returns where. OSError naming the file when it cannot be written."""
+    """Replace the file and return its path. OSError naming the file when it cannot be written."""
     path = kept_file(wanted)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"body": kept.body, "when": kept.when.isoformat()}) + "\n", encoding="utf-8")

@@ -13,7 +13,7 @@ from companion.estimation.estimator import EstimatorState
 from companion.preflight.checks.mocap import MocapSeen
 
 _MOST = 100_000
-"""Samples that are kept: a quarter of an hour at 100 Hz, for whoever leaves it running."""
+"""Samples that are kept: a quarter of an hour at 100 Hz, for a watch that is left running."""
 _OFTEN = 0.95
 
 

@@ -40,7 +40,7 @@ _SETTLE_S = 6.0
 """EKF2 takes some 2 s to trust vision; its flags and the battery's state come once in 1 and 2 s."""
 _SETTLE_POLL_S = 0.05
 _HORIZON_S = 20.0
-"""After a flight PX4's horizon is waited for so long."""
+"""Longest wait for PX4's horizon after a flight."""
 _LEVEL_SHARE = 0.9
 """Of the allowed difference: the check itself looks a second later, through noise."""
 _TELL_S = 1.0

@@ -62,7 +62,7 @@ class RecordedTick:
     given: ControlInput | None
     """All that the law saw; None while it sleeps."""
     begun: bool
-    """The law began anew from this input."""
+    """The law was restarted with this input."""
     accel_w_mps2: Array | None
     """What the law wanted."""
     event: bool

@@ -14,7 +14,7 @@ from companion.records.errors import RecordError
 from companion.records.flight_summary import Glance, summarize_flight, unreadable
 
 NAME = ".records-index.json"
-"""In the folder of records. Only a shortcut: it is written anew where it is missing, damaged or of another version."""
+"""In the folder of records. Only a shortcut: it is rewritten where it is missing, damaged or of another version."""
 _VERSION = 1
 _KINDS: dict[str, type] = {
     "begin_s": float, "length_s": float, "law": str, "ended": str, "size_mb": float, "truncated": bool,
@@ -79,7 +79,7 @@ def _load(folder: Path) -> _Lines:
 
 
 def _save(folder: Path, lines: _Lines) -> None:
-    """Replace the index in one step; a folder that nobody may write to does without."""
+    """Replace the index in one step; a read-only folder has none."""
     text = json.dumps({"version": _VERSION, "records": lines})
     with contextlib.suppress(OSError), tempfile.NamedTemporaryFile("w", dir=folder, prefix=NAME, delete=False) as file:
         try:

@@ -22,7 +22,7 @@ __all__ = ["FlightRecord", "HealthEvent", "RecordError", "RecordedEvent", "Recor
 META = "companion"
 """Name of the metadata record: `begin` and `start`, both JSON."""
 FLIGHT = "/flight"
-"""The topic that every record of ours has."""
+"""The topic that every record has."""
 _LARGEST_NPZ = 4_000_000_000
 """Bytes of all arrays, unpacked."""
 _KINDS: dict[str, type | tuple[type, ...]] = {

@@ -153,7 +153,7 @@ def _size(writing: Path | None) -> int:
 class Unbreakable(io.FileIO):
     """New file whose writes never fail: after the first disk error the rest is dropped and reported once.
 
-    So what is in the file stays readable, and whoever writes need not know.
+    So what is in the file stays readable, and the writer need not handle the error.
     """
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:

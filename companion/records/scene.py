@@ -31,7 +31,7 @@ from companion.records.row_codec import RecordRow
 
 _PERIOD_NS = 50_000_000
 _STATIC_NS = 1_000_000_000
-"""What does not change is told again for whoever has come meanwhile."""
+"""Period at which constant parts are sent again, for viewers that have joined."""
 _PATH_POINTS = 600
 _ORIGIN = np.zeros(3)
 _BALL = Vector3(x=0.06, y=0.06, z=0.06)

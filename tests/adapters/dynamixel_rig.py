@@ -75,7 +75,7 @@ class BusRig:
         return self.bus.servos.servo(servo_id)
 
     def fault(self, kind: FaultKind, servo_id: int | None = None, **more: float) -> None:
-        """Begin a fault now."""
+        """Inject a fault into the mock's servos that begins now."""
         self.bus.inject(Fault.model_validate({"kind": kind, "id": servo_id} | more))
 
     def goals_sent(self, servo_id: int) -> list[int]:
@@ -84,7 +84,7 @@ class BusRig:
 
 
 def goals_of(packet: Packet) -> dict[int, int]:
-    """What a sync write of Goal Position carries, by ID; taken apart by hand."""
+    """Return the goals, counts by ID, in a sync write of Goal Position; decoded without the driver."""
     if packet.code != Instruction.SYNC_WRITE:
         return {}
     head, size = (b"\x74\x00\x04\x00", 4) if packet.protocol == 2 else (b"\x1e\x02", 2)
@@ -151,10 +151,10 @@ async def fault_of(bus: DynamixelBus, joint: str) -> ArmFault:
 
 
 def kinds(bus: DynamixelBus) -> set[tuple[str, ArmFaultKind]]:
-    """All that is latched."""
+    """Return joint and kind of every latched fault."""
     return {(fault.joint, fault.kind) for fault in bus.status().faults}
 
 
 def place(joint: str) -> int:
-    """In a joint vector."""
+    """Return the joint's index in a joint vector."""
     return JOINT_NAMES.index(joint)

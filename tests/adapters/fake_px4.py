@@ -69,12 +69,12 @@ class FakePx4:
 
     @property
     def url(self) -> str:
-        """The client's, for MAVSDK."""
+        """Return the URL that MAVSDK listens on."""
         return f"udpin://127.0.0.1:{self.port}"
 
     @property
     def address(self) -> tuple[str, int]:
-        """Where its datagrams come from."""
+        """Return the address that its datagrams come from."""
         host, port = self._socket.getsockname()
         return host, port
 
@@ -143,7 +143,7 @@ def _free_port() -> int:
 
 
 def extended_sys_state(*, in_air: bool) -> Any:
-    """EXTENDED_SYS_STATE: the land detector's."""
+    """Return an EXTENDED_SYS_STATE message with the land detector's state."""
     return mavlink.MAVLink_extended_sys_state_message(0, _IN_AIR if in_air else _ON_GROUND)
 
 

@@ -1,4 +1,4 @@
-"""What the flight loop relies on, whatever the frames come from or travel over."""
+"""Contract of mocap sources that the flight loop relies on, for every source and transport."""
 
 from typing import Protocol
 
@@ -20,7 +20,7 @@ class Rig(Protocol):
         """Take one frame, 10 ms after the one before; returns its stamp (s). Nothing is awaited."""
 
     def set_clock(self, now_s: float) -> None:
-        """Set our monotonic clock."""
+        """Set the rig's monotonic clock to this time, s."""
 
     async def end(self) -> None:
         """Let the source's far side go away for good."""

@@ -60,7 +60,7 @@ async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[Bu
 
 @dataclass(frozen=True)
 class Said:
-    """One message."""
+    """Message received from the broker: topic, payload and properties."""
 
     topic: str
     payload: bytes
@@ -78,7 +78,7 @@ def command(verb: str, name: str, **changes: Any) -> bytes:
 
 
 def state(time_s: float) -> State:
-    """Of a vehicle that holds."""
+    """Return the telemetry of a vehicle in hold."""
     unknown = dict.fromkeys(State.model_fields)
     known = {"time_s": time_s, "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
     rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": "", "warnings": ()}
@@ -119,7 +119,7 @@ class Operator:
         return said
 
     async def refusal(self, name: str = "") -> str:
-        """Why a command was refused that named nobody for the answer."""
+        """Return the reason of a refusal that is published as an event."""
         return str((await self.hears(TOPICS.event, kind="reply", name="refused", id=name)).json["text"])
 
     async def listen(self) -> None:
@@ -185,5 +185,5 @@ async def ticking() -> AsyncIterator[list[float]]:
 
 
 def open_files() -> int:
-    """How many this process has open, sockets among them."""
+    """Return the number of open files of this process, sockets included."""
     return len(list(Path("/proc/self/fd").iterdir()))

@@ -40,7 +40,7 @@ _MOST_S = 60.0
 
 @dataclass(frozen=True)
 class Churned:
-    """What became of some cycles."""
+    """Result of repeated connects and disconnects."""
 
     exit_codes: tuple[int, ...]
     """Of every child; negative: the signal that killed it."""

@@ -58,7 +58,7 @@ class Scripted(asyncio.Protocol):
 
 
 class Silent(asyncio.Protocol):
-    """Accepts, and says nothing."""
+    """Server that accepts connections and sends nothing."""
 
 
 @asynccontextmanager

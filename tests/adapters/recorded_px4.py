@@ -37,7 +37,7 @@ class PluginMessage:
 
 
 class FakeSystem:
-    """As much of MAVSDK's System as the reader needs."""
+    """Stand-in with the parts of MAVSDK's System that the reader needs."""
 
     def get_system_id(self) -> int:
         return 1

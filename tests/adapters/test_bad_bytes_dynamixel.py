@@ -76,7 +76,7 @@ async def recovers(bus: DynamixelBus) -> None:
 
 
 async def outlived(bad: Sequence[bytes], as_well: bool) -> None:
-    """The property."""
+    """Check the property: after these bytes the bus still works."""
     async with nothing_escapes(), mock_bus() as rig, connected(rig) as bus:
         tampering = Tampering(rig)
         tampering.begin(bad, as_well)
@@ -93,7 +93,7 @@ async def test_bad_answers_are_outlived(bad: list[bytes], as_well: bool) -> None
 
 
 async def refused_or_used(bad: Sequence[bytes], as_well: bool) -> None:
-    """The property while connecting."""
+    """Check the property while connecting: only an ArmError is raised."""
     async with nothing_escapes(), mock_bus() as rig, asyncio.timeout(3.0 * PATIENCE_S):
         Tampering(rig).begin(bad, as_well)
         said = ""

@@ -137,7 +137,7 @@ class Broker(asyncio.Protocol):
 
 
 async def outlived(sayings: list[bytes], version: int) -> None:
-    """The property."""
+    """Check the property: after these packets the link still connects and answers."""
     vehicle, bad = Vehicle(), list(sayings)
     async with nothing_escapes(), listening(lambda: Broker(bad, version)) as port:
         async with ticking() as longest_s, linked(port, vehicle) as operator:

@@ -138,7 +138,7 @@ async def begun_anew(servers: list[Server]) -> None:
 
 
 def whole(stream: bytes) -> bool:
-    """Whether what follows this can still be told apart: QTM's packets have sizes, and no marks."""
+    """Return True when the packets that follow can still be separated: QTM's have sizes, no marks."""
     at = 0
     while at <= len(stream) - 8:
         size = int.from_bytes(stream[at : at + 4], "little")

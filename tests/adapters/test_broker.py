@@ -21,7 +21,7 @@ PATIENCE_S = 40.0
 
 
 def answers(port: int) -> bool:
-    """Whether somebody listens."""
+    """Return True when the port accepts a TCP connection."""
     try:
         socket.create_connection(("127.0.0.1", port)).close()
     except OSError:
@@ -30,7 +30,7 @@ def answers(port: int) -> bool:
 
 
 def child() -> int:
-    """The broker's process."""
+    """Return the process of the embedded broker."""
     children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
     (found,) = [int(one) for one in children if b"adapters.broker" in Path(f"/proc/{one}/cmdline").read_bytes()]
     return found

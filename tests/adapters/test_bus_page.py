@@ -1,4 +1,4 @@
-"""What docs/bus.md tells to type works as it stands there."""
+"""Test that the commands in docs/bus.md work as written."""
 
 import asyncio
 import re
@@ -29,7 +29,7 @@ def test_its_messages_are_messages() -> None:
 
 
 async def tell(link: BusLink) -> None:
-    """As the service does, 10 Hz."""
+    """Publish telemetry at 10 Hz, as the service does."""
     while True:
         link.show(state(time.time()))
         await asyncio.sleep(0.1)

@@ -1,4 +1,4 @@
-"""What is sent to a joint: goals that cannot jump, come to rest where they were going, and leave what they hold."""
+"""Tests of the goals sent to a joint: no jumps, stops in the direction of motion, no change of a held goal."""
 
 import math
 from itertools import pairwise
@@ -24,7 +24,7 @@ cycle_times = st.floats(0.001, 0.05)
 
 
 def shoulder(held_rad: float = 0.0) -> Joint:
-    """Held at an angle."""
+    """Return a shoulder joint that is held at `held_rad`."""
     joint = joints_of(ArmsConfig())[0]
     joint.begin_driving(held_rad)
     return joint

@@ -1,4 +1,4 @@
-"""What amqtt gets wrong and the embedded broker does not: clients that come, go or fall silent at the same moment."""
+"""Faults of amqtt that the embedded broker corrects: clients that come, go or fall silent at the same moment."""
 
 import asyncio
 import socket

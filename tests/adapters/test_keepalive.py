@@ -11,7 +11,7 @@ from companion.adapters.system.keepalive import keep_alive
 
 
 async def _options() -> tuple[int, int]:
-    """Of a connection that is kept alive: whether it is, and how long data may stay unanswered, ms."""
+    """Return whether a connection is kept alive, and its timeout for unacknowledged data, ms."""
     loop = asyncio.get_running_loop()
     server = await loop.create_server(asyncio.Protocol, "127.0.0.1", 0)
     transport, _ = await loop.create_connection(asyncio.Protocol, *server.sockets[0].getsockname())

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.fixture(scope="module")
 def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    """A mosquitto's port."""
+    """Yield the port of a running mosquitto."""
     with mosquitto(tmp_path_factory.mktemp("mosquitto"), "allow_anonymous true") as port:
         yield port
 
@@ -43,7 +43,7 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def small() -> Iterator[BrokerProcess]:
-    """An amqtt."""
+    """Yield the port of a running amqtt broker."""
     with broker() as process:
         yield process
 

@@ -1,4 +1,4 @@
-"""What waits for a broker: in order, bounded, and nothing that breaks every connection."""
+"""Tests of the outbox: order, bound, and messages that break every connection."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Who may command on a real mosquitto with passwords, an ACL and TLS, and what of a stranger's gets through: nothing.
+"""Access control of a real mosquitto with passwords, an ACL and TLS: messages of unauthorized clients have no effect.
 
 Figures: docs/bus.md.
 """

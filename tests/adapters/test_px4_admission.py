@@ -1,4 +1,4 @@
-"""Who of those that send to our port is listened to. Pure."""
+"""Tests of the choice of the accepted sender. Pure."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Who is on the link: other autopilots, several batteries, and texts of any bytes; against a fake PX4 over UDP."""
+"""Other autopilots, several batteries and texts of any bytes on the link; against a fake PX4 over UDP."""
 
 import asyncio
 import logging

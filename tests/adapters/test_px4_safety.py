@@ -1,4 +1,4 @@
-"""What the supervisor needs of the PX4 adapter: silence at once, early news of modes, and what PX4 thinks itself."""
+"""Requirements of the supervisor on the PX4 adapter: silence at once, early mode changes, and PX4's own estimate."""
 
 import asyncio
 import math
@@ -71,7 +71,7 @@ async def test_a_stopped_stream_is_silent_commands_no_mode_and_can_begin_again()
 
 
 def modes_asked(relay: Relay) -> int:
-    """How often a mode was commanded: DO_SET_MODE."""
+    """Return the number of mode commands, DO_SET_MODE."""
     return sum(p.kind == "COMMAND_LONG" and p.message.command == 176 for p in relay.from_client)
 
 

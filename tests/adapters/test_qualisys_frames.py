@@ -107,7 +107,7 @@ def test_a_new_measurement_starts_again_from_zero() -> None:
 
 @pytest.mark.parametrize(("back_us", "dropped"), [(1, True), (200_000, True), (200_001, False), (990_000, False)])
 def test_a_clock_that_jumps_back_is_not_taken_for_frames_that_were_overtaken(back_us: int, dropped: bool) -> None:
-    """What is dropped is silence, and lasts no longer than motion capture may be silent."""
+    """Dropped frames count as silence, which lasts no longer than motion capture may be silent."""
     source = source_of()
     give(source, 5000, 50_000_000)
     give(source, 5001, 50_000_000 - back_us)
@@ -180,7 +180,7 @@ class FakeTransport(asyncio.BaseTransport):
     aborted = False
 
     def write(self, data: bytes) -> None:
-        """Nobody reads it."""
+        """Discard the data."""
 
     def abort(self) -> None:
         self.aborted = True

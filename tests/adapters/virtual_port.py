@@ -17,7 +17,7 @@ class PortClock(Protocol):
     """Simulated time as the port needs it."""
 
     def now_s(self) -> float:
-        """Return the present."""
+        """Return the present virtual time, s."""
 
     def wait(self, for_s: float) -> None:
         """Let time pass while the port waits for an answer."""
@@ -27,10 +27,10 @@ class Servos(Protocol):
     """End of the wire, such as `ServoRack`."""
 
     def answer(self, packet: Packet, baud: int | None = None) -> list[Answer]:
-        """See `ServoRack.answer`."""
+        """Return what the servos answer to these bytes, as `ServoRack.answer` does."""
 
     def active(self, kind: FaultKind) -> bool:
-        """See `ServoRack.holding`."""
+        """Return True while a fault of this kind acts on the servos."""
 
 
 class VirtualPort(BusPort):

@@ -39,13 +39,13 @@ STATUS = AutopilotStatus(
 
 
 def mock_parameters() -> dict[str, float]:
-    """What the demo's vehicle tells."""
+    """Return the parameters of the demo's vehicle."""
     table = ParamTable(MockConfig.load(ROOT / "config" / "mock.toml").px4.params)
     return {name: table[name] for name in (*(one.name for one in RECOMMENDED), DELAY, HOVER, CURVE)}
 
 
 def ready() -> Facts:
-    """All is well."""
+    """Return facts with which every check passes."""
     now = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
     return Facts(
         NOW_S,

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Room:
-    """What is simulated, and the companion's file for it."""
+    """Simulated room, with the companion's configuration file for it."""
 
     mock: Simulator
     config: Path

@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def chunks(data: bytes) -> list[int]:
-    """Where each chunk's record begins."""
+    """Return the offset of each chunk record, bytes."""
     found, at = [], len(MAGIC)
     while at < len(data) - len(MAGIC):
         opcode, length = HEAD.unpack_from(data, at)

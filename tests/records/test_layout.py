@@ -1,4 +1,4 @@
-"""What Foxglove's layout plots is in a record."""
+"""Test that records have every field that Foxglove's layout plots."""
 
 import json
 import re

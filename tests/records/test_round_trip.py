@@ -1,4 +1,4 @@
-"""What is recorded is read back to the last bit, and a law's own arrays as they were in their tick."""
+"""Tests that records are read back bit by bit, with a law's own arrays as they were in their tick."""
 
 import json
 import math

@@ -14,7 +14,7 @@ from companion.adapters.system.systemd import Notifier
 
 @pytest.fixture(params=["path", "abstract"])
 def systemd(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[socket.socket, str]]:
-    """What systemd listens on, and how it names that in NOTIFY_SOCKET."""
+    """Yield systemd's socket and its address as NOTIFY_SOCKET names it."""
     address = str(tmp_path / "notify") if request.param == "path" else f"@dauam-test-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
         listening.bind(address.replace("@", "\0"))
@@ -23,7 +23,7 @@ def systemd(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[tuple[so
 
 
 def said(listening: socket.socket) -> list[str]:
-    """All that has come."""
+    """Return all messages received so far."""
     messages = []
     while True:
         try:

@@ -32,13 +32,13 @@ print("closed the file")
 
 
 def run(program: str) -> tuple[list[str], str]:
-    """What it prints, and what it logs."""
+    """Run a program; return the lines that it prints and its log."""
     done = subprocess.run([sys.executable, "-c", program], input="", capture_output=True, text=True, check=True)
     return done.stdout.splitlines(), done.stderr
 
 
 def may_lock() -> bool:
-    """Whether this computer lets us: lift the limit, or lock in spite of it (CAP_IPC_LOCK, bit 14)."""
+    """Return True when this process may lock memory: by its limit or CAP_IPC_LOCK (bit 14)."""
     lifts = subprocess.run(["sh", "-c", "ulimit -l unlimited"], stderr=subprocess.DEVNULL, check=False).returncode == 0
     effective = next(line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("CapEff"))
     return lifts or bool(int(effective.split()[1], 16) & 1 << 14)

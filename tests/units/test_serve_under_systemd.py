@@ -45,7 +45,7 @@ def configuration(folder: Path) -> Path:
 
 
 class Listening:
-    """What systemd hears."""
+    """Receiver of the notifications to systemd."""
 
     def __init__(self, address: str) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -60,7 +60,7 @@ class Listening:
             self.heard += self.socket.recv(4096).decode().splitlines()
 
     def quiet_for(self, time_s: float) -> bool:
-        """Whether nothing more comes, after what was sent before."""
+        """Return True when nothing more arrives after what was sent before."""
         self.socket.settimeout(0.0)
         with contextlib.suppress(BlockingIOError):
             while True:

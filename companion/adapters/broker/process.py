@@ -24,7 +24,7 @@ READY = b"ready\n"
 ALIVE, ALIVE_EVERY_S = b".", 0.5
 """What the process says again and again on its standard output."""
 _HUNG_S = 5.0
-"""A process that says nothing for so long is killed."""
+"""A process without output for this time is killed."""
 
 
 @asynccontextmanager
@@ -80,7 +80,7 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
 
 
 async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> None:
-    """Start it again whatever ends it: a defect of its own, the system, or somebody who took its port meanwhile."""
+    """Restart the broker whatever ended it: a defect, the system, or another program that took its port."""
     try:
         while True:
             why = await _end_of(process)

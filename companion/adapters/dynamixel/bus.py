@@ -25,7 +25,7 @@ async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) 
     Raises one ArmError that names all that is missing or wrong; not `strict`, for looking, letting go and clearing,
     only when no servo answers: what else is missing or in error then begins as a latched fault. Nothing is changed in
     the servos by connecting. On leaving, the port is closed and the torque stays as it is, on or off: arms that go
-    limp in the air are a danger, so whoever wants that says `torque_off`.
+    limp in the air are a danger; call `torque_off` to release them.
     """
     bus_thread = BusThread(config, clock, strict)
     bus_thread.start()
@@ -37,7 +37,7 @@ async def open_dynamixel(config: ArmsConfig, clock: Clock, strict: bool = True) 
 
 
 class DynamixelBus:
-    """`ports.ArmBus` over dynamixel-sdk; made by `open_dynamixel`."""
+    """ArmBus interface over dynamixel-sdk; made by `open_dynamixel`."""
 
     def __init__(self, bus_thread: BusThread) -> None:
         self._bus_thread = bus_thread
@@ -87,7 +87,7 @@ class DynamixelBus:
         await self._done("torque off", self._bus_thread.switch_off, TORQUE_TIMEOUT_S)
 
     async def clear_faults(self) -> None:
-        """Forget latched faults, rebooting XMs with a hardware error and opening a lost port anew.
+        """Forget latched faults, rebooting XMs with a hardware error and reopening a lost port.
 
         What was at fault has no torque afterwards, until `torque_on`. ArmError naming what is still wrong.
         """

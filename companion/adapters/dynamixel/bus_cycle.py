@@ -19,14 +19,14 @@ from companion.core.types import ArmFaultKind
 LOG = logging.getLogger(__name__)
 
 ATTEMPTS = 5
-"""How often a question or a write outside the cycles is repeated before its servo counts as not answering."""
+"""Attempts for a read or write outside the cycles before its servo counts as not answering."""
 RETRY_S = 0.5
-"""How often a silent servo is asked again."""
+"""Period at which a silent servo is read again."""
 _ASKED = 4
-"""So many times by itself, and over the whole time, before a servo is called silent: a computer that was busy, with
-the worker or with whatever answers, is no reason to stop the arms."""
+"""Single reads that must fail, over all of `silent_s`, before a servo counts as silent: a delay of this computer
+is no reason to stop the arms."""
 _QUESTION_S = 0.0045
-"""What one unanswered question takes."""
+"""Duration of one unanswered read."""
 _DOUBTS = 10
 """Group reads that failed although every servo answered alone, until the next simpler way is taken."""
 _LONGEST_STEP_S = 0.05
@@ -42,7 +42,7 @@ class Way(Enum):
 
 
 class BusCycle:
-    """All servos on one bus; for one thread."""
+    """Read and write cycle of all servos on one bus; for one thread."""
 
     def __init__(
         self, joints: tuple[Joint, ...], wire: Wire, faults: FaultLog, config: ArmsConfig, clock: Clock
@@ -57,7 +57,7 @@ class BusCycle:
         self._goals_s = clock.now_s()
 
     def cycle(self, begun_s: float) -> None:
-        """Goals out, state in; then, in the time that is left, whoever did not answer lately."""
+        """Send goals and read states; then, in the time that is left, retry the servos that did not answer."""
         self.send_goals(begun_s)
         self._read_group()
         self._read_one_ax()
@@ -65,7 +65,7 @@ class BusCycle:
         self._try_missing(begun_s + 1.0 / self._config.rate_hz)
 
     def send_goals(self, now_s: float) -> None:
-        """One sync write a protocol, to every joint that is driven and sound."""
+        """Send one sync write per protocol to every joint that is driven and has no fault."""
         dt_s, self._goals_s = min(now_s - self._goals_s, _LONGEST_STEP_S), now_s
         for protocol, joints in ((2, self._xm), (1, self._ax)):
             driven = [joint for joint in joints if joint.driven and not joint.faults]
@@ -74,7 +74,7 @@ class BusCycle:
                 self.wire.sync_write(protocol, joints[0].scale.model.goal, counts)
 
     def read_joint(self, joint: Joint) -> bool:
-        """One servo's state by itself; whether it answered."""
+        """Read one servo's state; True when it answered."""
         answer = self.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
         if answer is None:
             return False
@@ -82,7 +82,7 @@ class BusCycle:
         return True
 
     def read_health(self, joint: Joint) -> bool:
-        """One servo's torque and errors, judged; whether it answered."""
+        """Read and judge one servo's torque and errors; True when it answered."""
         if joint.protocol == 1:
             return self.read_joint(joint)
         answer = self.wire.read(2, joint.servo_id, Xm.HEALTH)
@@ -92,11 +92,11 @@ class BusCycle:
         return True
 
     def insist(self, question: Callable[[], bool], times: int = ATTEMPTS) -> bool:
-        """Ask until it is answered, a few times; `wire` counts those that were not."""
+        """Repeat a read until it is answered, a few times; `wire` counts the failures."""
         return any(question() for _ in range(times))
 
     def first_look(self, joint: Joint) -> bool:
-        """State and health of a servo that was not heard before, or not for long; whether it answered."""
+        """Read state and health of a servo that has not answered lately; True when it answered both."""
         return self.insist(lambda: self.read_joint(joint)) and self.insist(lambda: self.read_health(joint))
 
     def _take(self, joint: Joint, answer: Answer) -> None:
@@ -107,7 +107,7 @@ class BusCycle:
             self._alerted.append(joint)
 
     def _read_group(self) -> None:
-        """All XMs that are thought to be there; when that fails, each by itself."""
+        """Read all answering XMs together, and those that fail one by one."""
         group = [joint for joint in self._xm if joint.in_group and not joint.paused]
         answers = self._ask_group([joint.servo_id for joint in group]) if group else {}
         for joint in group:
@@ -123,7 +123,7 @@ class BusCycle:
         return self.wire.sync_read(servo_ids, Xm.STATE) if self._way is Way.SYNC else {}
 
     def _doubt(self, failed: bool, all_sound: bool) -> None:
-        """A group read that fails with nobody missing is one that the firmware does not know."""
+        """Count a group read that failed though every servo answered alone: the firmware may not support it."""
         if not failed:
             self._doubts = 0
         if not failed or not all_sound or self._way is Way.SINGLE:
@@ -150,7 +150,7 @@ class BusCycle:
             self._ask_alone(joint)
 
     def _read_one_health(self) -> None:
-        """XMs in turn, those with the alert bit first."""
+        """Read the health of one XM in turn, those with the alert bit first."""
         sound = [joint for joint in self._xm if joint.in_group and not joint.paused]
         urgent = [joint for joint in self._alerted if joint in sound and not joint.faults]
         joint = urgent[0] if urgent else self._next("health", sound)
@@ -158,7 +158,7 @@ class BusCycle:
             self._alerted = [other for other in self._alerted if other is not joint]
 
     def _try_missing(self, end_s: float) -> None:
-        """Those that do not answer, one by one: one at least, more while the cycle has time."""
+        """Retry silent servos one by one: at least one, more while the cycle has time."""
         due = [j for j in self.joints if not j.in_group and not j.paused and self._clock.now_s() >= j.next_try_s]
         for _ in due:
             joint = self._next("missing", due)

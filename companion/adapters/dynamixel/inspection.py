@@ -24,7 +24,7 @@ class Inspected:
     complaints: tuple[str, ...] = ()
     """Missing servos and wrong settings, one line each."""
     remarks: tuple[str, ...] = ()
-    """Settings that somebody left in the servos, with which they work."""
+    """Unusual settings of the servos with which they work."""
 
 
 def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:

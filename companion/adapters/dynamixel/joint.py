@@ -107,7 +107,7 @@ class Joint:
     def order(self, goal_rad: float) -> None:
         """Set the goal, clamped to the limits; a joint held outside them is never moved further out.
 
-        Nor is it moved in until a goal leads there: it would be the joint's first move, and nobody asked for it.
+        It is moved inside only by a goal that lies there, never by itself.
         """
         low, high = min(self.limit.min_rad, self.sent_rad), max(self.limit.max_rad, self.sent_rad)
         self.wanted_rad, self.stopping = min(max(goal_rad, low), high), False

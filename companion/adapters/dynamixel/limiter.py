@@ -14,7 +14,7 @@ def goal_velocity(steps: Sequence[tuple[float, float]]) -> float:
     """Return the velocity, rad/s, of goals whose last `steps` were (s, rad), newest last; 0 after a reversal.
 
     Two clocks beat against each other, so that now and then a cycle finds no new goal and the next one finds two: one
-    step says little. Of all steps and the last two the slower is taken, so that nobody stops farther on than need be.
+    step says little. Of all steps and the last two the slower is taken, so that no stop is longer than needed.
     """
     newest, all_of_them = _mean_velocity(steps[-2:]), _mean_velocity(steps)
     if newest * all_of_them <= 0.0 or newest * steps[-1][1] < 0.0:

@@ -85,7 +85,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
     def readPort(self, length: int) -> bytes:  # noqa: N802
         """Up to `length` bytes; sleeps until some are there or the packet's time is over.
 
-        The SDK looks at the time only when too few bytes came. So a line on which somebody babbles, or that is stuck
+        The SDK looks at the time only when too few bytes came. So a line with continuous traffic, or that is stuck
         and reads as ones, falls silent here after more bytes than there are answers.
         """
         if length <= 0:
@@ -113,7 +113,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         return received
 
     def setPacketTimeout(self, packet_length: int) -> None:  # noqa: N802
-        """Begin to wait for an answer of so many bytes."""
+        """Start the timeout for an answer of this many bytes."""
         super().setPacketTimeout(packet_length)
         self.packet_timeout += self.patience_ms
 
@@ -125,7 +125,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
             raise PortGoneError(str(error)) from error
 
     def getCurrentTime(self) -> float:  # noqa: N802
-        """Milliseconds, on a clock that nobody sets."""
+        """Return the monotonic time, ms."""
         return time.monotonic() * 1e3
 
 

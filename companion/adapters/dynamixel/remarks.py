@@ -1,4 +1,4 @@
-"""Settings with which a servo works, and which somebody left in it: a warning for each. Pure.
+"""Warnings for unusual settings with which a servo still works. Pure.
 
 Meanings and factory values: https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/ and
 https://emanual.robotis.com/docs/en/dxl/ax/ax-12a/, "Control Table Description".

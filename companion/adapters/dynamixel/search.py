@@ -56,7 +56,7 @@ def ping(bus_cycle: BusCycle, joint: Joint, protocol: int) -> int | None:
 
 
 def _strangers(bus_cycle: BusCycle) -> list[str]:
-    """Servos of Protocol 2.0 with an ID that nobody has asked for: one of the missing, perhaps."""
+    """List servos of Protocol 2.0 with an ID that is not configured: perhaps one of the missing."""
     known = {joint.servo_id for joint in bus_cycle.joints}
     return [
         f"ID {servo_id} answers, {model_name(number)}, but no joint has that ID: correct arms.servos or the servo's ID"

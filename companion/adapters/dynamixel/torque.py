@@ -72,7 +72,7 @@ def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """Goal := present position before the torque, so that whatever goal was left there is never gone to.
 
     One that has torque and stands near its goal keeps that: its load bends it away, and to begin where it stands would
-    let it sink a little further every time somebody connects, and a claw drop what it holds.
+    let it sink a little further with every connection, and a claw drop what it holds.
     """
     if joint.driven:
         return None

@@ -106,7 +106,7 @@ class Wire:
         self._handlers[2].reboot(self.port, servo_id)
 
     def sync_write(self, protocol: int, register: Register, counts: Mapping[int, int]) -> None:
-        """The same register of many servos, nobody answers."""
+        """Write the same register of many servos; none answers."""
         params = [byte for servo_id, count in counts.items() for byte in (servo_id, *register.encoded(count))]
         self._handlers[protocol].syncWriteTxOnly(self.port, register.address, register.size, params, len(params))
 

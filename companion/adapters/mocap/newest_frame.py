@@ -15,9 +15,9 @@ RESTART_S = 0.2
 Less would do for a network; more would turn a clock that jumped back into silence.
 """
 _DOUBT = 3
-"""So many whole frames are not believed after a packet that nobody can read.
+"""Valid frames that are dropped after an unreadable packet.
 
-TCP and UDP have checksums: whoever sends broken packets sends wrong numbers, too, in those that can still be read.
+TCP and UDP have checksums: a source of broken packets sends wrong numbers in readable ones, too.
 """
 _MOST_DOUBT = 10
 """After however many."""
@@ -34,13 +34,13 @@ class MocapCounts:
     late: int = 0
     """Frames dropped because a newer one, or the same, was already here."""
     malformed: int = 0
-    """Packets dropped because nobody can read them."""
+    """Packets dropped because they cannot be read."""
     doubted: int = 0
     """Frames dropped because such packets came just before."""
 
 
 class NewestFrame:
-    """`ports.MocapSource`, less the way on which frames come: that calls `put`, `on_malformed` and `fail`."""
+    """Base of mocap sources: the transport calls `put`, `on_malformed` and `fail`."""
 
     def __init__(self, where: str, clock: Clock) -> None:
         """`where` begins the sentences that say what it did: 'QTM at ...'."""
@@ -99,7 +99,7 @@ class NewestFrame:
         self._wake()
 
     def on_malformed(self, error: Exception) -> None:
-        """Count a packet that nobody can read, and doubt the next ones; the first one is told."""
+        """Count an unreadable packet and drop the next frames; log the first one."""
         if self.counts.malformed == 0:
             LOG.warning("%s sent %s: such packets are dropped, and counted", self._where, error)
         self.counts = replace(self.counts, malformed=self.counts.malformed + 1)

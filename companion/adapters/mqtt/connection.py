@@ -67,7 +67,7 @@ class Connection(aiomqtt.Client):
         """`waiting`: messages that may wait to be read; what is more is lost."""
         self.version = version
         self.objection = ""
-        """Why the broker took a message and passed it on to nobody, which MQTT 5 tells."""
+        """Reason why the broker accepted a message without delivering it, reported by MQTT 5."""
         super().__init__(
             endpoint.host,
             endpoint.port,
@@ -169,7 +169,7 @@ class Connection(aiomqtt.Client):
     ) -> None:
         """Register the socket for writing in the next loop iteration, unless it is closed or has nothing to write.
 
-        Its number would be nobody's, or the next one's that is opened; and nobody would end a watch begun too late.
+        Its file descriptor would be invalid or reused, and a writer registered too late would never be removed.
         """
 
         def write() -> None:
@@ -189,7 +189,7 @@ class Connection(aiomqtt.Client):
         self._client._sock_close()
         for end in (self._connected, self._disconnected):
             if end.done() and not end.cancelled():
-                end.exception()  # looked at, or asyncio logs that nobody did
+                end.exception()  # retrieved, or asyncio logs that it never was
         if self._misc_task is not None:
             self._misc_task.cancel()
             await asyncio.wait([self._misc_task])
@@ -234,7 +234,7 @@ def _bounds() -> Properties:
 
 
 async def _to_its_end(work: "asyncio.Future[None]") -> None:
-    """Wait for a thread, also when cancelled: it opens a socket that somebody must close. It takes ANSWER_S at most,
+    """Wait for a thread, also when cancelled: it opens a socket that must be closed. It takes ANSWER_S at most,
     apart from the name service.
     """
     try:

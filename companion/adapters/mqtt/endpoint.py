@@ -19,5 +19,6 @@ def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
         except (OSError, ssl.SSLError) as error:
             where = f"{config.table}.ca_file = {config.ca_file!r}"
             raise ConfigError(f"{where}: no certificates can be read: {error}") from error
-    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"  # or whoever takes our name takes our connection
+    # random, as a broker closes the older of two connections with one name
+    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"
     return Endpoint(config.host, config.port, name, config.user, config.password(), tls, will)

@@ -29,7 +29,7 @@ LOG = logging.getLogger(__name__)
 _BEAT_S = 0.5
 """With the time-out of an answer, a broker that hangs is noticed after 1.5 s."""
 _ECHO_BEATS = 10
-"""Within so many the first comes back to us, too, if the broker lets us read there."""
+"""Beats within which the first comes back to us, too, if the broker lets us read there."""
 _LAST_WORDS_S = 0.5
 _WAITING = 64
 """Commands that wait to be read, and refusals to be said; what is more is lost."""
@@ -37,7 +37,7 @@ _EVENTS = 256
 _REPLIES = 256
 
 Answering = Callable[[Reply], None]
-"""Says a reply to whoever sent the command; never waits, never raises, may be called at any later time."""
+"""Sends a reply to the sender of the command; never waits, never raises, may be called at any later time."""
 OnCommand = Callable[[Command, Answering], None]
 
 
@@ -62,7 +62,7 @@ async def open_bus(
 
 
 class BusLink:
-    """`ports.OperatorLink`, and what the service says; made by `open_bus`. To be used on its event loop only."""
+    """OperatorLink interface, and the service's telemetry and events; made by `open_bus`. For its event loop only."""
 
     def __init__(self, config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand) -> None:
         self._clock, self._on_command = clock, on_command
@@ -101,7 +101,7 @@ class BusLink:
         return self._rival.sentence
 
     async def listened(self, timeout_s: float) -> None:
-        """Wait until another service would have been heard, or until there was no broker for so long."""
+        """Wait until another service would have been heard, or until there was no broker for that time."""
         with suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
                 await self._listened.wait()
@@ -171,7 +171,7 @@ class BusLink:
 
     async def _listen(self, broker: Connection) -> None:
         async for message in broker.messages:
-            if message.topic.value == self._topics.command:  # some brokers send what nobody asked for
+            if message.topic.value == self._topics.command:  # some brokers send what was not subscribed to
                 self._take(message)
             elif message.topic.value == self._topics.status and self._rival.note(message):
                 LOG.error("%s", self._rival.sentence)

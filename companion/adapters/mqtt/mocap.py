@@ -26,7 +26,7 @@ from companion.protocol.mocap import BridgePresence, MocapPose
 LOG = logging.getLogger(__name__)
 
 _PROBE_S = 1.0
-"""In silence the broker is asked so often whether it is still there: one that hangs is left after twice this."""
+"""Period of probing a silent broker; a connection that hangs is dropped after twice this."""
 _UNTRACKED_M = np.full(3, math.nan)
 _UNTRACKED = np.full((3, 3), math.nan)
 MAX_POSE_BYTES = 2048
@@ -38,8 +38,8 @@ async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Cl
     """Connect, listen, wait for the first frame.
 
     Raises MocapError when none comes in time, ConfigError when password or certificate cannot be read. Later nothing is
-    raised: a message that nobody can read is dropped, and a lost broker or bridge is silence, for whoever waits for
-    frames to judge, while the broker is looked for again in the background.
+    raised: an unreadable message is dropped, and a lost broker or bridge shows as silence, which the reader of frames
+    judges, while the source reconnects in the background.
     """
     source = MqttMocap(broker, clock, config.body)
     keeping = asyncio.create_task(source.keep(), name="companion.mqtt_mocap")
@@ -54,7 +54,7 @@ async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Cl
 
 
 class MqttMocap(NewestFrame):
-    """`ports.MocapSource`: the newest frame that the bridge has forwarded. Made by `open_mqtt_mocap`."""
+    """MocapSource interface: the newest frame that the bridge has forwarded. Made by `open_mqtt_mocap`."""
 
     def __init__(self, broker: OperatorConfig, clock: Clock, body: str) -> None:
         topics = broker.topics
@@ -94,7 +94,7 @@ class MqttMocap(NewestFrame):
         try:
             topic = message.topic
         except UnicodeDecodeError:
-            return  # some brokers send what nobody asked for
+            return  # some brokers send what was not subscribed to
         if topic == self._pose_topic:
             self._on_pose(message.payload, message.retain, received_s)
         elif topic == self._bridge_topic:

@@ -24,11 +24,11 @@ LOG = logging.getLogger(__name__)
 
 _BEAT_S = 0.2
 _PATIENCE_S = 0.1
-"""A beat that is not answered for so long shows a slow broker, to whom no more is sent until it answers: what it has
-taken and not read would arrive all the same, and later and later.
+"""A beat that is not acknowledged within this time shows a slow broker; nothing more is sent until it answers, as
+queued poses would arrive later and later.
 """
 _ECHO_BEATS = 10
-"""Within so many the first comes back to us, too, if the broker lets us read and write there."""
+"""Beats within which the first comes back to us, too, if the broker lets us read and write there."""
 _LISTEN_S = 1.2
 """Another bridge is heard more than once within this."""
 

@@ -11,7 +11,7 @@ from companion.protocol.telemetry import Presence
 LISTEN_S = 1.2
 """Another service is heard more than once within this: it says twice a second that it is there."""
 _GONE_S = 3.0
-"""Not heard for so long, and it has ended."""
+"""Silence after which the other service counts as ended."""
 
 
 class Rival:

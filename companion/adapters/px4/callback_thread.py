@@ -1,6 +1,6 @@
 """MAVSDK's thread for callbacks, made known to the interpreter for good.
 
-ctypes gives a native thread a state of the interpreter for every callback anew, which takes an mmap and a munmap each
+ctypes gives a native thread a state of the interpreter for every callback, which takes an mmap and a munmap each
 time: a hundred a second in flight, each of which locks what it maps and holds up the page faults of the control loop;
 and where no memory is left, not even the handler of errors can run, and the interpreter prints for every message.
 """

@@ -15,7 +15,7 @@ LOG = logging.getLogger("companion.adapters.px4.mavsdk")
 _LEVELS = {0: logging.DEBUG, 1: logging.DEBUG, 2: logging.INFO, 3: logging.INFO}
 """One step quieter than MAVSDK thinks: what matters to the operator comes as an exception."""
 _OURS = "Received ack for not-existing command"
-"""Said of every command of ours, which MAVSDK does not know of."""
+"""Logged for every command that we send without MAVSDK."""
 
 
 _LIMIT = LineLimit()

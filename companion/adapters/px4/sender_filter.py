@@ -1,10 +1,10 @@
 """MAVSDK's UDP socket hears one sender; what everybody else sends is heard here.
 
-MAVSDK takes frames from whoever sends to its port, and sends its own to all of them. The kernel can divide the
+MAVSDK takes frames from every sender to its port, and sends its own to all of them. The kernel can divide the
 datagrams of one port among several sockets by a small program (SO_REUSEPORT and SO_ATTACH_REUSEPORT_CBPF, socket(7),
 Linux 4.5): here those of the accepted sender go to MAVSDK's socket, and all others to a second one. Broadcasts go to
-both, so that a filter on MAVSDK's socket (SO_ATTACH_FILTER) drops what is not the sender's. Nothing of ours stands
-between. A sender is known by address and port, which somebody on the same network can forge.
+both, so that a filter on MAVSDK's socket (SO_ATTACH_FILTER) drops what is not the sender's. No code of this
+process is in between. A sender is identified by address and port, which can be forged on the same network.
 """
 
 import ctypes
@@ -37,7 +37,7 @@ class SenderFilter:
     def __init__(self, host: str, port: int) -> None:
         """Join the UDP socket that MAVSDK has in this process on `port`.
 
-        Until a sender is accepted MAVSDK hears nobody. Raises OSError where the kernel cannot do it.
+        Until a sender is accepted MAVSDK receives nothing. Raises OSError where the kernel cannot do it.
         """
         self._theirs = _udp_socket(port)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

@@ -76,7 +76,7 @@ class Px4Telemetry:
     ) -> None:
         """`battery_id` is the battery that carries the vehicle, None: the lowest number heard.
 
-        `rebooted` is called on MAVSDK's thread when the autopilot has started anew and forgotten what it was asked for.
+        `rebooted` is called on MAVSDK's thread when the autopilot has rebooted and lost the requested message rates.
         """
         self._system, self._mavlink, self._clock = system, mavlink, clock
         self._battery_id, self._rebooted = battery_id, rebooted

@@ -1,4 +1,4 @@
-"""STATUSTEXT: short texts of PX4, long ones in pieces, with whatever bytes somebody put into them."""
+"""STATUSTEXT: short texts of PX4, long ones in pieces, with any bytes."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
 """QTM's rigid bodies: those its settings list, and which body of a frame is ours; pure.
 
-A frame has no names: its bodies stand in the order of the settings, which change whenever somebody adds, deletes,
+A frame has no names: its bodies stand in the order of the settings, which change when a user adds, deletes,
 renames, reorders or disables a body in QTM.
 """
 

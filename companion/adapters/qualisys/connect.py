@@ -25,8 +25,8 @@ _AGAIN_S = 0.1
 async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[QualisysSource]:
     """Connect, find the body, start the stream, wait for its first frame; on leaving, stop and close.
 
-    Raises MocapError when any of that fails. Later nothing does: a packet that nobody can read is dropped, and a lost
-    connection is silence, for whoever waits for frames to judge, while QTM is looked for again in the background.
+    Raises MocapError when any of that fails. Later nothing is raised: an unreadable packet is dropped, and a lost
+    connection shows as silence, which the reader of frames judges, while the source reconnects in the background.
     """
     source = QualisysSource(config.body, where(config), clock)
     async with AsyncExitStack() as connection:

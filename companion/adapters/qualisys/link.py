@@ -31,7 +31,7 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
         self.failure: str | None = None
         self.on_failure: Callable[[str], None] = LOG.debug
         self.on_broken: Callable[[MalformedError], None] | None = None
-        """Takes note of a packet nobody can read, which is dropped; None: such a packet ends the connection."""
+        """Called with an unreadable packet, which is dropped; None: such a packet ends the connection."""
         self.on_settings_changed: Callable[[], None] = lambda: None
         self.closed = loop.create_future()
         self._unparsed = bytearray()

@@ -16,7 +16,7 @@ LOG = logging.getLogger(__name__)
 
 
 class QualisysSource(NewestFrame):
-    """`ports.MocapSource`: one body's newest frame. Made by `open_qualisys`.
+    """MocapSource interface: one body's newest frame. Made by `open_qualisys`.
 
     No frame is believed unless QTM's list of bodies is known to be the one that the frame was made with: not after QTM
     said that settings changed, nor when a frame holds another number of bodies, until the list has been read again.

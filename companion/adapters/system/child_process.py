@@ -1,4 +1,4 @@
-"""A process of ours beside this one, which ends when its standard input does."""
+"""Child process that ends when its standard input is closed."""
 
 import asyncio
 

@@ -25,7 +25,7 @@ class DiskWatch:
 
     def __enter__(self) -> Self:
         if self._folder is not None:
-            # a daemon, and nobody waits for its end: it may be caught in a read for good
+            # a daemon that is never joined: it may hang in a read for ever
             threading.Thread(target=self._watch, args=(self._folder,), name="disk-watch", daemon=True).start()
         return self
 

@@ -35,7 +35,7 @@ def instance_lock(url: str) -> Iterator[None]:
 def service_lock(host: str, port: int, vehicle: str) -> Iterator[None]:
     """Hold the place of this computer's service for a vehicle on a broker; ConfigError naming the process that has it.
 
-    `vehicle` is empty where the broker itself is the service's, and nobody else can have it.
+    `vehicle` is empty where the service runs its own broker, which no other service can use.
     """
     with _held(f"service {host}:{port} {vehicle}") as holder:
         if holder is not None:

@@ -4,7 +4,7 @@ import asyncio
 import socket
 
 _IDLE_S, _BETWEEN_S, _PROBES = 2, 1, 3
-"""Asked after so long a silence, so often, and given up after so many unanswered: 5 s in all."""
+"""Idle time, interval and count of TCP keepalive probes: 5 s in all."""
 
 
 def keep_alive(transport: asyncio.BaseTransport) -> None:

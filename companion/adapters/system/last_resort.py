@@ -12,7 +12,7 @@ LOG = logging.getLogger(__name__)
 
 _LOOK_S = 0.5
 _LACKING_S = 5.0
-"""Memory that lacked for so long does not come back by itself."""
+"""A shortage of memory of this duration does not end by itself."""
 _FORGOTTEN_S = 2.0
 """Between two failures for want of memory; later ones are another shortage."""
 _ENDING_S = 20.0
@@ -23,7 +23,7 @@ _TRIED_BYTES = 1 << 18
 
 
 class LastResort:
-    """Ends the process when it can do nothing else any more and the vehicle does not fly; systemd starts it anew.
+    """Exit of a process that cannot work any more, while the vehicle does not fly; systemd restarts it.
 
     Its thread runs from the beginning and needs no memory to decide. In the air nothing is done: the dead man's switch
     ends a control loop that stops, and PX4 lands.

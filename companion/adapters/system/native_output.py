@@ -22,7 +22,7 @@ _LONGEST = 4096
 
 @contextlib.contextmanager
 def standard_output_to_log() -> Iterator[None]:
-    """Log every line that reaches standard output, whoever writes it; a log that cannot keep up loses lines.
+    """Log every line that reaches standard output from any source; a log that cannot keep up loses lines.
 
     Standard error stays as it is: a process that crashes still writes there why.
     """
@@ -66,7 +66,7 @@ def _log_line(limit: LineLimit, line: bytes) -> None:
 
 @contextlib.contextmanager
 def unraisable_to_log(lacks_memory: Callable[[], None]) -> Iterator[None]:
-    """Log exceptions that nobody can catch, as in a callback from native code, and count those for want of memory."""
+    """Log exceptions that cannot be caught, as in a callback from native code, and count those for want of memory."""
     limit = LineLimit()
 
     def hook(unraisable: "UnraisableHookArgs") -> None:

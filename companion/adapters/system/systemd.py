@@ -17,9 +17,9 @@ from typing import TextIO
 _BEATS = 4.0
 """Signs of life in one period of systemd's watchdog: a lost or late one does no harm."""
 _AGAIN_S = 10.0
-"""What was just said is not said again for so long."""
+"""A repeated message is suppressed for this time."""
 _WAITING_LINES = 1000
-"""A journal that does not read may lack so many lines before some are dropped."""
+"""Lines queued for a journal that does not read; further ones are dropped."""
 _LAST_WORDS_S = 1.0
 _PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
 _DEBUG = 7
@@ -180,7 +180,7 @@ class QuietHandler(logging.Handler):
 
     def _write(self) -> None:
         while (lines := self._lines.get()) is not None:
-            with contextlib.suppress(OSError, ValueError):  # whoever read it is gone, or the stream is closed
+            with contextlib.suppress(OSError, ValueError):  # the reader is gone, or the stream is closed
                 self._stream.write(lines + "\n")
                 self._stream.flush()
 

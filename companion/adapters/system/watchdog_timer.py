@@ -35,7 +35,7 @@ class _Sigevent(ctypes.Structure):
 
 
 class KernelWatchdogTimer:
-    """ports.DeadMan: at `timeout_s` after the last renewal the kernel sends SIGKILL to this process.
+    """Watchdog timer of the kernel: at `timeout_s` after the last renewal the kernel sends SIGKILL to this process.
 
     Nothing of the process has to run for that: not Python, not its event loop, not a signal handler, and a process that
     was stopped (SIGSTOP) is killed as well. A child does not inherit it (timer_create(2)).

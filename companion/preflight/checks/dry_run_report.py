@@ -14,7 +14,7 @@ class DrySeen:
     cycles: int
     """In which a setpoint was worked out."""
     not_finite: int
-    """Of them, so many wanted what is no number."""
+    """Cycles among them whose command was not finite."""
     law_fault: str
     """What the law, or the guard behind it, raised; empty when neither did."""
     most_tilt_rad: float

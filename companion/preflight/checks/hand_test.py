@@ -241,7 +241,7 @@ class Kept:
 
 
 def check_kept(kept: Kept | str, body: str, now: datetime, within_h: float) -> Check:
-    """Return whether the vehicle was carried by hand not long ago; `within_h` = 0: nobody asks for it.
+    """Check that a hand test passed within `within_h`; 0: no hand test is required.
 
     Where nothing is kept, `kept` is the reason.
     """

@@ -8,7 +8,7 @@ from companion.preflight.checks.check import Check
 
 _HOVER_APART = 0.1
 _PLAUSIBLE = (0.2, 0.7)
-"""Hover thrust below wants a heavier load or smaller rotors; above it there is no reserve to brake and to climb."""
+"""Below, the rotors are too large for the load; above, there is no reserve to brake and to climb."""
 
 
 @dataclass(frozen=True)
