@@ -56,7 +56,7 @@ class DeviceOpening:
             self._show()
 
     async def _held(self, name: str, opening: AbstractAsyncContextManager[Device]) -> Device:
-        """Enter it in a task of its own, which leaves it when the stack ends: both belong into one task."""
+        """Enter a context in a task of its own, which leaves it when the stack ends: both must be in one task."""
         opened: asyncio.Future[Device] = asyncio.get_running_loop().create_future()
         release = asyncio.Event()
         holding = asyncio.create_task(_hold(opening, opened, release), name=f"companion.{name.replace(' ', '_')}")

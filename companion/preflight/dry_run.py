@@ -41,7 +41,7 @@ class DryRun:
         self._events: dict[Fault, str] = {}
 
     def __call__(self, now_s: float, frame_received_s: float) -> None:
-        """One cycle, at most as often as in flight."""
+        """Run one cycle, at most as often as in flight."""
         if now_s - self._last_s < 0.75 * self._period_s:
             return
         dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)

@@ -185,7 +185,7 @@ async def _kept_going(onlooker: LiveObserver) -> AsyncIterator[None]:
 
 
 def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStep | None:
-    """Only ever read from: nothing here moves it."""
+    """Return the arms' step for reading only; it never moves them."""
     if bus is None or config.arms is None:
         return None
     return ArmStep(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

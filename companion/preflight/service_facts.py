@@ -62,7 +62,7 @@ class Answering(Protocol):
         """Return the autopilot's own local position estimate; never waits."""
 
     async def params(self, names: Sequence[str]) -> dict[str, float]:
-        """Values of its parameters; those it does not know are absent."""
+        """Return values of its parameters; unknown ones are absent."""
 
 
 def _never_landed() -> float:
@@ -100,7 +100,7 @@ class Running:
 async def preflight(
     running: Running, config: CompanionConfig, trajectory: Trajectory | None = None
 ) -> tuple[Check, ...]:
-    """Every check. Takes a second, and up to 6 s more while the autopilot still settles on vision, or 20 s on a horizon
+    """Run every check. Takes a second, and up to 6 s more while the autopilot settles on vision, or 20 s on a horizon
     that a flight has left off.
 
     Poses must go to the autopilot meanwhile. Raises ConfigError when the list of parameters cannot be used.
@@ -215,7 +215,7 @@ class _Watch:
 async def watch(
     running: Running, body: str, delay_s: float, for_s: float, enough: Callable[[], bool] = lambda: False
 ) -> Watched:
-    """Motion capture and the autopilot's estimate for `for_s`, or until `enough` says so.
+    """Observe motion capture and the autopilot's estimate for `for_s`, or until `enough` returns True.
 
     `delay_s` is the configured least delay of motion capture.
     """
@@ -257,7 +257,7 @@ def _arms_of(running: Running, now_s: float) -> ArmsSeen | None:
 
 
 def machine_of(running: Running) -> MachineSeen:
-    """This computer and this process, whose main thread runs the control loop."""
+    """Return the state of this computer and of this process, whose main thread runs the control loop."""
     realtime = os.sched_getscheduler(0) in {os.SCHED_FIFO, os.SCHED_RR}
     return MachineSeen(
         running.disk_free_mb() if running.disk_free_mb is not None else math.inf,

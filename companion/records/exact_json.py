@@ -12,12 +12,12 @@ Value = TypeVar("Value")
 
 
 def to_json(value: object) -> str:
-    """Text for `of_json`; Python's words for what JSON has no number for (NaN, Infinity)."""
+    """Return the text for `of_json`, with Python's words for what JSON has no number for (NaN, Infinity)."""
     return json.dumps(_plain(value))
 
 
 def of_json(kind: type[Value], text: str) -> Value:
-    """The value that `to_json` was given, a `kind`; KeyError, TypeError or ValueError where the text is of another."""
+    """Return the value given to `to_json`, a `kind`; KeyError, TypeError or ValueError for a text of another kind."""
     return _restored(kind, json.loads(text))  # type: ignore[no-any-return]
 
 

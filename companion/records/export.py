@@ -13,7 +13,7 @@ from companion.records.read import FlightRecord, HealthEvent, RecordedEvent
 
 
 def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
-    """ticks.csv, events.csv, faults.csv and metadata.json; every float in full, nothing where there was none."""
+    """Export ticks.csv, events.csv, faults.csv and metadata.json; floats at full precision, empty where missing."""
     folder.mkdir(parents=True, exist_ok=True)
     names, cells = _flat(record.columns)
     tables = {
@@ -32,7 +32,7 @@ def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
 
 
 def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]]:
-    """Every component by itself: `position_w_m_0`; time and number come first."""
+    """Return one column per component, such as `position_w_m_0`; time and number come first."""
     names: list[str] = []
     cells: list[list[object]] = []
     for name in sorted(columns, key=lambda name: (name != "time_s", name != "tick", name)):

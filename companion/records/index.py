@@ -97,7 +97,7 @@ def _is_same(line: dict[str, Any] | None, stamp: tuple[int, int]) -> bool:
 
 
 def _kept(line: Glance, stamp: tuple[int, int]) -> dict[str, Any]:
-    """A file that could not be opened is looked into again next time: its rights may change without its stamp."""
+    """Return the line as JSON values; a file that could not be opened gets no stamp, so that it is read again."""
     values = asdict(line)
     del values["path"]
     return values | {"stamp": [*stamp] if "cannot be read" not in line.unreadable else None}

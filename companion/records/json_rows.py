@@ -108,7 +108,7 @@ def _holes(shape: Shape) -> str:
 
 
 def schema_of(topic: str, shapes: Shapes) -> bytes:
-    """JSON Schema of a topic's messages, from which Foxglove knows what there is to plot."""
+    """Return the JSON Schema of a topic's messages, from which Foxglove knows what can be plotted."""
     known: dict[str, Any] = {"tick": {"type": "integer"}, "time_s": {"type": "number"}}
     properties = known | {name: _kind(shape) for name, shape in shapes.items()}
     if topic == WITH_WORDS:

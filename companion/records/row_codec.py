@@ -210,7 +210,7 @@ class RowDecoder:
         self._layouts[number] = Layout([(topic, name, tuple(shape)) for topic, name, shape in columns])
 
     def row(self, message: bytes) -> RecordRow:
-        """A message ROW; KeyError when its layout got lost."""
+        """Decode a ROW message; KeyError when its layout was lost."""
         _, layout, number, words = _HEAD.unpack_from(message)
         if words:
             self._words = json.loads(message[_HEAD.size : _HEAD.size + words])

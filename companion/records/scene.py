@@ -54,7 +54,7 @@ class Scene:
         self._flown: deque[Point3] = deque(maxlen=_PATH_POINTS)
 
     def draw(self, row: RecordRow, time_ns: int, recorded: bool) -> None:
-        """One instant, where it is recorded or watched."""
+        """Draw one row, where it is recorded or watched."""
         if not (recorded or self._scene.has_sinks() or self._frames.has_sinks()):
             return
         if abs(time_ns - self._drawn_ns) < _PERIOD_NS or "position_w_m" not in row:

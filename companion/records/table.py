@@ -50,7 +50,7 @@ class Table:
         """Rows and values, by column."""
 
     def take(self, message: Message) -> None:
-        """The next message, in the order in which they were written."""
+        """Add the next message, in the order in which they were written."""
         topic = self.topics[message.channel_id]
         if topic == EVENTS:
             said = json.loads(message.data)
@@ -73,7 +73,7 @@ class Table:
             found.append(value)
 
     def _health(self, time_s: float, events: list[dict[str, str]], arm_faults: list[dict[str, str]]) -> dict[str, str]:
-        """The columns of faults; those that begin or end go into `health`."""
+        """Update the fault columns; faults that begin or end are added to `health`."""
         now = {event["fault"]: event for event in events}
         for fault in [fault for fault in self._present if fault not in now]:
             begun = self._present.pop(fault)
@@ -85,7 +85,7 @@ class Table:
         return {"faults": ", ".join(now), "arm_faults": "; ".join(fault["text"] for fault in arm_faults)}
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Numbers as float64, words as str, flags as bool."""
+        """Return the columns: numbers as float64, words as str, flags as bool."""
         columns: dict[str, np.ndarray] = {}
         for name, (rows, values) in self._found.items():
             try:
@@ -99,7 +99,7 @@ class Table:
         return columns | _derived(columns)
 
     def _by_shape(self, name: str, rows: list[int], values: list[Any]) -> dict[str, np.ndarray]:
-        """The first shape keeps the name, others are named after theirs."""
+        """Name columns by shape: the first shape keeps the name, others get it with their shape."""
         shapes: dict[tuple[int, ...], tuple[list[int], list[Any]]] = {}
         for row, value in zip(rows, values, strict=True):
             of_shape = shapes.setdefault(np.shape(value), ([], []))

@@ -187,7 +187,7 @@ def frozen(tick: Tick) -> Frozen:
 
 
 def _array(signal: Any) -> Array:
-    """In one piece; NaN where it is no number."""
+    """Return a contiguous float64 array; NaN where it is no number."""
     try:
         return np.array(signal, F64, order="C")
     except (TypeError, ValueError):
@@ -206,7 +206,7 @@ def signals_of(tick: Tick, kept: Frozen) -> Signals:
 
 
 def _as_f64(arrays: list[Array], block: bytes) -> Frozen:
-    """A user's law may have integers or short floats among its arrays."""
+    """Convert arrays to float64: a user's law may have integers or short floats."""
     copies, at = [], 0
     for array in arrays:
         piece = block[at : at + array.nbytes]
@@ -219,7 +219,7 @@ def _as_f64(arrays: list[Array], block: bytes) -> Frozen:
 
 
 def columns_of(values: Values, signals: Signals) -> list[Column]:
-    """Columns of a row: numbers first, then arrays, in the order in which they were gathered."""
+    """Return the columns of a row: numbers first, then arrays, in the order in which they were gathered."""
     numbers: list[Column] = []
     arrays: list[tuple[str, str]] = []
     for part in values.parts:

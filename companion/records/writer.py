@@ -54,7 +54,7 @@ def main() -> None:
 
 
 def _step_back() -> None:
-    """The control loop comes first, and its real-time priority is not ours."""
+    """Lower this process's priority below the control loop's."""
     with contextlib.suppress(OSError):  # where the service may not either
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
         os.nice(_NICE)
@@ -81,7 +81,7 @@ def _serve(config: RecordsConfig, context: Context, name: str, tell: Callable[[d
 
 
 def _read(link: socket.socket, waiting: queue.Queue[bytes]) -> None:
-    """Until the other side is gone; then an empty message."""
+    """Read messages until the other side is gone; then return an empty one."""
     while message := _received(link):
         waiting.put(message)  # and when that is full the socket runs full, too, which the service sees
     waiting.put(b"")

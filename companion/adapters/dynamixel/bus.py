@@ -53,7 +53,7 @@ class DynamixelBus:
         return self._bus_thread.inspected
 
     def status(self) -> ArmStatus:
-        """The last known state; never waits."""
+        """Return the last known state; never waits."""
         return self._bus_thread.status
 
     def move(self, position_rad: Array) -> None:

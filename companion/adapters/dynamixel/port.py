@@ -54,7 +54,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         self.change_baud(self.baudrate)
 
     def change_baud(self, baud: int) -> None:
-        """Talk at another rate from now on."""
+        """Change the baud rate of the port."""
         try:
             self.ser.baudrate = baud
         except (OSError, ValueError, termios.error) as error:
@@ -83,7 +83,7 @@ class BusPort(dynamixel_sdk.port_handler.PortHandler):  # type: ignore[misc]  # 
         return self._taken + len(self._unread)
 
     def readPort(self, length: int) -> bytes:  # noqa: N802
-        """Up to `length` bytes; sleeps until some are there or the packet's time is over.
+        """Read up to `length` bytes; sleeps until some have arrived or the packet's time-out.
 
         The SDK looks at the time only when too few bytes came. So a line with continuous traffic, or that is stuck
         and reads as ones, falls silent here after more bytes than there are answers.
@@ -165,7 +165,7 @@ def name_warning(path: str, dev: Path = Path("/dev")) -> str | None:
 
 
 def latency_warning(path: str, sysfs: Path = SYSFS) -> str | None:
-    """A sentence when FTDI's driver would sit on every answer; None for other ports and when all is well.
+    """Return a warning when FTDI's driver would delay every answer; None for other ports and when all is well.
 
     The driver hands bytes on when 62 have come or its latency timer is over, 16 ms unless changed; FTDI AN232B-04,
     https://ftdichip.com/wp-content/uploads/2020/08/AN232B-04_DataLatencyFlow.pdf.

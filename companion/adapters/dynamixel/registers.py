@@ -24,18 +24,18 @@ class Register:
     """Two's complement; the AX's sign bit is another thing, see `conversion`."""
 
     def raw(self, block: bytes, start: int) -> int:
-        """The counts, from `block` that was read from address `start`; ValueError when it is not in there."""
+        """Return the counts from `block`, which was read from address `start`; ValueError when it is not in there."""
         offset = self.address - start
         if offset < 0 or offset + self.size > len(block):
             raise ValueError(f"register {self.address} is not in the {len(block)} bytes from address {start}")
         return int.from_bytes(block[offset : offset + self.size], "little", signed=self.signed)
 
     def value(self, block: bytes, start: int) -> float:
-        """The same in SI units."""
+        """Return the register's value in SI units; arguments and errors as in `raw`."""
         return self.raw(block, start) * self.unit
 
     def encoded(self, counts: int) -> bytes:
-        """The bytes to write; OverflowError when `counts` does not fit."""
+        """Return the bytes to write; OverflowError when `counts` does not fit."""
         return counts.to_bytes(self.size, "little", signed=self.signed)
 
 
@@ -208,5 +208,5 @@ ALERT = 0x80
 
 
 def ax_baud(code: int) -> float:
-    """Bits/s of an AX's Baud Rate (4): 2 000 000 / (code + 1)."""
+    """Return the bits/s of an AX's Baud Rate (4): 2 000 000 / (code + 1)."""
     return 2e6 / (code + 1)

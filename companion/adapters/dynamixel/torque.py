@@ -30,7 +30,7 @@ _REFUSALS = {1: 0x5A, 2: 0x7F}
 
 
 def torque_on(bus_cycle: BusCycle) -> Steps:
-    """Every joint on, where it is; ArmError naming those that refuse. None is touched while faults are latched."""
+    """Switch torque on at every joint's position; ArmError naming refusals. Does nothing while faults are latched."""
     if bus_cycle.faults.faults:
         said = "\n  ".join(fault.text for fault in bus_cycle.faults.faults)
         raise ArmError(f"torque stays as it is while faults are latched:\n  {said}")
@@ -38,7 +38,7 @@ def torque_on(bus_cycle: BusCycle) -> Steps:
 
 
 def torque_off(bus_cycle: BusCycle) -> Steps:
-    """Every joint limp; ArmError naming those that do not answer, after all others are."""
+    """Switch torque off on all joints; ArmError naming those that do not answer, after all others are off."""
     for joint in bus_cycle.joints:
         joint.driven = False  # before the first write: an AX takes torque on again with its next goal
     yield from _each(bus_cycle, _switch_off, "torque is not off everywhere")
@@ -69,7 +69,7 @@ def _each(bus_cycle: BusCycle, act: Action, headline: str) -> Steps:
 
 
 def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
-    """Goal := present position before the torque, so that whatever goal was left there is never gone to.
+    """Write the present position as goal before torque, so that an old goal is never approached.
 
     One that has torque and stands near its goal keeps that: its load bends it away, and to begin where it stands would
     let it sink a little further with every connection, and a claw drop what it holds.
@@ -116,7 +116,7 @@ def _not_shown(bus_cycle: BusCycle, joint: Joint, on: bool) -> str | None:
 
 
 def _switching_on(joint: Joint, goal: bytes) -> list[tuple[int, bytes]]:
-    """An AX switches on with its goal, so its speed has to come with it, in one packet."""
+    """Return the writes that switch torque on; an AX needs goal and speed in one packet, as a goal switches it on."""
     if joint.protocol == 1:
         return [(Ax.GOAL_POSITION.address, goal + joint.profile), (Ax.TORQUE_ENABLE.address, b"\x01")]
     return [
@@ -181,7 +181,7 @@ def _repaired(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Repair:
 
 
 def _errors_left(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
-    """Its errors, once they are gone or have had time to go."""
+    """Return the servo's errors, once they are gone or the settling time is over."""
     begun_s = clock.now_s()
     while (errors := _errors(bus_cycle, joint)) and clock.now_s() - begun_s < _SETTLE_S:
         yield
@@ -209,7 +209,7 @@ def _until_back(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Steps:
 
 
 def _restore_torque_limit(bus_cycle: BusCycle, joint: Joint) -> str | None:
-    """An AX's shutdown sets Torque Limit (34) to 0 and has no other mark; off first, so that it stays limp."""
+    """Restore an AX's Torque Limit (34), which a shutdown sets to 0; torque off first, so that it stays limp."""
     identity = bus_cycle.wire.read(1, joint.servo_id, Ax.IDENTITY)
     if identity is None:
         return _SILENT

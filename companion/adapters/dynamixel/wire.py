@@ -44,7 +44,7 @@ class Wire:
         self._handlers: dict[int, Any] = {1: Protocol1PacketHandler(), 2: Protocol2PacketHandler()}
 
     def ping(self, protocol: int, servo_id: int) -> int | None:
-        """Its model number, if it answers.
+        """Return the servo's model number, None when it does not answer.
 
         Read once more after the SDK's ping, which believes any answer of that ID, also a late one to another question.
         """
@@ -77,12 +77,12 @@ class Wire:
         return self.port.heard > 0
 
     def broadcast_ping(self) -> dict[int, int]:
-        """Model number by ID of all that speak Protocol 2.0; takes about a second."""
+        """Return the model number by ID of all Protocol 2.0 servos; takes about a second."""
         found, _ = self._handlers[2].broadcastPing(self.port)
         return {int(servo_id): int(number) for servo_id, (number, _) in found.items()}
 
     def read(self, protocol: int, servo_id: int, block: Block) -> Answer | None:
-        """One servo's block; None when it did not come.
+        """Read one servo's block; None when no valid answer came.
 
         The SDK's own read takes the beginning of a longer, late answer to another question for its own.
         """
@@ -94,7 +94,7 @@ class Wire:
         return None
 
     def write(self, protocol: int, servo_id: int, address: int, data: bytes) -> int | None:
-        """The answer's error field, or None without an answer."""
+        """Write registers and return the answer's error field, or None without an answer."""
         result, error = self._handlers[protocol].writeTxRx(self.port, servo_id, address, len(data), list(data))
         if result != COMM_SUCCESS:
             self.bad_packets += 1
@@ -102,7 +102,7 @@ class Wire:
         return int(error)
 
     def reboot(self, servo_id: int) -> None:
-        """Protocol 2.0 only; it is away for a while afterwards, and may or may not answer first."""
+        """Reboot a servo (Protocol 2.0); it does not answer for a while, and may or may not confirm."""
         self._handlers[2].reboot(self.port, servo_id)
 
     def sync_write(self, protocol: int, register: Register, counts: Mapping[int, int]) -> None:
@@ -111,7 +111,7 @@ class Wire:
         self._handlers[protocol].syncWriteTxOnly(self.port, register.address, register.size, params, len(params))
 
     def sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
-        """The same block of many servos (Protocol 2.0), each with its own answer; those that came."""
+        """Read one block of many servos (Protocol 2.0), each answering alone; return the answers that came."""
         handler, answers = self._handlers[2], dict[int, Answer]()
         if (
             handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), False)
@@ -124,7 +124,7 @@ class Wire:
         return answers
 
     def fast_sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
-        """The same, but all answers in one packet: all or none."""
+        """Read one block of many servos with all answers in one packet: all or none."""
         handler = self._handlers[2]
         if (
             handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), True)
@@ -149,7 +149,7 @@ class Wire:
         return cut
 
     def _packet(self, protocol: int) -> bytes | None:
-        """ID, error field and data of the next status packet; None when time is up or it is broken."""
+        """Return ID, error field and data of the next status packet; None when it is late or broken."""
         if protocol == 1:
             packet, result = self._handlers[1].rxPacket(self.port)
             cut = [packet[2], packet[4], *packet[5 : packet[3] + 3]] if result == COMM_SUCCESS else None

@@ -53,7 +53,7 @@ class NewestFrame:
         self._waiter: asyncio.Future[None] | None = None
 
     def latest(self) -> MocapFrame | None:
-        """The newest frame, or None before the first one."""
+        """Return the newest frame, or None before the first one."""
         return self._latest
 
     async def wait_frame(self, timeout_s: float) -> bool:
@@ -66,7 +66,7 @@ class NewestFrame:
         return fresh
 
     async def wait_unseen(self, timeout_s: float) -> bool:
-        """Like `wait_frame`, but leaves the frame for the next `wait_frame` to return for."""
+        """Wait like `wait_frame`, but leave the frame for the next `wait_frame`."""
         if not self._unseen and self._failure is None:
             await self._woken(timeout_s)
         if self._failure is not None:
@@ -112,7 +112,7 @@ class NewestFrame:
         self._wake()
 
     async def _woken(self, timeout_s: float) -> None:
-        """Until a frame, a failure or the time-out; a bare future wakes a third sooner than asyncio.timeout and Event.
+        """Wait for a frame, a failure or the time-out; a bare future wakes sooner than asyncio.timeout and Event.
 
         There is one consumer, so one future is enough.
         """

@@ -9,7 +9,7 @@ from companion.core.interfaces import Clock, MocapSource
 
 
 def open_mocap(config: CompanionConfig, clock: Clock) -> AbstractAsyncContextManager[MocapSource]:
-    """Frames flow once it is entered; MocapError when they do not."""
+    """Open the configured source, which delivers frames once entered; MocapError when it does not."""
     if config.mocap.source == "mqtt":
         return open_mqtt_mocap(config.mocap, config.mocap_broker(), clock)
     return open_qualisys(config.mocap, clock)

@@ -120,7 +120,7 @@ class Connection(aiomqtt.Client):
             raise aiomqtt.MqttError(f"refuses the subscription to {topic}")
 
     def check(self) -> None:
-        """MqttError when the broker sends what was not subscribed to: at QoS 2, of which paho keeps all it gets."""
+        """Raise MqttError when the broker sends unsubscribed messages at QoS 2, which paho stores without limit."""
         if self._client._in_messages:
             raise aiomqtt.MqttError("a message at QoS 2, which was not asked for")
 

@@ -93,7 +93,7 @@ class BusLink:
         """It was told that the broker does not let us read our own status."""
 
     def age_s(self) -> float:
-        """Since the broker last answered, s; 0 while it does."""
+        """Return the time since the broker last answered, s; 0 while it does."""
         return 0.0 if self._broker_link.there else self._clock.now_s() - self._heard_s
 
     def rival(self) -> str:
@@ -126,7 +126,7 @@ class BusLink:
         await self._broker_link.keep(self._connected)
 
     async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
-        """One connection, until it breaks; raises whatever broke it."""
+        """Run one connection until it breaks; raises what broke it."""
         async with Connection(self._endpoint, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
             await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
@@ -206,7 +206,7 @@ class BusLink:
             end(Answer.FAILED, type(error).__name__)
 
     def _refuse(self, path: ReplyAddress, refusal: Refusal) -> None:
-        """Without waiting: the next command may be an abort."""
+        """Publish a refusal without waiting: the next command may be an abort."""
         if not self._listened.is_set() or len(self._replies) >= _WAITING:
             return  # nobody knows of us yet, so that another was meant; or a flood: what fits in says enough
         LOG.warning("a command is refused: %r", refusal.reason)  # %r: it may hold what the sender wrote

@@ -52,7 +52,7 @@ class Outbox:
         self._all_said.clear()
 
     async def next(self) -> OutboxMessage:
-        """The oldest, once there is one; it is taken out, until `said` or `not_said`."""
+        """Wait for the oldest message and remove it; finish it with `said` or `not_said`."""
         while not self._letters:
             self._there.clear()
             await self._there.wait()
@@ -66,7 +66,7 @@ class Outbox:
             self._all_said.set()
 
     def not_said(self, letter: OutboxMessage) -> None:
-        """It comes first again, but not for ever."""
+        """Put a message back in front, up to the limit of its tries."""
         letter.tries += 1
         if letter.tries < _TRIES and len(self._letters) < self._most:
             self._letters.appendleft(letter)

@@ -7,7 +7,7 @@ MAX_PROPERTIES_BYTES = 512
 
 
 def with_few_properties(publish: bytes, qos: int) -> bytes:
-    """The body of a PUBLISH, without its properties if they are many: the message counts, but says nothing of answers.
+    """Return a PUBLISH's body, without properties if there are many: such a message gets no addressed reply.
 
     Source: MQTT 5, 3.3.2. What is no such body comes back as it is.
     """

@@ -109,7 +109,7 @@ class Px4Telemetry:
         return self.status.armed if self.status.heartbeat_s > since_s else None
 
     def texts_since(self, time_s: float) -> list[str]:
-        """STATUSTEXTs since `time_s` on our clock, oldest first."""
+        """Return STATUSTEXTs since `time_s` on our clock, oldest first."""
         return [text for at_s, text in self._texts if at_s >= time_s]
 
     def _subscribe(self) -> None:
@@ -141,7 +141,7 @@ class Px4Telemetry:
         self._mode_s = now_s
 
     def _on_attitude(self, fields: dict[str, Any]) -> None:
-        """At 50 Hz, the most frequent message we take: it shows that the autopilot is there, and since when."""
+        """Handle the attitude, at 50 Hz the most frequent message: it also shows reboots."""
         boot_s = fields["time_boot_ms"] * 1e-3
         if boot_s < self.status.boot_s:
             self._rebooted()

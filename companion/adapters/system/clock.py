@@ -7,5 +7,5 @@ class MonotonicClock:
     """Clock interface on time.monotonic, s."""
 
     def now_s(self) -> float:
-        """Seconds since some instant before this process; never goes back."""
+        """Return the monotonic time, s, from an arbitrary origin before this process."""
         return time.monotonic()

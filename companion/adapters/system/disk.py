@@ -35,7 +35,7 @@ class DiskWatch:
         self._closed.set()
 
     def free_mb(self) -> float:
-        """The last answer, MB that we may fill; never waits. Infinite without a folder.
+        """Return the last known free space, MB; never waits. Infinite without a folder.
 
         0 when the disk gives an error, or has not answered for three periods: no record can be written there either.
         """

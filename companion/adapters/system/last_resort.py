@@ -47,14 +47,14 @@ class LastResort:
             self._told_s = self._clock_s()
 
     def lacks_memory(self) -> None:
-        """Something failed for want of memory."""
+        """Record a failure for lack of memory."""
         now_s = self._clock_s()
         if now_s - self._lacked_s > _FORGOTTEN_S:
             self._lacking_since_s = now_s
         self._lacked_s = now_s
 
     def close(self) -> None:
-        """The process has ended in order."""
+        """Stop watching: the process has ended in order."""
         self._stopped.set()
 
     def _why(self, now_s: float) -> str:

@@ -34,7 +34,7 @@ def lock_memory() -> bool:
 
 
 def _without_limit() -> bool:
-    """By the limit itself, which root may lift, or by the capability that knows none."""
+    """Lift the limit of locked memory; True when that works, or the capability makes it needless."""
     status = dict(line.split(":\t", 1) for line in Path("/proc/self/status").read_text().splitlines())
     if int(status["CapEff"], 16) >> _CAP_IPC_LOCK & 1:
         return True

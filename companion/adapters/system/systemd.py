@@ -50,22 +50,22 @@ class Notifier:
         return cls(address if known else None, 1e-6 * int(period_us) if watched and known else None)
 
     def ready(self, status: str) -> None:
-        """Commands are taken from now on; `systemctl start` returns."""
+        """Report that commands are accepted from now on; `systemctl start` returns."""
         self._owed, self._status = "READY=1\n", None
         self.status(status)
 
     def status(self, status: str) -> None:
-        """One line for `systemctl status`; the same one again is not sent."""
+        """Report one line for `systemctl status`; a repeated one is not sent."""
         if status != self._status and self._say(f"STATUS={_line(status)}"):
             self._status = status
 
     def stopping(self, status: str) -> None:
-        """The service ends, which may take a landing."""
+        """Report that the service is stopping, which may take a landing."""
         self._owed, self._status = "STOPPING=1\n", None
         self.status(status)
 
     def alive(self) -> None:
-        """The control loop has ticked. May be called in every cycle: it sends four times in a period."""
+        """Report that the control loop runs. May be called in every cycle: it sends four times in a period."""
         if self.period_s is None:
             return
         now_s = time.monotonic()
@@ -97,7 +97,7 @@ class JournalFormatter(logging.Formatter):
     """
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record's lines, each with its priority."""
+        """Return the record's lines, each with its priority."""
         priority = next((number for level, number in _PRIORITIES if record.levelno >= level), _DEBUG)
         line = f"<{priority}>{_place(record)}: {_line(record.getMessage())}"
         if not record.exc_info or record.exc_info[1] is None:
@@ -112,7 +112,7 @@ class TerminalFormatter(logging.Formatter):
     """`12:03:04 warning health_stage: text`, for a person who looks on."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The record's line, and the traceback of its exception."""
+        """Return the record's line, and the traceback of its exception."""
         clock = time.strftime("%H:%M:%S", time.localtime(record.created))
         line = f"{clock} {record.levelname.lower()} {_place(record)}: {_line(record.getMessage())}"
         return line if not record.exc_info else f"{line}\n{self.formatException(record.exc_info)}"
@@ -196,7 +196,7 @@ def to_journal(stream: TextIO) -> bool:
 
 @contextlib.contextmanager
 def logging_to(stream: TextIO = sys.stderr, level: int = logging.INFO) -> Iterator[QuietHandler]:
-    """All that the companion logs from `level` on, and others' warnings, in the form that suits the stream."""
+    """Log the companion's messages from `level` on, and others' warnings, in the format of the stream."""
     handler = QuietHandler(stream, JournalFormatter() if to_journal(stream) else TerminalFormatter())
     root, ours = logging.getLogger(), logging.getLogger("companion")
     root.addHandler(handler)

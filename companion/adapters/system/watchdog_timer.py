@@ -53,7 +53,7 @@ class KernelWatchdogTimer:
         self._never = ctypes.byref(_Itimerspec())
 
     def renew(self) -> None:
-        """So much time again from now (2 us)."""
+        """Restart the time-out from now (2 us)."""
         if _LIBC.timer_settime(self._timer, 0, self._due, None) != 0:
             raise CompanionError("the dead man's timer cannot be set: is this a fork of the process that made it?")
         if not self._armed:
@@ -61,7 +61,7 @@ class KernelWatchdogTimer:
             LOG.info("dead man armed: %g s without a control cycle and the kernel kills us, PX4 lands", self._timeout_s)
 
     def release(self) -> None:
-        """The process may take its time."""
+        """Disable the timer: the process may take its time."""
         if self._armed:
             _LIBC.timer_settime(self._timer, 0, self._never, None)
             self._armed = False

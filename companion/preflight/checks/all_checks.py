@@ -58,7 +58,7 @@ def check_all(
     recommended: Iterable[Recommended],
     trajectory: Trajectory | None = None,
 ) -> tuple[Check, ...]:
-    """Every check, in the order in which a person would go about it."""
+    """Run every check, in the order in which an operator would work through them."""
     return (
         *check_machine(facts.machine, config, wanted),
         *check_operator(facts.operator_age_s, config),
