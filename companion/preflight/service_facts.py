@@ -225,7 +225,7 @@ async def watch(
         seen.look(now_s)
         await asyncio.sleep(_POLL_S)
         now_s = clock.now_s()
-    ours, theirs = (np.array([pair[place] for pair in seen.pairs]).reshape(-1, 4) for place in (0, 1))
+    ours, theirs = (np.array([pair[index] for pair in seen.pairs]).reshape(-1, 4) for index in (0, 1))
     return Watched(seen.mocap.seen(body, now_s - begun_s), apart(ours, theirs), median(seen.distances_m))
 
 

@@ -38,8 +38,8 @@ def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]
     for name in sorted(columns, key=lambda name: (name != "time_s", name != "tick", name)):
         column = columns[name]
         components = column.reshape(len(column), -1)
-        for number, place in enumerate(product(*map(range, column.shape[1:]))):
-            names.append("_".join([name, *map(str, place)]))
+        for number, index in enumerate(product(*map(range, column.shape[1:]))):
+            names.append("_".join([name, *map(str, index)]))
             cells.append([_cell(value) for value in components[:, number].tolist()])
     return names, cells
 

@@ -27,8 +27,8 @@ _ANEW = "preflight"
 class FlightFiles:
     """Receiver of RowEncoder's messages, in order; disk errors are reported and never end a flight."""
 
-    def __init__(self, shelf: Retention, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
-        self._shelf, self._context, self._tell = shelf, context, tell
+    def __init__(self, retention: Retention, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
+        self._retention, self._context, self._tell = retention, context, tell
         self._channels, self._scene, self._decoder = Channels(context), Scene(context), RowDecoder()
         self._file: Mcap | None = None
         self._begin: dict[str, Any] = {}
@@ -59,20 +59,22 @@ class FlightFiles:
             return
         self.close()
         self._over_s, self._laws = None, {}
-        if not self._shelf.has_room():
-            self._warn(f"less than {self._shelf.config.min_free_mb:g} MB free for records: this flight is not recorded")
+        if not self._retention.has_room():
+            self._warn(
+                f"less than {self._retention.config.min_free_mb:g} MB free for records: this flight is not recorded"
+            )
             return
         try:
-            self._open(self._shelf.new_path(said["time_s"] + self._offset_s), text)
+            self._open(self._retention.new_path(said["time_s"] + self._offset_s), text)
         except OSError as error:
-            self._warn(f"this flight is not recorded: {error.filename or self._shelf.folder}: {error.strerror}")
+            self._warn(f"this flight is not recorded: {error.filename or self._retention.folder}: {error.strerror}")
 
     def _open(self, path: Path, start: str) -> None:
         file = Unbreakable(path, lambda why: self._warn(f"{why}: the rest of this flight is not recorded"))
         self._file = open_mcap(path, file, self._context)
         self._file.metadata("begin", json.dumps(self._begin))
         self._file.metadata("start", start)
-        self._shelf.rotate(path)
+        self._retention.rotate(path)
         self._tell({"file": str(path)})
 
     def row(self, message: bytes) -> None:
@@ -114,9 +116,9 @@ class FlightFiles:
             self.close()
         elif not 0.0 <= time_s - self._looked_s < _LOOK_S:
             self._looked_s = time_s
-            if not self._shelf.has_room():
+            if not self._retention.has_room():
                 self._warn(
-                    f"less than {self._shelf.config.min_free_mb:g} MB free: the rest of this flight is not recorded"
+                    f"less than {self._retention.config.min_free_mb:g} MB free: the rest of this flight is not recorded"
                 )
                 self.close()
         if not self._is_over(row):

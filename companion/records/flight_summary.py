@@ -27,7 +27,7 @@ _CHANNEL, _LENGTH = struct.Struct("<H"), struct.Struct("<Q")
 
 
 @dataclass(frozen=True)
-class Glance:
+class FlightSummary:
     """Summary of one flight, a line of the list."""
 
     path: Path
@@ -44,7 +44,7 @@ class Glance:
     """Why it is no record, in a sentence; then there is nothing else but its size."""
 
 
-def summarize_flight(path: Path) -> Glance:
+def summarize_flight(path: Path) -> FlightSummary:
     """Return the record's line; RecordError where it is no record."""
     check_readable(path)
     try:
@@ -53,16 +53,16 @@ def summarize_flight(path: Path) -> Glance:
         raise cannot_read(path, error) from error
 
 
-def unreadable(path: Path, why: str) -> Glance:
+def unreadable(path: Path, why: str) -> FlightSummary:
     """Return the line of a file that is no record."""
     try:
         size_mb = 1e-6 * path.stat().st_size
     except OSError:
         size_mb = 0.0
-    return Glance(path, math.nan, math.nan, "", "", size_mb, truncated=False, unreadable=why)
+    return FlightSummary(path, math.nan, math.nan, "", "", size_mb, truncated=False, unreadable=why)
 
 
-def _at_its_ends(path: Path) -> Glance | None:
+def _at_its_ends(path: Path) -> FlightSummary | None:
     """Return the summary from the file's summary section and last tick; None where either is missing."""
     with path.open("rb") as opened:
         file = BoundedFile(opened)
@@ -70,7 +70,7 @@ def _at_its_ends(path: Path) -> Glance | None:
             summary = file.summary()
             times = Statistics.read(stream_at(summary, places(summary, Opcode.STATISTICS)[0]))
             said = json.loads(_last_tick(file, summary))
-            return Glance(
+            return FlightSummary(
                 path,
                 1e-9 * times.message_start_time,
                 1e-9 * (times.message_end_time - times.message_start_time),
@@ -108,14 +108,14 @@ def _laws(file: BoundedFile, summary: bytes, last_law: str) -> str:
     return ", ".join(map(str, noted["laws"])) if "laws" in noted else last_law
 
 
-def _of_all(path: Path) -> Glance:
+def _of_all(path: Path) -> FlightSummary:
     """Return the summary by reading the whole record, for files cut off and NPZ files."""
     from companion.records.read import read_flight  # noqa: PLC0415 - a list of whole flights does without numpy
 
     record = read_flight(path)
     columns = record.columns
     times_s, empty = columns["time_s"], [""]
-    return Glance(
+    return FlightSummary(
         path,
         float(times_s[0]) + record.unix_offset_s if record.unix_offset_s else math.nan,
         float(times_s[-1] - times_s[0]),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.records.errors import RecordError
-from companion.records.flight_summary import Glance, summarize_flight, unreadable
+from companion.records.flight_summary import FlightSummary, summarize_flight, unreadable
 
 NAME = ".records-index.json"
 """In the folder of records. Only a shortcut: it is rewritten where it is missing, damaged or of another version."""
@@ -25,7 +25,7 @@ Progress = Callable[[int, int], None]
 """Called with how many of how many records were looked into."""
 
 
-def glances(folder: Path, progress: Progress | None = None) -> list[Glance]:
+def flight_summaries(folder: Path, progress: Progress | None = None) -> list[FlightSummary]:
     """Return the lines of all records in a folder, the newest last; those of unreadable files say why they are.
 
     A record that vanishes meanwhile is left out. Raises OSError where the folder cannot be listed.
@@ -56,14 +56,14 @@ def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
     return stamps
 
 
-def _looked_into(path: Path) -> Glance | None:
+def _looked_into(path: Path) -> FlightSummary | None:
     try:
         return summarize_flight(path)
     except RecordError as error:
         return unreadable(path, str(error)) if os.path.lexists(path) else None
 
 
-def _order(line: Glance, stamp: tuple[int, int]) -> tuple[float, str]:
+def _order(line: FlightSummary, stamp: tuple[int, int]) -> tuple[float, str]:
     begin_s = line.begin_s if math.isfinite(line.begin_s) else 1e-9 * stamp[1] - max(0.0, line.length_s or 0.0)
     return (begin_s if math.isfinite(begin_s) else 1e-9 * stamp[1], line.path.name)
 
@@ -96,16 +96,16 @@ def _is_same(line: dict[str, Any] | None, stamp: tuple[int, int]) -> bool:
     return line is not None and line.get("stamp") == [*stamp]
 
 
-def _kept(line: Glance, stamp: tuple[int, int]) -> dict[str, Any]:
+def _kept(line: FlightSummary, stamp: tuple[int, int]) -> dict[str, Any]:
     """Return the line as JSON values; a file that could not be opened gets no stamp, so that it is read again."""
     values = asdict(line)
     del values["path"]
     return values | {"stamp": [*stamp] if "cannot be read" not in line.unreadable else None}
 
 
-def _restored(path: Path, line: dict[str, Any]) -> Glance | None:
+def _restored(path: Path, line: dict[str, Any]) -> FlightSummary | None:
     """Return what was kept; None where it is not what `_kept` gives."""
     values: dict[str, Any] = {name: line.get(name) for name in _KINDS}
     if any(not isinstance(value, _KINDS[name]) for name, value in values.items()):
         return None
-    return Glance(path, **values)
+    return FlightSummary(path, **values)

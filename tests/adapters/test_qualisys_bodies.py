@@ -12,7 +12,7 @@ from qtm_rt.packet import QRTPacket
 
 from companion.adapters.mocap.newest_frame import MocapCounts
 from companion.adapters.qualisys import QualisysSource, open_qualisys, stream_watch
-from companion.adapters.qualisys.bodies import RigidBody, misfit, objection, place_in_frame, rigid_bodies
+from companion.adapters.qualisys.bodies import RigidBody, index_in_frame, misfit, objection, rigid_bodies
 from companion.adapters.qualisys.packets import MalformedError
 from mock_autopilot.faults.mocap import MocapFaults
 from mock_autopilot.faults.schedule import FaultSchedule
@@ -73,7 +73,7 @@ def test_a_body_that_cannot_be_flown_by_is_refused_with_the_reason(bodies: tuple
 def test_the_number_of_bodies_tells_whether_disabled_ones_are_in_a_frame(
     bodies: tuple[RigidBody, ...], count: int, place: int | None
 ) -> None:
-    assert place_in_frame(bodies, "dauam", count) == place
+    assert index_in_frame(bodies, "dauam", count) == place
 
 
 def test_many_bodies_are_not_all_named() -> None:

@@ -17,7 +17,7 @@ from companion.cli.commands import app
 from companion.cli.records.records import _line, _row
 from companion.cli.working import Counted
 from companion.core.interfaces import CompanionError
-from companion.records.index import glances
+from companion.records.index import flight_summaries
 from companion.records.read import read_flight
 from companion.records.recorder import Recorder
 from tests.records.flown import flight
@@ -68,7 +68,7 @@ def test_what_is_no_record_is_said_and_the_others_are_listed(tmp_path: Path) -> 
 
 def test_a_reason_that_does_not_fit_goes_on_below_and_is_never_cut(tmp_path: Path) -> None:
     written(tmp_path, flight())
-    (line,) = glances(tmp_path)
+    (line,) = flight_summaries(tmp_path)
     why = "the pose of motion capture is the same to the last bit for 0.15 s, and PX4 lands"
     row, widths = _row(replace(line, ended=f"disarmed: {why}")), [24, 6, 6, 9]
     wrapped = _line(row, widths, room=28).splitlines()

@@ -20,7 +20,7 @@ from companion.analysis.report.numbers import numbers_of
 from companion.analysis.report.recorded_flight import Flown
 from companion.core.interfaces import CompanionError
 from companion.records.flight_summary import summarize_flight
-from companion.records.index import NAME, glances
+from companion.records.index import NAME, flight_summaries
 from companion.records.mcap_file import MAGIC
 from companion.records.read import RecordError, read_flight
 from companion.records.recorder import Recorder
@@ -231,7 +231,7 @@ def test_a_list_has_every_file_and_says_of_each_what_it_is_instead_of_a_record(w
     (tmp_path / "20260101-120000-one.mcap").write_bytes(whole)
     says = dict(odd_files(tmp_path, whole))
     for _ in range(2):  # the second time out of the index
-        found = {line.path.name: line for line in glances(tmp_path)}
+        found = {line.path.name: line for line in flight_summaries(tmp_path)}
         assert found.keys() == {"20260101-120000-one.mcap", *says}
         assert found["20260101-120000-one.mcap"].law == "practical"
         for name, said in says.items():
@@ -250,7 +250,7 @@ def test_a_file_that_vanishes_while_it_is_listed_is_left_out(whole: bytes, tmp_p
                 path.unlink()
             (tmp_path / "20260101-120000-one.mcap").rename(tmp_path / "elsewhere")
 
-    assert glances(tmp_path, remove) == []
+    assert flight_summaries(tmp_path, remove) == []
 
 
 def test_a_list_looks_only_into_what_is_new_or_has_changed(whole: bytes, tmp_path: Path) -> None:
@@ -262,15 +262,15 @@ def test_a_list_looks_only_into_what_is_new_or_has_changed(whole: bytes, tmp_pat
     def count(done: int, of: int) -> None:
         looked.append(of)
 
-    first = glances(tmp_path, count)
+    first = flight_summaries(tmp_path, count)
     assert looked == [3, 3, 3]
     assert [line.path for line in first] == paths
     looked.clear()
-    assert glances(tmp_path, count) == first
+    assert flight_summaries(tmp_path, count) == first
     assert not looked
     paths[1].write_bytes(whole[: len(whole) * 2 // 3])
     paths[2].unlink()
-    changed = glances(tmp_path, count)
+    changed = flight_summaries(tmp_path, count)
     assert looked == [1]
     assert [(line.path, line.truncated) for line in changed] == [(paths[0], False), (paths[1], True)]
 
@@ -279,15 +279,15 @@ def test_a_list_looks_only_into_what_is_new_or_has_changed(whole: bytes, tmp_pat
 def test_a_broken_index_is_made_anew(whole: bytes, tmp_path: Path, index: bytes) -> None:
     path = tmp_path / "20260101-120000-one.mcap"
     path.write_bytes(whole)
-    (line,) = glances(tmp_path)
+    (line,) = flight_summaries(tmp_path)
     there = json.loads((tmp_path / NAME).read_bytes())
     (tmp_path / NAME).write_bytes(index)
-    assert glances(tmp_path) == [line]
+    assert flight_summaries(tmp_path) == [line]
     assert json.loads((tmp_path / NAME).read_bytes()) == there
     for odd in ({"length_s": "long"}, {"law": None}, {"stamp": 7}):
         lines = {path.name: there["records"][path.name] | odd}
         (tmp_path / NAME).write_text(json.dumps(there | {"records": lines}), encoding="utf-8")
-        assert glances(tmp_path) == [line]
+        assert flight_summaries(tmp_path) == [line]
 
 
 def test_a_folder_that_cannot_be_written_to_is_listed_all_the_same(
@@ -299,7 +299,7 @@ def test_a_folder_that_cannot_be_written_to_is_listed_all_the_same(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("tempfile.NamedTemporaryFile", refuse)
-    assert len(glances(tmp_path)) == 1
+    assert len(flight_summaries(tmp_path)) == 1
     assert not (tmp_path / NAME).exists()
 
 

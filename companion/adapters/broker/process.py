@@ -109,13 +109,13 @@ async def _end_of(process: asyncio.subprocess.Process) -> str:
 
 async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
     """Restart the broker whenever it ends, for as long as it takes; log each reason once."""
-    pause_s, told = _AGAIN_S, ""
+    pause_s, last_error = _AGAIN_S, ""
     while True:
         await asyncio.sleep(pause_s)
         pause_s = min(2.0 * pause_s, _LONGEST_S)
         try:
             return await _begin(config)
         except (ConfigError, OSError) as error:
-            if str(error) != told:
-                told = str(error)
-                LOG.error("%s", told)  # noqa: TRY400 - the sentence is for the operator
+            if str(error) != last_error:
+                last_error = str(error)
+                LOG.error("%s", last_error)  # noqa: TRY400 - the sentence is for the operator

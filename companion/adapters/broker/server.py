@@ -173,7 +173,7 @@ async def _read_connect(reader: asyncio.StreamReader) -> _ConnectPacket:
         head = await reader.readexactly(2)
         while head[-1] & 0x80 and len(head) < 5:
             head += await reader.readexactly(1)
-        length = sum((byte & 0x7F) << 7 * place for place, byte in enumerate(head[1:]))
+        length = sum((byte & 0x7F) << 7 * index for index, byte in enumerate(head[1:]))
         if head[0] != _CONNECT or length > _MAX_CONNECT_BYTES:
             raise ConnectionError("not a CONNECT")
         body = await reader.readexactly(length)

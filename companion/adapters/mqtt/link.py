@@ -225,12 +225,12 @@ class BusLink:
 
     async def _say(self, broker: Connection, box: Outbox) -> None:
         while True:
-            letter = await box.next()
-            properties = letter.properties() if broker.version is V5 else None
+            message = await box.next()
+            properties = message.properties() if broker.version is V5 else None
             try:
-                await broker.publish(letter.topic, letter.payload, qos=1, properties=properties)
+                await broker.publish(message.topic, message.payload, qos=1, properties=properties)
             except BaseException:
-                box.not_said(letter)
+                box.not_said(message)
                 raise
             box.said()
 

@@ -35,41 +35,41 @@ class Outbox:
     """First in, first out; of more than `most` the oldest is dropped. Waits in `next` and `empty` only."""
 
     def __init__(self, most: int) -> None:
-        self._most, self._letters, self._there = most, deque[OutboxMessage](), asyncio.Event()
+        self._most, self._messages, self._there = most, deque[OutboxMessage](), asyncio.Event()
         self._open = 0
         self._all_said = asyncio.Event()
         self._all_said.set()
 
     def __len__(self) -> int:
-        return len(self._letters)
+        return len(self._messages)
 
-    def put(self, letter: OutboxMessage) -> None:
+    def put(self, message: OutboxMessage) -> None:
         """Append a message; the oldest is dropped when the queue is full."""
-        if len(self._letters) >= self._most:
-            self._letters.popleft()
-        self._letters.append(letter)
+        if len(self._messages) >= self._most:
+            self._messages.popleft()
+        self._messages.append(message)
         self._there.set()
         self._all_said.clear()
 
     async def next(self) -> OutboxMessage:
         """Wait for the oldest message and remove it; finish it with `said` or `not_said`."""
-        while not self._letters:
+        while not self._messages:
             self._there.clear()
             await self._there.wait()
         self._open += 1
-        return self._letters.popleft()
+        return self._messages.popleft()
 
     def said(self) -> None:
-        """Return once every message that was taken out has been published."""
+        """Mark the message that was taken out as published."""
         self._open -= 1
-        if not self._letters and not self._open:
+        if not self._messages and not self._open:
             self._all_said.set()
 
-    def not_said(self, letter: OutboxMessage) -> None:
+    def not_said(self, message: OutboxMessage) -> None:
         """Put a message back in front, up to the limit of its tries."""
-        letter.tries += 1
-        if letter.tries < _TRIES and len(self._letters) < self._most:
-            self._letters.appendleft(letter)
+        message.tries += 1
+        if message.tries < _TRIES and len(self._messages) < self._most:
+            self._messages.appendleft(message)
             self._there.set()
         self.said()
 

@@ -125,12 +125,12 @@ class Px4:
         """Send one attitude setpoint on the calling thread (0.1 ms)."""
         roll, pitch, yaw = euler_ned_frd_deg(setpoint.q_w_flu_wxyz)
         try:
-            self._offboard.set_attitude(told := Attitude(roll, pitch, yaw, float(setpoint.thrust)))
+            self._offboard.set_attitude(sent := Attitude(roll, pitch, yaw, float(setpoint.thrust)))
         except MavsdkError as error:
             raise AutopilotError(f"setpoint not sent: {error}") from error
         if self._last_setpoint is None:
             self._stream_begun_s = self._clock.now_s()
-        self._last_setpoint = told
+        self._last_setpoint = sent
 
     def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
         """Forward one pose as VISION_POSITION_ESTIMATE, stamped by MAVSDK; its covariance is PX4's parameter."""

@@ -72,8 +72,8 @@ def listed(bodies: Sequence[RigidBody]) -> str:
     return ", ".join([*names, "..."] if len(bodies) > _MOST_NAMES else names)
 
 
-def place_in_frame(bodies: Sequence[RigidBody], name: str, count: int) -> int | None:
-    """Return the place of `name` among the `count` bodies of a frame; None when the frame is not of these settings.
+def index_in_frame(bodies: Sequence[RigidBody], name: str, count: int) -> int | None:
+    """Return the index of `name` among the `count` bodies of a frame; None when the frame is not of these settings.
 
     Whether QTM leaves disabled bodies out of its frames is not documented: the count tells.
     """

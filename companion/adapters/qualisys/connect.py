@@ -87,7 +87,7 @@ async def _keep_streaming(config: MocapConfig, source: QualisysSource, link: Lin
 
 async def _found_again(config: MocapConfig, source: QualisysSource, connection: AsyncExitStack) -> Link:
     """Retry until there is a stream; log each objection of a QTM that answers once."""
-    told = ""
+    last_error = ""
     while True:
         await connection.aclose()
         await asyncio.sleep(_AGAIN_S)
@@ -96,8 +96,8 @@ async def _found_again(config: MocapConfig, source: QualisysSource, connection: 
         except UnreachableError as error:
             LOG.debug("%s", error)
         except MocapError as error:
-            LOG.log(logging.DEBUG if str(error) == told else logging.WARNING, "%s", error)
-            told = str(error)
+            LOG.log(logging.DEBUG if str(error) == last_error else logging.WARNING, "%s", error)
+            last_error = str(error)
 
 
 async def _open_datagrams(link: Link, source: QualisysSource, config: MocapConfig) -> asyncio.DatagramTransport:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from companion.adapters.mocap.newest_frame import NewestFrame
-from companion.adapters.qualisys.bodies import RigidBody, listed, misfit, objection, place_in_frame
+from companion.adapters.qualisys.bodies import RigidBody, index_in_frame, listed, misfit, objection
 from companion.adapters.qualisys.packets import body_count, body_pose
 from companion.core.interfaces import Clock
 from companion.core.types import MocapFrame
@@ -39,7 +39,7 @@ class QualisysSource(NewestFrame):
         self._objection = self._misfit = ""
         self._in_frame: int | None = None
         """Bodies in a frame; None while no frame has come since the list was read."""
-        self._place = 0
+        self._index = 0
 
     @property
     def trouble(self) -> str:
@@ -78,7 +78,7 @@ class QualisysSource(NewestFrame):
         if not self._is_of_the_list(body_count(packet)):
             self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
             return
-        pose = body_pose(packet, self._place)
+        pose = body_pose(packet, self._index)
         late = self.counts.late
         self.put(MocapFrame(number, stamp_s, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m, late))
         if self.on_frame is not None:
@@ -96,12 +96,12 @@ class QualisysSource(NewestFrame):
         if self.list_wanted.is_set() or self._objection:
             return False
         if self._in_frame is None:
-            place = place_in_frame(self._bodies, self._body, count)
-            if place is None:
+            index = index_in_frame(self._bodies, self._body, count)
+            if index is None:
                 self._tell_misfit(misfit(self._bodies, count))
                 self.doubt_bodies()
                 return False
-            self._in_frame, self._place, self._misfit = count, place, ""
+            self._in_frame, self._index, self._misfit = count, index, ""
         if count != self._in_frame:
             self.doubt_bodies()
         return count == self._in_frame

@@ -59,14 +59,14 @@ async def _wanted(source: QualisysSource) -> bool:
 
 async def _answer(link: Link, source: QualisysSource, answer_s: float) -> bytes:
     asking = asyncio.ensure_future(link.settings("6d"))
-    told = False
+    warned = False
     try:
         while not asking.done():
             await asyncio.wait([asking], timeout=answer_s)
             if not asking.done() and source.list_wanted.is_set():
                 link.end("does not say any more which rigid bodies it has")
-            elif not asking.done() and not told:
-                told = True
+            elif not asking.done() and not warned:
+                warned = True
                 LOG.warning(
                     "QTM does not answer which rigid bodies it has: only a change of their number would be noticed"
                 )

@@ -14,7 +14,7 @@ from companion.cli.working import Counted, working
 from companion.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from companion.records.flight_summary import Glance
+    from companion.records.flight_summary import FlightSummary
 
 _ANY = 100_000
 """Columns of a file or a pipe."""
@@ -39,7 +39,7 @@ def records(
     if csv is not None:
         _write_csv(where, csv)
         return
-    found = _glances(where)
+    found = _flight_summaries(where)
     if as_json:
         typer.echo(json.dumps([_as_dict(one) for one in found], indent=2))
     else:
@@ -75,26 +75,26 @@ def _write_csv(where: Path, folder: Path) -> None:
         typer.echo(path)
 
 
-def _glances(where: Path) -> list["Glance"]:
+def _flight_summaries(where: Path) -> list["FlightSummary"]:
     """All records, newest last."""
     from companion.records.flight_summary import summarize_flight  # noqa: PLC0415
-    from companion.records.index import glances  # noqa: PLC0415
+    from companion.records.index import flight_summaries  # noqa: PLC0415
 
     if where.is_dir():
         with Counted("records looked into") as progress:
-            return glances(where, progress)
+            return flight_summaries(where, progress)
     if not where.exists():
         raise ConfigError(f"{where}: there is no such folder, and no such record")
     return [summarize_flight(where)]
 
 
-def _as_dict(one: "Glance") -> dict[str, object]:
+def _as_dict(one: "FlightSummary") -> dict[str, object]:
     values = {name: getattr(one, name) for name in one.__dataclass_fields__}
     plain = {name: None if isinstance(value, float) and math.isnan(value) else value for name, value in values.items()}
     return plain | {"path": str(one.path)}
 
 
-def _show(found: list["Glance"], where: Path) -> None:
+def _show(found: list["FlightSummary"], where: Path) -> None:
     if not found:
         typer.echo(f"no records in {where}")
         return
@@ -105,7 +105,7 @@ def _show(found: list["Glance"], where: Path) -> None:
     typer.echo("\n".join(lines))
 
 
-def _row(one: "Glance") -> tuple[str, ...]:
+def _row(one: "FlightSummary") -> tuple[str, ...]:
     length = "" if math.isnan(one.length_s) else f"{one.length_s:.0f} s"
     ended = "unreadable" if one.unreadable else f"breaks off in {one.ended}" if one.truncated else one.ended
     return one.path.name, length, f"{one.size_mb:.1f} MB", one.law, " ".join(ended.split())

@@ -220,8 +220,8 @@ def _axis(vector: Array) -> str:
     """Return the nearest axis with its sign, such as "+x"."""
     if not np.isfinite(vector).all():
         return "nothing"
-    place = int(np.argmax(np.abs(vector)))
-    return f"{'-' if vector[place] < 0.0 else '+'}{'xyz'[place]}"
+    index = int(np.argmax(np.abs(vector)))
+    return f"{'-' if vector[index] < 0.0 else '+'}{'xyz'[index]}"
 
 
 def _metres(vector: Array) -> str:
