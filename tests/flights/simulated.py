@@ -46,7 +46,7 @@ BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.4, spool_up_s=0.5)
 
 
 class Room:
-    """Vehicle, cameras and time."""
+    """Vehicle, cameras and time; `estimator` is the mock's [estimator]."""
 
     def __init__(
         self,
@@ -216,6 +216,7 @@ async def fly(
     """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
+    `estimator` is the mock's [estimator]: without one the autopilot's horizon is right, IMPERFECT errs as PX4's does.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)

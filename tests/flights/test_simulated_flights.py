@@ -62,12 +62,19 @@ def command(number: int, *params: float) -> Step:
     return step
 
 
+def checks_pass(flight: Flight) -> bool:
+    """PX4's own checks before arming, which some boots end two seconds later than others."""
+    vehicle = flight.room.bench.world.vehicle
+    return vehicle.commander.checked(vehicle.failsafe_flags)
+
+
 ARM = [
     wait(3.0),  # until PX4 trusts its pose
     ask(ArmRequest()),
     wait(0.3),
     command(176, 1.0, 6.0, 0.0),
     wait(1.2),
+    checks_pass,
     command(400, 1.0),
     until(Phase.ARMED),
 ]

@@ -22,6 +22,8 @@ NO_GPS: dict[str, float] = {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_RE
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 PERFECT: dict[str, Any] = {"attitude_error_rad": 0.0}
 """An estimator without errors: what is told of modes, setpoints and the airframe is not to depend on a draw."""
+IMPERFECT: dict[str, Any] = {}
+"""The product's own: horizon, position and height err as recorded from PX4, drawn with the seed."""
 SIH_PLANT: dict[str, Any] = {
     "mass_kg": 1.0,
     "max_thrust_n": 20.0,

@@ -34,6 +34,8 @@ class Result:
     inside_fence: bool
     beyond_m: float
     touchdown_mps: float
+    drift_m: float | None
+    """Horizontal, while PX4 landed without a pose."""
     says: str
     """The companion's reason."""
     problems: tuple[str, ...]
@@ -45,7 +47,8 @@ def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Resul
     end, reaction_s = end_of(flown, planned_s, told), reaction_of(row, flown, told, planned_s)
     inside = flown.beyond_m <= 0.0
     return Result(
-        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, flown.touchdown_mps, _reason(told),
+        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, flown.touchdown_mps,
+        flown.drift_m if flown.blinded else None, _reason(told),
         tuple(_problems(row, end, reaction_s, inside, flown, told)),
     )  # fmt: skip
 

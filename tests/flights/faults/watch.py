@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from companion.config.companion_config import CompanionConfig
+from companion.core.types import Array
 from companion.flight.tick import Tick
 from companion.supervisor.faults import FailsafeAction, Fault
 from companion.supervisor.flight_state import FlightState, Phase
@@ -41,6 +44,8 @@ class Flown:
     """Fastest meeting with the ground, downward."""
     blinded: bool = False
     """For a while in the air PX4 had no pose."""
+    drift_m: float | None = None
+    """Horizontal way from where OFFBOARD ended in the air to where it stands; None where it never did."""
     modes: list[tuple[float, str]] = field(default_factory=list)
     """Every mode and when it began."""
     setpoints_s: list[float] = field(default_factory=list)
@@ -60,6 +65,7 @@ class Watch:
         self._setpoint_s = -1.0
         self._mode: Mode | None = None
         self._sinking_mps = 0.0
+        self._left_ned_m: Array | None = None
         world.observers.append(self._step)
 
     def begin(self) -> None:
@@ -88,7 +94,16 @@ class Watch:
             flown.lifted_s = now_s
         north, east, down = truth.position_ned_m.tolist()
         x, y, z = north, -east, -down
+        self._look_at_drift(truth)
         flown.beyond_m = max(flown.beyond_m, self._x0 - x, x - self._x1, self._y0 - y, y - self._y1, z - self._top)
+
+    def _look_at_drift(self, truth: Truth) -> None:
+        if self._mode is Mode.OFFBOARD:
+            self._left_ned_m = None
+            return
+        if self._left_ned_m is None:
+            self._left_ned_m = truth.position_ned_m.copy()
+        self.flown.drift_m = float(np.linalg.norm((truth.position_ned_m - self._left_ned_m)[:2]))
 
     def _look_at_arming(self, armed: bool, now_s: float) -> None:
         flown = self.flown
