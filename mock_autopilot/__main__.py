@@ -21,7 +21,7 @@ from mock_autopilot.servos.config import Fault as BusFault
 from mock_autopilot.simulator import Simulator
 
 BAD_INPUT = 2
-"""Exit code when what was asked for cannot be done."""
+"""Exit code for bad input."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="mock_autopilot", description=__doc__)
     parser.add_argument("--config", type=Path, metavar="FILE", help="TOML file, as config/mock.toml")
-    parser.add_argument("--seed", type=_seed, default=1, help="of noise and disturbances (default 1)")
+    parser.add_argument("--seed", type=_seed, default=1, help="seed of noise and disturbances (default 1)")
     parser.add_argument("--param", action="append", default=[], metavar="NAME=VALUE", help="PX4 parameter, repeatable")
     parser.add_argument("--port", type=int, help="UDP port of the client (default 14540)")
     parser.add_argument("--listen", type=int, help="UDP port of the autopilot (default 14580)")
@@ -52,10 +52,10 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="SENTENCE",
-        help=f'what goes wrong, as "{EXAMPLES[0]}"; repeatable',
+        help=f'fault to inject, such as "{EXAMPLES[0]}"; repeatable',
     )
     parser.add_argument("--servo-link", metavar="PATH", help="arms' servo bus: link to its pseudo-terminal")
-    parser.add_argument("--exit-with-stdin", action="store_true", help="take orders on standard input, end with it")
+    parser.add_argument("--exit-with-stdin", action="store_true", help="read commands on standard input, end with it")
     return parser
 
 
@@ -91,7 +91,7 @@ def _configure(options: argparse.Namespace) -> MockConfig:
 
 
 def _checked(sentence: str) -> str:
-    """The sentence, or MockConfigError with what is wrong with it."""
+    """Return the sentence; raise MockConfigError with its mistake if it names no fault."""
     try:
         parse(sentence)
     except FaultError as error:
@@ -100,7 +100,7 @@ def _checked(sentence: str) -> str:
 
 
 def _fast_loop() -> Any:
-    """uvloop where there is one: ten times less jitter."""
+    """Return uvloop's loop factory where it is installed (ten times less jitter), else None."""
     with contextlib.suppress(ImportError):
         import uvloop  # noqa: PLC0415  # optional
 
@@ -135,7 +135,7 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
 
 
 class _FaultReporter:
-    """Says on standard output which fault begins and ends, for whoever started this process."""
+    """Reports on standard output, for the process that started this one, each fault that begins or ends."""
 
     def __init__(self, simulator: Simulator, faults: Sequence[Fault]) -> None:
         self._simulator, self._waiting = simulator, list(faults)
@@ -149,20 +149,20 @@ class _FaultReporter:
         print(f"{what}: {sentence_of(turn.fault)}", flush=True)
 
     def never_began(self) -> None:
-        """In the end: what was to go wrong and did not come to it."""
+        """Print the faults that were scheduled and never began."""
         for fault in self._waiting:
             print(f"fault never began: {sentence_of(fault)}", flush=True)
 
 
 class _StdinCommands:
-    """Lines on standard input, from whoever started this process; its end is ours."""
+    """Commands as lines on standard input, from the process that started this one; its end stops the mock."""
 
     def __init__(self, simulator: Simulator, stop: asyncio.Event) -> None:
         self._simulator, self._stop = simulator, stop
         self._begun = b""
 
     def read(self) -> None:
-        """Act on whole lines; what is no order is answered on standard error and changes nothing."""
+        """Execute complete lines; an unknown command is answered on standard error and changes nothing."""
         data = os.read(sys.stdin.fileno(), 4096)
         if not data:
             asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
@@ -176,9 +176,9 @@ class _StdinCommands:
                 print(f"mock autopilot: {line.decode(errors='replace')!r}: {error}", file=sys.stderr, flush=True)
 
     def _execute(self, order: str) -> None:
-        """A fault from now on: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`.
+        """Inject a fault now: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`.
 
-        Or the hand's: `carry 0.5 0 -0.3` to a place (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw (rad).
+        Or carry the vehicle: `carry 0.5 0 -0.3` to a position (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw.
         """
         word, _, text = order.partition(" ")
         bus = self._simulator.servo_bus
@@ -188,7 +188,7 @@ class _StdinCommands:
             numbers = [float(number) for number in text.split()]
             self._simulator.world.carry(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
         elif word != "servo-fault":
-            raise ValueError("orders are: fault SENTENCE (docs/faults.md), servo-fault {json}, carry X Y Z")
+            raise ValueError("unknown command: use fault SENTENCE (docs/faults.md), servo-fault {json} or carry X Y Z")
         elif bus is None:
             raise ValueError("there are no arms here")
         else:

@@ -41,7 +41,7 @@ Triple = tuple[float, float, float]
 
 
 def _no_unknown_keys(of: type) -> BeforeValidator:
-    """Dataclasses take what they know; everything else is a misspelling."""
+    """Return a validator that rejects keys which are no field of a dataclass."""
 
     def check(value: Any) -> Any:
         if isinstance(value, dict):
@@ -57,7 +57,7 @@ _ABOVE_ZERO = ("mass_kg", "max_thrust_n", "attitude_bandwidth_radps", "attitude_
 
 
 def _no_such_plant(plant: PlantParams) -> PlantParams:
-    """No vehicle has a mass of 0, or friction that pushes."""
+    """Raise ValueError for a mass or thrust of zero and for negative numbers, such as friction that pushes."""
     for item in fields(plant):
         given = getattr(plant, item.name)
         numbers = given if isinstance(given, tuple) else (given,)
@@ -76,7 +76,7 @@ def _no_such_arms(bodies: ArmBodies) -> ArmBodies:
 
 
 class VehicleConfig(_Strict):
-    """Where the vehicle stands at boot, and how late its loops see a setpoint."""
+    """The vehicle's pose at boot, and the delay before its loops see a setpoint."""
 
     start_position_ned_m: Triple = Field((0.0, 0.0, 0.0), description="Place at boot, world NED.")
     start_yaw_rad: float = Field(0.0, ge=-3.2, le=3.2, description="Heading at boot, 0 is north.")
@@ -116,12 +116,12 @@ class DisturbanceConfig(_Strict):
         return value
 
     def forces(self) -> Forces:
-        """As the world uses them."""
+        """Return the forces in the form that the world uses."""
         return Forces(self.constant_ned_n, self.sinusoids, self.noise_n, self.noise_time_s)
 
 
 class EstimatorConfig(_Strict):
-    """What the autopilot's estimator gets wrong, as recorded from PX4 (docs/px4-conformance.md)."""
+    """Errors of the autopilot's estimator, as recorded from PX4 (docs/px4-conformance.md)."""
 
     attitude_error_source: AttitudeErrorSource = Field(
         "random",
@@ -146,14 +146,14 @@ class EstimatorConfig(_Strict):
     )
 
     def attitude_error(self) -> AttitudeErrorParams:
-        """Return them as the world uses them."""
+        """Return the parameters of the attitude error that the horizon uses."""
         return AttitudeErrorParams(
             source=self.attitude_error_source, size_rad=self.attitude_error_rad, time_s=self.attitude_error_time_s
         )
 
 
 class ArmsConfig(_Strict):
-    """Two arms with their servos; a vehicle without them unless enabled."""
+    """Two arms with their servos; the vehicle has them only if they are enabled."""
 
     enabled: bool = Field(False, description="The vehicle has arms.")
     bodies: Annotated[ArmBodies, _no_unknown_keys(ArmBodies), AfterValidator(_no_such_arms)] = Field(
@@ -180,7 +180,7 @@ class ArmsConfig(_Strict):
         return self
 
     def assembly(self) -> Assembly:
-        """As the world uses it."""
+        """Return the assembly of both arms that the world uses."""
         return Assembly(self.bodies, self.direction, self.zero_rad, self.inertia_kgm2)
 
 
@@ -202,7 +202,7 @@ class Px4Config(_Strict):
 
 
 def _said(value: Any) -> Any:
-    """A fault in words: `say = "mocap stuck at 12 s for 2 s"`."""
+    """Return the keys of a fault that is given as a sentence: `say = "mocap stuck at 12 s for 2 s"`."""
     if not isinstance(value, dict) or "say" not in value:
         return value
     if len(value) > 1 or not isinstance(value["say"], str):
@@ -211,7 +211,7 @@ def _said(value: Any) -> Any:
 
 
 class MockConfig(_Strict):
-    """Everything `python -m mock_autopilot` can be told by file."""
+    """Every setting of `python -m mock_autopilot` that a file can hold."""
 
     vehicle: VehicleConfig = Field(default_factory=VehicleConfig)
     plant: Annotated[PlantParams, _no_unknown_keys(PlantParams), AfterValidator(_no_such_plant)] = Field(
@@ -236,7 +236,7 @@ class MockConfig(_Strict):
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """Validate; MockConfigError names the first wrong key and what is wrong with it."""
+        """Validate; raise MockConfigError with the first wrong key and the reason."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -244,7 +244,7 @@ class MockConfig(_Strict):
 
     @classmethod
     def load(cls, path: Path) -> Self:
-        """Read a TOML file; MockConfigError in one sentence for whatever is wrong with it."""
+        """Read a TOML file; raise MockConfigError with one sentence for the first mistake in it."""
         try:
             raw = path.read_bytes()
         except OSError as error:

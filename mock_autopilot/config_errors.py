@@ -1,4 +1,4 @@
-"""What pydantic says of a wrong value in the mock's settings, in the words of who typed it."""
+"""Messages for wrong values in the mock's settings: pydantic's errors in the words of the TOML file."""
 
 from pydantic_core import ErrorDetails
 
@@ -29,7 +29,7 @@ _KINDS = {
 
 
 def sentence(detail: ErrorDetails) -> str:
-    """Return key, value and what is wrong with it."""
+    """Return one sentence with the key, its value and the reason why it is wrong."""
     where, given = ".".join(str(part) for part in detail["loc"]), detail["input"]
     if detail["type"] in {"extra_forbidden", "unexpected_keyword_argument"}:
         return f"{where}: unknown key"

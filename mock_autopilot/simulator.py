@@ -1,4 +1,4 @@
-"""Simulated time follows the wall clock: physics, links and cameras, in order and without drift."""
+"""The simulator: physics, links and cameras in simulated time that follows the wall clock without drift."""
 
 import asyncio
 import contextlib
@@ -13,11 +13,11 @@ from mock_autopilot.servos.bus import ServoBus
 from mock_autopilot.world import World
 
 LONGEST_CATCH_UP_S = 5.0
-"""After a longer pause (a suspended laptop) simulated time has simply stood still."""
+"""After a longer pause (a suspended laptop) simulated time skips the pause."""
 
 
 class Simulator:
-    """One world and its ends; use `async with`."""
+    """One world with its links, cameras and servo bus; use `async with`."""
 
     def __init__(self, config: MockConfig, seed: int, with_qualisys: bool = True) -> None:
         self.world = World(config, seed)
@@ -38,7 +38,7 @@ class Simulator:
 
     @property
     def started_s(self) -> float:
-        """When simulated time was 0, by time.monotonic()."""
+        """Return the time.monotonic() at which simulated time was 0."""
         return self._boot_s
 
     async def __aenter__(self) -> "Simulator":
@@ -78,7 +78,7 @@ class Simulator:
             self.servo_bus.close()
 
     async def wait(self) -> None:
-        """Until cancelled; raises what broke the simulation."""
+        """Wait until cancelled; raise the exception that ended the simulation."""
         if self._running is not None:
             await asyncio.shield(self._running)
 
@@ -89,7 +89,7 @@ class Simulator:
             await asyncio.sleep(max(next_s - time.monotonic(), 0.0))
 
     def catch_up(self) -> None:
-        """Bring the world to the present; what came in meanwhile acts at the time it arrived."""
+        """Bring the world to the present; datagrams that came in meanwhile act at their time of arrival."""
         heard = [(datagram, link) for link in self.links for datagram in link.receive()]
         heard.sort(key=lambda pair: pair[0].arrived_s)
         now_s = time.monotonic()

@@ -1,4 +1,4 @@
-"""One truth and one clock: the airframe, what pushes it, and the autopilot that flies it.
+"""The simulated world on one clock: airframe, disturbances, arms, faults, and the autopilot that flies it.
 
 Deterministic: the same configuration, seed and timed inputs give the same truth, bit by bit.
 """
@@ -62,18 +62,18 @@ class World:
         self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
         self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
         self.external_wrench: Wrench = plant.no_wrench()
-        """Force and push from outside, for a payload or a gust; stays until it is changed."""
+        """Force and angular acceleration from outside, for a payload or a gust; stays until it is changed."""
         self._handling = Handling()
         self.servos: ServoRack | None = None
         self.arms: Arms | None = None
-        """Both arms, if the vehicle has them."""
+        """Both arms, or None without arms."""
         if config.arms.enabled:
             self._fit_arms(config.arms)
         self.faults = FaultSchedule(config.faults)
-        """What goes wrong, and when."""
+        """The injected faults and their times."""
         self.faults.observers.append(self._on_turn)
         self.observers: list[Callable[[Truth], None]] = []
-        """Called with the truth of every step, in order."""
+        """Callbacks for the truth of every step, in order."""
 
     def _booted(self, params: ParamTable, yaw_rad: float) -> Vehicle:
         """Return an autopilot that has just booted; its errors are drawn again."""
@@ -87,17 +87,17 @@ class World:
 
     @property
     def time_s(self) -> float:
-        """Simulated time since the start, when the autopilot booted for the first time."""
+        """Return the simulated time since the start, when the autopilot booted for the first time."""
         return self._steps * STEP_S
 
     @property
     def uptime_s(self) -> float:
-        """The autopilot's own time: since it booted last."""
+        """Return the autopilot's own time, since its last boot."""
         return self.time_s - self._booted_s
 
     @property
     def truth(self) -> Truth:
-        """Where the vehicle really is now."""
+        """Return the vehicle's true state now."""
         state = self._state
         return Truth(
             self.time_s,
@@ -110,7 +110,7 @@ class World:
 
     @property
     def state(self) -> PlantState:
-        """The airframe's full state, thrust and acceleration included."""
+        """Return the airframe's full state, thrust and acceleration included."""
         return self._state
 
     def advance(self, to_s: float) -> None:
@@ -136,12 +136,12 @@ class World:
             self._state = self._handling.carry(self._state, self.time_s)
 
     def _state_in_floats(self) -> OneState:
-        """The airframe's state; converted only where somebody else has set it."""
+        """Return the airframe's state in floats; converted only when it was set from outside."""
         of, floats = self._in_floats
         return floats if of is self._state else plant_one.in_floats(self._state)
 
     def _pushed(self, state: OneState) -> tuple[Three, Three]:
-        """Force (N, NED) and push (rad/s^2, FRD) of all that acts from outside, arms included."""
+        """Return force (N, NED) and angular acceleration (rad/s^2, FRD) from outside, arms included."""
         x, y, z = self._disturbance.step_one(self.time_s)
         ex, ey, ez = self.external_wrench.force_ned_n.tolist()
         p, q, r = self.external_wrench.angular_frd_radps2.tolist()
@@ -151,21 +151,21 @@ class World:
         return (x + ex, y + ey, z + ez), (p, q, r)
 
     def inject(self, fault: Fault) -> None:
-        """Let this go wrong, from now on or when its own time comes; ValueError when there is no such part."""
+        """Inject a fault, from now on or at its own time; raise ValueError when there is no such part."""
         check_fits(fault, self.arms is not None)
         self.faults.inject(fault, self.time_s)
 
     def carry(self, north_east_down_m: Sequence[float], roll_pitch_yaw_rad: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
-        """Take it by hand to a place, and hold it there until it is armed; ValueError when it is."""
+        """Carry the vehicle to a pose and hold it there until it is armed; raise ValueError when it is armed."""
         if self.vehicle.armed:
-            raise ValueError("it is armed: keep your hands off")
+            raise ValueError("carry rejected: the vehicle is armed; disarm it first")
         where = np.array([*north_east_down_m, *roll_pitch_yaw_rad])
         if where.shape != (6,) or not np.isfinite(where).all():
-            raise ValueError("carry wants NORTH EAST DOWN in m, and perhaps ROLL PITCH YAW in rad")
+            raise ValueError("carry rejected: it takes NORTH EAST DOWN in m, and optionally ROLL PITCH YAW in rad")
         self._handling.take_to(where, self._state, self.time_s)
 
     def fault_rng(self) -> np.random.Generator:
-        """Chance for one part's faults, another one with each call; what else is random does not depend on it."""
+        """Return a new generator for one part's faults, independent of all other random numbers."""
         return np.random.default_rng(self._seed.spawn(1)[0])
 
     def _update_faults(self) -> None:
@@ -204,7 +204,7 @@ class World:
             vehicle.battery.drop_to(fault.magnitude)
 
     def _delayed(self, demand: ActuatorDemand) -> OneActuation:
-        """Transport delay of the setpoints; switching the motors off takes none."""
+        """Delay the setpoints by the transport delays; motors off takes effect at once."""
         self._attitude_line.append(demand)
         self._thrust_line.append(demand)
         attitude, thrust = self._attitude_line.popleft(), self._thrust_line.popleft()
@@ -219,7 +219,7 @@ class World:
 
 
 def _horizon_rng(seed: int) -> np.random.Generator:
-    """Chance for the estimator's errors; what else is random does not depend on it."""
+    """Return the generator for the estimator's errors, independent of all other random numbers."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_HORIZON_KEY,)))
 
 

@@ -1,4 +1,4 @@
-"""What is wrong with the autopilot itself while its faults hold; pure."""
+"""Faults of the autopilot itself while they are active; pure."""
 
 import math
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.px4.vocabulary import Mode
 
 TIPPING_RADPS2 = 1.5
-"""Four motors at fixed signals are never quite equal: so fast it begins to roll when nobody balances it."""
+"""Roll acceleration of a vehicle without control: four motors at fixed signals are never quite equal."""
 CAUGHT_S = 0.75
 """PX4's rate controller integrates a constant pull away in MC_ROLLRATE_P / MC_ROLLRATE_I."""
 
 
 @dataclass(frozen=True)
 class InjectedFaults:
-    """Healthy unless said otherwise."""
+    """The active faults of the autopilot, combined; the defaults are a healthy one."""
 
     powered: bool = True
     hung: bool = False
@@ -31,27 +31,27 @@ class InjectedFaults:
     tilt_off_rad: float = 0.0
     """Its horizon is rolled by this against the true one, and it flies by it."""
     heading_off_rad: float = 0.0
-    """What it believes of its heading, less the truth, whatever vision says."""
+    """Error of the heading estimate (estimated less true), which vision does not correct."""
     motor_roll_rad: float = 0.0
-    """How far it rolls from the attitude it wants, at first."""
+    """Initial roll away from the attitude setpoint."""
     motor_since_s: float = 0.0
-    """On the autopilot's clock."""
+    """Begin of the motor's fault on the autopilot's clock."""
     thrust_share: float = 1.0
-    """Of the thrust that the motors would give."""
+    """Share of the healthy motors' thrust that is left."""
 
     def roll_off_rad(self, now_s: float) -> float:
-        """How far the true roll is from the one that is asked for, at `now_s` of the autopilot's clock."""
+        """Return the true roll less the setpoint's (rad) at `now_s` of the autopilot's clock."""
         pulled_rad = self.motor_roll_rad and self.motor_roll_rad * math.exp((self.motor_since_s - now_s) / CAUGHT_S)
         return pulled_rad - self.tilt_off_rad
 
     def refuses(self, mode: Mode) -> bool:
-        """Whether it does not go to this mode by command."""
+        """Return whether a command to change to this mode is rejected."""
         return (mode is Mode.OFFBOARD and self.refuses_offboard) or (mode is Mode.LAND and self.refuses_land)
 
     def lifeless(self, last: ActuatorDemand, rate_frd_radps: Array, since_s: float) -> ActuatorDemand:
-        """What the airframe gets `since_s` after the last sign of life: nothing, or the last signals, unbalanced.
+        """Return the demand `since_s` after the autopilot died or hung: motors off, or the last signals unbalanced.
 
-        `rate_frd_radps` is how it turned then.
+        `rate_frd_radps` are the body rates at that moment.
         """
         if not self.powered:
             return replace(last, signal=0.0, motors_on=False)
@@ -59,7 +59,7 @@ class InjectedFaults:
 
     @property
     def running(self) -> bool:
-        """It hears, speaks and flies."""
+        """Return whether the autopilot has power and does not hang."""
         return self.powered and not self.hung
 
 
@@ -67,12 +67,12 @@ HEALTHY = InjectedFaults()
 
 
 def rolled(q_wxyz: Array, roll_rad: float) -> Array:
-    """Turned about its own x."""
+    """Return an attitude turned by `roll_rad` about its own x axis."""
     return quat.multiply(q_wxyz, quat.from_rotation_vector(np.array([roll_rad, 0.0, 0.0]))) if roll_rad else q_wxyz
 
 
 def injected_faults_of(held: Sequence[ActiveFault], booted_s: float) -> InjectedFaults:
-    """All of the autopilot's faults that are there, together; it booted at `booted_s` of simulated time."""
+    """Combine the autopilot's active faults; it booted at `booted_s` of simulated time."""
     ways = {(one.fault.kind, one.fault.how) for one in held}
     magnitude = {one.fault.how: one.fault.magnitude for one in held}
     return InjectedFaults(

@@ -1,4 +1,4 @@
-"""All that can be made to go wrong, in PX4's words: the list from which docs/faults.md is printed.
+"""Catalogue of all faults that can be injected, in PX4's terms; docs/faults.md is printed from it.
 
 The kinds are MAVLink's FAILURE_TYPE (common.xml; PX4's "System failure injection"): off, stuck, garbage, wrong, slow,
 delayed, intermittent.
@@ -10,7 +10,7 @@ from enum import StrEnum
 
 
 class Part(StrEnum):
-    """Whose fault it is."""
+    """The part of the system that fails."""
 
     MOCAP = "mocap"
     LINK = "link"
@@ -18,11 +18,11 @@ class Part(StrEnum):
     AUTOPILOT = "autopilot"
     SERVOS = "servos"
     BROKER = "broker"
-    """The MQTT broker. The mock runs none: it tells when the fault begins and ends, whoever runs one obeys."""
+    """The MQTT broker. The mock runs none: it only reports when the fault begins and ends."""
 
 
 class Kind(StrEnum):
-    """PX4's FAILURE_TYPE, without "ok"."""
+    """Kinds of failure: MAVLink's FAILURE_TYPE without "ok"."""
 
     OFF = "off"
     STUCK = "stuck"
@@ -34,7 +34,7 @@ class Kind(StrEnum):
 
 
 class Phase(StrEnum):
-    """What the mock itself knows of a flight. Each counts from the first time it is reached."""
+    """Phases of a flight that the mock itself detects. Each counts from the first time it is reached."""
 
     ON_THE_GROUND = "on the ground"
     """From the start."""
@@ -47,18 +47,18 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True)
 class Amount:
-    """How much of it."""
+    """The amount that a fault may have: its unit, its default and its range."""
 
     word: str
-    """What a sentence says before it: by, to, with."""
+    """Preposition before it in a sentence: by, to, with."""
     unit: str
     usual: float
-    """What it is when nothing is said."""
+    """The default."""
     least: float
     most: float
 
     def text(self, value: float) -> str:
-        """As in a sentence: "by 0.5 m"."""
+        """Return the amount as in a sentence: "by 0.5 m"."""
         return f"{self.word} {value:g}{f' {self.unit}' if self.unit else ''}"
 
 
@@ -69,15 +69,15 @@ class Way:
     part: Part
     kind: Kind
     how: str
-    """Which way, where a kind has several; empty for the plain one."""
+    """Variant of the kind; empty for the plain one."""
     does: str
     amount: Amount | None = None
     lasts: bool = True
-    """False: it happens once, and "for" says nothing."""
+    """False: it happens once, and has no "for"."""
 
     @property
     def words(self) -> str:
-        """As it begins a sentence."""
+        """Return the phrase with which a sentence about this fault begins."""
         return f"{self.part} {self.kind}{f' ({self.how})' if self.how else ''}"
 
 
@@ -109,7 +109,7 @@ _MOCAP = (
     Way(Part.MOCAP, Kind.GARBAGE, "", "random places within 10 m and matrices that are no rotations"),
     Way(Part.MOCAP, Kind.GARBAGE, "packets", "data packets with a right header and broken contents: cut off, "
         "random, or with a few wrong bytes"),
-    Way(Part.MOCAP, Kind.WRONG, "jump", "our body is seen so far away, along x", _metres(0.5)),
+    Way(Part.MOCAP, Kind.WRONG, "jump", "our body is seen this far away, along x", _metres(0.5)),
     Way(Part.MOCAP, Kind.WRONG, "drift", "our body is seen further and further away, along x",
         Amount("by", "m/s", 0.2, -5.0, 5.0)),
     Way(Part.MOCAP, Kind.WRONG, "swapped", "our body is seen where another one stands: on the floor in a corner, "
@@ -131,11 +131,11 @@ _MOCAP = (
     Way(Part.MOCAP, Kind.WRONG, "body disabled", "our body is disabled in QTM: all NaN"),
     Way(Part.MOCAP, Kind.WRONG, "bodies reversed", "QTM's list of bodies is in the reverse order"),
     Way(Part.MOCAP, Kind.WRONG, "no bodies", "6DOF is not calculated in QTM: frames without any body"),
-    Way(Part.MOCAP, Kind.WRONG, "clock jump", "stamps are off by so much",
+    Way(Part.MOCAP, Kind.WRONG, "clock jump", "time stamps are off by this",
         Amount("by", "s", 1.0, -1000.0, 1000.0)),
     Way(Part.MOCAP, Kind.WRONG, "out of order", "every second frame comes two frames late, behind its successor"),
-    Way(Part.MOCAP, Kind.SLOW, "", "only so many frames a second", Amount("to", "Hz", 20.0, 0.1, 500.0)),
-    Way(Part.MOCAP, Kind.DELAYED, "", "frames leave so much later; in the end what was held back comes at once",
+    Way(Part.MOCAP, Kind.SLOW, "", "only this many frames a second", Amount("to", "Hz", 20.0, 0.1, 500.0)),
+    Way(Part.MOCAP, Kind.DELAYED, "", "frames leave this much later; in the end the delayed ones come at once",
         _delay(0.1)),
     Way(Part.MOCAP, Kind.INTERMITTENT, "", "this share of the frames is lost, at random", _share(0.5)),
 )  # fmt: skip
@@ -146,35 +146,35 @@ _LINK = tuple(
         (Kind.OFF, "nothing passes", None),
         (Kind.GARBAGE, "in this share of the datagrams, at random, a few bytes are wrong", _share(0.5)),
         (Kind.SLOW, "this share of the datagrams is lost, regularly, as when there is no room for more", _share(0.8)),
-        (Kind.DELAYED, "everything comes so much later; in the end what was held back comes at once", _delay(0.2)),
+        (Kind.DELAYED, "everything comes this much later; in the end the delayed datagrams come at once", _delay(0.2)),
         (Kind.INTERMITTENT, "this share of the datagrams is lost, at random", _share(0.3)),
     )
     for how in ("", TO, FROM)
 )
 
 _AUTOPILOT = (
-    Way(Part.AUTOPILOT, Kind.OFF, "", "no power: motors stop, nothing is said or heard; it boots anew in the end"),
-    Way(Part.AUTOPILOT, Kind.STUCK, "", "it hangs: nothing is said or heard, the motors keep their last signals, "
-        "and nobody balances them, so that it tips over"),
-    Way(Part.AUTOPILOT, Kind.WRONG, "reboot", "motors stop, silent for so long, then it boots anew, disarmed",
+    Way(Part.AUTOPILOT, Kind.OFF, "", "no power: motors stop, nothing is sent or received; it reboots in the end"),
+    Way(Part.AUTOPILOT, Kind.STUCK, "", "it hangs: nothing is sent or received, the motors keep their last signals, "
+        "without control, so that it tips over"),
+    Way(Part.AUTOPILOT, Kind.WRONG, "reboot", "motors stop, silent for this long, then it reboots, disarmed",
         Amount("by", "s", 3.0, 0.1, 60.0), lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "disarms", "it disarms, in the air, too", lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "pilot takes over", "a pilot with a remote control takes it, in Position mode, "
         "and holds the place", lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "refuses offboard", "it does not go to Offboard"),
     Way(Part.AUTOPILOT, Kind.WRONG, "refuses to land", "it refuses the command to land; its failsafes still land"),
-    Way(Part.AUTOPILOT, Kind.WRONG, "ignores setpoints", "it hears them and stays in Offboard, but flies on with "
-        "the last one before"),
-    Way(Part.AUTOPILOT, Kind.WRONG, "attitude off", "its horizon is rolled: it says so and flies by it", _angle(0.4)),
-    Way(Part.AUTOPILOT, Kind.WRONG, "heading off", "its heading is wrong, whatever vision says: it says so and flies "
+    Way(Part.AUTOPILOT, Kind.WRONG, "ignores setpoints", "it receives them, stays in Offboard, and flies on with "
+        "the last one before the fault"),
+    Way(Part.AUTOPILOT, Kind.WRONG, "attitude off", "its horizon is rolled: reports it, flies by it", _angle(0.4)),
+    Way(Part.AUTOPILOT, Kind.WRONG, "heading off", "its heading is wrong, whatever vision says: reports it, flies "
         "by it", _angle(0.6)),
     Way(Part.AUTOPILOT, Kind.WRONG, "battery low", "the charge is this at once, and drains on", _charge(0.2),
         lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "battery critical", "the charge is this at once, and drains on", _charge(0.08),
         lasts=False),
     Way(Part.AUTOPILOT, Kind.WRONG, "weak", "the motors' thrust falls to this share", _charge(0.6)),
-    Way(Part.AUTOPILOT, Kind.WRONG, "motor", "a motor pulls it askew: it rolls so far from the attitude it is to have, "
-        "and says so, until its rate controller has integrated the pull away (0.75 s)", _angle(0.8)),
+    Way(Part.AUTOPILOT, Kind.WRONG, "motor", "a motor pulls it askew: it rolls this far from its attitude setpoint, "
+        "and reports it, until its rate controller has integrated the pull away (0.75 s)", _angle(0.8)),
 )  # fmt: skip
 
 _SERVOS = (
@@ -185,7 +185,7 @@ _SERVOS = (
     Way(Part.SERVOS, Kind.WRONG, "hot", "every servo is warmer than its limit allows"),
     Way(Part.SERVOS, Kind.WRONG, "voltage", "the servos' supply falls to this", Amount("to", "V", 5.5, 0.0, 20.0)),
     Way(Part.SERVOS, Kind.WRONG, "reboot", "every servo restarts: torque off, silent for half a second", lasts=False),
-    Way(Part.SERVOS, Kind.DELAYED, "", "answers come so much later", Amount("by", "s", 0.05, 0.001, 5.0)),
+    Way(Part.SERVOS, Kind.DELAYED, "", "answers come this much later", Amount("by", "s", 0.05, 0.001, 5.0)),
     Way(Part.SERVOS, Kind.INTERMITTENT, "", "this share of the answers is broken, regularly",
         Amount("by", "", 0.5, 0.01, 1.0)),
 )  # fmt: skip
@@ -194,7 +194,7 @@ _BROKER = (
     Way(Part.BROKER, Kind.OFF, "", "it is not there: connections end, new ones are refused"),
     Way(Part.BROKER, Kind.STUCK, "", "it hangs: connections stay, nothing passes"),
     Way(Part.BROKER, Kind.GARBAGE, "", "it sends bytes that are no MQTT"),
-    Way(Part.BROKER, Kind.DELAYED, "", "messages come so much later", _delay(1.0)),
+    Way(Part.BROKER, Kind.DELAYED, "", "messages come this much later", _delay(1.0)),
     Way(Part.BROKER, Kind.INTERMITTENT, "", "this share of the messages is lost, at random", _share(0.5)),
 )
 
@@ -202,5 +202,5 @@ WAYS: tuple[Way, ...] = (*_MOCAP, *_LINK, *_AUTOPILOT, *_SERVOS, *_BROKER)
 
 
 def ways_of(part: Part, kind: Kind) -> list[Way]:
-    """All variants of a kind; empty when the part does not know it."""
+    """Return all variants of a kind; empty when this part cannot fail in that way."""
     return [way for way in WAYS if way.part is part and way.kind is kind]

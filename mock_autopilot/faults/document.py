@@ -11,12 +11,12 @@ _TITLES = {
     Part.BROKER: "The broker (MQTT)",
 }
 _NOTES = {
-    Part.MOCAP: "Frames go through the faults that are there in the order in which they began.",
-    Part.LINK: "Without an addition a fault concerns both directions. The ground station's link stays whole.",
+    Part.MOCAP: "Frames go through the active faults in the order in which these began.",
+    Part.LINK: "Without a direction a fault concerns both. The ground station's link is never affected.",
     Part.AUTOPILOT: "",
-    Part.SERVOS: "All servos at once. What words do not cover (one servo, other numbers) is another order on standard "
+    Part.SERVOS: "All servos at once. For a single servo or other numbers use another command on standard "
     'input, `servo-fault {"kind": "overload", "id": 6}`, or `[[arms.bus.faults]]`.',
-    Part.BROKER: "The mock runs no broker. It tells when such a fault begins and ends, and whoever runs one obeys. The "
+    Part.BROKER: "The mock runs no broker. It reports when such a fault begins and ends; the demo obeys. The "
     "demo refuses such a fault when its configuration has no `[operator]`.",
 }
 _HEAD = f"""# Faults in the mock
@@ -36,10 +36,11 @@ It begins with one of the phrases below. Then, in any order, may follow
 - when: `at 12 s` counts from lift-off, the first time that the vehicle really leaves the ground; a phase counts from
   the first time it is reached: `on the ground` (the start), `armed`, `in the air`, `landing` (PX4 lands by itself, told
   to or by a failsafe; a landing in offboard mode is like any other flight to PX4), each with `after 3 s` or without.
-  Without a time a scripted fault is there from the start, an ordered one from now on, and a time that is past is now;
-- how long: `for 2 s`; without, for ever. What happens once has no length.
+  Without a time a fault from options or configuration begins at the start, one from standard input at once; a time
+  that is past is now;
+- how long: `for 2 s`; without, for ever. A fault that happens once has no length.
 
-Who says it:
+Faults are given to the demo, to the mock, or in the mock's configuration:
 
 ```console
 $ make demo ARGS="--fault 'mocap stuck at 12 s for 2 s'"                # may be given again
@@ -60,18 +61,18 @@ after_s = 3.0
 for_s = 2.0
 ```
 
-With `--exit-with-stdin` the mock takes orders as lines on its standard input: `fault mocap stuck for 2 s`, from now on.
-It says on standard output when a fault begins and ends, on this machine's monotonic clock, and in the end which of
-the scripted ones never began. The demo shows these lines in its own time, which counts from the start of the motors, a
-second or two before lift-off.
+With `--exit-with-stdin` the mock reads commands as lines on its standard input: `fault mocap stuck for 2 s` begins at
+once. It reports on standard output when a fault begins and ends, on this machine's monotonic clock, and in the end
+which of the scripted ones never began. The demo shows these lines in its own time, which counts from the start of the
+motors, a second or two before lift-off.
 
-What is random in them comes from the seed, and nothing else that is random depends on it: the same seed, faults and
-commands give the same flight in simulated time, and without faults everything is as if there were none.
+Their random numbers come from the seed, and no other random number depends on them: the same seed, faults and
+commands give the same flight in simulated time, and without faults a flight is not changed.
 """
 
 
 def document() -> str:
-    """The whole file."""
+    """Return the whole text of docs/faults.md."""
     return "\n".join([_HEAD, *(_section(part) for part in Part)])
 
 

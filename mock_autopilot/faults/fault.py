@@ -1,4 +1,4 @@
-"""One fault and when it is there: a strict model over the list of what there is (fault_ways.py)."""
+"""One fault and the time at which it is active: a strict model, checked against catalogue.py."""
 
 import math
 from typing import Self
@@ -9,7 +9,7 @@ from mock_autopilot.faults.catalogue import WAYS, Kind, Part, Phase, Way, ways_o
 
 
 class Fault(BaseModel):
-    """One fault and when it is there. ValueError with one sentence for what does not exist."""
+    """One fault and the time at which it is active. ValueError with one sentence if no such fault exists."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -55,24 +55,24 @@ class Fault(BaseModel):
 
     @property
     def way(self) -> Way:
-        """Its line of `WAYS`."""
+        """Return this fault's entry in `WAYS`."""
         return next(way for way in ways_of(self.part, self.kind) if way.how == self.how)
 
     @property
     def lasts_s(self) -> float:
-        """How long it is there, s; 0 for what happens once."""
+        """Return the duration, s; 0 for a fault that happens once."""
         if self.way.lasts:
             return self.for_s
         return self.magnitude if self.way.amount is not None and self.way.amount.unit == "s" else 0.0
 
     @property
     def magnitude(self) -> float:
-        """The amount, said or usual; 0 where there is none."""
+        """Return the amount given, or the default; 0 where the fault has no amount."""
         usual = self.way.amount.usual if self.way.amount is not None else 0.0
         return usual if self.amount is None else self.amount
 
 
 def check_fits(fault: Fault, has_arms: bool) -> None:
-    """ValueError when the vehicle has no such part."""
+    """Raise ValueError when the vehicle has no such part."""
     if fault.part is Part.SERVOS and not has_arms:
         raise ValueError("servos cannot fail on a vehicle without arms: set arms.enabled = true")

@@ -1,4 +1,4 @@
-"""What the link's faults make of its datagrams; pure, for UDP and for flights in simulated time."""
+"""Faults of the MAVLink link, applied to its datagrams; pure, for UDP and for flights in simulated time."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -14,19 +14,19 @@ _WRONG_BYTES = 3
 
 
 class LinkFaults:
-    """One direction of the link: what is sent goes in, what arrives comes out."""
+    """The faults of one direction of the link; takes datagrams sent, returns datagrams that arrive."""
 
     def __init__(self, schedule: FaultSchedule, rng: np.random.Generator, direction: str) -> None:
-        """`direction` as in fault_ways.TO and FROM."""
+        """Take the faults of one `direction`, catalogue.TO or catalogue.FROM."""
         self._schedule, self._rng, self._direction = schedule, rng, direction
         self._queue: list[tuple[float, object]] = []
         self._count = 0
 
     def pass_on(self, sent: Sequence[Item], now_s: float) -> Sequence[Item]:
-        """What arrives at `now_s` (s, simulated), given that this is sent now.
+        """Return the datagrams that arrive at `now_s` (s, simulated) when `sent` is sent now.
 
-        Bytes may arrive damaged; anything else stands for a datagram that, damaged, is not understood and lost. Call it
-        often, also with nothing: what is held back arrives later.
+        Bytes may arrive damaged; an item of another type is lost when it would be damaged. Call it
+        often, also without datagrams: delayed ones arrive later.
         """
         held = self._schedule.active(Part.LINK)
         if not held and not self._queue:

@@ -1,4 +1,4 @@
-"""What was meant by a sentence that says no fault: the nearest phrase, the unit that is missing or another one."""
+"""Suggestions for a sentence that names no fault: the nearest phrase, the missing unit, the right unit."""
 
 import difflib
 import math
@@ -21,7 +21,7 @@ _IN = {
     "degrees": ("rad", math.pi / 180.0),
     "%": ("", 1e-2),
 }
-"""Other units: the one that is meant, and by how much."""
+"""Other units: the one to use instead, and the factor."""
 _NUMBER = re.compile(
     r"(?P<word>at|after|for|by|to|with)\s+(?P<value>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)\s*(?P<unit>[a-z/%]*)(?=\s|$)"
 )
@@ -29,7 +29,7 @@ _TIMES = {"at", "after", "for"}
 
 
 def nearest_phrase(sentence: str) -> str:
-    """The phrase that begins a fault's sentence and looks most like this one; empty when none does."""
+    """Return the first words of the fault's sentence that looks most like this one; empty when none does."""
     said = _plain(_TAIL.sub("", f"{sentence.lower()} "))
     part, _, rest = said.partition(" ")
     ways = [way for way in WAYS if way.part == part]
@@ -46,12 +46,12 @@ def _nearest(said: str, phrases: dict[str, str]) -> str:
 
 
 def did_you_mean(phrase: str) -> str:
-    """As a question behind what is wrong; empty when there is nothing to ask."""
+    """Return the suggestion that is appended to an error message; empty when there is no phrase to suggest."""
     return f'; did you mean "{phrase}"?' if phrase else ""
 
 
 def _phrases(way: Way) -> tuple[str, ...]:
-    """The ways in which somebody may say it behind the part: all, or without the kind."""
+    """Return the phrases accepted after the part's name: kind and variant, or the variant alone."""
     return (f"{way.kind} {way.how}", way.how) if way.how else (str(way.kind),)
 
 
@@ -60,9 +60,9 @@ def _plain(text: str) -> str:
 
 
 def mistaken_number(rest: str, words: str, unit: str | None) -> str:
-    """What is wrong with the number that `rest` begins with; empty when it begins with none.
+    """Return the error in the number that `rest` begins with; empty when it begins with none.
 
-    `words` is the fault, `unit` the one of its amount: empty for a share, None where there is no amount.
+    `words` are the fault's first words, `unit` is its amount's: empty for a share, None without an amount.
     """
     said = _NUMBER.match(rest)
     if said is None:

@@ -1,4 +1,4 @@
-"""What motion capture's faults make of its frames; pure, for the server and for flights in simulated time."""
+"""Faults of motion capture, applied to its frames; pure, for the server and for flights in simulated time."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +12,7 @@ from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.qtm.packets import HEADER, Body, BodyPose, Frame
 
 CORNER_M = np.array([3.0, 3.0, 0.0])
-"""Where the other body of a swap stands, in the room's frame."""
+"""Position of the other body of a swap, in the room's frame."""
 _NOISE_M = 0.0003
 _FAR_M = 10.0
 _FLIP_YZ, _FLIP_Y = np.diag([1.0, -1.0, -1.0]), np.diag([1.0, -1.0, 1.0])
@@ -21,7 +21,7 @@ _SLACK_S = 1e-6
 
 
 class MocapFaults:
-    """Takes the frames that leave the server in order and gives out those that really do."""
+    """The faults of motion capture; takes the server's frames in order, returns those that leave."""
 
     def __init__(self, schedule: FaultSchedule, rng: np.random.Generator, rate_hz: float) -> None:
         self._schedule, self._rng, self._rate_hz = schedule, rng, rate_hz
@@ -30,9 +30,9 @@ class MocapFaults:
         self._frozen: BodyPose | None = None
 
     def pass_on(self, frames: list[Frame], now_s: float) -> list[Frame]:
-        """What leaves at `now_s` (s, simulated), given that the cameras would send `frames`.
+        """Return the frames that leave at `now_s` (s, simulated) when the cameras would send `frames`.
 
-        Call it often, also without frames: what is held back leaves later.
+        Call it often, also without frames: delayed ones leave later.
         """
         held = self._schedule.active(Part.MOCAP)
         if not held:
@@ -49,11 +49,11 @@ class MocapFaults:
 
     @property
     def breaks_packets(self) -> bool:
-        """Whether what leaves now cannot be understood by anybody."""
+        """Return whether packets that leave now have broken contents."""
         return any((h.fault.kind, h.fault.how) == (Kind.GARBAGE, "packets") for h in self._schedule.active(Part.MOCAP))
 
     def packet(self, packet: bytes) -> bytes:
-        """One data packet of the protocol as it leaves: as it is, or with its header right and its contents broken."""
+        """Return a data packet as it leaves: unchanged, or with a right header and broken contents."""
         return broken(packet, self._rng) if self.breaks_packets else packet
 
     def _take(self, frame: Frame, held: tuple[ActiveFault, ...], now_s: float) -> None:
@@ -96,18 +96,18 @@ class MocapFaults:
 
     @property
     def changes_list(self) -> bool:
-        """Whether QTM's list of rigid bodies is another one now than it was at the start."""
+        """Return whether QTM's list of rigid bodies differs from that at the start."""
         return any(is_of_the_list(held.fault) for held in self._schedule.active(Part.MOCAP))
 
     def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
-        """Return QTM's list of rigid bodies, ours the first, as it has been changed by now."""
+        """Return QTM's list of rigid bodies, changed as the active faults say; `bodies` begins with the vehicle."""
         for held in self._schedule.active(Part.MOCAP):
             if is_of_the_list(held.fault):
                 bodies = _IN_SETTINGS[held.fault.how](bodies)
         return bodies
 
     def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[ActiveFault, ...]) -> tuple[BodyPose, ...]:
-        """The bodies of a frame, ours the first, in the order of the list as it is now."""
+        """Return the bodies of a frame in the order of the present list; `poses` begins with the vehicle."""
         for one in held:
             if is_of_the_list(one.fault):
                 poses = _IN_FRAMES[one.fault.how](poses, self._box(poses))
@@ -129,12 +129,12 @@ def _moved(pose: BodyPose, along_x_m: float) -> BodyPose:
 
 
 def _defined(pose: BodyPose, turn: Array) -> BodyPose:
-    """With other body axes."""
+    """Return a pose with its body axes turned by `turn`, (3, 3)."""
     return replace(pose, rotation_room_flu=pose.rotation_room_flu @ turn)
 
 
 def _reflected(pose: BodyPose, axes: Array) -> BodyPose:
-    """Seen in other axes of the room, body axes named alike: still a rotation."""
+    """Return a pose in reflected room and body axes: its matrix is still a rotation."""
     return replace(
         pose, position_room_m=axes @ pose.position_room_m, rotation_room_flu=axes @ pose.rotation_room_flu @ axes
     )
@@ -189,7 +189,7 @@ def is_of_the_list(fault: Fault) -> bool:
 
 
 def broken(packet: bytes, rng: np.random.Generator) -> bytes:
-    """A packet whose header still tells type and size of what follows, which is cut off, random, or partly wrong."""
+    """Return a packet whose header is right and whose contents are cut off, random, or wrong in a few bytes."""
     _, kind = HEADER.unpack_from(packet)
     contents = bytearray(packet[HEADER.size :])
     what = int(rng.integers(3))

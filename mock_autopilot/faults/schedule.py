@@ -1,4 +1,4 @@
-"""Which fault is there now: times and phases turned into begin and end, in simulated time. Pure."""
+"""Schedule of the faults: times and phases turned into begin and end, in simulated time. Pure."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -15,19 +15,19 @@ class FaultTransition:
     fault: Fault
     begins: bool
     time_s: float
-    """Simulated."""
+    """Simulated time."""
 
 
 @dataclass(frozen=True)
 class ActiveFault:
-    """A fault that is there."""
+    """A fault that is active, and the time since which it is."""
 
     fault: Fault
     since_s: float
 
     @property
     def until_s(self) -> float:
-        """The end is no longer part of it."""
+        """Return the first time at which the fault is no longer active, s simulated."""
         return self.since_s + self.fault.lasts_s
 
 
@@ -38,7 +38,7 @@ class _Waiting:
 
 
 class FaultSchedule:
-    """Give it every step of simulated time; it tells what begins and ends, and knows what is there."""
+    """The active and the pending faults; `step` it with simulated time, `observers` get each begin and end."""
 
     def __init__(self, faults: Iterable[Fault] = ()) -> None:
         self._waiting = [_Waiting(fault, 0.0) for fault in faults]
@@ -46,19 +46,19 @@ class FaultSchedule:
         self._held: dict[Part, tuple[ActiveFault, ...]] = dict.fromkeys(Part, ())
         self._next_s = -math.inf
         self.observers: list[Callable[[FaultTransition], None]] = []
-        """Called with every fault that begins or ends."""
+        """Callbacks for every fault that begins or ends."""
 
     def inject(self, fault: Fault, now_s: float) -> None:
-        """Add a fault: from now on, or when its own time comes; a time that is past is now."""
+        """Add a fault: it begins now, or at its own time; if that time is past, it begins now."""
         self._waiting.append(_Waiting(fault, now_s))
         self._turn(now_s)
 
     def active(self, part: Part) -> tuple[ActiveFault, ...]:
-        """The faults of this part that are there, in the order in which they began."""
+        """Return the active faults of this part in the order in which they began."""
         return self._held[part]
 
     def begin_s(self, fault: Fault) -> float:
-        """When it begins by what was reached so far, s of simulated time; infinite while that is open."""
+        """Return the begin by the phases reached so far, s of simulated time; infinite while it is open."""
         if fault.at_s is not None:
             return self._reached_s.get(Phase.IN_THE_AIR, math.inf) + fault.at_s
         if fault.phase is not None:
@@ -66,7 +66,7 @@ class FaultSchedule:
         return 0.0
 
     def step(self, now_s: float, armed: bool, airborne: bool, landing: bool) -> None:
-        """Note what is reached, then begin and end what is due."""
+        """Note the phases reached, then begin and end the faults that are due."""
         if len(self._reached_s) < len(Phase):
             self._note(Phase.ARMED, armed, now_s)
             self._note(Phase.IN_THE_AIR, airborne, now_s)

@@ -28,11 +28,11 @@ _HEAD = re.compile(r"(?P<part>\S+)(?:\s+(?P<kind>[^\s(]+))?\s*(?:\((?P<how>[^()]
 
 
 class FaultError(ValueError):
-    """The sentence says no fault; the message is one sentence that says what is wrong and what is possible."""
+    """The sentence names no fault; the message is one sentence with the mistake and the possible words."""
 
 
 def parse(sentence: str) -> Fault:
-    """The fault that a sentence says; FaultError when it says none."""
+    """Return the fault that a sentence names; raise FaultError when it names none."""
     try:
         return Fault.model_validate(keys_of(sentence))
     except ValidationError as error:
@@ -56,7 +56,7 @@ def _said(mistake: ErrorDetails, sentence: str) -> str:
 
 
 def keys_of(sentence: str) -> dict[str, Any]:
-    """A sentence as the keys of `Fault`, which checks what they say; FaultError when it is not understood."""
+    """Return a sentence as the keys of `Fault`, which checks their values; raise FaultError if it cannot be parsed."""
     head = _HEAD.fullmatch(" ".join(sentence.lower().split()))
     if head is None:
         raise FaultError(f'an empty sentence is no fault; one is "{EXAMPLES[0]}"')
@@ -104,7 +104,7 @@ def _way_of(keys: dict[str, Any]) -> Way | None:
 
 
 def sentence_of(fault: Fault) -> str:
-    """The fault in words; `parse` understands them."""
+    """Return the fault as a sentence that `parse` accepts."""
     words = [fault.way.words]
     if fault.way.amount is not None:
         words.append(fault.way.amount.text(fault.magnitude))

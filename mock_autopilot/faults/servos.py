@@ -19,7 +19,7 @@ _KINDS = {
 
 
 def bus_fault_of(fault: Fault) -> BusFault:
-    """What to inject when it begins, for all servos."""
+    """Return the fault of the servo bus to inject when this one begins, for all servos."""
     values: dict[str, object] = {"kind": _KINDS[fault.kind, fault.how], "for_s": fault.for_s}
     if fault.how == "voltage":
         values["volts_v"] = fault.magnitude

@@ -1,4 +1,4 @@
-"""COMMAND_LONG and COMMAND_INT: which command does what, with which answers.
+"""Handlers for COMMAND_LONG and COMMAND_INT, and the answers to each command.
 
 Recorded behaviour: docs/px4-conformance.md, sections a, b, e, g and j.
 """
@@ -19,7 +19,7 @@ Params = tuple[float, float, float, float, float, float, float]
 
 @dataclass(frozen=True)
 class Reply:
-    """What a command causes on the link: messages first, then one ACK per result."""
+    """A command's answers on the link: messages first, then one ACK per result."""
 
     results: tuple[Result, ...]
     messages: tuple[Message, ...] = ()
@@ -29,7 +29,7 @@ Handler = Callable[[World, Streams, Params], Reply]
 
 
 def answer(command: int, params: Params, world: World, streams: Streams) -> Reply:
-    """Carry a command out; what PX4 does not know is UNSUPPORTED."""
+    """Carry out a command and return the reply; a command that PX4 does not have is UNSUPPORTED."""
     handler = HANDLERS.get(command)
     return handler(world, streams, params) if handler else Reply((Result.UNSUPPORTED,))
 
@@ -40,7 +40,7 @@ def _arm(world: World, _streams: Streams, params: Params) -> Reply:
 
 
 def _set_mode(world: World, _streams: Streams, params: Params) -> Reply:
-    """The commander's answer, which tells the truth; the receiver has said ACCEPTED before."""
+    """Return the commander's real result; the receiver has already sent ACCEPTED."""
     base, main, sub = (_whole(value) for value in params[:3])
     return Reply((world.vehicle.set_mode(base, main, sub),))
 
@@ -87,7 +87,7 @@ def _denied(_world: World, _streams: Streams, _params: Params) -> Reply:
 
 
 def _whole(value: float) -> int:
-    """PX4 casts the float; NaN counts as 0."""
+    """Return the value as PX4's cast to an integer does; NaN is 0."""
     return int(value) if abs(value) < 2**31 else 0
 
 

@@ -30,7 +30,7 @@ MODES = (
 
 
 class RawMessage(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink has no types
-    """A message that pymavlink does not know: its id, its checksum seed and its bytes."""
+    """A message that pymavlink does not have: its id, its checksum seed and its bytes."""
 
     def __init__(self, id_: int, crc_extra: int, payload: bytes) -> None:
         super().__init__(id_, f"RAW_{id_}")
@@ -38,30 +38,30 @@ class RawMessage(mavlink.MAVLink_message):  # type: ignore[misc]  # pymavlink ha
         self._bytes = payload
 
     def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
-        """The frame, with trailing zeros cut off as MAVLink 2 wants it."""
+        """Return the frame, with trailing zeros cut off as MAVLink 2 prescribes."""
         return bytes(self._pack(mav, self._seed, self._bytes, force_mavlink1=force_mavlink1))
 
 
 def protocol_version(_world: World) -> Message:
-    """PROTOCOL_VERSION: 2.00, from 1.00 to 2.03."""
+    """Return PROTOCOL_VERSION: 2.00, from 1.00 to 2.03."""
     payload = bytes.fromhex("c8006400cb000000000000000000096fec250d20af33")
     return RawMessage(300, 217, payload)
 
 
 def component_information(world: World) -> Message:
-    """COMPONENT_INFORMATION (deprecated): where the metadata lies."""
+    """Return COMPONENT_INFORMATION (deprecated) with the metadata's URI."""
     head = round(world.uptime_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little") + bytes(4)
     return RawMessage(395, 0, head + METADATA_URI)
 
 
 def component_metadata(world: World) -> Message:
-    """COMPONENT_METADATA: the same in its present form."""
+    """Return COMPONENT_METADATA, which has replaced COMPONENT_INFORMATION."""
     head = round(world.uptime_s * 1e3).to_bytes(4, "little") + METADATA_CRC.to_bytes(4, "little")
     return RawMessage(397, 182, head + METADATA_URI)
 
 
 def available_modes(_world: World) -> list[Message]:
-    """AVAILABLE_MODES, one message per mode."""
+    """Return AVAILABLE_MODES, one message per mode."""
     out = []
     for index, (main, sub, standard, name) in enumerate(MODES, start=1):
         custom = main << 16 | sub << 24
@@ -70,14 +70,14 @@ def available_modes(_world: World) -> list[Message]:
 
 
 class GimbalChatter:
-    """When a landing begins PX4 looks for a gimbal: commands to its own system, repeated as nobody answers."""
+    """PX4's search for a gimbal when a landing begins: commands to its own system, repeated without an answer."""
 
     def __init__(self) -> None:
         self._landing = False
         self._queue: list[tuple[float, Message]] = []
 
     def due(self, now_s: float, landing: bool) -> list[Message]:
-        """What to send now; `landing` is whether it is on its way down by itself."""
+        """Return the messages to send now; `landing` while the autopilot brings the vehicle down by itself."""
         if landing and not self._landing:
             self._queue = _chatter(now_s)
         self._landing = landing

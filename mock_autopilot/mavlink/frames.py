@@ -11,7 +11,7 @@ SIGNED = 0x01
 
 
 def messages_in(payload: bytes, codec: mavlink.MAVLink) -> list[Any]:
-    """Every intact message; what is not a frame, or has a wrong checksum, is stepped over."""
+    """Return every intact message; bytes that are no frame, or have a wrong checksum, are skipped."""
     found = []
     start = 0
     while start < len(payload):
@@ -24,7 +24,7 @@ def messages_in(payload: bytes, codec: mavlink.MAVLink) -> list[Any]:
 
 
 def _frame_length(payload: bytes, start: int) -> int:
-    """Length of the frame that may begin here, 0 when none can."""
+    """Return the length of the frame that may begin here, 0 when none can."""
     marker, rest = payload[start], len(payload) - start
     if marker not in {V1, V2} or rest < V1_OVERHEAD:
         return 0

@@ -1,7 +1,7 @@
 """The MAVLink end: one UDP link as PX4 has it.
 
-It sends to one address from boot on, heard from or not, and listens on its own port; answers go to that same
-address whoever asked. One frame per datagram, system 1, component 1. Recorded behaviour: docs/px4-conformance.md.
+It sends to one address from boot on, with or without a client, and listens on its own port; answers go to that same
+address whatever the sender. One frame per datagram, system 1, component 1. Recorded behaviour: docs/px4-conformance.md.
 """
 
 import contextlib
@@ -47,17 +47,17 @@ class LinkError(RuntimeError):
 
 @dataclass(frozen=True)
 class Datagram:
-    """What arrived, and when by time.monotonic()."""
+    """A datagram and its time of arrival by time.monotonic()."""
 
     arrived_s: float
     payload: bytes
 
 
 class MavlinkLink:
-    """One link; `open` binds the port, `handle` eats what came, `send_due` sends what is due."""
+    """One link; `open` binds the port, `handle` takes datagrams, `send_due` sends the messages that are due."""
 
     def __init__(self, config: LinkConfig, world: World, faulty: bool = True) -> None:
-        """`faulty`: the faults of the part "link" are this one's."""
+        """Prepare a closed link; `faulty`: the faults of the part "link" apply to it."""
         self._config = config
         self._world = world
         self._remote = (config.remote_host, config.remote_port)
@@ -68,7 +68,7 @@ class MavlinkLink:
         self._boot()
 
     def _boot(self) -> None:
-        """A rebooted PX4 has forgotten who listened, and what was asked of it."""
+        """Reset the link's state, as a reboot of PX4 does: clients, streams, queues."""
         self._boots = self._world.boots
         self._gcs_heard_s = -GCS_SILENT_AFTER_S
         self._texts: list[Text] = []
@@ -82,7 +82,7 @@ class MavlinkLink:
     # -- socket ----------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Bind; LinkError when the port is taken."""
+        """Bind the port; raise LinkError when it is taken."""
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.setblocking(False)
         with contextlib.suppress(OSError):  # not Linux: datagrams count as arrived when they are read
@@ -100,27 +100,27 @@ class MavlinkLink:
         self._socket = sock
 
     def close(self) -> None:
-        """Release the port."""
+        """Close the socket and release the port."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def fileno(self) -> int:
-        """For the event loop."""
+        """Return the socket's file descriptor for the event loop; -1 when it is closed."""
         return -1 if self._socket is None else self._socket.fileno()
 
     @property
     def local_port(self) -> int:
-        """The port it listens on, also when the configuration left the choice open."""
+        """Return the port that it listens on, also when the configuration has 0 (any free port)."""
         return self._config.local_port if self._socket is None else int(self._socket.getsockname()[1])
 
     @property
     def remote(self) -> tuple[str, int]:
-        """Where everything goes."""
+        """Return host and port to which every frame is sent."""
         return self._remote
 
     def receive(self) -> list[Datagram]:
-        """All datagrams that wait, with their arrival times."""
+        """Return all waiting datagrams with their arrival times."""
         waiting: list[Datagram] = []
         while self._socket is not None:
             try:
@@ -133,7 +133,7 @@ class MavlinkLink:
         return waiting
 
     def send(self, message: Message) -> None:
-        """Send one message; a client that is not there does not matter."""
+        """Send one message; a missing client is no error."""
         self._put(self._packed(message))
 
     def _packed(self, message: Message) -> Any:
@@ -154,7 +154,7 @@ class MavlinkLink:
     # -- protocol --------------------------------------------------------------------------------
 
     def handle(self, payload: bytes) -> list[bytes]:
-        """Understand one datagram, ignoring what is not MAVLink; returns the frames for the other links."""
+        """Act on one datagram, ignoring bytes that are not MAVLink; return the frames for the other links."""
         arrived = self._incoming.pass_on([payload], self._world.time_s)
         return [frame for one in arrived for frame in self._understand(one)]
 
@@ -183,7 +183,7 @@ class MavlinkLink:
             self._texts += texts
 
     def send_due(self) -> None:
-        """Send whatever the schedule and the queues hold for now."""
+        """Send the messages of streams and queues that are due."""
         self._put()
         late: Sequence[bytes] = self._incoming.pass_on((), self._world.time_s)
         for payload in late:
@@ -216,7 +216,7 @@ class MavlinkLink:
 
 
 def _arrival_s(ancillary: list[tuple[int, int, bytes]]) -> float:
-    """Kernel's arrival stamp on the monotonic clock; now where there is none."""
+    """Return the kernel's arrival stamp on the monotonic clock; the present time where there is none."""
     now_s = time.monotonic()
     for level, kind, data in ancillary:
         if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS and len(data) >= 16:

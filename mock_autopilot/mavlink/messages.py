@@ -31,24 +31,24 @@ UID = 5283920058631409231
 
 
 def boot_ms(world: World) -> int:
-    """Milliseconds since boot."""
+    """Return the time since boot, ms."""
     return round(world.uptime_s * 1e3)
 
 
 def boot_us(world: World) -> int:
-    """Microseconds since boot."""
+    """Return the time since boot, us."""
     return round(world.uptime_s * 1e6)
 
 
 def heartbeat(world: World) -> Message:
-    """What every client believes: mode, armed, ready."""
+    """Build HEARTBEAT: mode, armed, system status."""
     vehicle = world.vehicle
     custom = vehicle.mode.custom_mode
     return mavlink.MAVLink_heartbeat_message(2, 12, vehicle.base_mode, custom, int(vehicle.system_status), 3)
 
 
 def sys_status(world: World) -> Message:
-    """Health bits and battery."""
+    """Build SYS_STATUS: health bits and battery."""
     battery = world.vehicle.battery
     vehicle = world.vehicle
     present, enabled, health = sensors_present(vehicle), sensors_enabled(vehicle), sensors_health(vehicle)
@@ -73,7 +73,7 @@ def attitude(world: World) -> Message | None:
 
 
 def attitude_quaternion(world: World) -> Message | None:
-    """The same as a quaternion w x y z."""
+    """Build ATTITUDE_QUATERNION: the estimated attitude, w x y z, and body rates."""
     if world.uptime_s < 1.0:
         return None
     p, q, r = world.truth.rate_frd_radps.tolist()
@@ -136,7 +136,7 @@ def servo_output_raw(world: World) -> Message:
 
 
 def vfr_hud(world: World) -> Message:
-    """For head-up displays."""
+    """Build VFR_HUD, the speeds, heading and throttle of a head-up display."""
     now = world.vehicle.estimate
     speed = math.hypot(*now.velocity_mps[:2])
     heading = round(math.degrees(now.yaw_rad)) % 360
@@ -169,7 +169,7 @@ def highres_imu(world: World) -> Message:
 
 
 def estimator_status(world: World) -> Message:
-    """Which parts of the estimate are trusted, and how near to rejection their measurements are."""
+    """Build ESTIMATOR_STATUS: the trusted parts of the estimate, and their measurements' test ratios."""
     estimator, ratio = world.vehicle.estimator, world.timing.ratio
     flags = estimator.flags
     if estimator.uses_gps:
@@ -187,7 +187,7 @@ def estimator_status(world: World) -> Message:
 
 
 def battery_status(world: World) -> Message:
-    """The battery in detail."""
+    """Build BATTERY_STATUS: cell voltage, charge, warning."""
     battery = world.vehicle.battery
     cells = [round(battery.voltage_v * 1e3)] + [65535] * 9
     return mavlink.MAVLink_battery_status_message(
@@ -206,12 +206,12 @@ def ping(world: World) -> Message:
 
 
 def mission_current(_world: World) -> Message:
-    """No mission."""
+    """Build MISSION_CURRENT: there is no mission."""
     return mavlink.MAVLink_mission_current_message(0, 65535, 1, 2)
 
 
 def vibration(world: World) -> Message:
-    """Nothing shakes."""
+    """Build VIBRATION with zero vibration."""
     return mavlink.MAVLink_vibration_message(boot_us(world), 0.0, 0.0, 0.0, 0, 0, 0)
 
 
@@ -222,7 +222,7 @@ def current_mode(world: World) -> Message:
 
 
 def autopilot_version(_world: World) -> Message:
-    """Exactly as recorded."""
+    """Build AUTOPILOT_VERSION with the recorded contents."""
     return mavlink.MAVLink_autopilot_version_message(
         CAPABILITIES,
         SW_VERSION,

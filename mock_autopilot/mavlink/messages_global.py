@@ -45,7 +45,7 @@ def gps_raw_int(world: World) -> Message:
 
 
 def gps_global_origin(world: World) -> Message | None:
-    """Where the local frame's origin lies on earth."""
+    """Build GPS_GLOBAL_ORIGIN: the local frame's origin on earth."""
     if not world.vehicle.estimator.uses_gps and world.vehicle.estimator.origin_set_s is None:
         return None
     return mavlink.MAVLink_gps_global_origin_message(*world.vehicle.origin.to_global((0.0, 0.0, 0.0)), boot_us(world))
@@ -63,7 +63,7 @@ def hil_state_quaternion(world: World) -> Message:
 
 
 def home_position(world: World) -> Message | None:
-    """Where it would return to."""
+    """Build HOME_POSITION, the destination of Return mode."""
     home = world.vehicle.home
     if home is None:
         return None

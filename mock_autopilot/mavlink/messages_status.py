@@ -33,7 +33,7 @@ EVENTS = {
 
 
 def system_time(world: World) -> Message:
-    """The simulator's clock."""
+    """Build SYSTEM_TIME from the simulator's clock."""
     return mavlink.MAVLink_system_time_message(BOOTED_UNIX_S * 1_000_000 + boot_us(world), boot_ms(world))
 
 
@@ -60,7 +60,7 @@ def distance_sensor(world: World) -> Message | None:
 
 
 def time_estimate_to_target(_world: World) -> Message:
-    """Nothing to reach."""
+    """Build TIME_ESTIMATE_TO_TARGET: there is no target."""
     return RawMessage(380, 232, NO_ESTIMATES)
 
 

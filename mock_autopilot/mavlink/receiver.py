@@ -1,4 +1,4 @@
-"""What PX4 does with each message it hears."""
+"""Handlers for the messages that PX4 receives."""
 
 import math
 import struct
@@ -28,7 +28,7 @@ FASTEST_MPS = 1e3
 
 
 class Receiver:
-    """Handles what comes in on one link; answers leave through `send`."""
+    """The handlers of one link's messages; answers leave through `send`."""
 
     def __init__(self, world: World, streams: Streams, send: Callable[[Message], None]) -> None:
         self._world = world
@@ -63,7 +63,7 @@ class Receiver:
             handler(message)
 
     def pop_due(self) -> list[Message]:
-        """What goes out over time: answers, the list of parameters, and the unasked repetition after a change."""
+        """Return parameter messages that are due: the list, five a tick, and the repetition after a change."""
         due = [name for at_s, name in self._announce if self._world.uptime_s >= at_s]
         self._announce = [(at_s, name) for at_s, name in self._announce if self._world.uptime_s < at_s]
         out = [self._value(param) for name in due if (param := self._params.find(name)) is not None]
@@ -76,7 +76,7 @@ class Receiver:
         return out
 
     def pop_answers(self) -> list[Message]:
-        """Answers to commands; the commander's come with its next pass, before it flies what they ask for."""
+        """Return the answers to commands; the commander's come with its next pass, before the command takes effect."""
         vehicle = self._world.vehicle
         while self._orders and self._orders[0][0] != vehicle.commander_passes:
             _, m, params = self._orders.pop(0)
@@ -107,7 +107,7 @@ class Receiver:
         self._answers += [*reply.messages, *(_ack(m.command, result, m) for result in reply.results)]
 
     def _set_mode(self, m: Any) -> None:
-        """The legacy message: one ACK, for DO_SET_MODE."""
+        """Handle the legacy message SET_MODE: one ACK, for DO_SET_MODE."""
         if m.target_system != SYSTEM:
             return
         main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
@@ -139,7 +139,7 @@ class Receiver:
         self._world.vehicle.on_vision(VisionSample((m.x, m.y, m.z), _yaw(m.q)))
 
     def _odometry(self, m: Any) -> None:
-        """Position in a local NED-like frame; the velocity is in the child frame and real if it is finite."""
+        """Handle ODOMETRY: position in a local NED-like frame, velocity in the child frame if it is finite."""
         velocity: Triple | None = (m.vx, m.vy, m.vz)
         if not all(abs(part) < FASTEST_MPS for part in (m.vx, m.vy, m.vz)):  # NaN says: not measured
             velocity = None

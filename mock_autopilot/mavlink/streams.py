@@ -1,4 +1,4 @@
-"""Which message goes out how often: PX4's default rates on the onboard link, and what a client changed."""
+"""Rates of the streamed messages: PX4's defaults on the onboard link, and a client's changes."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ TICK_S = 0.004
 
 @dataclass(frozen=True)
 class Stream:
-    """A message that can be streamed; rate 0 is off until asked for."""
+    """A message that can be streamed; a rate of 0 is off until a client sets an interval."""
 
     id: int
     rate_hz: float
     build: m.Builder
     first_s: float = 0.0
-    """Nothing of it before this time after boot."""
+    """Time after boot before which it is not sent."""
 
 
 DEFAULTS = (
@@ -64,7 +64,7 @@ ON_REQUEST: dict[int, m.Builder] = {
     395: extras.component_information,
     397: extras.component_metadata,
 }
-"""Never streamed, sent when asked for."""
+"""Messages that are only sent on request, never streamed."""
 AVAILABLE_MODES = 435
 HEARTBEAT, CURRENT_MODE = 0, 436
 STATUS_S = 0.5
@@ -74,7 +74,7 @@ FAST_HZ = 50.0
 
 
 class Streams:
-    """The schedule of one link."""
+    """The schedule of one link's streamed messages."""
 
     def __init__(self) -> None:
         self._streams = {stream.id: stream for stream in DEFAULTS}
@@ -86,7 +86,7 @@ class Streams:
         self._status_s, self._status_is_new = -1.0, False
 
     def due(self, world: World) -> list[m.Message]:
-        """Messages whose time has come; a late call sends each once, not a burst."""
+        """Return the messages that are due; a late call sends each once, not a burst."""
         now_s = world.uptime_s
         self._publish_status(world, now_s)
         out = []
@@ -103,7 +103,7 @@ class Streams:
         return out
 
     def _publish_status(self, world: World, now_s: float) -> None:
-        """As PX4's commander does with vehicle_status: after a command, too, before it flies what that asked for."""
+        """Mark vehicle_status as published, as PX4's commander does: on change, after a command, and at 2 Hz."""
         commander = world.vehicle.commander
         shown = (commander.mode, commander.intended_mode, commander.armed, commander.failsafe)
         status = (*shown, commander.commands_handled)
@@ -111,7 +111,7 @@ class Streams:
             self._status, self._status_s, self._status_is_new = status, now_s, True
 
     def request(self, id_: int, world: World) -> list[m.Message]:
-        """REQUEST_MESSAGE: what to send, nothing when PX4 would have nothing to say."""
+        """Return the answer to REQUEST_MESSAGE, empty when PX4 would have nothing to send."""
         if id_ == AVAILABLE_MODES:
             return extras.available_modes(world)
         stream = self._streams.get(id_)
@@ -123,7 +123,7 @@ class Streams:
         return [] if message is None else [message]
 
     def set_interval(self, id_: int, interval_us: float, now_s: float) -> bool:
-        """SET_MESSAGE_INTERVAL: 0 is the default rate, -1 stops; False for what cannot be streamed, and HEARTBEAT."""
+        """Set an interval: 0 is the default rate, -1 stops; return False for HEARTBEAT and what has no stream."""
         stream = self._streams.get(id_)
         if stream is None or id_ == HEARTBEAT:
             return False
@@ -135,5 +135,5 @@ class Streams:
         return True
 
     def interval_us(self, id_: int) -> int:
-        """GET_MESSAGE_INTERVAL: -1 for what does not stream."""
+        """Return the interval of a message, us; -1 if it is not streamed."""
         return round(self._interval_s[id_] * 1e6) if id_ in self._due_s else -1

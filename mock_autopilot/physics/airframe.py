@@ -1,4 +1,4 @@
-"""What passes between the autopilot and the airframe: what is felt, what is asked."""
+"""Interface between autopilot and airframe: sensor state in, actuator demand out."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,7 +9,7 @@ from mock_autopilot.px4.estimator import Motion
 
 @dataclass(frozen=True)
 class ActuatorDemand:
-    """What the autopilot asks of the airframe, in true world coordinates."""
+    """The autopilot's setpoint for the airframe, in true world coordinates."""
 
     q_sp_wxyz: Array
     rate_sp_frd_radps: Array | None

@@ -1,4 +1,4 @@
-"""Two arms as six moving point masses under the vehicle: what their motion does to it. Body frame FRD.
+"""Two arms as six moving point masses under the vehicle, and the sums of their motion. Body frame FRD.
 
 Hanging straight down at zero; positive pitch lifts a link forward, positive roll swings a forearm outward. Stepped with
 the physics at 500 Hz, hence written out in floats instead of numpy on small vectors, and kept in tuples, which are made
@@ -61,7 +61,7 @@ class _Direction(NamedTuple):
 
 
 def arm_motion(bodies: ArmBodies, joints: JointState, outward: float) -> Moving:
-    """One arm's sums; `outward` is +1 for the right arm (FRD y points right) and -1 for the left one."""
+    """Return one arm's sums; `outward` is +1 for the right arm (FRD y points right) and -1 for the left one."""
     (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
     upper, elbow, fore = _directions(joints, outward)
     x, y, z = bodies.shoulder_frd_m
@@ -84,7 +84,7 @@ def arm_motion(bodies: ArmBodies, joints: JointState, outward: float) -> Moving:
 
 
 def gravity_load_nm(bodies: ArmBodies, angle: Three) -> Three:
-    """Torque (N m) of the links' weight on each joint of an arm, positive in the joint's own sense."""
+    """Return the torque (N m) of the links' weight on each joint of an arm, positive in the joint's own sense."""
     (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
     a, s, r = angle[0], angle[0] + angle[1], angle[2]
     below = (m2 * c2 + m3 * l2) * math.sin(s) + m3 * c3 * math.sin(s) * math.cos(r)
@@ -94,19 +94,19 @@ def gravity_load_nm(bodies: ArmBodies, angle: Three) -> Three:
 
 
 def add(a: Moving, b: Moving) -> Moving:
-    """Both together."""
+    """Return the sum of two arms' moments, momenta, forces and torques."""
     return Moving(
         _plus(a.moment, b.moment), _plus(a.momentum, b.momentum), _plus(a.force, b.force), _plus(a.torque, b.torque)
     )
 
 
 def cross(a: Three, b: Three) -> Three:
-    """Vector product."""
+    """Return the vector product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direction, _Direction]:
-    """Along the upper arm, the elbow link and the forearm."""
+    """Return the directions of upper arm, elbow link and forearm."""
     (a, b, r), (a1, b1, r1), (a2, b2, r2) = joints.angle, joints.rate, joints.accel
     upper, elbow = _in_plane(a, a1, a2), _in_plane(a + b, a1 + b1, a2 + b2)
     c, s = _circle(r)
@@ -122,14 +122,14 @@ def _directions(joints: JointState, outward: float) -> tuple[_Direction, _Direct
 
 
 def _in_plane(angle: float, rate: float, accel: float) -> _Direction:
-    """Down at zero, forward at a quarter turn."""
+    """Return the direction of a link in the pitch plane: down at zero, forward at a quarter turn."""
     c, s = _circle(angle)
     turn = rate * rate
     return _Direction((s, 0.0, c), (c * rate, 0.0, -s * rate), (c * accel - s * turn, 0.0, -s * accel - c * turn))
 
 
 def _circle(angle: float | Array) -> tuple[Any, Any]:
-    """Cosine and sine."""
+    """Return cosine and sine of an angle (rad), a float or an array."""
     return (np.cos(angle), np.sin(angle)) if isinstance(angle, np.ndarray) else (math.cos(angle), math.sin(angle))
 
 

@@ -34,7 +34,7 @@ class ArmTable:
     """True joint angles at the end of each step, claws included, (n, 8)."""
 
     def at(self, step: int) -> Moving:
-        """What moves during that step."""
+        """Return the arms' mean sums during that step."""
         return self._moving[step]
 
     @cached_property
@@ -45,7 +45,7 @@ class ArmTable:
 
 
 def table_of(config: ArmsConfig, goals_rad: Array, goal_period_s: float, step_s: float) -> ArmTable:
-    """Drive the configured servos to joint goals (m, 8), one every `goal_period_s`, and note what the links do.
+    """Drive the configured servos to joint goals (m, 8), one every `goal_period_s`, and tabulate the links' motion.
 
     The arms begin at rest where they hold the first goal, torque on; goals reach the servos at once. Left out is what
     takes a servo out of service: faults, overload and heat.
@@ -67,7 +67,7 @@ def table_of(config: ArmsConfig, goals_rad: Array, goal_period_s: float, step_s:
 
 
 def _driven(config: ArmsConfig, assembly: Assembly, goals: Array, goal_period_s: float, count: int) -> Array:
-    """The servos' own angles (rad) at the start and after each of `count` steps, (count + 1, 8)."""
+    """Return the servos' own angles (rad) at the start and after each of `count` steps, (count + 1, 8)."""
     starts = zip(config.bus.servos, goals[0].tolist(), strict=True)
     servos = tuple(servo.model_copy(update={"start_position_rad": start}) for servo, start in starts)
     motors = [servo.motor for servo in ServoRack(config.bus.model_copy(update={"servos": servos})).servos]
@@ -86,7 +86,7 @@ def _driven(config: ArmsConfig, assembly: Assembly, goals: Array, goal_period_s:
 
 
 def _moving(assembly: Assembly, joints: Array, rates: Array, accels: Array) -> Moving:
-    """Both arms' sums at many instants, (n, 8) each; the components are arrays (n,)."""
+    """Return both arms' sums at many instants, from (n, 8) each; the components are arrays (n,)."""
 
     def arm(first: int, outward: float) -> Moving:
         a, r, c = (_columns(values[:, first : first + 3]) for values in (joints, rates, accels))
@@ -101,11 +101,11 @@ def _columns(values: Array) -> Any:
 
 
 def _means(values: Array, ends_s: Array, edges_s: Array) -> Array:
-    """Means between the edges of what holds up to each of `ends_s[1:]`, (n, 3)."""
+    """Return the means between the edges of values (n, 3), each of which holds up to its `ends_s[1:]`."""
     integral = np.concatenate((np.zeros((1, values.shape[1])), np.cumsum(values, axis=0) * STEP_S))
     return np.asarray(np.diff(_between(edges_s, ends_s, integral), axis=0) / np.diff(edges_s)[:, None])
 
 
 def _between(at_s: Array, times_s: Array, values: Array) -> Array:
-    """Linear interpolation of each column."""
+    """Interpolate each column linearly at `at_s`."""
     return np.stack([np.interp(at_s, times_s, column) for column in values.T], axis=-1)

@@ -44,11 +44,11 @@ class Servos(Protocol):
 
 @dataclass(frozen=True)
 class Assembly:
-    """How the arms are put together and onto the vehicle."""
+    """The geometry, masses and servo directions of the arms, and the vehicle's inertia."""
 
     bodies: ArmBodies = field(default_factory=ArmBodies)
     direction: tuple[int, ...] = (1,) * JOINT_COUNT
-    """Whether each servo turns as its joint's sign says."""
+    """1 or -1: the sense in which each servo turns its joint."""
     zero_rad: tuple[float, ...] = ((math.pi,) * 3 + (math.radians(150.0),)) * 2
     """Each servo's own angle at its joint's zero."""
     inertia_kgm2: Three = (0.11, 0.10, 0.13)
@@ -56,7 +56,7 @@ class Assembly:
     0.2 kg at 0.33 m, a box of 2.5 kg, booms, and the arms' 0.8 kg hanging 0.2 m low."""
 
     def loads_nm(self, angle: Sequence[float]) -> tuple[float, ...]:
-        """Torque of the links' weight on each servo at its own angles (rad), (8,); positive towards greater ones."""
+        """Return the links' weight as torque (N m) on each servo, (8,), at the servos' own angles (rad), (8,)."""
         sign, zero = self.direction, self.zero_rad
         a, b, c, _, e, f, g, _ = [s * (servo - null) for s, servo, null in zip(sign, angle, zero, strict=True)]
         right, left = gravity_load_nm(self.bodies, (a, b, c)), gravity_load_nm(self.bodies, (e, f, g))
@@ -64,7 +64,7 @@ class Assembly:
 
 
 class Coupling:
-    """What moving links do to the vehicle that carries them, one or (...,) of them; remembers rate and trim."""
+    """The reaction of moving links on one vehicle or (...,) of them; keeps the last rate and the trim."""
 
     def __init__(self, trimmed: Moving | None, mass_kg: Each, inertia_kgm2: EachAxis, trim_time_s: Three) -> None:
         """`trimmed` is the pose that the autopilot has trimmed in hover, if any; mass and inertia may differ."""
@@ -76,7 +76,7 @@ class Coupling:
         self._rate: Three | None = None
 
     def step(self, vehicle: PlantState, moving: Moving, dt_s: float) -> Wrench:
-        """Force (N, NED) and push (rad/s^2, FRD) while `dt_s` passes."""
+        """Return force (N, NED) and angular acceleration (rad/s^2, FRD) over the next `dt_s`."""
         rate, q = _parts(vehicle.rate_frd_radps), _parts(vehicle.q_ned_frd_wxyz)
         thrust_n, grounded = _number(vehicle.thrust_n), _number(vehicle.on_ground)
         force_ned_n, push_frd_radps2 = self.pushed(rate, q, thrust_n, grounded, moving, dt_s)
@@ -85,11 +85,11 @@ class Coupling:
     def pushed(
         self, rate: Three, q: tuple[float, ...], thrust_n: Any, grounded: Any, moving: Moving, dt_s: float
     ) -> tuple[Three, Three]:
-        """`step` with the vehicle's state and the wrench in components: floats, or arrays (...,) of them."""
+        """Do what `step` does, with state and wrench in components: floats, or arrays (...,) of them."""
         return _turned(q, self._force(moving, rate, dt_s)), self._push(moving, thrust_n, grounded, dt_s)
 
     def _force(self, moving: Moving, rate: Three, dt_s: float) -> Three:
-        """Minus the change of the links' momentum, the turning of the body included (Coriolis, Euler, centrifugal)."""
+        """Return minus the change of the links' momentum, with the body's rotation (Coriolis, Euler, centrifugal)."""
         (p, q, r), (p0, q0, r0) = rate, self._rate or rate
         self._rate = rate
         moment, (x, y, z), force = moving.moment, moving.momentum, moving.force
@@ -103,7 +103,7 @@ class Coupling:
         )
 
     def _turning(self, torque: Three, moment: Three, lift_mps2: float) -> Three:
-        """Angular acceleration: the links' reaction, and the thrust that does not go through the centre of mass."""
+        """Return the angular acceleration by the links' reaction and by thrust that misses the centre of mass."""
         inertia = self._inertia_kgm2
         return (
             (moment[1] * lift_mps2 - torque[0]) / inertia[0],
@@ -112,7 +112,7 @@ class Coupling:
         )
 
     def _push(self, moving: Moving, thrust_n: Any, grounded: Any, dt_s: float) -> Three:
-        """What of the turning PX4's integrators have not trimmed out yet; it resets them on the ground."""
+        """Return the angular acceleration that PX4's integrators have not trimmed out; on the ground they are reset."""
         flies = 1.0 - grounded
         x, y, z = self._turning(moving.torque, moving.moment, thrust_n / self._mass_kg)
         (p, q, r), (ps, qs, rs) = self._trimmed, self._trim_time_s
@@ -122,7 +122,7 @@ class Coupling:
 
 
 class Arms:
-    """Both arms; `step` with the physics."""
+    """Both arms with their servos; `step` them with the physics."""
 
     def __init__(self, assembly: Assembly, servos: Servos, mass_kg: Each, trim_time_s: Three) -> None:
         self.assembly, self.servos = assembly, servos
@@ -130,7 +130,7 @@ class Arms:
         self.now = self.joint_states()
 
     def joint_states(self) -> tuple[JointState, JointState]:
-        """Right arm, left arm: the true joint motion."""
+        """Return the true joint motion of the right and of the left arm."""
         sign, zero = self.assembly.direction, self.assembly.zero_rad
         angle, rate, accel = self.servos.motion()
         right, left = (
@@ -145,12 +145,12 @@ class Arms:
 
     @property
     def joints_rad(self) -> Array:
-        """True joint angles, claws included, (8,)."""
+        """Return the true joint angles, claws included, (8,) in rad."""
         angle, _, _ = self.servos.motion()
         return np.asarray(np.array(self.assembly.direction) * (np.array(angle) - np.array(self.assembly.zero_rad)))
 
     def step(self, vehicle: PlantState, dt_s: float) -> Wrench:
-        """Move the joints by `dt_s`; what the links then do to the vehicle: force (N, NED) and push (rad/s^2, FRD)."""
+        """Move the joints by `dt_s`; return the links' force (N, NED) and angular acceleration (rad/s^2, FRD)."""
         return self._coupling.step(vehicle, self._moved(dt_s), dt_s)
 
     def step_one(self, vehicle: OneState, dt_s: float) -> tuple[Three, Three]:
@@ -168,7 +168,7 @@ class Arms:
 
 
 def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:
-    """A body vector in world axes: v + 2 w (u x v) + 2 u x (u x v)."""
+    """Return a body vector in world axes: v + 2 w (u x v) + 2 u x (u x v)."""
     w, x, y, z = q_wxyz
     u = (x, y, z)
     once = cross(u, v)
@@ -181,15 +181,15 @@ def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:
 
 
 def _parts(vector: Array) -> Any:
-    """Components of (..., n): floats for one vector, arrays for many, for the same formulas."""
+    """Return the components of (..., n): floats for one vector, arrays for many, for the same formulas."""
     return tuple(vector.tolist() if vector.ndim == 1 else np.ascontiguousarray(np.moveaxis(vector, -1, 0)))
 
 
 def _number(value: NDArray[Any]) -> Any:
-    """A float (or whatever it is) for one vehicle, the array for many."""
+    """Return a Python scalar for one vehicle, the array for many."""
     return value if value.ndim else value.item()
 
 
 def _joined(components: tuple[Any, ...]) -> Array:
-    """The inverse of _parts."""
+    """Stack components into (..., n): the inverse of _parts."""
     return np.stack(components, axis=-1) if isinstance(components[0], np.ndarray) else np.array(components)

@@ -1,4 +1,4 @@
-"""Wind, cables and whatever else pushes: a seeded force in world axes (N, NED)."""
+"""Disturbance force of wind, cables and the like: seeded, in world axes (N, NED)."""
 
 import math
 from collections.abc import Sequence
@@ -16,19 +16,19 @@ BLOCK = 1024
 
 @dataclass(frozen=True)
 class Sinusoid:
-    """A slow periodic push."""
+    """One sinusoidal component of the force."""
 
     amplitude_ned_n: tuple[float, float, float]
     """Largest force, world NED."""
     period_s: float
-    """Time of one push and back."""
+    """Time of one cycle."""
     phase_rad: float = 0.0
     """Phase at the start."""
 
 
 @dataclass(frozen=True)
 class Forces:
-    """What the disturbance is made of."""
+    """The components of the disturbance: constant, sinusoids, noise."""
 
     constant_ned_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sinusoids: tuple[Sinusoid, ...] = ()
@@ -39,7 +39,7 @@ class Forces:
 
 
 class Disturbance:
-    """Steps in fixed intervals; the same seed gives the same force."""
+    """The force over time in fixed steps; the same seed gives the same force."""
 
     def __init__(self, forces: Forces, rng: np.random.Generator, dt_s: float) -> None:
         self._forces = forces
@@ -50,7 +50,7 @@ class Disturbance:
         self._draws: list[list[float]] = []
 
     def step(self, now_s: float) -> Array:
-        """Force (N, NED, shape (3,)) of the step that ends at `now_s`."""
+        """Return the force (N, NED, shape (3,)) of the step that ends at `now_s`."""
         return np.array(self.step_one(now_s))
 
     def step_one(self, now_s: float) -> Three:
@@ -71,7 +71,7 @@ class Disturbance:
 
 
 def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: float, steps: int) -> Array:
-    """Forces (N, NED, shape (steps, vehicles, 3)) of the first `steps` steps, to rounding those of Disturbance.step.
+    """Return the forces (N, NED, (steps, vehicles, 3)) of the first `steps` steps, equal to Disturbance.step's.
 
     Each vehicle draws its own noise from its generator, as a Disturbance with it would; all else is the same for all.
     """
@@ -90,6 +90,6 @@ def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: floa
 
 
 def _draws(rng: np.random.Generator, steps: int) -> Array:
-    """(steps, 3), each block from its end, as Disturbance takes them."""
+    """Return random numbers (steps, 3), each block from its end, as Disturbance takes them."""
     blocks = [rng.standard_normal((BLOCK, 3))[::-1] for _ in range(-(-steps // BLOCK))]
     return np.concatenate(blocks)[:steps]

@@ -1,4 +1,4 @@
-"""Where on earth the local frame lies, flat-earth."""
+"""Flat-earth conversion between the local frame and latitude, longitude and altitude."""
 
 import math
 from dataclasses import dataclass

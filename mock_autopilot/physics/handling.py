@@ -1,4 +1,4 @@
-"""A hand that carries the vehicle about, disarmed: for whoever tries out a check by hand without a vehicle. Pure."""
+"""Carrying the disarmed vehicle by hand, to try the hand test without a vehicle. Pure."""
 
 from dataclasses import replace
 
@@ -9,12 +9,12 @@ from mock_autopilot.physics.plant import PlantState
 from mock_autopilot.physics.quaternion import Array
 
 MOVE_S = 0.8
-"""From one place to the next."""
+"""Duration of one move."""
 _STILL = np.zeros(3)
 
 
 class Handling:
-    """Holds it from the first order on, in the air, too, until it is let go."""
+    """A hand that holds the vehicle from the first `take_to` on, also in the air, until it is released."""
 
     def __init__(self) -> None:
         self._from = self._to = np.zeros(6)
@@ -27,7 +27,7 @@ class Handling:
         self._to, self._since_s, self.holds = where, time_s, True
 
     def carry(self, state: PlantState, time_s: float) -> PlantState:
-        """Where it is now; so slow a motion is as good as none to the inertial sensors."""
+        """Return the state at the hand's pose; the motion is too slow for the inertial sensors to measure."""
         at = self._at(time_s)
         return replace(
             state,

@@ -29,7 +29,7 @@ ROLL, PITCH, YAW = 0, 1, 2
 
 @dataclass(frozen=True)
 class PlantParams:
-    """What the vehicle is made of. Its attitude loop fits the recorded PX4 step responses (docs/px4-conformance.md).
+    """The vehicle's parameters. Its attitude loop fits the recorded PX4 step responses (docs/px4-conformance.md).
 
     Mass and drag are the paper's vehicle's. The recorded simulator's are 1 kg, 20 N and 1 N per m/s, nothing else.
 
@@ -67,7 +67,7 @@ class PlantParams:
         return {}
 
     def coefficients(self, dt_s: float, shape: tuple[int, ...]) -> "Coefficients":
-        """The equations' numbers for steps of `dt_s` and velocities of shape (..., 3), worked out once."""
+        """Return the equations' coefficients for steps of `dt_s` and velocities of shape (..., 3)."""
         known = self._by_step.get((dt_s, shape))
         if known is None:
             known = self._by_step[dt_s, shape] = _coefficients(self, dt_s, shape)
@@ -76,7 +76,7 @@ class PlantParams:
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """What of one step depends on the parameters and its length alone; (..., 3) in full, as broadcasting costs time."""
+    """The factors of a step that depend on parameters and length alone; (..., 3), as broadcasting costs time."""
 
     stiffness: Array
     damping: Array
@@ -115,7 +115,7 @@ def _coefficients(params: PlantParams, dt_s: float, shape: tuple[int, ...]) -> C
 
 
 def _lag(lag_s: Array, dt_s: float) -> tuple[Array, Array]:
-    """Share of the way that a first-order lag covers by the end of a step, and on the step's average."""
+    """Return the share that a first-order lag covers by the end of a step, and on the step's average."""
     instant = lag_s == 0.0
     safe_s = np.where(instant, 1.0, lag_s)
     gain = -np.expm1(-dt_s / safe_s)
@@ -124,7 +124,7 @@ def _lag(lag_s: Array, dt_s: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class PlantState:
-    """Truth at one instant; shapes (..., 3) and (..., 4), thrust (...,)."""
+    """The true state at one instant; shapes (..., 3) and (..., 4), thrust (...,)."""
 
     position_ned_m: Array
     velocity_ned_mps: Array
@@ -139,7 +139,7 @@ class PlantState:
 
 @dataclass(frozen=True)
 class Actuation:
-    """What the autopilot's loops ask of the airframe; `signal` is the motor signal 0..1."""
+    """The setpoints of the autopilot's loops for the airframe; `signal` is the motor signal 0..1."""
 
     q_sp_wxyz: Array
     signal: Array
@@ -157,7 +157,7 @@ class Wrench:
 
 
 def at_rest(position_ned_m: Array, yaw_rad: float = 0.0) -> PlantState:
-    """Standing level on the ground (or anywhere), motors off; `position_ned_m` has shape (..., 3)."""
+    """Return the state of a level vehicle at rest, motors off; `position_ned_m` has shape (..., 3)."""
     position = np.asarray(position_ned_m, dtype=float)
     lead = position.shape[:-1]
     zero = np.zeros_like(position)
@@ -167,18 +167,18 @@ def at_rest(position_ned_m: Array, yaw_rad: float = 0.0) -> PlantState:
 
 
 def no_wrench(shape: tuple[int, ...] = (3,)) -> Wrench:
-    """Nothing pushes."""
+    """Return a wrench of zero force and angular acceleration."""
     return Wrench(np.zeros(shape), np.zeros(shape))
 
 
 def thrust_of_signal(signal: Array, params: PlantParams) -> Array:
-    """Steady thrust (N) of a motor signal 0..1, clipped to it, (...,); NaN gives none, as on the recorded PX4."""
+    """Return the steady thrust (N) of a motor signal, clipped to 0..1, (...,); 0 for NaN, as on the recorded PX4."""
     s = np.fmin(np.fmax(signal, 0.0), 1.0)
     return np.asarray(params.max_thrust_n * s * (1.0 - params.motor_curve * (1.0 - s)))
 
 
 def friction_ned_n(velocity_ned_mps: Array, fixed: Coefficients) -> Array:
-    """Force (N) with which air and cables oppose the motion: viscous, quadratic and Coulomb, shape (..., 3)."""
+    """Return the friction of air and cables (N), (..., 3): viscous, quadratic and Coulomb."""
     v = velocity_ned_mps
     drag = (fixed.quadratic * quat.length(v) + fixed.viscous) * v
     return np.asarray(-drag - fixed.coulomb * np.tanh(v * fixed.dry_per_mps))
@@ -207,7 +207,7 @@ def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantP
 def _thrust_step(
     state: PlantState, actuation: Actuation, params: PlantParams, fixed: Coefficients
 ) -> tuple[Array, Array]:
-    """Thrust at the step's end and on its average."""
+    """Return the thrust at the step's end and on its average."""
     before = state.thrust_n
     gap = (thrust_of_signal(actuation.signal, params) if actuation.motors_on else 0.0) - before
     return np.asarray(before + gap * fixed.thrust_gain), np.asarray(before + gap * fixed.thrust_mean)
@@ -216,7 +216,7 @@ def _thrust_step(
 def _attitude_step(
     state: PlantState, actuation: Actuation, wrench: Wrench, fixed: Coefficients, dt_s: float
 ) -> tuple[Array, Array, Array]:
-    """Second-order response of the attitude about each body axis, through the lag of the torques."""
+    """Advance the attitude: a second-order response about each body axis, through the lag of the torques."""
     before, push = state.turn_frd_radps2, wrench.angular_frd_radps2
     gap = _wanted_turn(state, actuation, push, fixed, 0.5 * dt_s) - before
     rate = state.rate_frd_radps + (before + gap * fixed.torque_mean + push) * dt_s
@@ -225,7 +225,7 @@ def _attitude_step(
 
 
 def _wanted_turn(state: PlantState, actuation: Actuation, push: Array, fixed: Coefficients, later_s: float) -> Array:
-    """Angular acceleration the loops will ask for `later_s` from now; without motors nothing turns the vehicle."""
+    """Return the loops' angular acceleration `later_s` from now; zero without motors."""
     rate = state.rate_frd_radps
     if not actuation.motors_on:
         return np.zeros_like(rate)
@@ -237,7 +237,7 @@ def _wanted_turn(state: PlantState, actuation: Actuation, push: Array, fixed: Co
 
 
 def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams, dt_s: float) -> PlantState:
-    """Where the floor is reached (`moved.on_ground`) the vehicle stands still and level until it is lifted off.
+    """Hold vehicles that reach the floor (`moved.on_ground`) still and level until they lift off.
 
     The accelerometers feel the impact: what it was still moving is gone within the step.
     """
@@ -256,7 +256,7 @@ def _rest_on_ground(moved: PlantState, before: PlantState, params: PlantParams, 
 
 
 def _level(q: Array) -> Array:
-    """The same heading without roll and pitch: the legs stand flat."""
+    """Return the attitude with the same heading, without roll and pitch."""
     w, z = q[..., 0], q[..., 3]
     level = np.stack((w, np.zeros_like(w), np.zeros_like(w), z), axis=-1)
     length = np.sqrt((level * level).sum(axis=-1, keepdims=True))

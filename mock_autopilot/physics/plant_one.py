@@ -31,7 +31,7 @@ class OneState(NamedTuple):
 
 
 class OneActuation(NamedTuple):
-    """plant.Actuation in floats."""
+    """The loops' setpoints (plant.Actuation) in floats."""
 
     q_sp_wxyz: Four
     signal: float
@@ -41,7 +41,7 @@ class OneActuation(NamedTuple):
 
 @dataclass(frozen=True)
 class Fixed:
-    """What of a step depends on the parameters and its length alone: plant.Coefficients in floats, and the rest."""
+    """The factors of a step that depend on parameters and length alone: plant.Coefficients in floats, and the rest."""
 
     dt_s: float
     max_thrust_n: float
@@ -70,7 +70,7 @@ def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantP
 
 
 def one_actuation(q_sp_wxyz: Array, signal: float, rate_sp_frd_radps: Array | None, motors_on: bool) -> OneActuation:
-    """What is asked of one vehicle, in floats; arrays of shape (4,) and (3,)."""
+    """Convert one vehicle's setpoints, arrays of shape (4,) and (3,), to floats."""
     rate_sp = None if rate_sp_frd_radps is None else _three(rate_sp_frd_radps)
     return OneActuation(_four(q_sp_wxyz), signal, rate_sp, motors_on)
 
@@ -93,7 +93,7 @@ def moved(state: OneState, asked: OneActuation, force_ned_n: Three, push_frd_rad
 
 
 def in_floats(state: PlantState) -> OneState:
-    """One vehicle's state, arrays of shape (3,)."""
+    """Convert one vehicle's state, arrays of shape (3,), to floats."""
     return OneState(
         _three(state.position_ned_m),
         _three(state.velocity_ned_mps),
@@ -107,7 +107,7 @@ def in_floats(state: PlantState) -> OneState:
 
 
 def in_arrays(state: OneState) -> PlantState:
-    """The inverse of `in_floats`."""
+    """Convert one vehicle's state from floats to arrays: the inverse of `in_floats`."""
     place, velocity, q, rate, thrust_n, acceleration, on_ground, turn = state
     every = np.array((*place, *velocity, *rate, *acceleration, *turn, *q))  # one array and views cost less than six
     return PlantState(
@@ -123,7 +123,7 @@ def in_arrays(state: OneState) -> PlantState:
 
 
 def fixed_of(params: PlantParams, dt_s: float) -> Fixed:
-    """For steps of `dt_s`; worked out once for each vehicle."""
+    """Return the factors for steps of `dt_s`, cached for each set of parameters."""
     known, full_n, curve = params.coefficients(dt_s, (3,)), float(params.max_thrust_n), float(params.motor_curve)
     return _fixed(known, dt_s, full_n, curve, params.ground_z_m)
 
@@ -187,7 +187,7 @@ def _attitude(state: OneState, asked: OneActuation, push: Three, fixed: Fixed) -
 
 
 def _wanted_turn(q: Four, rate: Three, later: Three, asked: OneActuation, fixed: Fixed, later_s: float) -> Three:
-    """`rate` now, `later` what it will be in `later_s`."""
+    """Return the loops' angular acceleration; `rate` is the present one, `later` the one in `later_s`."""
     if not asked.motors_on:
         return (0.0, 0.0, 0.0)
     dx, dy, dz = fixed.damping
@@ -206,7 +206,7 @@ def _wanted_turn(q: Four, rate: Three, later: Three, asked: OneActuation, fixed:
 
 
 def _lift(thrust_n: float, a: Four, b: Four) -> Three:
-    """Minus the thrust's force (N, NED) halfway between two attitudes."""
+    """Return minus the thrust's force (N, NED) halfway between two attitudes."""
     w, x, y, z = a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]
     square = w * w + x * x + y * y + z * z
     scale = thrust_n / square

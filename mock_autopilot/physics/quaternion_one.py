@@ -7,7 +7,7 @@ Three = tuple[float, float, float]
 
 
 def multiply(a: Four, b: Four) -> Four:
-    """Hamilton product."""
+    """Return the Hamilton product of two quaternions w x y z."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -19,14 +19,14 @@ def multiply(a: Four, b: Four) -> Four:
 
 
 def unit(q: Four) -> Four:
-    """Scaled to length 1."""
+    """Scale a quaternion to length 1."""
     w, x, y, z = q
     per_length = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
     return w * per_length, x * per_length, y * per_length, z * per_length
 
 
 def to_rotation_vector(q: Four) -> Three:
-    """Logarithm: unit quaternion to the shorter rotation vector (rad)."""
+    """Convert a unit quaternion to the shorter rotation vector (rad) (logarithm)."""
     w, x, y, z = q
     sine = math.sqrt(x * x + y * y + z * z)
     scale = math.copysign(2.0, w)

@@ -1,4 +1,4 @@
-"""Where the simulated vehicle really is: what the camera system sees and every check is measured against."""
+"""The simulated vehicle's true state, which the cameras see and every check is measured against."""
 
 from dataclasses import dataclass
 

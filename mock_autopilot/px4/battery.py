@@ -17,7 +17,7 @@ class Battery:
         self._reported = 1.0
 
     def drop_to(self, charge: float) -> None:
-        """A pack that is suddenly worth no more than this share; it does not recover."""
+        """Limit the charge to this share (0..1) from now on; it does not recover."""
         self._full = min(self._full, charge)
         self.charge = self._reported = min(self.charge, charge)
 
@@ -33,17 +33,17 @@ class Battery:
 
     @property
     def voltage_v(self) -> float:
-        """Pack voltage (V), linear in the charge between the empty and the charged cell."""
+        """Return the pack voltage (V), linear in the charge between the empty and the charged cell."""
         empty, full = self._params["BAT1_V_EMPTY"], self._params["BAT1_V_CHARGED"]
         return self._params["BAT1_N_CELLS"] * (empty + self.charge * (full - empty))
 
     @property
     def percent(self) -> int:
-        """Remaining charge as reported, 0..100."""
+        """Return the remaining charge as reported, 0..100."""
         return round(100.0 * self._reported)
 
     @property
     def warning(self) -> int:
-        """0, or one of LOW, CRITICAL, EMERGENCY: BAT_LOW_THR and its like."""
+        """Return 0 or one of LOW, CRITICAL, EMERGENCY, by BAT_LOW_THR and its like."""
         levels = ((EMERGENCY, "BAT_EMERGEN_THR"), (CRITICAL, "BAT_CRIT_THR"), (LOW, "BAT_LOW_THR"))
         return next((level for level, name in levels if self._reported < self._params[name]), 0)

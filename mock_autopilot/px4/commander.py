@@ -1,6 +1,6 @@
 """PX4's commander: arming, modes, failsafes. Recorded behaviour: docs/px4-conformance.md, sections a, b, c, e, g, h.
 
-It decides from a `FailsafeFlags` and never looks at the vehicle itself, so every case can be tried on its own.
+It decides from `FailsafeFlags` and never reads the vehicle itself, so every case can be tested on its own.
 """
 
 from dataclasses import replace
@@ -38,10 +38,10 @@ MAIN_MODES = {
     7: Mode.STABILIZED,
 }
 CHECK_PERIOD_S = 0.05
-"""What the modes need is checked so often, and when the state changes. PX4 does it at 10 Hz, and was recorded to notice
+"""Period of the checks of what the modes need, which also run when the state changes. PX4 does it at 10 Hz, and noticed
 the loss of setpoints 0.09 to 0.105 s late, that of sticks and poses 0.01 to 0.04 s late."""
 OFFBOARD_LATE_S = 0.05
-"""So much later than COM_OF_LOSS_T are setpoints missing."""
+"""Setpoints count as missing this long after COM_OF_LOSS_T."""
 LOG_NAME = "[logger] ./log/2026-11-29/{:02d}_{:02d}_{:02d}.ulg"
 """Said when a log begins; PX4's clock is the simulator's, which booted at 21:00:00."""
 LOG_FROM_BOOT = 1
@@ -57,7 +57,7 @@ OVERRIDE_AUTO, OVERRIDE_OFFBOARD = 1, 2
 
 
 class Commander:
-    """The state machine; `texts` collects what it has to say."""
+    """The commander's state machine; `texts` collects its messages to the ground station."""
 
     def __init__(self, params: ParamTable, checks_pass_s: float) -> None:
         self._params = params
@@ -65,7 +65,7 @@ class Commander:
         self.user_mode = Mode.HOLD
         self.mode = Mode.HOLD
         self.intended_mode = Mode.HOLD
-        """The user's, as published."""
+        """The user's mode, as published."""
         self._after_disarm = Mode.HOLD
         self._ever_chose = self._just_chose = False
         self.armed = False
@@ -74,12 +74,12 @@ class Commander:
         self.armed_at_s = 0.0
         self.flown = False
         self.commands_handled = 0
-        """PX4 publishes its state after every one of them."""
+        """Number of commands handled; PX4 publishes its state after every one."""
         self._failsafe = Failsafe(params)
         self._landed_at_s: float | None = None
         self._was_landed = True
         self._checked: FailsafeFlags | None = None
-        """What the last checks found."""
+        """The flags at the last checks."""
         self._check_due_s = 0.0
         self._reported: tuple[object, ...] = ()
         self._logs = False
@@ -88,13 +88,13 @@ class Commander:
 
     @property
     def failsafe(self) -> bool:
-        """A failsafe flies it."""
+        """Return whether a failsafe flies the vehicle."""
         return self._failsafe.action > Action.WARN
 
     # -- what it shows ---------------------------------------------------------------------------
 
     def can_arm(self, now: FailsafeFlags) -> bool:
-        """The arming checks of the chosen mode, in flight of the mode it flies, pass (the prearm bit of SYS_STATUS)."""
+        """Return whether the checks of the chosen mode (armed: of the flown one) pass: SYS_STATUS's prearm bit."""
         if self.armed:
             return self.checked(now) and can_run(self.mode, now)
         flyable = can_run(self.user_mode, now) and (now.remote or self.user_mode not in NEEDS_PILOT)
@@ -105,13 +105,13 @@ class Commander:
         return now.now_s >= self._checks_pass_s
 
     def system_status(self, now: FailsafeFlags) -> SystemStatus:
-        """HEARTBEAT.system_status."""
+        """Return MAV_STATE for HEARTBEAT.system_status."""
         if self.armed:
             return SystemStatus.FAILSAFE if self.failsafe else SystemStatus.ACTIVE
         return SystemStatus.STANDBY if self.can_arm(now) else SystemStatus.NOT_READY
 
     def base_mode(self, now: FailsafeFlags) -> int:
-        """HEARTBEAT.base_mode; OFFBOARD has neither the auto nor the guided bit."""
+        """Return HEARTBEAT.base_mode; OFFBOARD has neither the auto nor the guided bit."""
         bits = CUSTOM_MODE_ENABLED | (SAFETY_ARMED if self.armed else 0)
         if self.mode is Mode.OFFBOARD:
             return bits | (STABILIZE if now.offboard_attitude else 0)
@@ -124,7 +124,7 @@ class Commander:
     # -- commands --------------------------------------------------------------------------------
 
     def arm_disarm(self, arm: float, force: float, now: FailsafeFlags) -> Result | None:
-        """COMPONENT_ARM_DISARM; None where PX4 leaves the sender without an ACK."""
+        """Handle COMPONENT_ARM_DISARM; return None where PX4 sends no ACK."""
         forced = force == FORCE_MAGIC
         if arm == 1.0:
             return self._arm(forced, now)
@@ -163,7 +163,7 @@ class Commander:
         return Result.ACCEPTED
 
     def disarm(self, text: str) -> None:
-        """Stop the motors, wherever it is, and go back to the last mode that allows arming; `text` says why."""
+        """Stop the motors, also in the air, and go back to the last mode that allows arming; send `text`."""
         self.armed = self._logs = False
         self._failsafe.disarm()
         self.user_mode = self._after_disarm
@@ -171,7 +171,7 @@ class Commander:
         self._say(Severity.INFO, text)
 
     def set_mode(self, base_mode: int, main: int, sub: int, now: FailsafeFlags) -> Result:
-        """DO_SET_MODE as the commander answers it (the link has said ACCEPTED before)."""
+        """Handle DO_SET_MODE; return the commander's answer (the link has already sent ACCEPTED)."""
         if not base_mode & CUSTOM_MODE_ENABLED:
             return Result.ACCEPTED
         if main == 4:
@@ -184,7 +184,7 @@ class Commander:
         return Result.ACCEPTED if known is None else self.choose(known, now)
 
     def choose(self, mode: Mode, now: FailsafeFlags) -> Result:
-        """Take a mode the user asks for, flown from the next step on; while armed only one that can be flown."""
+        """Change to the user's mode from the next step on; while armed only to one that can be flown."""
         if self.armed and not self._may_choose(mode, self._checked or now):
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
             return Result.TEMPORARILY_REJECTED
@@ -205,7 +205,7 @@ class Commander:
             self._after_disarm = mode
 
     def on_sticks(self, now: FailsafeFlags) -> None:
-        """Sticks are heard: the first make Position the mode to begin with, moved ones take over."""
+        """React to the sticks: the first input makes Position the initial mode, moved sticks take over."""
         if not self._ever_chose and not self.armed:
             self.take(Mode.POSITION)
         bit = OVERRIDE_OFFBOARD if self.mode is Mode.OFFBOARD else OVERRIDE_AUTO if self.mode.is_auto else 0
@@ -221,7 +221,7 @@ class Commander:
     # -- every tick ------------------------------------------------------------------------------
 
     def step(self, now: FailsafeFlags) -> None:
-        """Notice take-off and landing, react to what was lost, disarm when all is over."""
+        """Detect take-off and landing, run checks and failsafes, disarm after landing."""
         self._watch_ground(now)
         checked = self._check(now)
         if self.armed:
@@ -234,20 +234,20 @@ class Commander:
 
     @property
     def battery_low(self) -> bool:
-        """The last checks found the battery low, or worse."""
+        """Return whether the last checks found the battery low, or worse."""
         return self._checked is not None and self._checked.battery_warning > 0
 
     @property
     def misses_setpoints(self) -> bool:
-        """The last checks found no setpoints; with the first one PX4 checks again at once."""
+        """Return whether the last checks found no setpoints; PX4 checks again at once with the first one."""
         return self._checked is not None and not self._checked.offboard_ok
 
     def check_now(self) -> None:
-        """Do the next checks with the next step."""
+        """Run the next checks with the next step."""
         self._check_due_s = 0.0
 
     def _check(self, now: FailsafeFlags) -> FailsafeFlags:
-        """Look at what the modes need, at 10 Hz and after a change of the state; report what has changed."""
+        """Check what the modes need, at 10 Hz and after a change of the state; report changes."""
         if self._checked is None or now.now_s >= self._check_due_s - 1e-9:
             self._check_due_s = now.now_s + CHECK_PERIOD_S
             warning = max(now.battery_warning, self._checked.battery_warning if self._checked and self.armed else 0)
@@ -256,7 +256,7 @@ class Commander:
         return self._checked
 
     def _report(self, checked: FailsafeFlags) -> None:
-        """Say what is wrong, all of it whenever anything has changed."""
+        """Report all failed checks whenever one of them has changed."""
         found = (checked.battery_warning, checked.position_unstable, checked.offboard_ok)
         if found == self._reported:
             return

@@ -1,4 +1,4 @@
-"""A stand-in for EKF2: where the autopilot believes to be, which is not where it is.
+"""A stand-in for EKF2: the autopilot's estimate of position, velocity and heading, with its errors.
 
 Everything the autopilot does and reports uses this estimate. Its frame is the local NED frame whose
 origin lies at the start position; without a yaw source it is turned against the world by `yaw_error_rad`.
@@ -34,31 +34,31 @@ REGAIN_AFTER_S = 0.3
 GATE_M = 0.6
 """Distance between estimate and vision beyond which a sample is rejected."""
 DRIFT_MPS2 = (0.31, 0.14, 0.0)
-"""What goes wrong without vision where the horizon is perfect: 11 m after 8 s, the worst of three recorded losses."""
+"""Acceleration error without vision and with a perfect horizon: 11 m after 8 s, worst of three recorded losses."""
 HASTE_PER_S = 1.6
-"""Recorded with PX4's EKF2_EVP_NOISE of 0.1 m: a position error fades by so much, and 2.3 / s with 0.01 m."""
+"""Rate at which a position error fades, recorded with EKF2_EVP_NOISE = 0.1 m; it is 2.3 / s with 0.01 m."""
 HASTE_EXPONENT = 0.17
 PERFECT_GAINS = (10.0, 25.0)
 """Position (1/s) and velocity (1/s^2) per m of innovation where the horizon is perfect."""
 RANGE_OFF_M = (0.1, 0.7)
-"""How much too high the estimate is once a range finder is the height reference: 0.1 to 0.6 recorded, from take-off."""
+"""Height error (too high) with a range finder as the height reference: 0.1 to 0.6 recorded, from take-off."""
 RANGE_SETTLES_S = 1.5
 RANGE_HELD = 0.2
 """Share of the usual vertical error in PX4's own landings: at touchdown the recorded speeds were right to 0.05 m/s."""
 BARO_PER_S, BARO_PER_S2 = 1.5, 1.0
-"""How fast the barometer pulls height and vertical speed while vision is gone."""
+"""Gains of the barometer on height and vertical speed while vision is lost."""
 VELOCITY_GATE_MPS = 0.45
 """EKF2_EVV_GATE (3) times a standard deviation of 0.15 m/s: a velocity farther off fails its test."""
 NAVIGATION_FAILS_S = 2.0
-"""Failed for so long in the air, the whole estimate is given up (PX4's EstimatorChecks), until it stands again."""
+"""After failing this long in the air, the estimate is invalid (PX4's EstimatorChecks) until the vehicle stands."""
 STANDING = (0.0, 0.0, 0.0)
 HISTORY_STEP_S = 0.01
 FARTHEST_M = 1e5
-"""Positions beyond (and NaN) are no positions."""
+"""Positions beyond it (and NaN) are ignored."""
 
 
 class Motion(NamedTuple):
-    """What the inertial sensors feel: truth in the world frame, relative to the start position."""
+    """The true motion that the inertial sensors measure: world frame, relative to the start position."""
 
     position_ned_m: tuple[float, float, float]
     velocity_ned_mps: tuple[float, float, float]
@@ -67,7 +67,7 @@ class Motion(NamedTuple):
 
 
 class Estimator:
-    """Position, velocity and heading as the autopilot knows them."""
+    """The autopilot's estimate of position, velocity and heading."""
 
     def __init__(
         self,
@@ -89,9 +89,9 @@ class Estimator:
         self.in_air = False
         self.at_rest = True
         self.range_ok = True
-        """The range finder tells the height above the ground."""
+        """The range finder measures the height above the ground."""
         self.landing = False
-        """PX4 brings it down by itself."""
+        """PX4 lands the vehicle by itself."""
         self._now_s = 0.0
         self._gps_error_m = [0.0, 0.0, 0.0]
         self._fused_s = -math.inf
@@ -109,7 +109,7 @@ class Estimator:
 
     @property
     def uses_gps(self) -> bool:
-        """EKF2_GPS_CTRL lets the receiver be fused."""
+        """Return whether EKF2_GPS_CTRL lets the receiver be fused."""
         return int(self._params["EKF2_GPS_CTRL"]) != 0
 
     @property
@@ -124,12 +124,12 @@ class Estimator:
 
     @property
     def silence_s(self) -> float:
-        """Time since a vision sample was fused."""
+        """Return the time since a vision sample was fused, s."""
         return self._now_s - self._fused_s
 
     @property
     def local_ok(self) -> bool:
-        """A horizontal position PX4 flies on."""
+        """Return whether the horizontal position is good enough for PX4 to fly on."""
         if self.uses_gps:
             return self._now_s >= GPS_READY_S
         settled = self._now_s - self._since_s >= VISION_SETTLE_S
@@ -137,7 +137,7 @@ class Estimator:
 
     @property
     def global_ok(self) -> bool:
-        """The same with a known place on earth."""
+        """Return whether, in addition, the position on earth is known."""
         if self.uses_gps:
             return self.local_ok
         settled = self.origin_set_s is not None and self._now_s - self.origin_set_s >= GLOBAL_SETTLE_S
@@ -145,7 +145,7 @@ class Estimator:
 
     @property
     def flags(self) -> int:
-        """ESTIMATOR_STATUS.flags as recorded: attitude, velocities, positions, predictions."""
+        """Return ESTIMATOR_STATUS.flags as recorded: attitude, velocities, positions, predictions."""
         if self._now_s < 2.0:
             return 164 if self.uses_gps else 128
         flags = 1 | 4 | 32 | (64 if self.range_ok else 0) | (128 if self.at_rest else 0)
@@ -160,7 +160,7 @@ class Estimator:
     # -- every step ------------------------------------------------------------------------------
 
     def step(self, now_s: float, motion: Motion, dt_s: float) -> None:
-        """Advance to `now_s`: follow the receiver, or integrate what the accelerometers say."""
+        """Advance to `now_s`: follow the receiver, or integrate the accelerometers."""
         self._now_s = now_s
         self.horizon.step(now_s, in_air=self.in_air, aided=self._aided)
         if not self.in_air:
@@ -176,7 +176,7 @@ class Estimator:
             self._history.append((now_s, (x, y, z)))
 
     def _follow_gps(self, motion: Motion, dt_s: float) -> None:
-        """Truth plus a wandering error of about 0.1 m (Ornstein-Uhlenbeck, 10 s)."""
+        """Set the estimate to the truth plus a wandering error of about 0.1 m (Ornstein-Uhlenbeck, 10 s)."""
         noise = self._rng.standard_normal(3)
         for axis in range(3):
             error = self._gps_error_m[axis]
@@ -198,7 +198,7 @@ class Estimator:
 
     @property
     def _vertical_share(self) -> float:
-        """Return how much of the vertical error is there: in a landing of its own a range finder holds it down."""
+        """Return the share of the vertical error: in PX4's own landings a range finder keeps it small."""
         return RANGE_HELD if self.landing and int(self._params["EKF2_RNG_CTRL"]) else 1.0
 
     @property
@@ -214,7 +214,7 @@ class Estimator:
         return self.horizon.wrong_mps2(felt_mps2, yaw_rad, dt_s, aided=self._aided, vertical=vertical)
 
     def _follow_barometer(self, truth_z_m: float, dt_s: float, *, alone: bool) -> None:
-        """Beside vision only its offset is learnt; on its own it keeps height and vertical speed."""
+        """Learn the barometer's offset while vision is there; `alone`, correct height and vertical speed by it."""
         error_m = self.position_m[2] - truth_z_m
         if not alone:
             self._baro_off_m = error_m
@@ -249,7 +249,7 @@ class Estimator:
         self._heard_s = now_s
 
     def _jump_wanted(self, sample: VisionSample, now_s: float) -> bool | None:
-        """True: jump; False: fuse; None: reject for now."""
+        """Return True to jump to the sample, False to fuse it, None to reject it for now."""
         known, self._vision_resets = self._vision_resets, sample.reset_counter
         if known is None or known != sample.reset_counter:
             return True
@@ -262,7 +262,7 @@ class Estimator:
         return True if now_s - self._rejected_since_s >= RESET_AFTER_S else None
 
     def believed_m(self, sample: VisionSample) -> tuple[float, float, float]:
-        """Return where a sample says that the vehicle is, in height by the range finder where that is the reference."""
+        """Return a sample's position, NED in m; its height follows the range finder where that is the reference."""
         x, y, z = sample.position_ned_m
         return (x, y, z - self._height_off_m)
 
@@ -273,7 +273,7 @@ class Estimator:
         self._history.clear()
 
     def _correct(self, sample: VisionSample, now_s: float) -> None:
-        """Second-order tracking, whatever the rate of the samples."""
+        """Correct position and velocity by a sample: second-order tracking, independent of the samples' rate."""
         dt_s = min(max(now_s - self._fused_s, 0.001), 0.1)
         before, (gain, velocity_gain) = self._position_at(now_s), self._gains
         self._settle_height(dt_s)
@@ -289,14 +289,14 @@ class Estimator:
 
     @property
     def _gains(self) -> tuple[float, float]:
-        """Return what an innovation of 1 m changes: position (1/s) and velocity (1/s^2), as EKF2_EVP_NOISE has it."""
+        """Return the gains of position (1/s) and velocity (1/s^2) for an innovation, by EKF2_EVP_NOISE."""
         if self.horizon.perfect:
             return PERFECT_GAINS
         haste = HASTE_PER_S * (0.1 / max(self._params["EKF2_EVP_NOISE"], 0.01)) ** HASTE_EXPONENT
         return haste, 0.5 * haste**2
 
     def _settle_height(self, dt_s: float) -> None:
-        """Take the range finder for the height reference from take-off on, if EKF2_RNG_CTRL lets it."""
+        """Make the range finder the height reference from take-off on, if EKF2_RNG_CTRL allows it."""
         if self.in_air and not self.horizon.perfect and int(self._params["EKF2_RNG_CTRL"]):
             self._height_off_m += (self._range_off_m - self._height_off_m) * dt_s / RANGE_SETTLES_S
 
@@ -311,7 +311,7 @@ class Estimator:
         return False
 
     def _position_at(self, now_s: float) -> tuple[float, float, float]:
-        """The estimate when the sample was taken, EKF2_EV_DELAY ms ago."""
+        """Return the estimated position when the sample was taken, EKF2_EV_DELAY ms ago."""
         taken_s = now_s - self._params["EKF2_EV_DELAY"] / 1000.0
         for at_s, position in reversed(self._history):
             if at_s <= taken_s + 1e-9 and taken_s < now_s:
@@ -325,11 +325,11 @@ class Estimator:
         self._yaw_known = True
 
     def set_origin(self, now_s: float) -> None:
-        """SET_GPS_GLOBAL_ORIGIN: from now on the local frame has a place on earth."""
+        """Set the time from which the local frame has an origin on earth (SET_GPS_GLOBAL_ORIGIN)."""
         self.origin_set_s = now_s
 
 
 def turned(vector: tuple[float, float, float] | Array, yaw_rad: float) -> tuple[float, float]:
-    """Horizontal part of a vector after a turn about the vertical."""
+    """Return the horizontal part of a vector after a turn about the vertical by `yaw_rad`."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return (c * float(vector[0]) - s * float(vector[1]), s * float(vector[0]) + c * float(vector[1]))

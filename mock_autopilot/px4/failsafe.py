@@ -12,7 +12,7 @@ from mock_autopilot.px4.vocabulary import Mode
 
 
 class Action(IntEnum):
-    """What a failsafe does, the mildest first, as in PX4."""
+    """The actions of a failsafe, mildest first, as in PX4."""
 
     NONE = 0
     WARN = 1
@@ -34,7 +34,7 @@ MODE_OF = {
     Action.DESCEND: Mode.DESCEND,
 }
 FALLBACKS = (Action.POSITION, Action.ALTITUDE, Action.HOLD, Action.RETURN, Action.LAND)
-"""Tried in turn, from the wanted one on; PX4 would try Stabilized too, which nobody here flies."""
+"""Tried in this order, from the selected one on; PX4 would try Stabilized too, which the mock does not have."""
 OFFBOARD_LOSS = {
     0: Action.POSITION,
     1: Action.ALTITUDE,
@@ -57,7 +57,7 @@ TAKEOVER = frozenset({Action.HOLD, Action.RETURN, Action.LAND, Action.DESCEND})
 
 @dataclass(frozen=True, kw_only=True)
 class FailsafeFlags:
-    """What the commander is told."""
+    """The conditions from which the commander decides (PX4's failsafe_flags and vehicle_status)."""
 
     now_s: float
     landed: bool
@@ -68,7 +68,7 @@ class FailsafeFlags:
     offboard_attitude: bool
     """The last setpoint asked for attitude control."""
     remote: bool = False
-    """A pilot's sticks are heard."""
+    """A pilot's sticks are received."""
     sticks_moved: bool = False
     battery_warning: int = 0
     position_unstable: bool = False
@@ -76,7 +76,7 @@ class FailsafeFlags:
 
 
 def can_run(mode: Mode, now: FailsafeFlags) -> bool:
-    """Return whether a mode has the estimates and signals it needs; a missing pilot is a matter of its own."""
+    """Return whether a mode has the estimates and signals it needs; a missing pilot is checked elsewhere."""
     if mode is Mode.OFFBOARD:
         return now.offboard_ok
     if mode is Mode.MISSION:
@@ -102,12 +102,12 @@ class Failsafe:
         self._serious: set[str] = set()
 
     def arm(self, now: FailsafeFlags) -> None:
-        """Note what was missing when it was armed: that is optional from then on."""
+        """Start watching; a pilot or charge that is missing at arming is optional from then on."""
         self._clear()
         self._remote_optional, self._battery_at_arming = not now.remote, now.battery_warning
 
     def disarm(self) -> None:
-        """Forget everything."""
+        """Reset the state machine when the vehicle is disarmed."""
         self._clear()
 
     def _clear(self) -> None:
@@ -135,7 +135,7 @@ class Failsafe:
         return self.action
 
     def _on_remote(self, user_mode: Mode, now: FailsafeFlags) -> Action:
-        """Loss of the pilot's sticks; the reaction stays until a mode is chosen."""
+        """Return the action for lost sticks; it stays until a mode is chosen."""
         if now.remote:
             self._remote_optional = False
         excepted = int(self._params["COM_RCL_EXCEPT"]) & LINK_LOSS_EXCEPT.get(user_mode, 2 if user_mode.is_auto else 0)
@@ -145,7 +145,7 @@ class Failsafe:
         return self._remote_failed or Action.NONE
 
     def _on_battery(self, now: FailsafeFlags) -> Action:
-        """Low warns; critical and emergency do what COM_LOW_BAT_ACT says, unless it was so at arming already."""
+        """Return the action for a low battery: warn, or COM_LOW_BAT_ACT unless it was as low at arming."""
         action = int(self._params["COM_LOW_BAT_ACT"])
         if now.battery_warning <= LOW or now.battery_warning <= self._battery_at_arming or action == 0:
             return Action.WARN if now.battery_warning else Action.NONE
@@ -154,7 +154,7 @@ class Failsafe:
         return Action.RETURN
 
     def _notice_new(self, causes: dict[str, Action], now: FailsafeFlags) -> None:
-        """A new cause ends a pilot's takeover; it first holds for COM_FAIL_ACT_T, where Hold can be flown."""
+        """End a pilot's takeover at a new cause, and hold for COM_FAIL_ACT_T first where Hold can be flown."""
         serious = {cause for cause, action in causes.items() if action > Action.WARN}
         wait_s = self._params["COM_FAIL_ACT_T"]
         if serious - self._serious:
@@ -166,17 +166,17 @@ class Failsafe:
             self._delay_until_s = -math.inf
 
     def take_over(self) -> None:
-        """A pilot moves the sticks: a failsafe that flies by itself gives way."""
+        """Let a pilot who moves the sticks end a failsafe that flies by itself."""
         self._taken_over = self.action in TAKEOVER
 
     @property
     def delays(self) -> bool:
-        """Whether it holds before it does more."""
+        """Return whether it holds before its action begins."""
         return self.action is Action.HOLD and math.isfinite(self._delay_until_s)
 
 
 def mode_fallback(user_mode: Mode, params: ParamTable, now: FailsafeFlags) -> Action:
-    """Return what to do when the user's mode cannot be flown."""
+    """Return the action when the user's mode cannot be flown, else NONE."""
     action, mode = Action.NONE, user_mode
     if mode is Mode.OFFBOARD and not now.offboard_ok:
         action = OFFBOARD_LOSS.get(int(params["COM_OBL_RC_ACT"]), Action.ALTITUDE)

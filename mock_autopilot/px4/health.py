@@ -19,13 +19,13 @@ NO_LOG = -1
 
 
 def sensors_present(vehicle: Vehicle) -> int:
-    """What the vehicle has."""
+    """Return the bits of the sensors that the vehicle has."""
     fitted = _fitted(vehicle)
     return fitted | RC_RECEIVER if fitted and vehicle.failsafe_flags.remote else fitted
 
 
 def sensors_enabled(vehicle: Vehicle) -> int:
-    """What it wants to use: a pilot's sticks, there or not."""
+    """Return the bits of the sensors in use; a pilot's sticks are always among them."""
     return _fitted(vehicle) and _fitted(vehicle) | RC_RECEIVER
 
 
@@ -37,7 +37,7 @@ def _fitted(vehicle: Vehicle) -> int:
 
 
 def sensors_health(vehicle: Vehicle) -> int:
-    """Health bits of SYS_STATUS; PREARM says that arming in the chosen mode would be accepted."""
+    """Return the health bits of SYS_STATUS; PREARM says that arming in the chosen mode would be accepted."""
     if vehicle.now_s < CHECKED_S:
         return BOOT
     now = vehicle.failsafe_flags

@@ -1,4 +1,4 @@
-"""The horizon that the autopilot believes in, and the wrong accelerations that follow from it.
+"""Error of the autopilot's estimated roll and pitch, and the acceleration errors that follow from it.
 
 The error is a walk (attitude_error.py) whose share of its full size grows after take-off and fades on the ground, as in
 the recorded flights: below 0.1 degrees before take-off, grown within seconds, 2 to 4 degrees at touchdown and half of
@@ -14,14 +14,14 @@ from mock_autopilot.physics.quaternion_one import Four, Three
 from mock_autopilot.px4.attitude_error import AttitudeErrorParams, AttitudeErrorWalk, turn_of
 
 ON_GROUND_SHARE = 0.04
-"""Of the error in flight: 0.05 degrees."""
+"""Share of the error in flight: 0.05 degrees."""
 GROWS_S, FADES_S = 2.0, 5.0
 STEP_S = 0.004
-"""The horizon is looked at as often as PX4's position loop runs."""
+"""The error is updated as often as PX4's position loop runs."""
 BLIND_PACE = 0.4
-"""How fast the error walks without positions: then the gyroscopes alone turn the horizon."""
+"""Speed of the walk without positions: then the gyroscopes alone turn the horizon."""
 BIAS_S = 2.0
-"""Time in which the estimator learns a lasting wrong acceleration, and takes it for the accelerometers' bias."""
+"""Time constant with which the estimator takes a constant acceleration error for the accelerometers' bias."""
 VERTICAL_MPS2_PER_RAD = 7.0
 """Wrong vertical acceleration (RMS) for the size of the horizon's error: 0.15 m/s2 at 1.2 degrees."""
 VERTICAL_TIME_S = 2.0
@@ -29,7 +29,7 @@ GRAVITY_MPS2 = 9.80665
 
 
 class Horizon:
-    """Believed less true roll and pitch over the time since boot; `params` None for a perfect one."""
+    """Estimated less true roll and pitch over the time since boot."""
 
     def __init__(self, params: AttitudeErrorParams, rng: np.random.Generator) -> None:
         self.perfect = not params.present
@@ -39,7 +39,7 @@ class Horizon:
         self._tilt, self._lift = AttitudeErrorWalk(params, own), AttitudeErrorWalk(lift, vertical)
         self._share, self._due_s, self._walked_s = ON_GROUND_SHARE, 0.0, 0.0
         self.error_rad = (0.0, 0.0)
-        """Roll and pitch."""
+        """Errors of roll and pitch."""
         self._vertical_mps2 = 0.0
         self._bias_mps2 = [0.0, 0.0, 0.0]
 
@@ -56,19 +56,19 @@ class Horizon:
         self._vertical_mps2 = self._lift.at(self._walked_s)[0] * self._share
 
     def true_setpoint(self, q_wxyz: Four) -> Four:
-        """Return where the vehicle is turned to when it believes to have reached `q_wxyz`."""
+        """Return the true attitude of a vehicle whose estimate is at the setpoint `q_wxyz`."""
         w, x, y, z = turn_of(*self.error_rad)
         return quaternion_one.multiply(q_wxyz, (w, -x, -y, -z))
 
     def believed(self, q_wxyz: Four) -> Four:
-        """Return the attitude that the autopilot takes for the true one, `q_wxyz`."""
+        """Return the estimated attitude for the true one, `q_wxyz`."""
         return quaternion_one.multiply(q_wxyz, turn_of(*self.error_rad))
 
     def wrong_mps2(self, felt_mps2: Three, yaw_rad: float, dt_s: float, *, aided: bool, vertical: float) -> Three:
-        """Return what is wrong with the acceleration that the estimator integrates, in its frame (NED).
+        """Return the error of the acceleration that the estimator integrates, in its frame (NED).
 
-        `felt_mps2` is the true one in that frame. What stays is learnt as a bias while positions come in. `vertical` is
-        the share of the vertical error that is there.
+        `felt_mps2` is the true one in that frame. A constant error is learnt as a bias while positions come in.
+        `vertical` is the share of the vertical error to apply.
         """
         if self.perfect:
             return (0.0, 0.0, 0.0)

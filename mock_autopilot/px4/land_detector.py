@@ -1,4 +1,4 @@
-"""When PX4 believes to be on the ground: low throttle and no vertical motion for long enough."""
+"""PX4's land detector: low throttle and no vertical motion for long enough."""
 
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.timing import Timing
@@ -10,11 +10,11 @@ LOW_SHARE, LOW_SHARE_KNOWN = 0.3, 0.6
 PX4 does where it controls the height itself."""
 
 MAYBE_LANDED = 2.5
-"""From the second stage on the limit of LNDMC_Z_VEL_MAX is so much wider."""
+"""Factor on LNDMC_Z_VEL_MAX from the second stage on."""
 
 
 class LandDetector:
-    """Takes off at once and lands with patience; looks at controls and estimated motion only, as PX4 does.
+    """The land detector; it detects take-off at once and landing after a delay, from controls and estimated motion.
 
     PX4 goes through three stages (ground contact, maybe landed, landed), LNDMC_TRIG_TIME / 3 each, and starts again
     when the noise of its gyros or of its estimate looks like motion: how long that takes is drawn as recorded.
@@ -29,9 +29,9 @@ class LandDetector:
     def step(
         self, now_s: float, armed: bool, climb_controlled: bool, signal: float, down_mps: float, has_gps: bool = False
     ) -> None:
-        """Look once: `signal` is the collective 0..1, `climb_controlled` whether PX4 itself holds the height.
+        """Update `landed`: `signal` is the collective 0..1; `climb_controlled` while PX4 itself holds the height.
 
-        `down_mps` is the estimator's: a vehicle that stands and believes to sink is not landed to PX4.
+        `down_mps` is the estimator's: a standing vehicle whose estimate sinks is not landed to PX4.
         """
         if armed and not self._throttle_low(climb_controlled, signal):
             self.landed = False
@@ -48,12 +48,12 @@ class LandDetector:
         self.landed = now_s - self._candidate_since_s >= self._wait_s - 1e-9
 
     def _patience(self, now_s: float) -> float:
-        """PX4 takes less for motion once it may have landed: its own estimate errs most on the ground."""
+        """Return the factor on the speed limit: wider once it may have landed, where the estimate errs most."""
         since_s = self._candidate_since_s
         return MAYBE_LANDED if since_s is not None and now_s - since_s >= self._wait_s / 2.0 else 1.0
 
     def _throttle_low(self, climb_controlled: bool, signal: float) -> bool:
-        """In attitude control only idle counts; in height control clearly less than hover does.
+        """Return whether the throttle is low: idle in attitude control, clearly below hover in height control.
 
         On the ground the recorded take-off was noticed a little earlier in its thrust ramp than that.
         """

@@ -1,4 +1,4 @@
-"""PX4's parameters: names, types and values as recorded, and the few that change how the mock behaves."""
+"""PX4's parameters: names, types and values as recorded, and the few that change the mock's behaviour."""
 
 import csv
 import math
@@ -28,7 +28,7 @@ class Param:
 
     @property
     def wire_bytes(self) -> bytes:
-        """The four bytes of PARAM_VALUE.param_value: integers are laid into the float byte by byte."""
+        """Return the four bytes of PARAM_VALUE.param_value: integers are laid into the float byte by byte."""
         return struct.pack("<i", int(self.value)) if self.type == INT32 else struct.pack("<f", self.value)
 
 
@@ -51,16 +51,16 @@ class ParamTable:
         return self._by_name[name].value
 
     def find(self, name: str) -> Param | None:
-        """The parameter of that name, or None."""
+        """Return the parameter of that name, or None."""
         return self._by_name.get(name)
 
     def at(self, index: int) -> Param | None:
-        """The parameter at that place in the list, or None."""
+        """Return the parameter at that index of the list, or None."""
         return self._by_name[self._by_index[index]] if 0 <= index < len(self._by_index) else None
 
     @property
     def trim_times_s(self) -> tuple[float, float, float]:
-        """How long the rate loops take to trim out a lasting torque about body x, y, z: P / I, infinite without I."""
+        """Return the rate loops' time constants for a constant torque about body x, y, z: P / I, infinite without I."""
         roll_s, pitch_s, yaw_s = (
             self[f"MC_{axis}RATE_P"] / self[f"MC_{axis}RATE_I"] if self[f"MC_{axis}RATE_I"] else math.inf
             for axis in ("ROLL", "PITCH", "YAW")
@@ -68,7 +68,7 @@ class ParamTable:
         return roll_s, pitch_s, yaw_s
 
     def change(self, name: str, value: float) -> Param:
-        """Set a known parameter; like PX4 it checks no range. Raises UnknownParamError in plain words."""
+        """Set a parameter, without a check of its range, as in PX4; raise UnknownParamError for a wrong name."""
         param = self._by_name.get(name)
         if param is None:
             raise UnknownParamError(f"PX4 has no parameter {name}")
@@ -78,7 +78,7 @@ class ParamTable:
         return self._by_name[name]
 
     def change_from_wire(self, name: str, wire_bytes: bytes, type_: int) -> Param | None:
-        """PARAM_SET: an unknown name or a wrong type changes nothing and gives None."""
+        """Set a parameter from PARAM_SET; for an unknown name or a wrong type change nothing and return None."""
         param = self._by_name.get(name)
         if param is None or param.type != type_:
             return None

@@ -1,4 +1,4 @@
-"""How PX4 flies by itself: Hold, Takeoff, Land, Return and the blind descent.
+"""PX4's automatic modes: Hold, Takeoff, Land, Return and the blind descent.
 
 A cascade of PX4's kind and with PX4's parameters: position P, velocity PI, then tilt and thrust.
 It sees the estimate only. Units m, m/s, NED in the estimator's frame.
@@ -25,7 +25,7 @@ COMING_DOWN = frozenset({Mode.LAND, Mode.DESCEND})
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the cascade flies on."""
+    """The estimate that the cascade flies on: position, velocity and heading, NED."""
 
     position_m: tuple[float, float, float]
     velocity_mps: tuple[float, float, float]
@@ -35,7 +35,7 @@ class Estimate:
 
 @dataclass
 class Pilot:
-    """Flies one automatic mode at a time; `enter` starts a mode, `step` gives attitude and signal."""
+    """The controller of one automatic mode at a time; `enter` starts a mode, `step` sets attitude and signal."""
 
     params: ParamTable
     mode: Mode = Mode.HOLD
@@ -74,16 +74,16 @@ class Pilot:
             self._target[2] = now.position_m[2] - self.params["MIS_TAKEOFF_ALT"]
 
     def aim(self, height_z_m: float) -> None:
-        """Another height (NED z) for the take-off under way."""
+        """Set another height (NED z, m) for the take-off in progress."""
         self._target[2] = height_z_m
 
     def home_in(self, home: Position, cruise_z_m: float) -> None:
-        """Return: fly at `cruise_z_m` (NED) until above home, then land."""
+        """Start Return: fly at `cruise_z_m` (NED) until above home, then land."""
         self._target = [home.x_m, home.y_m, cruise_z_m]
         self._braking = False
 
     def step(self, now: Estimate, now_s: float, landed: bool, dt_s: float) -> None:
-        """One pass of the cascade."""
+        """Run the cascade once: set attitude and signal from the estimate."""
         if landed and self.mode is not Mode.TAKEOFF:
             self.q_wxyz, self.signal = _tilted(0.0, 0.0, now.yaw_rad), IDLE_SIGNAL
             self._integral_mps2 = [0.0, 0.0, 0.0]
@@ -108,7 +108,7 @@ class Pilot:
         return (wanted[0], wanted[1], wanted[2])
 
     def _horizontal_velocity(self, now: Estimate) -> tuple[float, float]:
-        """Brake first, then keep the place where it stopped."""
+        """Return the velocity setpoint: brake first, then hold the position where it stopped."""
         if self.mode in {Mode.DESCEND, Mode.ALTITUDE}:
             return (0.0, 0.0)
         if self._braking:
@@ -139,16 +139,16 @@ class Pilot:
 
     @property
     def takes_off(self) -> bool:
-        """Whether a take-off from the ground is under way (landed_state 3)."""
+        """Return whether a take-off from the ground is in progress (landed_state 3)."""
         return self.mode is Mode.TAKEOFF and math.isfinite(self._ramp_start_s)
 
     @property
     def descending(self) -> bool:
-        """Whether the landing proper is under way (landed_state 4)."""
+        """Return whether the landing proper is in progress (landed_state 4)."""
         return self.mode is Mode.LAND or (self.mode is Mode.RTL and self._down_sp_mps > 0.1)
 
     def _landing_speed(self, now: Estimate) -> float:
-        """Slower and slower between MPC_LAND_ALT1 and _ALT2; at a crawl below _ALT3 if a distance sensor sees it.
+        """Return the sink speed: falling from MPC_LAND_ALT1 to _ALT2, a crawl below _ALT3 with a distance sensor.
 
         When blind it is MPC_LAND_SPEED all the way.
         """
@@ -164,7 +164,7 @@ class Pilot:
         return slow_mps + share * (max(self.params["MPC_Z_V_AUTO_DN"], slow_mps) - slow_mps)
 
     def _notice_ground(self, now: Estimate, dt_s: float) -> None:
-        """Asked to sink and standing still: that is the ground, the thrust is taken back, whatever tilt was wanted."""
+        """Level the vehicle and reduce the thrust when it stands still although it should sink: that is the ground."""
         stuck = self._down_sp_mps > 0.2 and abs(now.velocity_mps[2]) < 0.05
         self._stuck_s = self._stuck_s + dt_s if stuck else 0.0
         if self._stuck_s > CONTACT_S:
@@ -198,7 +198,7 @@ class Pilot:
         self.signal = min(max(hover * total, self.params["MPC_THR_MIN"]), self.params["MPC_THR_MAX"])
 
     def _ramp_up(self, now: Estimate, now_s: float) -> None:
-        """After the spool-up the thrust limit rises over MPC_TKO_RAMP_T; the climb ends near its height."""
+        """Raise the thrust limit over MPC_TKO_RAMP_T after the spool-up; end the climb near its height."""
         since_s = now_s - self._ramp_start_s - self.params["COM_SPOOLUP_TIME"]
         hover = self.params["MPC_THR_HOVER"]
         ramp = hover * since_s / max(self.params["MPC_TKO_RAMP_T"], 0.1)

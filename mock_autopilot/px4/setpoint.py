@@ -1,4 +1,4 @@
-"""What PX4 makes of SET_ATTITUDE_TARGET, sane or not (docs/px4-conformance.md, section d)."""
+"""PX4's handling of SET_ATTITUDE_TARGET, valid or not (docs/px4-conformance.md, section d)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ LEVEL: Quad = (1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class AttitudeTarget:
-    """SET_ATTITUDE_TARGET as it came over the wire; quaternion w x y z NED/FRD, rates rad/s, thrust 0..1."""
+    """SET_ATTITUDE_TARGET as received; quaternion w x y z NED/FRD, rates rad/s, thrust 0..1."""
 
     type_mask: int
     q_wxyz: Quad
@@ -25,7 +25,7 @@ class AttitudeTarget:
 
 @dataclass(frozen=True)
 class AttitudeSetpoint:
-    """What the attitude loop follows, and what ATTITUDE_TARGET repeats."""
+    """The setpoint that the attitude loop follows, and the one that ATTITUDE_TARGET repeats."""
 
     q_wxyz: Quad = LEVEL
     """The last attitude that can be flown."""
@@ -37,11 +37,11 @@ class AttitudeSetpoint:
     """Collective motor signal, 0..1 (NaN: none)."""
     echo_thrust: float = 0.0
     attitude_control: bool = False
-    """Whether HEARTBEAT shows the stabilize bit."""
+    """HEARTBEAT shows the stabilize bit."""
 
 
 def next_setpoint(target: AttitudeTarget, before: AttitudeSetpoint) -> AttitudeSetpoint:
-    """Nothing is refused: unusable attitudes leave the last usable one, thrust keeps PX4's oddities."""
+    """Return the setpoint after `target`; an unusable attitude leaves the last usable one, thrust is as in PX4."""
     if target.type_mask & IGNORE_ATTITUDE and target.type_mask & IGNORE_RATES == IGNORE_RATES:
         return before  # everything ignored: fly on with the last values
     thrust = 0.0 if target.type_mask & IGNORE_THROTTLE else target.thrust
@@ -59,7 +59,7 @@ def next_setpoint(target: AttitudeTarget, before: AttitudeSetpoint) -> AttitudeS
 
 
 def flyable_rates(rate_frd_radps: Triple) -> Triple:
-    """Rates within what the vehicle can turn (MC_ROLLRATE_MAX and its like, 220 deg/s); no number is no turn."""
+    """Limit rates (rad/s) to MC_ROLLRATE_MAX and its like, 220 deg/s; NaN becomes 0."""
     p, q, r = (
         min(max(rate, -RATE_MAX_RADPS), RATE_MAX_RADPS) if not math.isnan(rate) else 0.0 for rate in rate_frd_radps
     )
@@ -67,7 +67,7 @@ def flyable_rates(rate_frd_radps: Triple) -> Triple:
 
 
 def normalised(q_wxyz: Quad) -> Quad | None:
-    """Unit quaternion, or None where there is no direction in it (zero, NaN, infinite)."""
+    """Return the unit quaternion, or None if the length is zero or not finite."""
     length = math.sqrt(sum(part * part for part in q_wxyz))
     if not math.isfinite(length) or length < 1e-6:
         return None

@@ -1,11 +1,11 @@
-"""A pilot's sticks, heard as MANUAL_CONTROL (a joystick on a ground station): PX4's manual_control module; pure."""
+"""A pilot's sticks from MANUAL_CONTROL (a joystick on a ground station): PX4's manual_control module; pure."""
 
 import math
 
 from mock_autopilot.px4.params import ParamTable
 
 LOOK_PERIOD_S = 0.2
-"""Without input PX4 looks so often whether the sticks are still there."""
+"""Period at which PX4 checks for lost sticks."""
 FILTER_S = 0.1
 """Time constant of the speed of a stick."""
 NO_JOYSTICK = frozenset({0, 4})
@@ -13,7 +13,7 @@ NO_JOYSTICK = frozenset({0, 4})
 
 
 class Sticks:
-    """Roll, pitch, yaw -1..1 and throttle 0..1, how fast they move, and whether they are there."""
+    """The sticks' positions (roll, pitch, yaw -1..1, throttle), their speed, and the time of the last input."""
 
     def __init__(self, params: ParamTable) -> None:
         self._params = params
@@ -24,7 +24,7 @@ class Sticks:
         """Moved faster than COM_RC_STICK_OV since `moved` was reset."""
 
     def update(self, sticks: tuple[float, float, float, float], now_s: float) -> bool:
-        """Take one input (pitch, roll, throttle -1..1, yaw); return whether PX4 uses such sticks at all."""
+        """Process one input (pitch, roll, throttle -1..1, yaw); return whether COM_RC_IN_MODE accepts joysticks."""
         if int(self._params["COM_RC_IN_MODE"]) in NO_JOYSTICK:
             return False
         dt_s = now_s - self._heard_s
@@ -39,7 +39,7 @@ class Sticks:
         return True
 
     def there(self, now_s: float) -> bool:
-        """Return whether they are heard: not for COM_RC_LOSS_T, noticed at the next look."""
+        """Return whether input is present: it is lost after COM_RC_LOSS_T, noticed at the next check."""
         if self._last is None:
             return False
         looks = math.ceil(self._params["COM_RC_LOSS_T"] / LOOK_PERIOD_S - 1e-6)

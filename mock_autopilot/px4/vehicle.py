@@ -1,6 +1,6 @@
 """PX4 as one vehicle: commander, estimator, pilot, land detector and battery, in simulated time.
 
-Pure: time is an argument, nothing is sent from here. The link asks for what it reports and hands in what it hears.
+Pure: time is an argument, nothing is sent from here. The link reads its state and passes on the messages received.
 Recorded behaviour: docs/px4-conformance.md.
 """
 
@@ -39,11 +39,11 @@ from mock_autopilot.px4.vocabulary import (
 COMMANDER_PERIODS_S = (0.012, 0.016)
 """PX4's commander sleeps 10 ms between its passes; the recorded simulator counted in steps of 4 ms."""
 UNSTABLE_M = 0.5
-"""External poses this far from where a standing vehicle believes to be fail the check before flight."""
+"""Distance of external poses from a standing vehicle's estimate that fails the preflight check."""
 UNSTABLE_AFTER_S, UNSTABLE_S = 0.2, 4.0
-"""PX4 filters what it checks: it fails so late, and so long."""
+"""PX4 filters the check: delay until it fails, and duration."""
 AT_REST_S = 1.5
-"""So long after it was disarmed the estimator takes it to be at rest."""
+"""Time after disarming until the estimator takes it to be at rest."""
 PILOT_PERIOD_S = 0.004
 HOME_KNOWN_S = 2.0
 """After boot (GPS); without GPS one second after the global origin was set."""
@@ -51,7 +51,7 @@ PILOTED = frozenset({Mode.HOLD, Mode.POSITION, Mode.ALTITUDE, Mode.TAKEOFF, Mode
 
 
 class Vehicle:
-    """One PX4 from its boot on."""
+    """One PX4 from its boot on: commander, estimator, pilot, land detector, battery."""
 
     def __init__(
         self,
@@ -77,7 +77,7 @@ class Vehicle:
         self.attitude_setpoint = AttitudeSetpoint()
         self.home: Position | None = None
         self.origin = simulators_home(params)
-        """Where the local frame lies on earth, as far as that is known."""
+        """The local frame's origin on earth, as far as it is known."""
         self.now_s = 0.0
         self.sensor_state = SensorState(
             Motion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), start_yaw_rad), _UPRIGHT, _STILL
@@ -97,7 +97,7 @@ class Vehicle:
     # -- what comes in ---------------------------------------------------------------------------
 
     def attitude_target(self, target: AttitudeTarget) -> None:
-        """SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
+        """Handle SET_ATTITUDE_TARGET: any of them keeps OFFBOARD alive, used or not."""
         if not self.injected_faults.ignores_setpoints:
             self.attitude_setpoint = next_setpoint(target, self.attitude_setpoint)
         self._setpoint_at_s = self.now_s
@@ -105,7 +105,7 @@ class Vehicle:
             self.commander.check_now()
 
     def on_vision(self, sample: VisionSample) -> None:
-        """An external pose."""
+        """Handle an external pose: check it against the estimate on the ground, then fuse it."""
         away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
         if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
             self._away_since_s = math.inf
@@ -116,27 +116,27 @@ class Vehicle:
         self.estimator.fuse_vision(sample, self.now_s, self.sensor_state.motion.yaw_rad)
 
     def set_origin(self, origin: Origin) -> None:
-        """SET_GPS_GLOBAL_ORIGIN."""
+        """Handle SET_GPS_GLOBAL_ORIGIN; ignored with GPS or when an origin is set."""
         if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
             self.origin = origin
             self.estimator.set_origin(self.now_s)
             self.commander.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
 
     def arm_disarm(self, arm: float, force: float) -> Result | None:
-        """COMPONENT_ARM_DISARM; None: PX4 gives no ACK."""
+        """Handle COMPONENT_ARM_DISARM; return None where PX4 sends no ACK."""
         result = self.commander.arm_disarm(arm, force, self.failsafe_flags)
         self._floor_z_m = self.estimator.position_m[2] if self.land_detector.landed else self._floor_z_m
         return result
 
     def set_mode(self, base_mode: int, main: int, sub: int) -> Result:
-        """DO_SET_MODE or SET_MODE, the commander's answer."""
+        """Handle DO_SET_MODE or SET_MODE; return the commander's answer."""
         wanted = MAIN_MODES.get(main) if main != AUTO_MAIN_MODE else AUTO_SUB_MODES.get(sub)
         if wanted is not None and self._refuses(wanted):
             return Result.TEMPORARILY_REJECTED
         return self.commander.set_mode(base_mode, main, sub, self.failsafe_flags)
 
     def take_off(self, above_sea_m: float = math.nan) -> Result:
-        """NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
+        """Handle NAV_TAKEOFF to a height above sea (m; NaN: MIS_TAKEOFF_ALT above the ground); does not arm."""
         result = self.commander.choose(Mode.TAKEOFF, self.failsafe_flags)
         self._takeoff_z_m = self.origin.above_sea_m - above_sea_m
         if result is Result.ACCEPTED and self.commander.armed:
@@ -149,7 +149,7 @@ class Vehicle:
         return result
 
     def land(self) -> Result:
-        """NAV_LAND, here."""
+        """Handle NAV_LAND: land at the current position."""
         if self._refuses(Mode.LAND):
             return Result.TEMPORARILY_REJECTED
         result = self.commander.choose(Mode.LAND, self.failsafe_flags)
@@ -158,16 +158,16 @@ class Vehicle:
         return result
 
     def return_home(self) -> Result:
-        """NAV_RETURN_TO_LAUNCH."""
+        """Handle NAV_RETURN_TO_LAUNCH; return the commander's answer."""
         return self.commander.choose(Mode.RTL, self.failsafe_flags)
 
     def take_over(self) -> None:
-        """A pilot with a remote control flies it from now on, in Position mode."""
+        """Let a pilot with a remote control fly from now on, in Position mode."""
         self._remote = True
         self.commander.take(Mode.POSITION)
 
     def on_manual_control(self, sticks: tuple[float, float, float, float]) -> None:
-        """MANUAL_CONTROL: pitch, roll, throttle, yaw, -1..1."""
+        """Handle MANUAL_CONTROL: pitch, roll, throttle, yaw, -1..1."""
         if self.sticks.update(sticks, self.now_s):
             self.commander.on_sticks(self.failsafe_flags)
             self.sticks.moved = False
@@ -182,7 +182,7 @@ class Vehicle:
         self.commander.texts.append(Text(severity, text + "\t"))
 
     def pop_texts(self) -> list[Text]:
-        """What it had to say since the last call."""
+        """Return the texts since the last call."""
         texts, self.commander.texts = self.commander.texts, []
         self.commander.events_told += len(texts)
         return texts
@@ -191,7 +191,7 @@ class Vehicle:
 
     @property
     def failsafe_flags(self) -> FailsafeFlags:
-        """What the commander knows now."""
+        """Return the present conditions from which the commander decides."""
         loss_s = self.params["COM_OF_LOSS_T"] + OFFBOARD_LATE_S
         return FailsafeFlags(
             now_s=self.now_s,
@@ -208,27 +208,27 @@ class Vehicle:
 
     @property
     def mode(self) -> Mode:
-        """The mode it really flies."""
+        """Return the mode that is flown, which a failsafe may have changed."""
         return self.commander.mode
 
     @property
     def armed(self) -> bool:
-        """Motors allowed."""
+        """Return whether the vehicle is armed."""
         return self.commander.armed
 
     @property
     def system_status(self) -> SystemStatus:
-        """HEARTBEAT.system_status."""
+        """Return MAV_STATE for HEARTBEAT.system_status."""
         return self.commander.system_status(self.failsafe_flags)
 
     @property
     def base_mode(self) -> int:
-        """HEARTBEAT.base_mode."""
+        """Return the bits of HEARTBEAT.base_mode."""
         return self.commander.base_mode(self.failsafe_flags)
 
     @property
     def landed_state(self) -> LandedState:
-        """EXTENDED_SYS_STATE.landed_state."""
+        """Return EXTENDED_SYS_STATE.landed_state, in flight by mode."""
         if self.land_detector.landed:
             return LandedState.ON_GROUND
         if self.mode is Mode.TAKEOFF and self.pilot.takes_off:
@@ -239,7 +239,7 @@ class Vehicle:
 
     @property
     def lands(self) -> bool:
-        """It comes down by itself, told to or by a failsafe."""
+        """Return whether PX4 lands by itself, on command or by a failsafe."""
         mode = self.mode
         if mode is Mode.OFFBOARD or mode is Mode.HOLD or not self.armed:  # asked at every step: nearly always this
             return False
@@ -247,12 +247,12 @@ class Vehicle:
 
     @property
     def _sinks_blind(self) -> bool:
-        """It descends level; in Altitude mode it does so while nobody moves the sticks that are not there."""
+        """Return whether it descends level without a position: Descend, or Altitude mode without sticks."""
         return self.mode is Mode.DESCEND or (self.mode is Mode.ALTITUDE and not self.failsafe_flags.remote)
 
     @property
     def attitude_estimate_wxyz(self) -> Array:
-        """Attitude as reported: the truth, turned by the errors of heading and horizon."""
+        """Return the attitude as reported: the truth, turned by the errors of heading and horizon."""
         turned = quat.turned_about_z(self._yaw_error_rad, self.sensor_state.q_ned_frd_wxyz)
         if not self.estimator.horizon.perfect:
             w, x, y, z = turned.tolist()
@@ -265,7 +265,7 @@ class Vehicle:
 
     @property
     def estimate(self) -> Estimate:
-        """Position, velocity and heading as reported."""
+        """Return position, velocity and heading as reported."""
         x, y, z = self.estimator.position_m
         vx, vy, vz = self.estimator.velocity_mps
         yaw = self.sensor_state.motion.yaw_rad + self._yaw_error_rad
@@ -273,14 +273,14 @@ class Vehicle:
 
     @property
     def target(self) -> AttitudeSetpoint:
-        """What ATTITUDE_TARGET repeats: the offboard setpoint as sent, or the autopilot's own."""
+        """Return the setpoint for ATTITUDE_TARGET: the offboard one as sent, or the autopilot's own."""
         if self.mode is Mode.OFFBOARD:
             return self.attitude_setpoint
         return AttitudeSetpoint(self.pilot.q_wxyz, self.pilot.q_wxyz, None, self.pilot.signal, self.pilot.signal, True)
 
     @property
     def signal(self) -> float:
-        """Motor signal 0..1 that produces the wanted thrust through the curve PX4 assumes (THR_MDL_FAC)."""
+        """Return the motor signal 0..1 for the thrust setpoint, by the curve that PX4 assumes (THR_MDL_FAC)."""
         if not self.armed:
             return 0.0
         thrust = self.attitude_setpoint.signal if self.mode is Mode.OFFBOARD else self.pilot.signal
@@ -289,7 +289,7 @@ class Vehicle:
     # -- every step ------------------------------------------------------------------------------
 
     def step(self, now_s: float, sensor_state: SensorState, dt_s: float) -> ActuatorDemand:
-        """Live for `dt_s` up to `now_s`."""
+        """Advance the autopilot by `dt_s` to `now_s`; return the demand for the airframe."""
         if not self.injected_faults.running:
             return self.injected_faults.lifeless(
                 self._last_demand, self.sensor_state.rate_frd_radps, now_s - self.now_s
@@ -312,7 +312,7 @@ class Vehicle:
         return self._demand()
 
     def _speak_later(self) -> None:
-        """Say what was to come some time after something else."""
+        """Send the delayed texts that are due."""
         due = [text for at_s, text in self._later_texts if self.now_s >= at_s]
         self._later_texts = [(at_s, text) for at_s, text in self._later_texts if self.now_s < at_s]
         self.commander.texts += due
@@ -334,7 +334,7 @@ class Vehicle:
         self._find_home()
 
     def _watch_range(self) -> None:
-        """PX4 doubts its range finder for some seconds after a take-off and at a landing."""
+        """Invalidate the range finder for some seconds after a take-off and at a landing, as PX4 does."""
         if self.land_detector.landed != self._was_landed:
             self._was_landed = self.land_detector.landed
             start_s, end_s = self._timing.range_doubt_s(taking_off=not self._was_landed)
@@ -344,7 +344,7 @@ class Vehicle:
         self.estimator.range_ok = not doubted and self.pilot.range_finder and bool(int(self.params["EKF2_RNG_CTRL"]))
 
     def _find_home(self) -> None:
-        """Home is where it stands when it first knows its place on earth, and where it was armed last."""
+        """Set home to the position when the origin on earth is first known, and at each arming."""
         origin_s = self.estimator.origin_set_s
         known_s = HOME_KNOWN_S if self.estimator.uses_gps else (origin_s + 1.0 if origin_s is not None else math.inf)
         if self.now_s >= known_s and (self.home is None or (self.land_detector.landed and self.armed)):
@@ -364,7 +364,7 @@ class Vehicle:
 
     @property
     def _floor_seen_m(self) -> float:
-        """Height of the floor (NED z) in the estimate's frame: by the range finder, or where it was armed."""
+        """Return the floor's NED z in the estimate's frame: by the range finder, or where it was armed."""
         if not int(self.params["EKF2_RNG_CTRL"]):
             return self._floor_z_m
         return self.estimator.position_m[2] - self.sensor_state.motion.position_ned_m[2]
@@ -381,7 +381,7 @@ class Vehicle:
             self._start_return(now, self.home)
 
     def _start_return(self, now: Estimate, home: Position) -> None:
-        """Next to home it lands there at once; from further away it climbs first."""
+        """Start Return: next to home land there at once, from further away climb first."""
         away_m = math.hypot(home.x_m - now.position_m[0], home.y_m - now.position_m[1])
         height_m = home.z_m - now.position_m[2]
         if away_m > self.params["RTL_MIN_DIST"]:
@@ -407,7 +407,7 @@ class Vehicle:
     def _demand_of(
         self, q_estimated: Quad, rates: Triple | None, off_rad: Quad, signal: float, armed: bool
     ) -> ActuatorDemand:
-        """Setpoints count from the heading and horizon the autopilot believes; unchanged ones cost nothing."""
+        """Convert a setpoint from the estimated heading and horizon to the true ones; cached while unchanged."""
         inputs = (q_estimated, rates, off_rad, signal, armed)
         if self._demand_inputs != inputs:
             self._demand_inputs = inputs

@@ -1,4 +1,4 @@
-"""The words PX4 speaks: modes, results, severities (numbers of the MAVLink common dialect and of PX4)."""
+"""PX4's modes, results and severities (numbers of the MAVLink common dialect and of PX4)."""
 
 from dataclasses import dataclass
 from enum import Enum, IntEnum
@@ -14,7 +14,7 @@ FORCE_MAGIC = 21196
 
 
 class Result(IntEnum):
-    """MAV_RESULT of a COMMAND_ACK."""
+    """Results of a command, MAV_RESULT in COMMAND_ACK."""
 
     ACCEPTED = 0
     TEMPORARILY_REJECTED = 1
@@ -24,7 +24,7 @@ class Result(IntEnum):
 
 
 class Severity(IntEnum):
-    """MAV_SEVERITY of a STATUSTEXT, as far as PX4 was heard to use it here."""
+    """Severities of a STATUSTEXT, MAV_SEVERITY, those that PX4 was recorded to use."""
 
     EMERGENCY = 0
     CRITICAL = 2
@@ -32,7 +32,7 @@ class Severity(IntEnum):
 
 
 class SystemStatus(IntEnum):
-    """MAV_STATE in HEARTBEAT."""
+    """States of the system, MAV_STATE in HEARTBEAT."""
 
     NOT_READY = 0
     STANDBY = 3
@@ -41,7 +41,7 @@ class SystemStatus(IntEnum):
 
 
 class LandedState(IntEnum):
-    """MAV_LANDED_STATE in EXTENDED_SYS_STATE."""
+    """Landed states, MAV_LANDED_STATE in EXTENDED_SYS_STATE."""
 
     ON_GROUND = 1
     IN_AIR = 2
@@ -68,18 +68,18 @@ class Mode(Enum):
 
     @property
     def custom_mode(self) -> int:
-        """HEARTBEAT.custom_mode: main mode in byte 2, sub mode in byte 3."""
+        """Return HEARTBEAT.custom_mode: main mode in byte 2, sub mode in byte 3."""
         main, sub = Mode.LAND.value if self is Mode.DESCEND else self.value
         return int(main) << 16 | int(sub) << 24
 
     @property
     def is_auto(self) -> bool:
-        """Flown by the autopilot itself: Hold, Takeoff, Land, Return, Mission."""
+        """Return whether the autopilot flies this mode itself: Hold, Takeoff, Land, Return, Mission."""
         return self.custom_mode >> 16 & 0xFF == AUTO_MAIN_MODE
 
     @property
     def title(self) -> str:
-        """The name PX4 uses in its texts."""
+        """Return the mode's name in PX4's texts."""
         return "Return" if self is Mode.RTL else self.name.capitalize()
 
 
@@ -93,7 +93,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Position:
-    """A place in the estimator's local frame (NED, m)."""
+    """A position in the estimator's local frame (NED, m)."""
 
     x_m: float
     y_m: float

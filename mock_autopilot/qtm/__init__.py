@@ -1,1 +1,1 @@
-"""The mock Qualisys server."""
+"""The mock Qualisys server: camera, session, packets and sockets."""

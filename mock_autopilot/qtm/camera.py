@@ -1,4 +1,4 @@
-"""Truth in, frames out: when the simulated cameras look, what they see wrongly, and when it leaves the server.
+"""The simulated cameras: times of capture, measurement errors, and delays until frames leave the server.
 
 Pure: all times are the truth's. Room frame: right-handed, z up, x north, so (x, -y, -z) of NED; body FLU likewise.
 """
@@ -23,7 +23,7 @@ _TICK_S = 1e-6
 
 @dataclass
 class Camera:
-    """Takes the truths in order and gives out the frames that are due; the same seed gives the same frames."""
+    """The cameras; takes the truths in order, returns the frames that are due. Same seed, same frames."""
 
     config: QualisysConfig
     seed: int
@@ -62,7 +62,7 @@ class Camera:
 
 
 def _moved_to(truth: Truth, time_s: float) -> Truth:
-    """Go back along velocity and body rate to the instant of the capture, less than one truth ago."""
+    """Return the truth at the capture, extrapolated back by less than one step along velocity and body rate."""
     back_s = time_s - truth.time_s
     turn = quat.from_rotation_vector(truth.rate_frd_radps * back_s)
     return replace(
@@ -80,5 +80,5 @@ def _seen(truth: Truth, offset_m: Array, turn_rad: Array, residual_m: float) -> 
 
 
 def _standing(place: int, residual_m: float) -> BodyPose:
-    """A body on the floor, half a metre from the next, level."""
+    """Return the pose of a body on the floor, level, half a metre from the next."""
     return BodyPose(np.array([1.0 + 0.5 * place, 2.0, 0.0]), np.eye(3), residual_m)

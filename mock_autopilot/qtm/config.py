@@ -1,10 +1,10 @@
-"""What the mock Qualisys server is made of; strict, so that a misspelt key is an error."""
+"""Settings of the mock Qualisys server; strict, so that a misspelt key is an error."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
 
 class Interval(BaseModel):
-    """A stretch of the truth's time, in seconds from its zero."""
+    """An interval of simulated time, in seconds from its zero."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -12,7 +12,7 @@ class Interval(BaseModel):
     for_s: float = Field(gt=0.0, description="How long it lasts.")
 
     def contains(self, time_s: float) -> bool:
-        """Whether `time_s` falls into it; the end is no longer part of it."""
+        """Return whether `time_s` is in the interval; its end is not."""
         return self.start_s <= time_s < self.start_s + self.for_s
 
 

@@ -19,7 +19,7 @@ MAX_COMMAND_BYTES = 65536
 
 
 class PacketType(IntEnum):
-    """What a packet carries."""
+    """Types of a packet's contents."""
 
     ERROR = 0
     COMMAND = 1
@@ -30,7 +30,7 @@ class PacketType(IntEnum):
 
 
 class Event(IntEnum):
-    """What happened to the capture; also the answer to `getstate`."""
+    """Events of the capture; also the answer to `getstate`."""
 
     CONNECTED = 1
     CONNECTION_CLOSED = 2
@@ -59,7 +59,7 @@ COMPONENTS = {
 
 
 class GarbageError(ValueError):
-    """The bytes are no packet."""
+    """The bytes cannot be a packet of the protocol."""
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,11 @@ from mock_autopilot.qtm.config import QualisysConfig
 from mock_autopilot.qtm.session import NO_MORE_DATA, Session, StreamRequest, bodies_of
 
 MAX_BACKLOG_BYTES = 1_000_000
-"""A client that leaves so much unread has hung; it is cut off."""
+"""A client with more unread data than this has hung; it is disconnected."""
 
 
 class ServerStartError(OSError):
-    """The server cannot listen where it was told to."""
+    """The server cannot listen at the configured address."""
 
 
 @dataclass
@@ -26,7 +26,7 @@ class QualisysServer:
     config: QualisysConfig
     seed: int = 0
     faults: MocapFaults | None = None
-    """What goes wrong between cameras and clients, if anything can."""
+    """Faults between cameras and clients, or None."""
     capturing: bool = field(default=True, init=False)
     _clients: set["_Client"] = field(default_factory=set, init=False)
     last_frame: qtm.Frame | None = field(default=None, init=False)
@@ -46,7 +46,7 @@ class QualisysServer:
 
     @property
     def client_count(self) -> int:
-        """How many clients are connected."""
+        """Return the number of connected clients."""
         return len(self._clients)
 
     async def start(self) -> None:

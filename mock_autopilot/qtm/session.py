@@ -1,4 +1,4 @@
-"""What the server answers to one client's commands; pure, no sockets."""
+"""Answers to one client's commands; pure, no sockets."""
 
 import ipaddress
 from collections.abc import Callable, Sequence
@@ -13,18 +13,18 @@ Answer = list[bytes]
 """Packets to send back, often none."""
 
 OLDEST_MINOR = 8
-"""From 1.8 on the 6D data are laid out alike."""
+"""The layout of the 6D data is the same from 1.8 on."""
 SECTIONS = ("general", "6d")
 NO_MORE_DATA = qtm.packet(PacketType.NO_MORE_DATA, b"")
 
 
 class RefusedError(ValueError):
-    """The command gets an error packet with this text."""
+    """The command is answered by an error packet with this text."""
 
 
 @dataclass(frozen=True)
 class StreamRequest:
-    """One `streamframes` command, understood."""
+    """The contents of one `streamframes` command."""
 
     components: tuple[Component, ...]
     divisor: int = 1
@@ -34,7 +34,7 @@ class StreamRequest:
     """None sends to where the command came from."""
 
     def wants(self, number: int, rate_hz: float) -> bool:
-        """Whether frame `number` belongs into this stream, at `rate_hz` frames per second."""
+        """Return whether frame `number` belongs to this stream, at `rate_hz` frames per second."""
         if self.frequency_hz is None:
             return number % self.divisor == 0
         share = min(1.0, self.frequency_hz / rate_hz)
@@ -43,7 +43,7 @@ class StreamRequest:
 
 @dataclass
 class Session:
-    """What one client has said so far."""
+    """The state of one client's connection: protocol version and stream."""
 
     config: QualisysConfig
     version: str = "1.1"
@@ -53,7 +53,7 @@ class Session:
     """QTM's rigid bodies as its settings are now; None: those of the configuration."""
 
     def answer(self, command: str, last: qtm.Frame | None, capturing: bool) -> Answer:
-        """Packets that answer `command`; a wrong one gets an error packet and changes nothing."""
+        """Return the packets that answer `command`; a wrong one gets an error packet and changes nothing."""
         verb, *rest = command.lower().split() or [""]
         try:
             match verb:
@@ -95,7 +95,7 @@ class Session:
 
 
 def bodies_of(config: QualisysConfig) -> tuple[qtm.Body, ...]:
-    """Return the rigid bodies that QTM has at the start, ours the first."""
+    """Return the rigid bodies that QTM has at the start, the vehicle first."""
     return tuple(qtm.Body(name) for name in (config.body, *config.extra_bodies))
 
 
@@ -111,7 +111,7 @@ def _about(verb: str, capturing: bool) -> bytes:
 
 
 def parse_stream(words: Sequence[str]) -> StreamRequest:
-    """Understand `<frames> [udp:[host:]port] <components>` (lower case); RefusedError otherwise."""
+    """Parse `<frames> [udp:[host:]port] <components>` (lower case); raise RefusedError if it is wrong."""
     if not words:
         raise RefusedError("Parse error")
     divisor, frequency_hz = _pace(words[0])

@@ -1,1 +1,1 @@
-"""The mock Dynamixel bus."""
+"""The mock Dynamixel bus: servos, protocols and the pseudo-terminal."""

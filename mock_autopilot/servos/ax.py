@@ -28,7 +28,7 @@ _UNLOCKED = range(24, 36)
 
 
 class AxServo(Servo):
-    """AX-12A."""
+    """An AX-12A servo."""
 
     def __init__(self, config: ServoConfig, voltage_v: float, ambient_c: float) -> None:
         self._overload_latched = False
@@ -43,11 +43,11 @@ class AxServo(Servo):
 
     @property
     def error(self) -> int:
-        """Overload, overheating and input voltage bits."""
+        """Return the error bits for overload, overheating and input voltage."""
         return self._error
 
     def raw_position(self) -> int:
-        """Present angle in its units, 0 to 1023."""
+        """Return the present angle in its units, 0 to 1023."""
         return min(max(super().raw_position(), 0), 1023)
 
     def write(self, address: int, data: bytes) -> Refusal | None:
@@ -56,7 +56,7 @@ class AxServo(Servo):
         return Refusal.LOCKED if locked else super().write(address, data)
 
     def refuses(self, wanted: dict[str, int], eeprom: bool) -> Refusal | None:  # noqa: ARG002
-        """A goal has to keep the angle limits."""
+        """Return the refusal of a goal outside the angle limits, else None."""
         goal, get = wanted.get("goal_position"), self.table.get
         if goal is not None and not get("cw_angle_limit") <= goal <= get("ccw_angle_limit"):
             return Refusal.OVER_LIMIT
@@ -100,7 +100,7 @@ class AxServo(Servo):
             self._power()
 
     def refresh(self) -> None:
-        """Registers 36 to 44 and 46."""
+        """Update registers 36 to 44 and 46 with the present values."""
         motor, unit = self.motor, self.model.velocity_unit_radps
         _LIVE.pack_into(
             self.table.bytes,
@@ -117,6 +117,6 @@ class AxServo(Servo):
 
 
 def _with_direction(value: float) -> int:
-    """Ten bits of magnitude and the direction above them."""
+    """Return a register value of ten bits of magnitude, with the direction bit above them."""
     size = min(round(abs(value)), FULL_LOAD)
     return size + CLOCKWISE if value < 0.0 and size else size

@@ -23,9 +23,9 @@ from mock_autopilot.servos.rack import ServoRack
 BITS_PER_BYTE = 10
 """Eight bits, start and stop."""
 PLUG_EVERY_S = 0.02
-"""How often it looks whether the port is to go or to come back."""
+"""Period of the check whether a fault unplugs or returns the port."""
 LONGEST_GAP_S = 0.1
-"""A packet that stops for longer in the middle is forgotten."""
+"""An incomplete packet is dropped after a longer gap."""
 MANY_BYTES = 4096
 
 _TCGETS2 = 0x802C542A
@@ -34,14 +34,14 @@ _TERMIOS2 = struct.Struct("@4I20B2I")
 
 
 class BusStartError(OSError):
-    """The bus cannot be offered where it was told to."""
+    """The bus cannot be opened at the configured path."""
 
 
 class ServoBus:
-    """Simulated servos behind a serial port. `open` and `close` frame its life, in a running event loop.
+    """Simulated servos behind a serial port. Call `open` and `close` in a running event loop.
 
-    Give it `catch_up`, which brings the simulation, and with it `servos`, to the present; without, somebody else has to
-    step `servos` or time stands still in them.
+    Give it `catch_up`, which brings the simulation, and with it `servos`, to the present; without it, the caller has to
+    step `servos`.
     """
 
     def __init__(
@@ -60,13 +60,13 @@ class ServoBus:
 
     @property
     def path(self) -> str:
-        """What the host opens: the link, or the terminal itself."""
+        """Return the path that the host opens: the link, or the terminal itself."""
         if self._link is not None:
             return str(self._link.path)
         return self._port.path if self._port is not None else ""
 
     def open(self) -> None:
-        """Offer the port; BusStartError when the link's place is taken."""
+        """Open the port; raise BusStartError when the link's path is in use."""
         if self._link is not None:
             self._link.claim()
         try:
@@ -76,7 +76,7 @@ class ServoBus:
             raise
 
     def close(self) -> None:
-        """Take the port away, and the link to it."""
+        """Close the port and remove the link to it."""
         if self._watch is not None:
             self._watch.cancel()
             self._watch = None
@@ -99,7 +99,7 @@ class ServoBus:
         self._mind_plug()
 
     def _mind_plug(self) -> None:
-        """Let the port go or come back as the faults say, while the bus is open."""
+        """Unplug the port or plug it in as the faults say, while the bus is open."""
         if self._watch is None:
             return
         gone = self.servos.active(FaultKind.PORT_GONE)
@@ -141,7 +141,7 @@ class ServoBus:
             self._send(answers, max(now_s, self._wire_free_s) + packet.wire_bytes * byte_s, byte_s)
 
     def _send(self, answers: list[Answer], heard_s: float, byte_s: float) -> None:
-        """Answers follow each other on the wire, from when the instruction has been heard to its end."""
+        """Send the answers one after the other, from the end of the instruction on."""
         at_s = heard_s
         for said in answers:
             at_s += said.late_s + (said.return_delay_s + len(said.data) * byte_s if byte_s else 0.0)

@@ -1,4 +1,4 @@
-"""What the simulated servo bus is made of; strict, so that a misspelt key is an error."""
+"""Settings of the simulated servo bus; strict, so that a misspelt key is an error."""
 
 import math
 from enum import StrEnum
@@ -14,7 +14,7 @@ class _Strict(BaseModel):
 
 
 class FaultKind(StrEnum):
-    """What can go wrong on the bus."""
+    """Kinds of faults on the bus."""
 
     MISSING = "missing"
     """A servo does not answer."""
@@ -42,22 +42,22 @@ BUS_WIDE = frozenset({FaultKind.SILENT_BUS, FaultKind.PORT_GONE})
 
 
 class Fault(_Strict):
-    """One fault and when it holds, in simulated seconds."""
+    """One fault and the time at which it is active, in simulated seconds."""
 
     kind: FaultKind = Field(description="What goes wrong.")
     id: int | None = Field(None, ge=0, le=252, description="Whose; leave it out for all servos, or the whole bus.")
     at_s: float = Field(0.0, ge=0.0, description="When it begins; in `inject`, from now.")
     for_s: float = Field(math.inf, gt=0.0, description="How long it lasts; without, for ever.")
     late_s: float = Field(0.05, gt=0.0, le=5.0, description="Delay of late answers.")
-    every: int = Field(1, ge=1, description="Corrupt each so many-th answer.")
+    every: int = Field(1, ge=1, description="Corrupt every n-th answer.")
     volts_v: float = Field(5.5, ge=0.0, le=20.0, description="Supply during a voltage fault.")
 
     def holds(self, time_s: float) -> bool:
-        """Whether it is there at `time_s`; the end is no longer part of it."""
+        """Return whether the fault is active at `time_s`; at its end it is not."""
         return self.at_s <= time_s < self.at_s + self.for_s
 
     def concerns(self, servo_id: int) -> bool:
-        """Whether this servo has it."""
+        """Return whether the fault applies to this servo."""
         return self.id is None or self.id == servo_id
 
 
@@ -73,12 +73,12 @@ class ServoConfig(_Strict):
     operating_mode: int = Field(3, ge=0, le=16, description="Its Operating Mode (XM); 3 is position control.")
 
     registers: dict[str, int] = Field(
-        {}, description="Other registers as somebody left them, by name, such as homing_offset; RAM until a restart."
+        {}, description="Initial values of other registers by name, such as homing_offset; RAM until a restart."
     )
 
     @property
     def kind(self) -> Model:
-        """Its model."""
+        """Return the control table and units of its model."""
         return model_named(self.model)
 
     @field_validator("model")
@@ -140,7 +140,7 @@ class DynamixelConfig(_Strict):
 
     @staticmethod
     def check_fault(fault: Fault, ids: set[int]) -> None:
-        """ValueError when the fault names a servo that is not there."""
+        """Raise ValueError when the fault names a servo that is not there."""
         if fault.id is not None and (fault.kind in BUS_WIDE or fault.id not in ids):
             why = "concerns the whole bus" if fault.kind in BUS_WIDE else f"there are {sorted(ids)}"
             raise ValueError(f"fault {fault.kind} cannot have id {fault.id}: {why}")

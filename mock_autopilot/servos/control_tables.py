@@ -26,12 +26,12 @@ class Register:
 
     @property
     def end(self) -> int:
-        """First address behind it."""
+        """Return the first address after the register."""
         return self.address + self.size
 
     @property
     def signed(self) -> bool:
-        """Whether values are two's complement."""
+        """Return whether values are two's complement."""
         return self.minimum < 0
 
 
@@ -57,23 +57,23 @@ class Model:
 
     @property
     def size(self) -> int:
-        """Bytes in the table."""
+        """Return the number of bytes in the table."""
         return max(register.end for register in self.registers)
 
     @property
     def centre_rad(self) -> float:
-        """Angle in the middle of the range."""
+        """Return the angle (rad) in the middle of the range."""
         return self.centre * self.position_unit_rad
 
     def baud_code(self, baud: int) -> int:
-        """Register value for a baud rate; ValueError when this model does not have it."""
+        """Return the register value for a baud rate; raise ValueError when this model does not have it."""
         for code, rate in self.bauds:
             if rate == baud:
                 return code
         raise ValueError(f"{self.name} cannot talk at {baud} baud; it knows {', '.join(str(b) for _, b in self.bauds)}")
 
     def baud_of(self, code: int) -> int | None:
-        """Bits/s of a register value."""
+        """Return the baud rate (bits/s) of a register value, None for an invalid one."""
         return next((rate for known, rate in self.bauds if known == code), None)
 
 
@@ -220,7 +220,7 @@ MODELS = (
 
 
 def model_named(name: str) -> Model:
-    """The model of that name; KeyError when there is none."""
+    """Return the model of that name; raise KeyError when there is none."""
     for model in MODELS:
         if model.name == name:
             return model

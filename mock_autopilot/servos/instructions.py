@@ -1,4 +1,4 @@
-"""What instructions of both protocols have in common; pure."""
+"""Instructions as far as both protocols share them; pure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Answer:
     """Bytes that servos put on the wire after an instruction, in order."""
 
     ids: tuple[int, ...]
-    """Whose; several for the common answer to a fast read."""
+    """IDs of the servos that answer; several for the common answer to a fast read."""
     data: bytes
     return_delay_s: float
     """From the end of what was on the wire before, as the Return Delay Time says."""
@@ -24,7 +24,7 @@ class Answer:
 
 
 def find(servos: Sequence[Servo], servo_id: int) -> Servo | None:
-    """The servo with that ID."""
+    """Return the servo with that ID, or None."""
     return next((servo for servo in servos if servo.id == servo_id), None)
 
 
@@ -48,7 +48,7 @@ def sync_write(params: bytes, width: int, servos: Sequence[Servo]) -> None:
 
 
 def act(servo: Servo) -> Refusal | None:
-    """Do what Reg Write left."""
+    """Carry out the write that Reg Write stored, if there is one."""
     address, data = servo.registered or (0, b"")
     servo.registered = None
     return servo.write(address, data)

@@ -1,4 +1,4 @@
-"""A servo's control table as memory: reading, writing, and why a write is refused; pure."""
+"""A servo's control table as memory: reading, writing and refusals; pure."""
 
 from collections.abc import Iterator
 from enum import Enum
@@ -8,7 +8,7 @@ from mock_autopilot.servos.control_tables import Model, Register
 
 
 class Refusal(Enum):
-    """Why a table was not read or written."""
+    """Reasons why a table was not read or written."""
 
     NO_SUCH_ADDRESS = "nothing there that may be read or written"
     READ_ONLY = "read only"
@@ -20,7 +20,7 @@ class Refusal(Enum):
 
 
 def _number(register: Register) -> Struct:
-    """As which it is kept: a driver's cycle reads hundreds."""
+    """Return the register's format, prepared once because a driver's cycle reads hundreds."""
     code = {1: "b", 2: "h", 4: "i"}[register.size]
     return Struct("<" + (code if register.signed else code.upper()))
 
@@ -37,7 +37,7 @@ class ControlTable:
             self.put(register.name, register.default)
 
     def get(self, name: str) -> int:
-        """Value of a register."""
+        """Return the value of a register."""
         address, number = self._kept[name]
         value: int = number.unpack_from(self.bytes, address)[0]
         return value
@@ -54,19 +54,19 @@ class ControlTable:
         return register is not None and not register.eeprom
 
     def forget_ram(self) -> None:
-        """What a restart does: everything outside the EEPROM is as after power-on."""
+        """Reset everything outside the EEPROM to its value after power-on, as a restart does."""
         for register in self.model.registers:
             if not register.eeprom:
                 self.put(register.name, register.default)
 
     def read(self, address: int, size: int) -> bytes | Refusal:
-        """Bytes from an address; gaps between registers read as zero."""
+        """Return bytes from an address, or the refusal; gaps between registers read as zero."""
         if size == 0 or address + size > len(self.bytes):
             return Refusal.NO_SUCH_ADDRESS
         return bytes(self.bytes[address : address + size])
 
     def values_of(self, address: int, data: bytes) -> list[tuple[Register, int]] | Refusal:
-        """Which registers these bytes would write, and with what; nothing is written yet."""
+        """Return the registers and values that these bytes would write, or the refusal; writes nothing."""
         values = []
         for register in self._covered(address, len(data)):
             if register is None:

@@ -15,7 +15,7 @@ RATED_V = 12.0
 
 @dataclass(frozen=True)
 class MotorSpec:
-    """What a motor with its gear can do; torques at the horn."""
+    """Limits, friction and warming of a motor with its gear; torques at the horn."""
 
     stall_nm: float
     """At RATED_V."""
@@ -54,11 +54,11 @@ class Motor:
         self.spec = spec
         self.angle_rad, self.rate_radps, self.accel_radps2 = angle_rad, 0.0, 0.0
         self.torque_nm = 0.0
-        """What the motor itself makes."""
+        """Torque of the motor itself."""
         self.pwm_share = 0.0
         """Output of the position loop, -1 to 1."""
         self.heat_nm2s = 0.0
-        """Integral of the squared torque, for whoever works out the temperature."""
+        """Integral of the squared torque, from which the servo computes its temperature."""
         self.powered = False
         self.gain_per_rad = 1.0
         """Share of the full PWM for every radian of distance."""
@@ -76,7 +76,7 @@ class Motor:
         self.supply(voltage_v)
 
     def supply(self, voltage_v: float) -> None:
-        """Set the voltage: torque and speed follow it."""
+        """Set the supply voltage (V); stall torque and no-load speed follow it."""
         if voltage_v != self._voltage_v:
             self._voltage_v = voltage_v
             share = max(voltage_v, 0.1) / RATED_V
@@ -85,26 +85,26 @@ class Motor:
 
     @property
     def goal_rad(self) -> float:
-        """Where it is to go."""
+        """Return the goal angle."""
         return self._goal_rad
 
     @property
     def profile(self) -> tuple[float, float]:
-        """The trajectory's present angle (rad) and rate (rad/s)."""
+        """Return the profile's present angle (rad) and rate (rad/s)."""
         return self._profile_rad, self._profile_radps
 
     @property
     def profile_ongoing(self) -> bool:
-        """Whether the trajectory has not yet reached the goal."""
+        """Return whether the profile has not yet reached the goal."""
         return self._moving_profile
 
     @property
     def strength_nm(self) -> float:
-        """The most torque it can make now, at standstill."""
+        """Return the largest torque it can make now, at standstill."""
         return min(self._stall_nm * self.pwm_limit, self.current_limit_nm)
 
     def go_to(self, goal_rad: float) -> None:
-        """Take a new goal; the profile goes on from where it is."""
+        """Set a new goal; the profile continues from its present angle."""
         self._goal_rad = goal_rad
         if self.profile_limit_radps == math.inf:
             self._profile_rad, self._profile_radps, self._moving_profile = goal_rad, 0.0, False
@@ -112,7 +112,7 @@ class Motor:
             self._moving_profile = True
 
     def power(self, on: bool) -> None:
-        """Switch the torque; a profile starts from where the horn is."""
+        """Switch the torque; a profile starts at the horn's angle."""
         if on and not self.powered:
             self._profile_rad, self._profile_radps = self.angle_rad, 0.0
             self.powered = True
@@ -121,7 +121,7 @@ class Motor:
         self._moving_profile = self._moving_profile and on
 
     def step(self, dt_s: float, load_nm: float) -> None:
-        """Let `dt_s` pass under a load (positive towards greater angles)."""
+        """Advance by `dt_s` under a load (N m, positive towards greater angles)."""
         spec, rate = self.spec, self.rate_radps
         if self.powered:
             if self._moving_profile:
@@ -152,7 +152,7 @@ class Motor:
         return limit if torque > limit else -limit if torque < -limit else torque
 
     def _advance_profile(self, dt_s: float) -> None:
-        """Trapezoid: as fast as allowed, and as fast as still lets it stop at the goal."""
+        """Advance the trapezoidal profile: at the speed limit, or slower where it has to stop at the goal."""
         distance = self._goal_rad - self._profile_rad
         limit, change = self.profile_limit_radps, self.profile_accel_radps2 * dt_s
         if distance == 0.0 and abs(self._profile_radps) <= change:

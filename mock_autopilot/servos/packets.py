@@ -22,7 +22,7 @@ _HEAD_1, _HEAD_2 = 4, 7
 
 
 class Instruction(IntEnum):
-    """What the host asks for; 1.0 knows ping to factory reset, sync write and bulk read."""
+    """Instructions of the host; 1.0 has ping to factory reset, sync write and bulk read."""
 
     PING = 0x01
     READ = 0x02
@@ -82,14 +82,14 @@ class Packet:
     params: bytes
     """Without stuffing; in an answer of 2.0 the error byte comes first."""
     intact: bool = True
-    """Whether checksum or CRC is right."""
+    """True if checksum or CRC is right."""
     wire_bytes: int = field(default=0, compare=False)
-    """How long it was on the wire."""
+    """Number of bytes on the wire."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """What one servo adds to the common answer to a fast read."""
+    """One servo's part of the common answer to a fast read."""
 
     id: int
     error: int
@@ -170,7 +170,7 @@ class Parser:
         self._buffer = bytearray()
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take more bytes."""
+        """Add bytes; return the packets that are complete."""
         self._buffer += data
         packets = []
         while (packet := self._next()) is not None:

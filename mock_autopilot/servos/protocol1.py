@@ -1,7 +1,7 @@
-"""What servos of Protocol 1.0 do with a packet, and what they answer; pure.
+"""Handling of packets by servos of Protocol 1.0, and their answers; pure.
 
 Source: https://emanual.robotis.com/docs/en/dxl/protocol1/, "Instruction Details". Factory Reset answers with an
-instruction error: nobody resets a vehicle's servos over the bus.
+instruction error: a vehicle's servos are not reset over the bus.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from mock_autopilot.servos.servo import Servo
 
 
 def answers1(packet: Packet, servos: Sequence[Servo]) -> list[Answer]:
-    """Let the servos that hear an instruction act on it; what they put on the wire, in order."""
+    """Let the servos that receive an instruction act on it; return their answers in order."""
     if packet.code == Instruction.BULK_READ and packet.intact:
         return _bulk_read(packet.params, servos)
     if packet.code == Instruction.SYNC_WRITE and packet.intact:
@@ -33,7 +33,7 @@ def _status(servo: Servo, error: int, data: bytes) -> Answer:
 
 
 def _do(packet: Packet, servo: Servo) -> tuple[int, bytes] | None:
-    """Error bits and data of the answer; None for no answer."""
+    """Return error bits and data of the answer; None for no answer."""
     if not packet.intact:
         return Error1.CHECKSUM, b""
     level, params = servo.table.get("status_return_level"), packet.params
@@ -63,7 +63,7 @@ def _error(refusal: Refusal | None) -> int:
 
 
 def _bulk_read(params: bytes, servos: Sequence[Servo]) -> list[Answer]:
-    """Each servo waits for the one before it in the list: a missing one silences those behind it."""
+    """Return the answers: each servo waits for the one before it, so a missing one silences the rest."""
     answers = []
     for size, servo_id, address in zip(params[1::3], params[2::3], params[3::3], strict=False):
         servo = find(servos, servo_id)

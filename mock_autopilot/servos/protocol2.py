@@ -1,7 +1,7 @@
-"""What servos of Protocol 2.0 do with a packet, and what they answer; pure.
+"""Handling of packets by servos of Protocol 2.0, and their answers; pure.
 
 Source: https://emanual.robotis.com/docs/en/dxl/protocol2/, "Instruction Details". Factory Reset answers with an
-instruction error: nobody resets a vehicle's servos over the bus.
+instruction error: a vehicle's servos are not reset over the bus.
 """
 
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ class _Read:
 
 
 def answers2(packet: Packet, servos: Sequence[Servo], time_s: float) -> list[Answer]:
-    """Let the servos that hear an instruction act on it; what they put on the wire, in order."""
+    """Let the servos that receive an instruction act on it; return their answers in order."""
     if packet.code == Instruction.STATUS:
         return []  # an answer that the host has sent back
     if packet.id == BROADCAST_ID and packet.intact and packet.code in _TO_MANY:
@@ -79,7 +79,7 @@ def _status(servo: Servo, error: int, data: bytes) -> Answer:
 
 
 def _do(packet: Packet, servo: Servo, time_s: float) -> tuple[int, bytes] | None:
-    """Error number and data of the answer; None for no answer."""
+    """Return error number and data of the answer; None for no answer."""
     if not packet.intact:
         return Error2.CRC, b""
     level, params = servo.table.get("status_return_level"), packet.params
@@ -133,7 +133,7 @@ def _bulk_write(params: bytes, servos: Sequence[Servo]) -> None:
 
 
 def _chain(reads: list[_Read], servos: Sequence[Servo]) -> list[tuple[Servo, _Read]]:
-    """Those that answer: each waits for the one before it, so that a missing one silences those behind it."""
+    """Return the answering servos: each waits for the one before it, so a missing one silences the rest."""
     chain = []
     for read in reads:
         servo = find(servos, read.id)

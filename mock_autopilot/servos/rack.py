@@ -17,10 +17,10 @@ from mock_autopilot.servos.servo import Servo
 from mock_autopilot.servos.xm import XmServo
 
 TEND_EVERY_S = 0.01
-"""Temperatures and protection are worked out so often; motion at every step."""
+"""Period of temperatures and protection; motion is computed at every step."""
 
 _TWIN_AT_RAD = 0.7
-"""From its centre, that is not where its twin stands."""
+"""The twin's offset from its centre, which is not the servo's own angle."""
 
 Floats = tuple[float, ...]
 
@@ -46,7 +46,7 @@ class ServoRack:
         self._answers = 0
 
     def step(self, dt_s: float, load_nm: Sequence[float] | None = None) -> None:
-        """Let `dt_s` pass under these loads, one for each servo (N m, positive towards greater angles)."""
+        """Advance by `dt_s` under these loads, one for each servo (N m, positive towards greater angles)."""
         self.time_s += dt_s
         for motor, load in zip(self._motors, self._still if load_nm is None else load_nm, strict=True):
             motor.step(dt_s, load)
@@ -59,7 +59,7 @@ class ServoRack:
                 servo.tend(since_s, self.time_s)
 
     def motion(self) -> tuple[Floats, Floats, Floats]:
-        """True angles (rad), rates (rad/s) and accelerations (rad/s^2)."""
+        """Return the true angles (rad), rates (rad/s) and accelerations (rad/s^2)."""
         motors = self._motors
         return (
             tuple([motor.angle_rad for motor in motors]),
@@ -69,28 +69,28 @@ class ServoRack:
 
     @property
     def positions_rad(self) -> Array:
-        """True angles, (n,)."""
+        """Return the true angles, (n,)."""
         return np.array([motor.angle_rad for motor in self._motors])
 
     @property
     def velocities_radps(self) -> Array:
-        """True rates, (n,)."""
+        """Return the true rates, (n,)."""
         return np.array([motor.rate_radps for motor in self._motors])
 
     @property
     def accelerations_radps2(self) -> Array:
-        """True accelerations, (n,)."""
+        """Return the true accelerations, (n,)."""
         return np.array([motor.accel_radps2 for motor in self._motors])
 
     def servo(self, servo_id: int) -> Servo:
-        """The servo with that ID; KeyError when there is none."""
+        """Return the servo with that ID; raise KeyError when there is none."""
         for servo in self.servos:
             if servo.id == servo_id:
                 return servo
         raise KeyError(servo_id)
 
     def answer(self, packet: Packet, baud: int | None = None) -> list[Answer]:
-        """Let the servos act on a packet that came at `baud` (None: whatever theirs is); what they put on the wire."""
+        """Let the servos act on a packet that came at `baud` (None: at theirs); return their answers."""
         if self.active(FaultKind.SILENT_BUS):
             return []
         hearing = [s for s in self.servos if s.protocol == packet.protocol and self._hears(s, baud)]
@@ -152,7 +152,7 @@ class ServoRack:
         self._update_faults()
 
     def active(self, kind: FaultKind) -> bool:
-        """Whether a fault of the whole bus is there."""
+        """Return whether a fault of the whole bus is active."""
         return any(fault.kind is kind and fault.holds(self.time_s) for fault in self._faults)
 
     def _fault(self, kind: FaultKind, servo_id: int) -> Fault | None:
@@ -162,7 +162,7 @@ class ServoRack:
         return None
 
     def _update_faults(self) -> None:
-        """Begin and end what is due, and note when the next of it is."""
+        """Begin and end the faults that are due, and note the time of the next change."""
         now_s = self.time_s
         reboots = [fault for fault in self._faults if fault.kind is FaultKind.REBOOT and fault.at_s <= now_s]
         self._faults = [fault for fault in self._faults if fault not in reboots]
@@ -187,7 +187,7 @@ def _collided(one: Answer, other: Answer) -> Answer:
 
 
 def _flip(data: bytes, count: int) -> bytes:
-    """Turn one byte round, another one each time."""
+    """Invert one byte, a different one each time."""
     spoilt = bytearray(data)
     spoilt[count % len(spoilt)] ^= 0xFF
     return bytes(spoilt)

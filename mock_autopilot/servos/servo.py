@@ -1,6 +1,6 @@
-"""One servo: its control table, its motor, its protection; what both kinds have in common. Pure.
+"""One servo: control table, motor and protection, as far as both kinds share them. Pure.
 
-What an XM430 and an AX-12A do differently is in servo_xm and servo_ax. The manuals do not say how long an overload may
+The differences of XM430 and AX-12A are in xm.py and ax.py. The manuals do not say how long an overload may
 last; here it is a second at nearly all the torque the limits leave.
 """
 
@@ -12,9 +12,9 @@ from mock_autopilot.servos.motor import Motor, MotorSpec
 
 OVERLOAD_AFTER_S = 1.0
 OVERLOAD_SHARE = 0.95
-"""Of the torque that voltage and limits leave."""
+"""Share of the torque that voltage and limits leave."""
 RESTART_S = 0.5
-"""A servo that restarts is silent for so long; not in the manuals."""
+"""Silence of a servo that restarts; not in the manuals."""
 SELF_WARMING_C = 5.0
 """A servo with power is a little warmer than the room."""
 
@@ -31,12 +31,12 @@ class Servo:
         self.voltage_v, self.ambient_c = voltage_v, ambient_c + SELF_WARMING_C
         self.temperature_c = self.ambient_c
         self.registered: tuple[int, bytes] | None = None
-        """What a Reg Write left for the next Action."""
+        """The write that a Reg Write stored for the next Action."""
         self.overloaded = self.overheated = False
         """Faults from outside: more load than it can carry, more heat than it may have."""
         self.restarts_until_s = -math.inf
         self.heard_s = 0.0
-        """When the last instruction for it came."""
+        """Time of the last instruction for it."""
         self._strain_s = 0.0
         self._set_up()
         self._forget()
@@ -58,41 +58,41 @@ class Servo:
 
     @property
     def baud(self) -> int | None:
-        """Bits/s it listens at."""
+        """Return its baud rate, bits/s; None for an invalid register."""
         return self.model.baud_of(self.table.get("baud_rate"))
 
     @property
     def protocol(self) -> int:
-        """Protocol version that it understands."""
+        """Return its protocol version, 1 or 2."""
         return self.model.protocol
 
     @property
     def secondary_id(self) -> int | None:
-        """Another ID at which it obeys without an answer; None while it has none."""
+        """Return another ID at which it acts without an answer; None while it has none."""
         return None
 
     @property
     def return_delay_s(self) -> float:
-        """From the end of an instruction to its answer."""
+        """Return the time from the end of an instruction to its answer."""
         return self.table.get("return_delay_time") * self.model.return_delay_unit_us * 1e-6
 
     @property
     def torque_on(self) -> bool:
-        """Its Torque Enable."""
+        """Return whether its Torque Enable is set."""
         return self.table.get("torque_enable") != 0
 
     @property
     def error(self) -> int:
-        """The error byte of an answer when the instruction itself is all right."""
+        """Return the error byte of an answer to a valid instruction."""
         raise NotImplementedError
 
     def read(self, address: int, size: int) -> bytes | Refusal:
-        """Bytes from its table, present values fresh."""
+        """Return bytes from its table with up-to-date present values, or the refusal."""
         self.refresh()
         return self.table.read(address, size)
 
     def write(self, address: int, data: bytes) -> Refusal | None:
-        """Write to its table and act on it; the reason when it does not."""
+        """Write to its table and act on it; return the refusal, if any."""
         values = self.table.values_of(address, data)
         if isinstance(values, Refusal):
             return values
@@ -106,7 +106,7 @@ class Servo:
         return refusal
 
     def refuses(self, wanted: dict[str, int], eeprom: bool) -> Refusal | None:
-        """Why these values may not be written now."""
+        """Return the refusal of these values, or None if they may be written now."""
         raise NotImplementedError
 
     def obey(self, written: dict[str, int]) -> None:
@@ -118,7 +118,7 @@ class Servo:
         raise NotImplementedError
 
     def restart(self, time_s: float) -> None:
-        """As after power-on, silent for a while."""
+        """Reset to the state after power-on, silent for RESTART_S."""
         self.restarts_until_s = time_s + RESTART_S
         self._forget()
 
@@ -129,11 +129,11 @@ class Servo:
         self.motor.power(on=False)
 
     def raw_position(self) -> int:
-        """Present angle in the units of the registers."""
+        """Return the present angle in the units of the registers."""
         return round(self.motor.angle_rad / self.model.position_unit_rad)
 
     def tend(self, dt_s: float, time_s: float) -> None:
-        """What need not happen at every step: temperature, strain, protection."""
+        """Update temperature, strain and protection, which need not happen at every step."""
         motor, spec = self.motor, self.motor.spec
         share = motor.heat_nm2s / dt_s / spec.stall_nm**2
         motor.heat_nm2s = 0.0
@@ -144,7 +144,7 @@ class Servo:
         self.protect(time_s)
 
     def protect(self, time_s: float) -> None:
-        """Notice errors and switch off when they are among those that shut down."""
+        """Set the error bits, and switch the torque off for those that Shutdown contains."""
         raise NotImplementedError
 
     def _overload_seen(self) -> bool:
@@ -159,11 +159,11 @@ class Servo:
 
     @property
     def felt_temperature_c(self) -> float:
-        """What its sensor says."""
+        """Return the temperature that its sensor measures."""
         hot = self.table.get("temperature_limit") + 5.0
         return max(self.temperature_c, hot) if self.overheated else self.temperature_c
 
     @property
     def raw_temperature(self) -> int:
-        """What its register holds, degrees C."""
+        """Return the value of its temperature register, degrees C."""
         return min(max(round(self.felt_temperature_c), 0), 255)

@@ -1,4 +1,4 @@
-"""The servo bus without a vehicle: its servos live by the wall clock, with no load but what you set."""
+"""The servo bus without a vehicle: its servos follow the wall clock, with no load but `load_nm`."""
 
 import asyncio
 import contextlib
@@ -10,7 +10,7 @@ from mock_autopilot.servos.config import DynamixelConfig
 STEP_S = 0.002
 """Physics at 500 Hz of simulated time."""
 LONGEST_CATCH_UP_S = 1.0
-"""After a longer pause simulated time has simply stood still."""
+"""After a longer pause simulated time skips the pause."""
 
 
 class StandaloneBus:
@@ -19,14 +19,14 @@ class StandaloneBus:
     def __init__(self, config: DynamixelConfig | None = None) -> None:
         self.bus = ServoBus(config or DynamixelConfig(), self.catch_up)
         self.load_nm: tuple[float, ...] = (0.0,) * len(self.bus.servos.servos)
-        """One for each servo, positive towards greater angles."""
+        """Load on each servo, positive towards greater angles."""
         self._boot_s = 0.0
         self._steps = 0
         self._running: asyncio.Task[None] | None = None
 
     @property
     def path(self) -> str:
-        """What the host opens."""
+        """Return the path that the host opens."""
         return self.bus.path
 
     async def __aenter__(self) -> "StandaloneBus":

@@ -24,9 +24,9 @@ PROFILE_ACCEL_UNIT_RADPS2 = 214.577 * 2.0 * math.pi / 3600.0
 WATCHDOG_UNIT_S = 0.02
 WATCHDOG_BIT = -1
 MOST_HOMING_OFFSET = 1024
-"""Of position control; others are ignored there, e-manual, "Homing Offset(20)"."""
+"""Homing offsets in position control; others are ignored there, e-manual, "Homing Offset(20)"."""
 STARTUP_TORQUE_ON = 0x01
-"""Of Startup Configuration."""
+"""Bits of Startup Configuration."""
 _LAST_ID = 252
 
 _LIVE_AT = 120
@@ -38,7 +38,7 @@ _POSITION_MODES = frozenset({3, 4, 5})
 
 
 class XmServo(Servo):
-    """XM430-W350 and XM430-W210."""
+    """An XM430-W350 or XM430-W210 servo."""
 
     def __init__(self, config: ServoConfig, voltage_v: float, ambient_c: float) -> None:
         self.latched = 0
@@ -61,12 +61,12 @@ class XmServo(Servo):
 
     @property
     def protocol(self) -> int:
-        """Its Protocol Type."""
+        """Return the protocol of its Protocol Type register."""
         return self.table.get("protocol_type")
 
     @property
     def secondary_id(self) -> int | None:
-        """Its Secondary ID; None from 253 on, which switch it off."""
+        """Return its Secondary ID; None from 253 on, which switch it off."""
         value = self.table.get("secondary_id")
         return value if value <= _LAST_ID and value != self.id else None
 
@@ -77,7 +77,7 @@ class XmServo(Servo):
 
     @property
     def error(self) -> int:
-        """The alert bit while anything is in Hardware Error Status."""
+        """Return the alert bit while Hardware Error Status is not zero."""
         return ALERT if self._hardware_error else 0
 
     @property
@@ -85,18 +85,18 @@ class XmServo(Servo):
         return self.table.get("operating_mode")
 
     def raw_position(self) -> int:
-        """Present angle in pulses, homing offset included."""
+        """Return the present angle in pulses, homing offset included."""
         return super().raw_position() + self._homing_offset
 
     def read(self, address: int, size: int) -> bytes | Refusal:
-        """Bytes from its table; indirect data come from where their addresses point."""
+        """Return bytes from its table; indirect data come from the addresses they point to."""
         plain = super().read(address, size)
         if isinstance(plain, Refusal) or not self._is_indirect(address, size):
             return plain
         return bytes(self.table.bytes[self._place(at)] for at in range(address, address + size))
 
     def write(self, address: int, data: bytes) -> Refusal | None:
-        """Write to its table; indirect data go to where their addresses point."""
+        """Write to its table; indirect data go to the addresses they point to."""
         if not self._is_indirect(address, len(data)):
             return super().write(address, data)
         runs: list[tuple[int, bytearray]] = []
@@ -121,7 +121,7 @@ class XmServo(Servo):
         return target if target < self.model.size else address
 
     def refuses(self, wanted: dict[str, int], eeprom: bool) -> Refusal | None:
-        """EEPROM is locked while torque is on; goals keep the limits of other registers."""
+        """Return the refusal: EEPROM is locked while torque is on, goals must keep other registers' limits."""
         if eeprom and self.torque_on:
             return Refusal.LOCKED
         if _GOALS & wanted.keys() and self.table.get("bus_watchdog") == WATCHDOG_BIT:
@@ -144,7 +144,7 @@ class XmServo(Servo):
         )
 
     def obey(self, written: dict[str, int]) -> None:
-        """Adjust the motor, then let it go where it is to go."""
+        """Adjust the motor to the registers, then set its goal."""
         self._adjust()
         if "goal_position" in written or "torque_enable" in written:
             goal = self.table.get("goal_position") - self._homing_offset
@@ -163,7 +163,7 @@ class XmServo(Servo):
         motor.profile_accel_radps2 = accel * PROFILE_ACCEL_UNIT_RADPS2 if accel else math.inf
 
     def tend(self, dt_s: float, time_s: float) -> None:
-        """Mind the bus watchdog as well."""
+        """Update temperature and protection, and the bus watchdog."""
         self._time_s = time_s
         watchdog = self.table.get("bus_watchdog")
         if watchdog > 0 and self.torque_on and time_s - self.heard_s > watchdog * WATCHDOG_UNIT_S:
@@ -187,7 +187,7 @@ class XmServo(Servo):
             self.motor.power(on=False)
 
     def refresh(self) -> None:
-        """Registers 69, 70 and 120 to 146."""
+        """Update registers 69, 70 and 120 to 146 with the present values."""
         table, motor, model = self.table, self.motor, self.model
         table.put("registered_instruction", int(self.registered is not None))
         table.put("hardware_error_status", self._hardware_error)

@@ -134,7 +134,7 @@ def test_scripted_and_ordered_faults_happen_and_are_told_on_this_machines_clock(
         assert 'mocap cannot be "stuk"' in mock.process.stderr.readline()
         mock.process.stdin.write("carry 1 2\n")
         mock.process.stdin.flush()
-        assert "carry wants NORTH EAST DOWN" in mock.process.stderr.readline()
+        assert "it takes NORTH EAST DOWN" in mock.process.stderr.readline()
         mock.process.send_signal(signal.SIGTERM)
         assert mock.process.stdout.readline() == "fault never began: mocap stuck landing for 2 s\n"
         client.close()

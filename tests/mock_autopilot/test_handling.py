@@ -31,11 +31,11 @@ def test_an_armed_vehicle_is_not_carried_and_a_carried_one_is_let_go_when_armed(
     bench.run(1.0)
     bench.fly_offboard(1.0)
     assert bench.world.truth.position_ned_m[2] < -0.9, "no hand holds it any more"
-    with pytest.raises(ValueError, match="it is armed"):
+    with pytest.raises(ValueError, match="the vehicle is armed"):
         bench.world.carry((0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("where", [(0.0, 1.0), (0.0, 1.0, np.nan)])
 def test_no_place_is_refused(where: tuple[float, ...]) -> None:
-    with pytest.raises(ValueError, match="carry wants NORTH EAST DOWN"):
+    with pytest.raises(ValueError, match="it takes NORTH EAST DOWN"):
         Bench().world.carry(where)
