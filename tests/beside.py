@@ -17,7 +17,7 @@ Test = Callable[[], Awaitable[None]]
 
 
 class Beside:
-    """Those of one module."""
+    """The tests of one module that run side by side."""
 
     def __init__(self, at_once: int) -> None:
         self._at_once = at_once
@@ -25,7 +25,7 @@ class Beside:
         self._ends: dict[str, BaseException | None] = {}
 
     def __call__(self, test: Test) -> Callable[[pytest.FixtureRequest], Awaitable[None]]:
-        """Decorate one of them."""
+        """Register a test function of this module; return it unchanged."""
         name = test.__name__
         self._tests[name] = test
 

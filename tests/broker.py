@@ -18,7 +18,7 @@ _PATIENCE_S = 15.0
 
 
 class BrokerProcess:
-    """Begun by `broker`; always on the same port."""
+    """A broker started by `broker`; always on the same port."""
 
     def __init__(self) -> None:
         self.port: int = free_port()
@@ -39,19 +39,19 @@ class BrokerProcess:
                 return
 
     def stop(self) -> None:
-        """As when its computer is switched off, except that the sockets are closed."""
+        """Kill the broker, as when its computer is switched off, except that the sockets are closed."""
         if self._process is not None:
             self._process.kill()
             self._process.join()
             self._process = None
 
     def hang(self) -> None:
-        """Its sockets stay open and nobody answers."""
+        """Stop the broker without closing its sockets, so that it does not answer."""
         assert self._process is not None
         _send(self._process, signal.SIGSTOP)
 
     def go_on(self) -> None:
-        """After `hang`."""
+        """Let the broker continue after `hang`."""
         assert self._process is not None
         _send(self._process, signal.SIGCONT)
 
@@ -73,7 +73,7 @@ def broker() -> Iterator[BrokerProcess]:
 
 
 async def serve(port: int) -> None:
-    """Until killed."""
+    """Run the broker until the process is killed."""
     await EmbeddedBroker("127.0.0.1", port).start()
     await asyncio.Event().wait()
 

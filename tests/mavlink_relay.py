@@ -25,7 +25,7 @@ class Passed:
 
     @property
     def kind(self) -> str:
-        """Its name in MAVLink."""
+        """Return the message's name in MAVLink."""
         return str(self.message.get_type())
 
 
@@ -41,18 +41,18 @@ class Relay:
         self._towards_client.bind(("127.0.0.1", 0))
         self._codec = mavlink.MAVLink(None)
         self.cut = False
-        """Nothing is passed on any more, but still written down."""
+        """Stop passing frames on; they are still recorded."""
         self.from_client: list[Passed] = []
         self.from_autopilot: list[Passed] = []
         """HEARTBEAT, CURRENT_MODE and STATUSTEXT only."""
 
     @property
     def url(self) -> str:
-        """The client's, for MAVSDK."""
+        """Return the URL at which MAVSDK connects to the relay."""
         return f"udpin://127.0.0.1:{self._client_port}"
 
     def setpoints_s(self) -> list[float]:
-        """When attitude setpoints came from the client."""
+        """Return the times at which attitude setpoints came from the client."""
         return [passed.time_s for passed in self.from_client if passed.kind == "SET_ATTITUDE_TARGET"]
 
     def __enter__(self) -> "Relay":
@@ -88,7 +88,7 @@ _NOTED = {0, 253, 436}
 
 
 def _number(payload: bytes) -> int:
-    """Of the message that a MAVLink 2 frame holds; PX4 sends one a datagram."""
+    """Return the message id of a MAVLink 2 frame; PX4 sends one frame a datagram."""
     return int.from_bytes(payload[7:10], "little")
 
 
@@ -100,7 +100,7 @@ def _stamping_socket() -> socket.socket:
 
 
 def _waiting(end: socket.socket) -> list[tuple[float, bytes]]:
-    """All datagrams that wait, and when each arrived."""
+    """Return all waiting datagrams and their times of arrival."""
     found: list[tuple[float, bytes]] = []
     while True:
         try:

@@ -46,7 +46,7 @@ class Mosquitto:
                 time.sleep(0.02)
 
     def stop(self) -> None:
-        """As when its computer is switched off, except that the sockets are closed."""
+        """Kill the broker, as when its computer is switched off, except that the sockets are closed."""
         if self._process is not None:
             self._process.kill()
             self._process.wait()
@@ -55,7 +55,7 @@ class Mosquitto:
 
 @contextmanager
 def mosquitto(folder: Path, *lines: str) -> Iterator[int]:
-    """Its port, once it accepts connections; `lines` go below the listener's, in `folder`."""
+    """Run a broker; yield its port once it accepts connections. `lines` are added to its configuration in `folder`."""
     port = free_port()
     config = folder / "mosquitto.conf"
     config.write_text("\n".join(["per_listener_settings false", f"listener {port} 127.0.0.1", *lines, ""]))
@@ -76,20 +76,20 @@ class Lab:
 
     @property
     def ca_file(self) -> Path:
-        """Who signed the broker's certificate."""
+        """Return the certificate of the authority that signed the broker's."""
         return self.folder / "certs" / "ca.crt"
 
     @property
     def log(self) -> str:
-        """What the broker has said."""
+        """Return the broker's log so far."""
         return (self.folder / "log").read_text(errors="replace")
 
     def password_file(self, user: str) -> Path:
-        """That user's."""
+        """Return the path of a user's password file."""
         return self.folder / f"password-{user}"
 
     def place(self, user: str, vehicle: str = "dauam-1") -> OperatorConfig:
-        """The [operator] table."""
+        """Return the [operator] table for a user and a vehicle."""
         return OperatorConfig(
             host=self.broker.host,
             port=self.broker.port,
@@ -103,7 +103,7 @@ class Lab:
 
 @contextmanager
 def lab(folder: Path) -> Iterator[Lab]:
-    """config/mosquitto/ as it stands; only paths and the port are the test's."""
+    """Run a broker with the files of config/mosquitto/; only paths and the port are the test's."""
     make_certificates(folder / "certs", FAR)
     (folder / "dauam.passwd").touch(0o600)
     program = find_program("mosquitto_passwd")
@@ -131,7 +131,7 @@ def lab(folder: Path) -> Iterator[Lab]:
 
 
 def make_certificates(folder: Path, *names: str) -> None:
-    """config/mosquitto/make-certificates.sh."""
+    """Run config/mosquitto/make-certificates.sh in a folder of the test."""
     script = EXAMPLES / "make-certificates.sh"
     made = subprocess.run([script, folder, *names], capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stdout + made.stderr

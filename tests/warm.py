@@ -61,7 +61,7 @@ def _end_all() -> None:
 def _become(
     module: str, words: tuple[str, ...], streams: tuple[Any, ...], environment: dict[str, str], folder: str, new: bool
 ) -> None:
-    """In the new process: be that program."""
+    """Run the program in the forked process, with its streams, environment and folder."""
     if new:
         os.setsid()
     for number, stream in enumerate(streams):
@@ -81,12 +81,12 @@ def _become(
 
 
 def _written(number: int) -> IO[str]:
-    """As with PYTHONUNBUFFERED."""
+    """Open a text stream without buffering, as with PYTHONUNBUFFERED."""
     return io.TextIOWrapper(io.FileIO(number, "w", closefd=False), encoding="utf-8", write_through=True)
 
 
 def run(module: str, *words: str) -> subprocess.CompletedProcess[str]:
-    """`python -m MODULE WORDS` to its end, and what it said."""
+    """Run `python -m MODULE WORDS` to its end; return exit code and output."""
     with (
         TemporaryFile("w+", encoding="utf-8") as out,
         TemporaryFile("w+", encoding="utf-8") as err,
@@ -102,7 +102,7 @@ def run(module: str, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 class Warm(asyncio.subprocess.Process):
-    """What asyncio.create_subprocess_exec gives, of a process that was begun here."""
+    """A process that was started here, with the interface of asyncio.subprocess.Process."""
 
     def __init__(self, begun: Begun) -> None:
         assert begun.pid is not None
@@ -111,24 +111,24 @@ class Warm(asyncio.subprocess.Process):
 
     @property
     def returncode(self) -> int | None:
-        """None while it runs."""
+        """Return the exit code; None while it runs."""
         return self._begun.exitcode
 
     def send_signal(self, signal: int) -> None:
-        """To it alone."""
+        """Send a signal to the process, not to its group."""
         if self.returncode is None:
             os.kill(self.pid, signal)
 
     def terminate(self) -> None:
-        """Ask it to end."""
+        """Send SIGTERM to the process."""
         self.send_signal(signal.SIGTERM)
 
     def kill(self) -> None:
-        """At once."""
+        """Send SIGKILL to the process."""
         self.send_signal(signal.SIGKILL)
 
     async def wait(self) -> int:
-        """Its exit code, once it has ended."""
+        """Wait for the end of the process; return its exit code."""
         loop, ended = asyncio.get_running_loop(), asyncio.Event()
         seen = os.dup(self._begun.sentinel)  # others may wait as well
         loop.add_reader(seen, ended.set)
@@ -144,7 +144,7 @@ class Warm(asyncio.subprocess.Process):
         return self.returncode
 
     async def communicate(self, input: bytes | bytearray | memoryview | None = None) -> tuple[bytes, bytes]:  # noqa: A002 - as asyncio has it
-        """All that it says from now on, on both streams."""
+        """Write `input`, wait for the end, and return the rest of both output streams."""
         if self.stdin is not None:
             self.stdin.write(input or b"")
             self.stdin.close()
@@ -158,7 +158,7 @@ async def _rest_of(stream: asyncio.StreamReader | None) -> bytes:
 
 
 class Piped:
-    """What subprocess.Popen gives with three pipes of text, of `python -m MODULE WORDS`; for programs of few words."""
+    """`python -m MODULE WORDS` with the interface of subprocess.Popen with three text pipes, for short outputs."""
 
     def __init__(self, module: str, *words: str) -> None:
         pipes = [os.pipe() for _ in range(3)]
@@ -172,23 +172,23 @@ class Piped:
 
     @property
     def returncode(self) -> int | None:
-        """None while it runs."""
+        """Return the exit code; None while it runs."""
         return self._begun.exitcode
 
     def send_signal(self, number: int) -> None:
-        """To it alone."""
+        """Send a signal to the process, not to its group."""
         if self.returncode is None:
             os.kill(self.pid, number)
 
     def wait(self, timeout: float) -> int:
-        """Its exit code; TimeoutError when it does not end."""
+        """Wait for the end of the process; return its exit code. Raise TimeoutError when it does not end."""
         self._begun.join(timeout)
         if self.returncode is None:
             raise TimeoutError(f"{self._begun} does not end")
         return self.returncode
 
     def communicate(self, timeout: float) -> tuple[str, str]:
-        """All that is left of what it said, once it has ended; its standard input ends now."""
+        """Close standard input, wait for the end, and return the rest of both output streams."""
         with self.stdin, self.stdout, self.stderr:
             self.stdin.close()
             self.wait(timeout)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.realtime  # a lock is the whole machine's: not beside t
 URL = f"udpin://0.0.0.0:{20000 + os.getpid() % 20000}"
 HOLD = """
 import sys
-from companion.adapters.instance_lock import instance_lock
+from companion.adapters.system.instance_lock import instance_lock
 with instance_lock(sys.argv[1]):
     print("holding", flush=True)
     sys.stdin.read()

@@ -31,13 +31,13 @@ from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.qtm.camera import Camera
 from mock_autopilot.qtm.config import QualisysConfig
-from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import PERFECT, Bench
+from tests.watchdog_timer import NoWatchdogTimer
 
 PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
 """The demo's: what a vehicle in that room has set."""
@@ -252,7 +252,7 @@ async def fly(
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
     cameras = SimulatedMocap(room, every_tick)
     cameras.lost_at_s = mocap_lost_at_s
-    loop = FlightLoop(Devices(cameras, autopilot, room, NoDeadMan(), bus), law, config, sink)
+    loop = FlightLoop(Devices(cameras, autopilot, room, NoWatchdogTimer(), bus), law, config, sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")

@@ -29,12 +29,12 @@ from companion.records.recorder import Recorder
 from companion.service.vehicle_service import FlightActions, open_service
 from companion.supervisor.flight_state import Phase, TakeoffRequest
 from mock_autopilot.servos.config import Fault
-from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_arms import mock_arms, play, swing, torque
 from tests.flights.test_simulated_flights import ARM, DOWN, ask, until, wait
 from tests.warm import mock_process
+from tests.watchdog_timer import NoWatchdogTimer
 
 pytestmark = pytest.mark.slow
 
@@ -130,7 +130,7 @@ async def stack() -> AsyncIterator[Stack]:
     recorder = Recorder()
     async with (
         mock_process(ROOT / "config" / "mock.toml", 1, ports) as mocks,
-        open_service(config, law, recorder, NoDeadMan()) as service,
+        open_service(config, law, recorder, NoWatchdogTimer()) as service,
     ):
         yield Stack(service, mocks, config, recorder)
 

@@ -21,7 +21,7 @@ NAN = math.nan
 NO_GPS: dict[str, float] = {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "EKF2_MAG_TYPE": 5}
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 PERFECT: dict[str, Any] = {"attitude_error_rad": 0.0}
-"""An estimator without errors: what is told of modes, setpoints and the airframe is not to depend on a draw."""
+"""An estimator without errors: reports of modes, setpoints and the airframe shall not depend on a random draw."""
 IMPERFECT: dict[str, Any] = {}
 """The product's own: horizon, position and height err as recorded from PX4, drawn with the seed."""
 SIH_PLANT: dict[str, Any] = {
@@ -44,7 +44,7 @@ class Sent:
 
     @property
     def type(self) -> str:
-        """MAVLink name."""
+        """Return the message's name in MAVLink."""
         return str(self.message.get_type())
 
 
@@ -115,7 +115,7 @@ class Bench:
     # -- time ------------------------------------------------------------------------------------
 
     def run(self, for_s: float) -> None:
-        """Let simulated time pass, streaming whatever is switched on."""
+        """Advance simulated time, streaming setpoints and poses that are switched on."""
         for _ in range(round(for_s / TICK_S)):
             self._stream()
             self._ticks += 1
@@ -140,7 +140,7 @@ class Bench:
     # -- what the client says --------------------------------------------------------------------
 
     def hear(self, message: Any, system: int = 245) -> None:
-        """The autopilot hears one message of ours."""
+        """Deliver one message to the autopilot."""
         self.client.srcSystem = system
         self.link.handle(bytes(message.pack(self.client)))
 
@@ -202,10 +202,10 @@ class Bench:
         return [(at, text.rstrip("\t")) for at, text in out if not text.startswith("[logger]")]
 
     def text_after(self, text: str, since_s: float) -> float:
-        """Seconds from `since_s` to the first such text; infinite when there was none."""
+        """Return the seconds from `since_s` to the first such text; infinite when there was none."""
         return next((at - since_s for at, said in self.texts(since_s) if text in said), math.inf)
 
     def heartbeat(self) -> tuple[int, int, int]:
-        """base_mode, custom_mode, system_status as a HEARTBEAT would show them now."""
+        """Return base_mode, custom_mode and system_status as a HEARTBEAT would show them now."""
         vehicle = self.world.vehicle
         return (vehicle.base_mode, vehicle.mode.custom_mode, int(vehicle.system_status))

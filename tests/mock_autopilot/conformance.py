@@ -94,12 +94,12 @@ A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
 
 
 def measure() -> list[tuple[Fact, Value]]:
-    """Every fact with the mock's value."""
+    """Return every fact with the mock's value."""
     return [(fact, fact.measure()) for fact in FACTS]
 
 
 def document(measured: list[tuple[Fact, Value]]) -> str:
-    """The page."""
+    """Return the whole text of docs/px4-conformance.md."""
     lines = [HEAD.format(count=sum(fact.section != "n" for fact, _ in measured))]
     for key, title in SECTIONS.items():
         rows = [(fact, value) for fact, value in measured if fact.section == key]

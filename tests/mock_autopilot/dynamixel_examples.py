@@ -21,17 +21,17 @@ class Example:
 
     @property
     def request_bytes(self) -> bytes:
-        """What the host sends."""
+        """Return the host's packet as bytes."""
         return bytes.fromhex(self.request)
 
     @property
     def param_bytes(self) -> bytes:
-        """Its parameters."""
+        """Return the parameters of the host's packet."""
         return bytes.fromhex(self.params)
 
     @property
     def answer_bytes(self) -> list[bytes]:
-        """What the servos send, in order."""
+        """Return the servos' packets in order."""
         return [bytes.fromhex(answer) for answer in self.answers]
 
 

@@ -58,7 +58,7 @@ async def powered(config: DynamixelConfig | None = None) -> AsyncIterator[Standa
 
 
 async def talk(bus: StandaloneBus, what: Callable[[Host], Result], baud: int = 1_000_000) -> Result:
-    """Let the SDK do something in a worker thread, while the bus goes on here."""
+    """Call the SDK in a worker thread, while the bus runs on this loop."""
 
     def work() -> Result:
         with opened(bus.path, baud) as host:
@@ -68,7 +68,7 @@ async def talk(bus: StandaloneBus, what: Callable[[Host], Result], baud: int = 1
 
 
 async def within(bus: StandaloneBus, what: Callable[[Host], bool], for_s: float = 10.0) -> bool:
-    """Ask again until it is so."""
+    """Ask the bus again until the condition holds; return False after `for_s`."""
 
     def patiently(host: Host) -> bool:
         end_s = time.monotonic() + for_s

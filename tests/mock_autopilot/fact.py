@@ -8,7 +8,7 @@ Value = float | str
 
 @dataclass(frozen=True)
 class Fact:
-    """PX4's value and what of the mock's is accepted: a range for numbers, the same words for words."""
+    """PX4's value and the accepted values of the mock: a range for numbers, the same text for texts."""
 
     id: str
     what: str
@@ -29,7 +29,7 @@ class Fact:
         return self.accepted[0] <= value <= self.accepted[1]
 
     def show(self, value: Value) -> str:
-        """As it stands in the table."""
+        """Return the value as the table shows it."""
         return value if isinstance(value, str) else f"{value:.2f} {self.unit}".strip()
 
     @property
@@ -40,7 +40,7 @@ class Fact:
 
 
 def same(id_: str, what: str, px4: str, measure: Callable[[], str], source: str = "") -> Fact:
-    """The mock must say exactly what PX4 said."""
+    """Return a fact whose text must be exactly PX4's."""
     return Fact(id_, what, px4, measure, source=source)
 
 
@@ -53,7 +53,7 @@ def near(
     unit: str = "s",
     source: str = "",
 ) -> Fact:
-    """The mock's number must fall into the range."""
+    """Return a fact whose number must be in the accepted range."""
     return Fact(id_, what, px4, measure, accepted, unit, source)
 
 
@@ -61,11 +61,11 @@ NAMES = {0: "ACCEPTED", 1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED"
 
 
 def acks(results: list[int]) -> str:
-    """Results of COMMAND_ACKs in words."""
+    """Return the names of COMMAND_ACKs' results."""
     return ", ".join(NAMES[int(result)] for result in results) or "no ACK"
 
 
 def state(heartbeat: tuple[int, int, int]) -> str:
-    """base_mode, main/sub mode and system_status."""
+    """Return base_mode, main and sub mode and system_status of a HEARTBEAT as text."""
     base, custom, status = heartbeat
     return f"{base}, {custom >> 16 & 0xFF}/{custom >> 24 & 0xFF}, {status}"

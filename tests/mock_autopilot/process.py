@@ -13,7 +13,7 @@ from tests.warm import Piped
 
 
 def free_udp_port() -> int:
-    """A UDP port nobody uses at the moment."""
+    """Return a UDP port that is free at the moment."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -68,7 +68,7 @@ class Client:
         return list(parser.parse_buffer(self.socket.recv(2048)) or [])
 
     def wait_for(self, type_: str, at_most: int = 3000) -> Any:
-        """The next message of that type, looking at no more than so many."""
+        """Return the next message of that type, from a limited number of messages."""
         for _ in range(at_most):
             for message in self.receive():
                 if message.get_type() == type_:

@@ -12,7 +12,7 @@ CONFIG = DynamixelConfig(servos=(ServoConfig(id=XM), ServoConfig(id=AX, model="A
 
 
 def run(rack: ServoRack, for_s: float, load_nm: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Let time pass."""
+    """Advance the servos' time in steps of STEP_S."""
     for _ in range(round(for_s / STEP_S)):
         rack.step(STEP_S, load_nm)
 
@@ -32,6 +32,6 @@ def read(servo: Servo, name: str) -> int:
 
 
 def pings(rack: ServoRack, servo_id: int) -> int:
-    """How many answers a ping gets."""
+    """Return the number of answers to a ping."""
     protocol = rack.servo(servo_id).model.protocol
     return len(rack.answer(Packet(protocol, servo_id, Instruction.PING, b"")))

@@ -17,7 +17,7 @@ COLUMNS = ("moment", "momentum", "force", "torque")
 
 
 def _goals() -> np.ndarray:
-    """From the stowed pose, all joints of both arms differently, the claws too; (m, 8)."""
+    """Return goals (m, 8) from the stowed pose on: all joints of both arms differently, the claws too."""
     time_s = np.arange(round(DURATION_S / PERIOD_S))[:, None] * PERIOD_S
     stowed = np.array([servo.start_position_rad or 0.0 for servo in CONFIG.arms.bus.servos]) - CONFIG.arms.zero_rad
     swing = np.array([0.4, -0.5, 0.3, 0.2, 0.3, -0.6, 0.2, 0.1])

@@ -1,4 +1,4 @@
-"""What moving arms do to the simulated vehicle, against differences of momentum and what a scale would show."""
+"""Reaction of moving arms on the simulated vehicle, against differences of momentum and a scale's reading."""
 
 import math
 from dataclasses import fields, replace
@@ -81,7 +81,7 @@ def three(values: np.ndarray) -> Three:
 
 
 class Scripted:
-    """Servos that move as a function of time says."""
+    """Servos whose angles are a function of time."""
 
     def __init__(self, motion: JointState) -> None:
         self._start, self._now_s = motion, 0.0

@@ -29,7 +29,7 @@ def drawn(params: AttitudeErrorParams, vehicles: int, count: int) -> Array:
 
 
 def correlation(series: Array, lag: int) -> float:
-    """Of each row with the one `lag` rows later, about zero."""
+    """Return the correlation of each row with the one `lag` rows later, about zero."""
     return float((series[lag:] * series[:-lag]).mean() / (series**2).mean())
 
 

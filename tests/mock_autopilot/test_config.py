@@ -1,4 +1,4 @@
-"""What can be configured, and what a wrong configuration is answered with."""
+"""The mock's configuration, and the messages for wrong ones."""
 
 from pathlib import Path
 

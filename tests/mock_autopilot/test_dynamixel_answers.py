@@ -1,4 +1,4 @@
-"""What the servos answer, without a port: the manuals' examples byte for byte, errors, and who keeps silent."""
+"""Answers of the servos, without a port: the manuals' examples byte for byte, errors, and silent servos."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What a user may say of the servo bus, and what is said to a mistake."""
+"""Configuration of the servo bus, and the messages for mistakes."""
 
 import math
 from typing import Any

@@ -29,7 +29,7 @@ def linked(link: Path) -> ServoBus:
 
 
 def target(link: Path) -> Path | None:
-    """Where the link leads; None when there is none."""
+    """Return the link's target; None when there is none."""
     return link.readlink() if link.is_symlink() else None
 
 
@@ -46,7 +46,7 @@ async def eventually(so: Callable[[], bool]) -> bool:
 
 
 async def answer_to(path: str, request: bytes, size: int) -> bytes:
-    """What a host reads back after it has written, without any settings of its own."""
+    """Return the bytes that a host reads after it has written, with default terminal settings."""
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
     try:
         os.write(fd, request)
@@ -108,8 +108,8 @@ async def test_a_link_of_a_living_bus_is_in_use_and_stays_untouched(link: Path) 
 async def test_a_link_left_behind_by_a_killed_process_is_replaced(link: Path) -> None:
     code = f"""
 import asyncio, os, signal
-from mock_autopilot.dynamixel import ServoBus
-from mock_autopilot.dynamixel_config import DynamixelConfig
+from mock_autopilot.servos.bus import ServoBus
+from mock_autopilot.servos.config import DynamixelConfig
 async def main():
     ServoBus(DynamixelConfig(link={str(link)!r})).open()
     os.kill(os.getpid(), signal.SIGKILL)

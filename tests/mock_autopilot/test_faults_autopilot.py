@@ -1,4 +1,4 @@
-"""What the autopilot's faults do to the vehicle and to what it says."""
+"""Effects of the autopilot's faults on the vehicle and on its messages."""
 
 import numpy as np
 import pytest
@@ -48,7 +48,7 @@ def test_without_power_the_motors_stop_and_nothing_is_said_or_heard(hovering: Be
     assert _height_m(bench) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_rebooted_autopilot_begins_anew(hovering: Bench) -> None:
+def test_a_rebooted_autopilot_starts_again(hovering: Bench) -> None:
     asked = hovering.again()
     assert asked.command(511, 436, 50_000) == [0]
     bench = _with(asked, "autopilot wrong (reboot)", 6.0)
@@ -59,7 +59,7 @@ def test_a_rebooted_autopilot_begins_anew(hovering: Bench) -> None:
     assert beats[0].time_s == pytest.approx(back_s + 1.0, abs=0.02), "the first second it boots"
     assert not beats[0].message.base_mode & 128
     boot_s = bench.all("ATTITUDE", back_s)[0].message.time_boot_ms / 1e3
-    assert boot_s == pytest.approx(1.0, abs=0.02), "its clock began anew"
+    assert boot_s == pytest.approx(1.0, abs=0.02), "its clock was reset"
     assert len(bench.all("CURRENT_MODE", back_s)) <= 2, "what was asked of it is forgotten"
     assert bench.world.vehicle.mode is Mode.HOLD
     assert bench.command(400, 0.0) == [Result.ACCEPTED], "it answers again"
@@ -92,7 +92,7 @@ def test_a_pilot_who_takes_over_holds_the_place_in_position_mode(hovering: Bench
     assert bench.world.vehicle.mode is Mode.OFFBOARD
 
 
-def test_without_the_fault_nobody_is_there_to_fly_it_by_hand(hovering: Bench) -> None:
+def test_without_the_fault_there_is_no_pilot_to_fly_it(hovering: Bench) -> None:
     bench = hovering.again()
     assert bench.mode(3)[-1] == Result.TEMPORARILY_REJECTED
 

@@ -1,4 +1,4 @@
-"""What the link's faults do to datagrams, in either direction."""
+"""Effects of the link's faults on datagrams, in either direction."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ BEGIN_S, END_S = 1.0, 2.0
 
 
 def _passed(sentence: str, direction: str = TO, seed: int = 1) -> list[tuple[float, bytes]]:
-    """What arrives, and when, of 300 datagrams, one every 10 ms; the fault is there from 1 s to 2 s."""
+    """Return arrival times and datagrams of 300 sent every 10 ms; the fault is active from 1 s to 2 s."""
     schedule = FaultSchedule([parse(f"{sentence} on the ground after {BEGIN_S:g} s for {END_S - BEGIN_S:g} s")])
     link = LinkFaults(schedule, np.random.default_rng(seed), direction)
     arrived = []

@@ -1,4 +1,4 @@
-"""What motion capture's faults do to frames and packets."""
+"""Effects of motion capture's faults on frames and packets."""
 
 from collections.abc import Callable
 
@@ -28,7 +28,7 @@ def _captured(number: int) -> Frame:
 
 
 def _flown(sentence: str, seed: int = 1, to_s: float = 3.0) -> list[tuple[float, Frame]]:
-    """What leaves, and when, of three seconds with a fault in the middle one."""
+    """Return times and frames that leave in three seconds, with a fault in the middle one."""
     schedule = FaultSchedule([parse(f"{sentence} on the ground after {BEGIN_S:g} s for {END_S - BEGIN_S:g} s")])
     faults = MocapFaults(schedule, np.random.default_rng(seed), RATE_HZ)
     left = []

@@ -1,4 +1,4 @@
-"""When faults are there: from lift-off, by phase, from now on."""
+"""Times at which faults are active: from lift-off, by phase, from now on."""
 
 from typing import Any
 

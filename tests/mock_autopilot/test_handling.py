@@ -1,4 +1,4 @@
-"""The mock's vehicle is carried by hand, as for the checks before a flight."""
+"""The mock's vehicle carried by hand, as for the hand test before a flight."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_an_armed_vehicle_is_not_carried_and_a_carried_one_is_let_go_when_armed(
     bench.world.carry((0.5, 0.0, 0.0))
     bench.run(1.0)
     bench.fly_offboard(1.0)
-    assert bench.world.truth.position_ned_m[2] < -0.9, "no hand holds it any more"
+    assert bench.world.truth.position_ned_m[2] < -0.9, "the hand has released it"
     with pytest.raises(ValueError, match="the vehicle is armed"):
         bench.world.carry((0.0, 0.0, 0.0))
 

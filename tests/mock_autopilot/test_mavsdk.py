@@ -49,7 +49,7 @@ class Pilot:
         self._stream = threading.Thread(target=self._streaming)
 
     def stream(self, thrust: float) -> None:
-        """From now on set_attitude at 50 Hz, level, with this thrust."""
+        """Send set_attitude at 50 Hz from now on, level, with this thrust."""
         self.thrust = thrust
         if not self._stream.is_alive():
             self._stream.start()

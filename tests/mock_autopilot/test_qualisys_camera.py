@@ -1,4 +1,4 @@
-"""When the simulated cameras look, what they see, and when it leaves; all in the truth's time."""
+"""The simulated cameras' times of capture, measurements and delays, all in simulated time."""
 
 from dataclasses import replace
 from typing import Any

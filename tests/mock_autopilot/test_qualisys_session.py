@@ -1,4 +1,4 @@
-"""What the mock answers to commands, and which frames a stream request wants."""
+"""The mock's answers to commands, and the frames that a stream request selects."""
 
 import pytest
 

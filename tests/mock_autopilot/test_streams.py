@@ -1,4 +1,4 @@
-"""What PX4 refuses to stream faster, and what it streams only when there is news (its sources, mavlink module)."""
+"""Messages that PX4 does not stream faster, or only on change (its sources, mavlink module)."""
 
 import pytest
 

@@ -21,11 +21,11 @@ from companion.service.trajectory_space import check_room_and_fence
 from companion.service.vehicle_service import FlightActions
 from companion.supervisor.flight_state import ArmRequest, KillRequest, LandRequest, Phase, Request, ResumeRequest
 from companion.trajectories.reference import Ellipse, LapTiming, Trajectory
-from tests.dead_man import NoDeadMan
 from tests.flights.simulated import Room, SimulatedMocap
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_servos import SimulatedServos
 from tests.flights.test_simulated_arms import ARMS, mock_arms
+from tests.watchdog_timer import NoWatchdogTimer
 
 BOOTED_S = 4.0
 """By then the mock's PX4 lets itself be armed."""
@@ -95,7 +95,9 @@ async def served(
         in_preflight(loop)
         return ()
 
-    loop = FlightLoop(Devices(cameras(room, count), autopilot, room, NoDeadMan(), servos), law, config, lambda _: None)
+    loop = FlightLoop(
+        Devices(cameras(room, count), autopilot, room, NoWatchdogTimer(), servos), law, config, lambda _: None
+    )
     ticking = asyncio.create_task(loop.run())
     one = Served(FlightActions(loop, autopilot, config, ticking, preflight or passed), room, autopilot)
     try:

@@ -90,8 +90,8 @@ def test_the_file_of_a_law_of_ones_own_counts(tmp_path: Path) -> None:
 _SCRIPT = """
 import sys
 from pathlib import Path
-from companion.experiments.sweep_run import run
-from tests.experiments.sweep_rig import short_sweep
+from companion.studies.sweep.sweep_run import run
+from tests.studies.sweep_rig import short_sweep
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     run(short_sweep(folder, vehicles=200), folder / "parts", 1, False, lambda _: None)

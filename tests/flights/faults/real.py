@@ -21,7 +21,6 @@ from companion.supervisor.faults import FailsafeAction, Fault
 from companion.supervisor.flight_state import FlightState, Phase
 from tests import warm
 from tests.broker import broker
-from tests.dead_man import NoDeadMan
 from tests.flights.command import ROOT
 from tests.flights.faults.judge import Result, judged
 from tests.flights.faults.rows import Row
@@ -30,6 +29,7 @@ from tests.flights.faults.watch import Flown, Told
 from tests.flights.simulated import BRISK
 from tests.flights.test_dead_man import companion, modes_after
 from tests.mavlink_relay import Relay
+from tests.watchdog_timer import NoWatchdogTimer
 
 HEIGHT_M = 0.6
 _PATIENCE_S = 20.0
@@ -120,7 +120,7 @@ class Scene:
         """The real one, in this process; no timer watches it, which would end the tests."""
         config = configured(self.relay).model_copy(update=changes)
         law = load_controller("etnn", config.vehicle_model(), 0.01).law
-        async with open_service(config, law, self.told, NoDeadMan()) as service:
+        async with open_service(config, law, self.told, NoWatchdogTimer()) as service:
             yield service
 
 

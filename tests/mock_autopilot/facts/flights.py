@@ -1,4 +1,4 @@
-"""What whole flights showed (section m): motion capture, a joystick as the pilot, a companion in OFFBOARD."""
+"""Facts from whole flights (section m): motion capture, a joystick as the pilot, a companion in OFFBOARD."""
 
 import math
 from collections.abc import Callable
@@ -55,7 +55,7 @@ def _hovering() -> FlightBench:
 
 
 def _until(bench: Bench, done: Callable[[], bool], most_s: float = 20.0, step_s: float = 0.004) -> float:
-    """Let time pass until then; how long that took, s."""
+    """Advance time until the condition holds; return the time taken, s."""
     start_s = bench.now_s
     while not done() and bench.now_s < start_s + most_s:
         bench.run(step_s)
@@ -100,7 +100,7 @@ def _mode_change() -> dict[str, float]:
 
 
 def _ack_latencies_ms() -> list[float]:
-    """Of thirty arm commands while armed, at all phases."""
+    """Return the latencies of thirty arm commands while armed, at all phases of the commander's period."""
     bench = _hovering()
     found = []
     for turn in range(30):
@@ -292,7 +292,7 @@ def _kill() -> str:
 
 @cache
 def _battery() -> dict[str, float | str]:
-    """From 16 % down to critical, at 100 % in 60 s."""
+    """Return the reports of a battery that drains from 16 % to critical, at 100 % in 60 s."""
     bench = _hovering()
     bench.world.vehicle.params.change("SIM_BAT_MIN_PCT", 0.0)
     bench.world.vehicle.battery.charge = bench.world.vehicle.battery._reported = 0.16
@@ -328,7 +328,7 @@ def _ratios() -> dict[str, float]:
 
 
 def _doubts() -> float:
-    """Of twenty take-offs those after which bit 64 goes."""
+    """Return the share of forty take-offs after which bit 64 is cleared for a time."""
     bench = _flying()
     timing = bench.world.timing
     return sum(timing.range_doubt_s(taking_off=True)[1] > 0.0 for _ in range(40)) / 40.0

@@ -140,7 +140,7 @@ def _interval(id_: int, interval_us: float) -> str:
 
 
 def _granted(id_: int) -> str:
-    """What SET_MESSAGE_INTERVAL at 10 Hz brings within a second."""
+    """Return the result of SET_MESSAGE_INTERVAL at 10 Hz and the messages of one second."""
     bench = Bench()
     bench.run(3.0)
     result = acks(bench.command(511, float(id_), 100_000.0))

@@ -174,7 +174,7 @@ def _origin_hold() -> dict[str, str | float]:
 
 
 def _origin_answer() -> str:
-    """What SET_GPS_GLOBAL_ORIGIN is answered with: a place that is not the simulator's."""
+    """Return the answer to SET_GPS_GLOBAL_ORIGIN with an origin that is not the simulator's."""
     bench = _bench()
     bench.hear(mavlink.MAVLink_set_gps_global_origin_message(1, -338567000, 1512150000, 20500))
     bench.run(0.1)
@@ -186,7 +186,7 @@ def _origin_answer() -> str:
 
 
 def _see_odometry(bench: Bench, for_s: float, velocity_share: float) -> None:
-    """Stream ODOMETRY at 50 Hz: true poses, and so much of the true velocity."""
+    """Stream ODOMETRY at 50 Hz: true poses, and a share of the true velocity."""
     end_s = bench.now_s + for_s
     while bench.now_s < end_s - 1e-6:
         truth = bench.world.truth

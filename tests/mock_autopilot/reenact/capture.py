@@ -194,7 +194,7 @@ def _asked_from(sent: Messages) -> dict[str, float]:
 
 
 def _events(link: str, ours: Messages, silent_s: list[tuple[float, float]], asked_s: dict[str, float]) -> list[Event]:
-    """Read PX4's messages, anew after each boot."""
+    """Read PX4's messages, with a new state after each boot."""
     out: list[Event] = []
     boots = [0.0, *(on_s for _, on_s in silent_s), math.inf]
     for start_s, end_s in itertools.pairwise(boots):

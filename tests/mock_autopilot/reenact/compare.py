@@ -41,7 +41,7 @@ class Row:
 
     @property
     def off_s(self) -> float:
-        """How much later than expected the mock told it."""
+        """Return the mock's delay against the expected time, s."""
         return 0.0 if self.mock_s is None or self.expected_s is None else self.mock_s - self.expected_s
 
     @property

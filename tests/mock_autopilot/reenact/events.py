@@ -1,4 +1,4 @@
-"""What PX4 tells on a link, as events: answers, texts, and every change of what it repeats.
+"""PX4's messages on a link as events: answers, texts, and every change of a repeated state.
 
 The same code reads the recording and the mock's own frames, so both are seen as a client sees them.
 """
@@ -45,7 +45,7 @@ class EventReader:
         self.events: list[Event] = []
 
     def take(self, at_s: float, message: Any) -> list[Event]:
-        """Return what this message tells that was not told before."""
+        """Return the events of this message that are new."""
         reader = READERS.get(message.get_type())
         told = [] if reader is None else reader(self, message)
         new = [Event(at_s=at_s, link=self._link, channel=channel, what=what) for channel, what in told]

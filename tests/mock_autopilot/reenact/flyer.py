@@ -23,7 +23,7 @@ AIRBORNE_M = 0.05
 IDLE_SHARE = 0.7
 """Less than this share of the hover thrust is no flying: a ramp on the ground, or the end of a landing."""
 SEEN_WITHIN_S = 0.15
-"""Without a recorded pose so near in time nobody knows where the vehicle was."""
+"""Longest time to the nearest recorded pose from which the vehicle's position is known."""
 SLOPE_S = 0.05
 
 

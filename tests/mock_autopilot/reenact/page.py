@@ -40,7 +40,7 @@ and the height-above-ground flag of ESTIMATOR_STATUS, which comes and goes.
 
 
 def section(compared: Mapping[str, Sequence[Row]]) -> str:
-    """Return the section."""
+    """Return the conformance page's section on recorded sessions."""
     lines = [TITLE, HEAD, "| session | what happens | events | by chance | differ |", "| --- | --- | --- | --- | --- |"]
     lines += [_session_line(name, rows) for name, rows in compared.items()]
     lines += _differences(compared)

@@ -57,7 +57,7 @@ def inferred_pilot(
 
 
 def _boots(silent_s: Sequence[tuple[float, float]], events: Sequence[Event]) -> list[float]:
-    """Return when PX4 first told its mode after a boot: nobody asked for that one."""
+    """Return when PX4 first reported its mode after a boot: no client requested that mode."""
     told = [[e.at_s for e in events if e.channel == "CURRENT_MODE" and e.at_s > on_s] for _, on_s in silent_s]
     return [times[0] for times in told if times]
 
@@ -78,7 +78,7 @@ def _commands(sent: Sequence[SentFrame]) -> list[tuple[float, int]]:
 
 
 def _modes(events: Sequence[Event], causes: Sequence[float]) -> tuple[list[SentFrame], list[str]]:
-    """DO_SET_MODE for every mode that came, or was refused, without anybody else's asking."""
+    """DO_SET_MODE for every mode that came, or was refused, without a request of another client."""
     frames, words = [], []
     causes = [*causes, *(event.at_s - 0.1 for event in events if "Disarmed" in event.what)]
     modes = [event for event in events if event.channel == "CURRENT_MODE"]
@@ -119,7 +119,7 @@ def _set_mode(at_s: float, main: int, sub: int) -> SentFrame:
 
 
 def _lost_s(events: Sequence[Event]) -> float:
-    """When the sticks went silent: some time before PX4 noticed, infinite when it never did."""
+    """Return when the sticks went silent: some time before PX4 noticed, infinite when it never did."""
     gone_s = next((e.at_s for e in events if e.what.endswith("-RC_RECEIVER") and "healthy" in e.what), math.inf)
     failsafe = [e.at_s for e in events if "Failsafe activated" in e.what and 0.0 <= gone_s - e.at_s < 1.0]
     return (failsafe[0] if failsafe else gone_s) - LOSS_TO_FAILSAFE_S

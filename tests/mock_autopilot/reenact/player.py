@@ -27,7 +27,7 @@ MOCAP_NOISE_M, MOCAP_NOISE_RAD = 3e-4, 2e-3
 WEIGHT_N = 9.80665
 """Of the recorded vehicle, 1 kg."""
 GRACE_S = 0.02
-"""Answers come so much later or earlier than recorded without anybody's noticing."""
+"""Tolerance of the times of answers against the recording."""
 REPEATED_S = 1.0
 REPEATS = 6
 TAIL_S = 0.3
@@ -39,29 +39,29 @@ Input = SentFrame | Setpoint | Pose | Sticks | Cut
 
 @dataclass(frozen=True, kw_only=True)
 class Shift:
-    """From this recorded disarming on the mock is so much later than the recording was."""
+    """The mock's delay against the recording, from one recorded disarming on."""
 
     disarmed_s: float
     by_s: float
 
     @property
     def from_s(self) -> float:
-        """When what belongs to the disarming began."""
+        """Return the begin of the events that belong to the disarming, s."""
         return self.disarmed_s - GRACE_S
 
 
 @dataclass(frozen=True, kw_only=True)
 class Played:
-    """What the mock told, and how its clock ran against the recording's."""
+    """The mock's events, and the shifts of its clock against the recording's."""
 
     events: list[Event]
     shifts: list[Shift]
     handed: list[tuple[float, float]]
-    """When each frame was recorded, and when the mock got it; s."""
+    """Times at which each frame was recorded and delivered to the mock, s."""
     ends_at_s: float
-    """When the recording ended."""
+    """End of the recording, s."""
     marks: Callable[[Event], bool]
-    """Whether an event tells of a disarming."""
+    """Predicate of events that report a disarming."""
 
     def expected_s(self, recorded_s: float) -> float:
         """Return when the mock is to tell what was recorded then."""
@@ -140,7 +140,7 @@ class _WireLink(MavlinkLink):
                 self.heard += self.reader.take(self._clock.time_s, message)
 
     def reboot(self) -> None:
-        """Forget what was told before, as a client does that sees PX4 boot."""
+        """Forget the reported states, as a client does that sees PX4 boot."""
         reader, self.reader = self.reader, EventReader(self.name)
         self.reader.events = reader.events
 

@@ -17,7 +17,7 @@ ANGLE = 1e4
 
 @dataclass(frozen=True, kw_only=True)
 class SentFrame:
-    """A frame somebody sent to PX4, byte by byte."""
+    """A recorded frame to PX4, byte by byte."""
 
     at_s: float
     link: str
@@ -43,7 +43,7 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True)
 class Sticks:
-    """One MANUAL_CONTROL."""
+    """One input of the sticks, MANUAL_CONTROL."""
 
     at_s: float
     x: int
@@ -78,7 +78,7 @@ class Session:
     sticks: list[Sticks]
     events: list[Event]
     told: list[SentFrame]
-    """PX4's state as it told it to the companion, for whoever wants to read it as the companion does."""
+    """PX4's messages to the companion about its state, for tests of the companion's own reader."""
     inferred: list[str]
     """Inputs that no log shows and only PX4's reaction tells."""
     cuts: list[Cut]
@@ -91,7 +91,7 @@ def save(session: Session, path: Path) -> None:
 
 
 def load(path: Path) -> Session:
-    """Read what `save` wrote."""
+    """Read a session from a file that `save` wrote."""
     return _unpacked(json.loads(gzip.decompress(path.read_bytes())))
 
 

@@ -1,4 +1,4 @@
-"""Leaves out of a recording what only went on: a minute of flight in which nobody asked and PX4 told nothing new."""
+"""Removal of uneventful stretches from a recording, such as a minute of flight without commands and changes."""
 
 import itertools
 from collections.abc import Sequence

@@ -73,7 +73,7 @@ class Decoder:
         self._codec = mavlink.MAVLink(None)
 
     def message(self, frame: Frame) -> Any | None:
-        """Decode one frame."""
+        """Decode one frame; return None for a message that pymavlink does not know."""
         if frame.id not in mavlink.mavlink_map:
             return None
         try:

@@ -1,4 +1,4 @@
-"""How far from the recorded time each event may come: the spread among recordings of the same event.
+"""Tolerances of each event's time: the spread among recordings of the same event.
 
 Where a message is sent at a fixed rate, its period is added: the same change may just miss one sample.
 """
@@ -11,13 +11,13 @@ from tests.mock_autopilot.reenact.events import Event
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """Accepted from so much before to so much after the expected time, and why."""
+    """The accepted interval before and after the expected time, and the reason."""
 
     early_s: float
     late_s: float
     source: str
     optional: bool = False
-    """PX4 tells it in some boots and not in others."""
+    """PX4 reports it in some boots and not in others."""
 
 
 def _around(half_s: float, source: str) -> Tolerance:
