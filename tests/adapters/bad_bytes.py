@@ -13,7 +13,7 @@ _EXTREMES = (0, 1, 2, 3, 4, 7, 8, 0x7F, 0x80, 0xFE, 0xFF, 0x7FFF, 0x8000, 0xFFFF
 
 @st.composite
 def one_bad(draw: st.DrawFn, packets: Sequence[bytes]) -> bytes:
-    """One packet, or what is left of it."""
+    """Generate one packet, whole, cut or changed."""
     said = bytearray(draw(st.sampled_from(packets)))
     at = draw(st.integers(0, len(said) - 1))
     match draw(st.sampled_from(["as it is", "cut", "bits", "number", "splice", "garbage"])):
@@ -35,13 +35,13 @@ def one_bad(draw: st.DrawFn, packets: Sequence[bytes]) -> bytes:
 
 
 def bad_stream(packets: Sequence[bytes]) -> st.SearchStrategy[bytes]:
-    """A few of them in a row."""
+    """Generate a few such packets in a row."""
     return st.lists(one_bad(packets), min_size=1, max_size=8).map(b"".join)
 
 
 @asynccontextmanager
 async def nothing_escapes() -> AsyncIterator[None]:
-    """Fails when anything is raised in a callback, or in a task nobody looks at: past every adapter, into the loop."""
+    """Fail on any exception in a callback or an unobserved task: it would have passed the adapter into the loop."""
     loop, escaped = asyncio.get_running_loop(), list[dict[str, Any]]()
     before = loop.get_exception_handler()
     loop.set_exception_handler(lambda _, context: escaped.append(context))

@@ -71,7 +71,7 @@ class BusRig:
         return np.asarray(self.bus.servos.positions_rad - _ZERO_RAD)
 
     def servo(self, servo_id: int) -> Servo:
-        """For looking into its table."""
+        """Return a servo, to inspect its registers."""
         return self.bus.servos.servo(servo_id)
 
     def fault(self, kind: FaultKind, servo_id: int | None = None, **more: float) -> None:
@@ -79,7 +79,7 @@ class BusRig:
         self.bus.inject(Fault.model_validate({"kind": kind, "id": servo_id} | more))
 
     def goals_sent(self, servo_id: int) -> list[int]:
-        """Goal positions in counts that sync writes carried for it, in order."""
+        """Return the goal positions, counts, that sync writes carried for a servo, in order."""
         return [counts[servo_id] for counts in map(goals_of, self.packets) if servo_id in counts]
 
 
@@ -96,7 +96,7 @@ def goals_of(packet: Packet) -> dict[int, int]:
 
 @asynccontextmanager
 async def mock_bus(**settings: Any) -> AsyncIterator[BusRig]:
-    """The mock alone, on a pty."""
+    """Run the mock's servos alone, on a pty."""
     rig = BusRig(DynamixelConfig.model_validate(settings))
     rig.bus.open()
     keeping_up = asyncio.create_task(rig.keep_up())
@@ -110,13 +110,13 @@ async def mock_bus(**settings: Any) -> AsyncIterator[BusRig]:
 
 @asynccontextmanager
 async def connected(rig: BusRig, **settings: Any) -> AsyncIterator[DynamixelBus]:
-    """The driver on the mock's port."""
+    """Connect the driver to the mock's port."""
     async with open_dynamixel(ArmsConfig.model_validate({"port": rig.bus.path} | settings), CLOCK) as bus:
         yield bus
 
 
 def servos(**changes: dict[str, Any]) -> tuple[ServoConfig, ...]:
-    """The mock's default servos, some of them changed: `servos(id2={"firmware": 30})`."""
+    """Return the mock's default servos with changes: `servos(id2={"firmware": 30})`."""
     return tuple(
         ServoConfig.model_validate(servo.model_dump() | changes.get(f"id{servo.id}", {}))
         for servo in DynamixelConfig().servos
@@ -124,7 +124,7 @@ def servos(**changes: dict[str, Any]) -> tuple[ServoConfig, ...]:
 
 
 async def refusal(rig: BusRig, **settings: Any) -> str:
-    """The sentence with which connecting fails."""
+    """Return the error with which connecting fails."""
     with pytest.raises(ArmError) as caught:
         async with connected(rig, **settings):
             pass
@@ -145,7 +145,7 @@ async def cycles(bus: DynamixelBus, count: int) -> None:
 
 
 async def fault_of(bus: DynamixelBus, joint: str) -> ArmFault:
-    """The first fault of that joint, once it is there."""
+    """Wait for a fault of this joint and return the first."""
     await until(lambda: any(fault.joint == joint for fault in bus.status().faults))
     return next(fault for fault in bus.status().faults if fault.joint == joint)
 

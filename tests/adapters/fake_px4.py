@@ -148,16 +148,16 @@ def extended_sys_state(*, in_air: bool) -> Any:
 
 
 def acknowledgement(command: int, target: tuple[int, int]) -> Any:
-    """COMMAND_ACK, accepted, to this system and component."""
+    """Return a COMMAND_ACK, accepted, to this system and component."""
     return mavlink.MAVLink_command_ack_message(command, 0, 0, 0, *target)
 
 
 def battery(number: int, percent: int, volts: float | None) -> Any:
-    """BATTERY_STATUS; None: no voltage measured."""
+    """Return a BATTERY_STATUS; None: no voltage measured."""
     cells = [65535 if volts is None else round(1e3 * volts), *[65535] * 9]
     return mavlink.MAVLink_battery_status_message(number, 0, 0, 32767, cells, -1, -1, -1, percent)
 
 
 def text(content: bytes, number: int = 0, piece: int = 0) -> Any:
-    """STATUSTEXT with these bytes, whatever they are."""
+    """Return a STATUSTEXT with these bytes, valid or not."""
     return mavlink.MAVLink_statustext_message(2, content, number, piece)

@@ -18,13 +18,13 @@ _VEHICLES = itertools.count()
 
 
 def on_broker(port: int) -> MocapBrokerConfig:
-    """A vehicle that nobody else has on this broker."""
+    """Return a configuration with a vehicle name that is unique on this broker."""
     return MocapBrokerConfig(port=port, vehicle=f"v{next(_VEHICLES)}")
 
 
 @asynccontextmanager
 async def bridging(config: MocapConfig, broker: MocapBrokerConfig) -> AsyncIterator[Bridge]:
-    """The bridge at work; it does not listen for long whether it is alone."""
+    """Run the bridge, with a short search for another bridge."""
     bridge = Bridge(config, broker, MonotonicClock())
     with patch.object(mocap_out, "_LISTEN_S", 0.02):
         running = asyncio.create_task(bridge.run(), name="bridge")
@@ -50,7 +50,7 @@ class MqttMocapRig(QualisysRig):
 
 @asynccontextmanager
 async def mqtt_mocap_rig(port: int) -> AsyncIterator[MqttMocapRig]:
-    """All frames of the start have been taken in."""
+    """Yield the rig once all frames of the start were received."""
     clock, broker = ManualClock(), on_broker(port)
     async with serving(extra_bodies=("leader",)) as server:
         config = settings_for(server, source="mqtt", transport="udp")
@@ -66,6 +66,6 @@ async def mqtt_mocap_rig(port: int) -> AsyncIterator[MqttMocapRig]:
 
 
 async def drained(source: MocapSource) -> None:
-    """Until no frame is on its way."""
+    """Wait until no frame is in transit."""
     while await source.wait_frame(0.05):
         pass

@@ -52,7 +52,7 @@ class Vehicle:
 
 @asynccontextmanager
 async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[BusLink]:
-    """The link, whether or not a broker is there; it does not listen for long whether it is the only one."""
+    """Open the link, with or without a broker, with a short search for another service."""
     with patch.object(bus_link, "LISTEN_S", 0.02):
         async with open_bus(OperatorConfig(port=port, **config), CLOCK, SESSION, vehicle.on_command) as link:
             yield link
@@ -73,7 +73,7 @@ class Said:
 
 
 def command(verb: str, name: str, **changes: Any) -> bytes:
-    """Good, apart from the changes."""
+    """Return a valid command with these changes."""
     return json.dumps({"verb": verb, "id": name, "session": SESSION, "sent_s": time.time()} | changes).encode()
 
 
@@ -94,7 +94,7 @@ class Operator:
         self._ids = 0
 
     async def say(self, payload: bytes, topic: str = TOPICS.command, retain: bool = False, **properties: Any) -> None:
-        """`properties` by their names in MQTT 5."""
+        """Publish a message; `properties` by their names in MQTT 5."""
         said = Properties(PacketTypes.PUBLISH) if properties else None  # type: ignore[no-untyped-call]
         for name, value in properties.items():
             setattr(said, name, value)
@@ -108,7 +108,7 @@ class Operator:
         return name
 
     async def hears(self, topic: str, **fields: Any) -> Said:
-        """The first message there that has these; all before it are forgotten."""
+        """Wait for the first message on a topic with these fields; earlier ones are discarded."""
 
         def fits(said: Said) -> bool:
             return said.topic == topic and said.json.items() >= fields.items()
@@ -132,7 +132,7 @@ class Operator:
 
 @asynccontextmanager
 async def operating(port: int, version: aiomqtt.ProtocolVersion = V311, **client: Any) -> AsyncIterator[Operator]:
-    """An operator who hears everything of the vehicle."""
+    """Connect an operator who receives every topic of the vehicle."""
     at_once = [(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)]
     async with aiomqtt.Client("127.0.0.1", port, protocol=version, socket_options=at_once, **client) as connected:
         operator = Operator(connected)
@@ -150,7 +150,7 @@ async def operating(port: int, version: aiomqtt.ProtocolVersion = V311, **client
 async def operated(
     port: int, vehicle: Vehicle, version: aiomqtt.ProtocolVersion = V311
 ) -> AsyncIterator[tuple[BusLink, Operator]]:
-    """Both, one after the other."""
+    """Open the link, and then an operator, on one broker."""
     async with linked(port, vehicle, embedded=version is V311) as link:
         await until(lambda: link.age_s() == 0.0)
         async with operating(port, version) as operator:
@@ -166,7 +166,7 @@ async def until(holds: Callable[[], object]) -> None:
 
 @asynccontextmanager
 async def ticking() -> AsyncIterator[list[float]]:
-    """A task that runs every 10 ms like the flight loop; the list holds the longest pause so far, s."""
+    """Run a task every 10 ms like the flight loop; the list holds the longest pause so far, s."""
     longest = [0.0]
 
     async def tick() -> None:

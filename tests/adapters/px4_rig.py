@@ -22,7 +22,7 @@ START_YAW_NED_RAD = -1.0
 
 
 def standing_off_the_origin(ports: MockPorts | None = None) -> tuple[Simulator, str]:
-    """A mock without cameras and arms, and where to hear it."""
+    """Run a mock without cameras and arms; yield it and its address."""
     ports = ports or free_ports()
     config = MockConfig.load(ROOT / "config" / "mock.toml").model_dump()
     config["mavlink"] |= {"local_port": ports.autopilot, "remote_port": ports.client}
@@ -33,7 +33,7 @@ def standing_off_the_origin(ports: MockPorts | None = None) -> tuple[Simulator, 
 
 @asynccontextmanager
 async def linked(arm_timeout_s: float = 15.0) -> AsyncIterator[tuple[Px4, Simulator]]:
-    """The adapter and a mock that stands off the origin and looks to the left."""
+    """Connect the adapter to a mock that stands off the origin and faces left."""
     simulator, url = standing_off_the_origin()
     px4 = Px4Config(url=url, answer_timeout_s=2.0, arm_timeout_s=arm_timeout_s)
     async with simulator as mock, open_px4(px4, MonotonicClock()) as autopilot:
@@ -48,7 +48,7 @@ async def see(autopilot: Px4, position_w_m: tuple[float, float, float], yaw_rad:
 
 
 async def until_armable(autopilot: Px4) -> None:
-    """Vision flows, setpoints stream, OFFBOARD is shown."""
+    """Send vision and a setpoint, and start OFFBOARD mode, so that the autopilot can be armed."""
     await see(autopilot, (0.8, 0.5, 0.0), 1.0, 1.0)
     autopilot.send_setpoint(idle_setpoint(1.0))
     await asyncio.sleep(0.1)

@@ -14,7 +14,7 @@ def packet(kind: int, payload: bytes) -> bytes:
 
 
 def frame(number: int, stamp_us: int, bodies: list[list[float]]) -> bytes:
-    """A data packet with 6dres; thirteen numbers a body."""
+    """Return a data packet with 6dres; thirteen numbers a body."""
     body = struct.pack("<ihh", len(bodies), 0, 0) + b"".join(struct.pack("<13f", *values) for values in bodies)
     return packet(DATA, struct.pack("<qIIII", stamp_us, number, 1, 8 + len(body), 11) + body)
 
@@ -63,7 +63,7 @@ class Silent(asyncio.Protocol):
 
 @asynccontextmanager
 async def listening(make: Callable[[], asyncio.Protocol]) -> AsyncIterator[int]:
-    """Serve on a free port of this machine and give its number."""
+    """Serve on a free local port and yield its number."""
     transports: list[asyncio.BaseTransport] = []
 
     def remember() -> asyncio.Protocol:
@@ -89,6 +89,6 @@ async def listening(make: Callable[[], asyncio.Protocol]) -> AsyncIterator[int]:
 
 @asynccontextmanager
 async def scripted(answers: Mapping[str, bytes], welcome: bytes = WELCOME) -> AsyncIterator[int]:
-    """A `Scripted` server on a free port."""
+    """Run a `Scripted` server on a free port."""
     async with listening(lambda: Scripted(welcome, answers)) as port:
         yield port

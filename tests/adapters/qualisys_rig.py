@@ -63,7 +63,7 @@ def publish(
     position_w_m: tuple[float, float, float] = (0.0, 0.0, 1.0),
     q_ned_frd_wxyz: Array = LEVEL,
 ) -> float:
-    """One truth, at a capture; W has z up and x north, so NED is (x, -y, -z)."""
+    """Publish the true state at a capture; W has z up and x north, so NED is (x, -y, -z)."""
     x, y, z = position_w_m
     server.publish(
         Truth(number * 0.01, np.array([x, -y, -z]), np.zeros(3), q_ned_frd_wxyz, np.zeros(3), on_ground=False)
@@ -73,7 +73,7 @@ def publish(
 
 @asynccontextmanager
 async def serving(**settings: Any) -> AsyncIterator[QualisysServer]:
-    """A mock QTM on a free port, without noise or delay unless asked for."""
+    """Run a mock QTM on a free port, by default without noise and delay."""
     quiet: dict[str, Any] = {"port": 0, "noise_m": 0.0, "noise_rad": 0.0, "delay_s": 0.0}
     server = QualisysServer(QualisysConfig(**(quiet | settings)), seed=1)
     await server.start()
@@ -85,7 +85,7 @@ async def serving(**settings: Any) -> AsyncIterator[QualisysServer]:
 
 @asynccontextmanager
 async def capturing(server: QualisysServer) -> AsyncIterator[list[int]]:
-    """Frames flow while this is open; the list holds the number of the newest."""
+    """Capture frames while open; the list holds the number of the newest."""
     newest = [0]
 
     async def flow() -> None:
@@ -103,13 +103,13 @@ async def capturing(server: QualisysServer) -> AsyncIterator[list[int]]:
 
 
 def settings_for(server: QualisysServer, **settings: Any) -> MocapConfig:
-    """The adapter's settings for this server, with generous time-outs."""
+    """Return the adapter's settings for this server, with generous time-outs."""
     return MocapConfig(**({"port": server.port, "connect_timeout_s": 5.0, "first_frame_timeout_s": 5.0} | settings))
 
 
 @asynccontextmanager
 async def qualisys_rig(transport: Literal["tcp", "udp"], **settings: Any) -> AsyncIterator[QualisysRig]:
-    """Server and adapter, connected; all frames of the start have been taken in."""
+    """Yield a connected server and adapter once all frames of the start were received."""
     clock = ManualClock()
     async with serving(**settings) as server:
         async with capturing(server) as newest:

@@ -82,7 +82,7 @@ class RecordedPx4:
         self.reboots += 1
 
     def advance(self, to_s: float) -> None:
-        """Hear everything up to this time."""
+        """Pass all messages up to this time to the reader."""
         while self._messages and self._messages[0][0] <= to_s:
             at_s, name, fields = self._messages.pop(0)
             self.clock.time_s = at_s

@@ -43,7 +43,7 @@ _YEARS = {"expired": (2020, 2021), "future": (2038, 2039), "good": (2020, 2049)}
 
 @pytest.fixture(scope="module")
 def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with certificates for localhost and 127.0.0.1."""
+    """Return a folder with certificates for localhost and 127.0.0.1."""
     folder = tmp_path_factory.mktemp("authority")
 
     def openssl(*words: str) -> None:
@@ -66,7 +66,7 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @asynccontextmanager
 async def serving(authority: Path, name: str) -> AsyncIterator[int]:
-    """The port of a TLS server with this certificate, for a client that does not get as far as MQTT."""
+    """Yield the port of a TLS server with this certificate; its client does not reach MQTT."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(authority / f"{name}.crt", authority / "server.key")
 

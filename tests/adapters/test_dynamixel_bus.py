@@ -32,7 +32,7 @@ def eeprom(rig: BusRig) -> list[bytes]:
 
 
 def at(rig: BusRig, goal_rad: np.ndarray) -> bool:
-    """Within two ticks, and the AX's compliance margin."""
+    """Return True when every joint is at its goal within two ticks and the AX's compliance margin."""
     return bool((abs(rig.joints_rad - goal_rad) < 3.0 * TICKS_RAD).all())
 
 

@@ -31,7 +31,7 @@ def shoulder(held_rad: float = 0.0) -> Joint:
 
 
 def streamed(joint: Joint, *goals_rad: float) -> Joint:
-    """After these goals, one a cycle."""
+    """Send these goals, one a cycle, and return the joint."""
     for goal_rad in goals_rad:
         joint.order(goal_rad)
         joint.advance(CYCLE_S)
@@ -39,13 +39,13 @@ def streamed(joint: Joint, *goals_rad: float) -> Joint:
 
 
 def moving(velocity_radps: float, to_rad: float) -> Joint:
-    """A shoulder whose goals go steadily, the last of them to an angle."""
+    """Return a shoulder whose goals move steadily, the last one to this angle."""
     steps = [to_rad - velocity_radps * CYCLE_S * left for left in range(20, -1, -1)]
     return streamed(shoulder(steps[0]), *steps)
 
 
 def brought_to_rest(joint: Joint, dt_s: float = CYCLE_S) -> list[float]:
-    """All goals that are sent after a stop, the one before it first."""
+    """Return all goals sent after a stop, preceded by the one before it."""
     joint.stop()
     return [joint.sent_rad, *(joint.advance(dt_s) for _ in range(200))]
 

@@ -39,7 +39,7 @@ def goals_rad(rig: BusRig, servo_id: int) -> Array:
 
 
 async def at_rest(rig: BusRig, bus: DynamixelBus) -> None:
-    """Until goals and joints stand."""
+    """Wait until goals and joints are at rest."""
     await cycles(bus, 25)
     await until(lambda: abs(bus.status().position_rad - bus.status().held_rad)[:3].max() < 2.0 * TICK_RAD)
     await until(lambda: not rig.bus.servos.velocities_radps.any())

@@ -18,13 +18,13 @@ RPM = 2.0 * math.pi / 60.0
 
 
 def xm_state(current: int = 0, velocity: int = 0, position: int = 2048, voltage: int = 120, warmth: int = 30) -> bytes:
-    """Present Current (126) to Present Temperature (146)."""
+    """Return an XM's block from Present Current (126) to Present Temperature (146)."""
     parts = ((current, 2), (velocity, 4), (position, 4), (0, 4), (0, 4), (voltage, 2), (warmth, 1))
     return b"".join(value.to_bytes(size, "little", signed=value < 0) for value, size in parts)
 
 
 def ax_state(position: int = 512, speed: int = 0, load: int = 0, voltage: int = 120, warmth: int = 30) -> bytes:
-    """Torque Enable (24) to Present Temperature (43)."""
+    """Return an AX's block from Torque Enable (24) to Present Temperature (43)."""
     parts = ((position, 2), (speed, 2), (load, 2), (voltage, 1), (warmth, 1))
     return bytes(12) + b"".join(value.to_bytes(size, "little") for value, size in parts)
 

@@ -41,7 +41,7 @@ async def client(port: int, **options: object) -> AsyncIterator[aiomqtt.Client]:
 
 
 async def following(reader: aiomqtt.Client) -> tuple[str, bytes]:
-    """The next message's topic and payload."""
+    """Return the next message's topic and payload."""
     message = await asyncio.wait_for(anext(reader.messages), _PATIENCE_S)
     assert isinstance(message.payload, bytes)
     return message.topic.value, message.payload
@@ -119,7 +119,7 @@ async def test_what_was_acknowledged_is_passed_on_although_its_sender_leaves_at_
 
 
 def connect(port: int, keep_alive_s: int, name: bytes = b"quiet") -> socket.socket:
-    """A client by hand, with a last will on `will`; it sends nothing more."""
+    """Connect a raw client with a last will on `will`; it sends nothing more."""
     fields = [b"MQTT\x04\x06" + struct.pack("!H", keep_alive_s), name, b"will", b"gone"]
     body = b"\x00\x04" + fields[0] + b"".join(struct.pack("!H", len(one)) + one for one in fields[1:])
     wire = socket.create_connection(("127.0.0.1", port))

@@ -24,7 +24,7 @@ with instance_lock(sys.argv[1]):
 
 @contextmanager
 def another(url: str) -> Iterator[subprocess.Popen[str]]:
-    """Another companion's process, holding the lock."""
+    """Start another companion's process that holds the lock."""
     command = [sys.executable, "-c", HOLD, url]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

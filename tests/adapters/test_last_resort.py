@@ -23,7 +23,7 @@ class Shortage:
         self.resort.close()  # its thread: the tests look themselves
 
     def lack(self, for_s: float) -> None:
-        """Memory is missed once a second."""
+        """Report a lack of memory once a second."""
         for _ in range(round(for_s)):
             self.resort.lacks_memory()
             self.now_s += 1.0

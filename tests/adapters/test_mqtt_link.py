@@ -42,7 +42,7 @@ MINE = TOPICS.reply("me")
 
 @pytest.fixture(scope="module", params=[pytest.param("mosquitto", marks=needs_mosquitto), "amqtt"])
 def served(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """The broker of a lab with MQTT 5, and the embedded one, which knows 3.1.1 only."""
+    """Yield port and MQTT version of a mosquitto with MQTT 5 and of the embedded broker, which knows only 3.1.1."""
     if request.param == "amqtt":
         with broker() as process:
             yield process.port, V311

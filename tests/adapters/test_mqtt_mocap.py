@@ -164,7 +164,7 @@ async def silent(rig: MqttMocapRig) -> None:
 
 
 async def refused(config: MocapBrokerConfig) -> str:
-    """The sentence for no first frame."""
+    """Return the error for a missing first frame on this broker."""
     with pytest.raises(MocapError) as error:
         async with open_mqtt_mocap(MocapConfig(source="mqtt", first_frame_timeout_s=0.3), config, CLOCK):
             pass

@@ -28,7 +28,7 @@ PATIENCE_S = 10.0
 
 @asynccontextmanager
 async def relayed() -> AsyncIterator[tuple[Px4, Simulator, Relay]]:
-    """Adapter and mock with a witness between them."""
+    """Connect adapter and mock through a relay that records the messages."""
     with Relay() as relay:
         simulator, _ = standing_off_the_origin(relay.ports)
         async with simulator as mock, open_px4(Px4Config(url=relay.url), MonotonicClock()) as autopilot:
@@ -43,7 +43,7 @@ async def until(true: Callable[[], bool]) -> None:
 
 
 async def arrived_in(relay: Relay, for_s: float) -> int:
-    """Setpoints that the relay sees from now on."""
+    """Count the setpoints that the relay sees from now on."""
     before = len(relay.setpoints_s())
     await asyncio.sleep(for_s)
     return len(relay.setpoints_s()) - before

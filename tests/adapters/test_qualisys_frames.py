@@ -180,7 +180,7 @@ class FakeTransport(asyncio.BaseTransport):
     aborted = False
 
     def write(self, data: bytes) -> None:
-        """Discard the data."""
+        """Discard the data: the transport has no reader."""
 
     def abort(self) -> None:
         self.aborted = True

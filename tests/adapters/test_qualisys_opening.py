@@ -42,7 +42,7 @@ CLOCK = MonotonicClock()
 
 
 async def refusal(port: int, **settings: Any) -> str:
-    """The sentence with which opening fails."""
+    """Return the error with which opening fails."""
     config = MocapConfig(**({"port": port, "connect_timeout_s": 5.0, "first_frame_timeout_s": 5.0} | settings))
     with pytest.raises(MocapError) as caught:
         async with open_qualisys(config, CLOCK):

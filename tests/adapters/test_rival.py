@@ -29,7 +29,7 @@ def served() -> Iterator[BrokerProcess]:
 
 
 async def opened(stack: AsyncExitStack, port: int, session: str) -> BusLink:
-    """A link that has listened."""
+    """Open a link that has searched for another service."""
     config = OperatorConfig(port=port)
     link = await stack.enter_async_context(open_bus(config, CLOCK, session * 16, Vehicle().on_command))
     await link.listened(15.0)

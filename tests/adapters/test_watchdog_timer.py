@@ -1,4 +1,4 @@
-"""The kernel's watchdog timer, each in a process of its own, which it ends."""
+"""Tests of the kernel's watchdog timer, each in a process of its own, which it ends."""
 
 import signal
 import subprocess
@@ -13,17 +13,17 @@ pytestmark = pytest.mark.realtime
 
 TIMEOUT_S = 0.2
 LATE_S = 5.0
-"""A process that lives this long after its watchdog timer was due is not killed by it."""
+"""A process that lives so long after its dead man was due is not killed by it."""
 SET_UP = f"""
 import ctypes, os, signal, subprocess, sys, time
-from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
-watchdog_timer = KernelWatchdogTimer({TIMEOUT_S})
+from companion.adapters.system.watchdog_timer import KernelDeadMan
+dead_man = KernelDeadMan({TIMEOUT_S})
 """
 
 
 @contextmanager
 def process(program: str) -> Iterator[subprocess.Popen[str]]:
-    """A process with a watchdog timer that runs `program`."""
+    """Start a process with a watchdog timer that runs `program`."""
     command = [sys.executable, "-c", SET_UP + program]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
         try:
@@ -43,7 +43,7 @@ def process(program: str) -> Iterator[subprocess.Popen[str]]:
     ],
 )
 def test_a_process_that_hangs_is_killed(hang: str) -> None:
-    with process(f"watchdog_timer.renew()\nprint('armed', flush=True)\n{hang}") as hanging:
+    with process(f"dead_man.renew()\nprint('armed', flush=True)\n{hang}") as hanging:
         assert hanging.stdout is not None
         assert hanging.stdout.readline() == "armed\n"
         begun_s = time.monotonic()
@@ -55,13 +55,13 @@ def test_who_renews_or_releases_lives_on() -> None:
     program = """
 end = time.monotonic() + 1.0
 while time.monotonic() < end:
-    watchdog_timer.renew()
+    dead_man.renew()
     time.sleep(0.01)
-watchdog_timer.release()
+dead_man.release()
 time.sleep(0.5)
-watchdog_timer.renew()
-watchdog_timer.release()
-watchdog_timer.release()
+dead_man.renew()
+dead_man.release()
+dead_man.release()
 time.sleep(0.5)
 """
     with process(program) as living:
@@ -70,17 +70,17 @@ time.sleep(0.5)
 
 def test_children_do_not_inherit_it() -> None:
     program = """
-watchdog_timer.renew()
+dead_man.renew()
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5); print('child lives')"])
 forked = os.fork()
 if forked == 0:
     time.sleep(0.5)
     try:
-        watchdog_timer.renew()
+        dead_man.renew()
     except Exception as error:
         print("fork:", error, flush=True)
     os._exit(0)
-watchdog_timer.release()
+dead_man.release()
 child.wait()
 os.waitpid(forked, 0)
 """

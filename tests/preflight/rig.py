@@ -26,7 +26,7 @@ def room(
     params: Mapping[str, float] | None = None,
     arms: bool = False,
 ) -> Room:
-    """The demo's vehicle with other parameters; `url` when the companion listens elsewhere than on `ports`."""
+    """Run the demo's vehicle with other parameters; `url` when the companion listens elsewhere than on `ports`."""
     ports, cameras = ports or free_ports(), free_ports().qualisys
     link = str(folder / "servo-bus")
     data = MockConfig.load(ROOT / "config" / "mock.toml").model_dump()

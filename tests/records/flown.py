@@ -29,7 +29,7 @@ DISK_FULL = Event(Fault.DISK_FULL, '1 MB free, 100 % "full"')
 def flight(
     track_s: float = 0.5, after_s: float = 0.1, start_s: float = 100.0, controllers: tuple[str, ...] = ("practical",)
 ) -> Iterator[Tick]:
-    """Standby, preflight, track under each controller in turn, disarmed; no frame in every seventh tick."""
+    """Yield the ticks of a flight: standby, preflight, track under each controller in turn, disarmed."""
     seed = np.random.default_rng(1)
     estimate, time_s = EstimatorState(), start_s
     stage: ControlPipeline | None = None

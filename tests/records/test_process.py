@@ -41,7 +41,7 @@ def recording(folder: Path, **config: Any) -> Iterator[RecordSink]:
 
 
 def feed(sink: RecordSink, after: Callable[[int], None] = lambda _: None, **how: Any) -> int:
-    """A flight at several times its speed; how many ticks it had."""
+    """Feed a flight at several times its speed and return the number of its ticks."""
     count = 0
     for count, tick in enumerate(flight(**how), 1):
         sink(tick)

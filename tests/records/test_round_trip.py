@@ -29,7 +29,7 @@ BEGIN = {"unix_offset_s": 1.7e9, "config": CONFIG.model_dump(mode="json"), "seed
 
 
 def written(folder: Path, ticks: Iterable[Tick], begin: dict[str, Any] | None = None, **config: Any) -> list[Path]:
-    """All that the writer does, in this process."""
+    """Write a record as the writer does, in this process."""
     settings = RecordsConfig.model_validate({"folder": str(folder), "live_port": 0, "min_free_mb": 0.0} | config)
     files = FlightFiles(Retention(settings, "one"), Context(), lambda _: None)
     usual = BEGIN | {"config": {"arms": ArmsConfig().model_dump(mode="json")}}

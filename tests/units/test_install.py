@@ -27,12 +27,12 @@ USERS = {"etc/passwd", "etc/group", "etc/shadow", "etc/gshadow", "etc/.pwd.lock"
 
 
 def install(root: Path, *words: str) -> str:
-    """Without the Python packages, which take a minute."""
+    """Run the installation without the Python packages, which take a minute."""
     return said(INSTALL, *words, "--root", root, "--no-venv")
 
 
 def files(root: Path) -> dict[str, tuple[int, bytes]]:
-    """Mode and content by name; config/ is a copy, and systemd-sysusers' own files are its own."""
+    """Return mode and content by name; without config/, a copy, and files of systemd-sysusers."""
     found = {}
     for path in root.rglob("*"):
         name = str(path.relative_to(root))

@@ -22,7 +22,7 @@ LOG = logging.getLogger("companion.tests.journal")
 
 @contextmanager
 def to_journal(monkeypatch: pytest.MonkeyPatch, file: Path, level: int = logging.INFO) -> Iterator[None]:
-    """A file in place of the journal's socket: both have a device and an inode."""
+    """Log to a file in place of the journal's socket: both have a device and an inode."""
     with file.open("w") as stream:
         seen = os.fstat(stream.fileno())
         monkeypatch.setenv("JOURNAL_STREAM", f"{seen.st_dev}:{seen.st_ino}")
@@ -137,7 +137,7 @@ def test_a_journal_that_does_not_read_holds_nobody_up() -> None:
 
 
 def fill(pipe: int) -> None:
-    """Until nobody can write to it without waiting."""
+    """Fill the socket until writing would block."""
     os.set_blocking(pipe, False)
     with contextlib.suppress(BlockingIOError):
         while True:

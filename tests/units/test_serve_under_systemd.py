@@ -35,7 +35,7 @@ def free_ports(count: int, kind: socket.SocketKind) -> list[int]:
 
 
 def configuration(folder: Path) -> Path:
-    """The demo's, for a room in which nothing answers."""
+    """Write the demo's configuration for a room in which nothing answers."""
     broker, mocap = free_ports(2, socket.SOCK_STREAM)
     (autopilot,) = free_ports(1, socket.SOCK_DGRAM)
     text = (ROOT / "config/demo.toml").read_text().replace("14540", str(autopilot)).replace("22223", str(mocap))
@@ -53,7 +53,7 @@ class Listening:
         self.heard: list[str] = []
 
     def until(self, wanted: str, count: int = 1) -> None:
-        """Until so many messages have a line that begins so."""
+        """Wait until this many messages have a line that begins so."""
         end_s = time.monotonic() + START_S
         while sum(line.startswith(wanted) for line in self.heard) < count:
             self.socket.settimeout(max(0.01, end_s - time.monotonic()))

@@ -21,7 +21,7 @@ OURS = sorted(path.name for path in SYSTEMD.glob("*.service"))
 
 @pytest.fixture
 def root(tmp_path: Path) -> Path:
-    """A system in which all that the units want is there."""
+    """Create a system root with all that the units need."""
     places = dict.fromkeys(OURS, "etc/systemd/system") | {"mosquitto.service.d": "etc/systemd/system"}
     places["dauam-companion.service.d"] = "etc/systemd/system"
     for name, place in places.items():
@@ -99,7 +99,7 @@ def test_the_recorder_may_close_its_file_and_a_crash_is_followed_by_a_new_servic
 
 
 def rules() -> list[list[tuple[str, str, str]]]:
-    """Key, operator and value of every rule that is not a comment."""
+    """Return key, operator and value of every rule that is not a comment."""
     lines = (SYSTEMD / "99-dauam-u2d2.rules").read_text().splitlines()
     written = [line for line in lines if line and not line.startswith("# ")]
     parsed = []

@@ -1,4 +1,4 @@
-"""Carried by hand: a right vehicle passes, and every classic mistake is told from the others."""
+"""Tests of the hand test: a correct vehicle passes, and every classic mistake is distinguished."""
 
 import math
 from collections.abc import Callable
@@ -51,7 +51,7 @@ def carried(
     autopilot_heading_deg: float = 0.0,
     lag_s: float = 0.2,
 ) -> Track:
-    """A move as it really was, seen through the given mistakes.
+    """Return the track of a true move, seen through the given mistakes.
 
     `mocap` and `autopilot` map the truth (n, 3) and motion capture's positions to what is shown; `body_deg` turns the
     body's axes in QTM, `autopilot_heading_deg` the autopilot's attitude.

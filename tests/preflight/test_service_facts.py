@@ -1,4 +1,4 @@
-"""The facts as they are gathered: from scripted frames and an autopilot that answers what the test wants."""
+"""Tests of the collected facts: scripted frames and an autopilot that answers as the test wants."""
 
 import asyncio
 import math
@@ -95,7 +95,7 @@ Begin = Callable[[Scripted], Running]
 
 @pytest.fixture
 def begin(monkeypatch: pytest.MonkeyPatch) -> Begin:
-    """Whoever sleeps lets the scripted time pass."""
+    """Replace sleeping by advancing the scripted time."""
     really = asyncio.sleep
 
     def call(scripted: Scripted) -> Running:

@@ -1,4 +1,4 @@
-"""The whole list: a ready vehicle passes, and each thing that is wrong fails its own check and says what to do."""
+"""Tests of all checks: a ready vehicle passes, and each fault fails its own check with a remedy."""
 
 import math
 from dataclasses import dataclass, replace
