@@ -1,25 +1,25 @@
-"""The few exceptions that reach an operator; imports nothing, so that a command line can begin at once."""
+"""Exceptions that reach an operator; imports nothing, so that a command line starts at once."""
 
 
 class CompanionError(Exception):
-    """A sentence for the operator: what is wrong, where, and what would be right."""
+    """An error whose message is one sentence for the operator: what is wrong, where, and what to do."""
 
 
 class ConfigError(CompanionError):
-    """A configuration or trajectory file cannot be used."""
+    """A configuration or trajectory file that cannot be used."""
 
 
 class MocapError(CompanionError):
-    """The motion-capture source cannot be reached, or does not know the body."""
+    """A motion-capture source that cannot be reached, or that does not know the body."""
 
 
 class AutopilotError(CompanionError):
-    """The autopilot cannot be reached, or refuses."""
+    """An autopilot that cannot be reached, or that rejects a command."""
 
 
 class FlightError(CompanionError):
-    """A flight did not do what was asked; says why."""
+    """A flight that did not do what was commanded; the message says why."""
 
 
 class ArmError(CompanionError):
-    """The servo bus cannot be reached, a servo is missing or wrong, or a motion of the arms is refused."""
+    """A servo bus that cannot be reached, a missing or wrong servo, or a rejected motion of the arms."""

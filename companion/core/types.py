@@ -23,7 +23,7 @@ class MocapFrame:
     stamp_s: float
     """Capture time on the motion-capture system's own clock."""
     received_s: float
-    """Arrival on our monotonic clock."""
+    """Arrival on the service's monotonic clock."""
     position_w_m: Array
     """Shape (3,); NaN while the body is not tracked."""
     rotation_w_b: Array
@@ -31,17 +31,17 @@ class MocapFrame:
     residual_m: float
     """Mean marker residual; NaN when not reported."""
     late: int = 0
-    """Frames of this connection dropped so far because a newer one, or the same, had come before them."""
+    """Frames of this connection dropped so far because they arrived after a newer one or twice."""
 
     @property
     def tracked(self) -> bool:
-        """Whether the system saw the body in this frame."""
+        """True if the system saw the body in this frame."""
         return bool(np.isfinite(self.position_w_m).all() and np.isfinite(self.rotation_w_b).all())
 
 
 @dataclass(frozen=True)
 class VehicleState:
-    """Where the vehicle is, as far as we know, at `time_s` on our monotonic clock."""
+    """Estimated state of the vehicle at `time_s` on the service's monotonic clock."""
 
     time_s: float
     position_w_m: Array
@@ -52,7 +52,7 @@ class VehicleState:
 
 @dataclass(frozen=True)
 class Reference:
-    """What the trajectory asks for at one instant; vectors (..., 3) in W."""
+    """Reference of a trajectory at one instant; vectors (..., 3) in W."""
 
     position_w_m: Array
     velocity_w_mps: Array
@@ -62,14 +62,14 @@ class Reference:
 
 @dataclass(frozen=True)
 class AttitudeThrust:
-    """What the vehicle is asked to do: attitude (..., 4) and normalised thrust (...,) in 0..1."""
+    """Setpoint: attitude (..., 4) and normalised thrust (...,) in 0..1."""
 
     q_w_flu_wxyz: Array
     thrust: Array
 
 
 class FlightMode(StrEnum):
-    """The autopilot's modes that this service tells apart."""
+    """Flight modes of the autopilot that the service distinguishes."""
 
     OFFBOARD = "offboard"
     HOLD = "hold"
@@ -88,7 +88,7 @@ class BatteryReading:
     """The newest BATTERY_STATUS of one battery; NaN where the autopilot does not know."""
 
     id: int
-    """The battery's number in MAVLink: 0 for PX4's BAT1, 1 for BAT2; -1 before any was heard."""
+    """The battery's number in MAVLink: 0 for PX4's BAT1, 1 for BAT2; -1 before the first message."""
     fraction: float
     """Remaining charge, 0..1."""
     voltage_v: float
@@ -96,43 +96,43 @@ class BatteryReading:
 
 @dataclass(frozen=True)
 class AutopilotStatus:
-    """What the autopilot last said of itself; ages are for the caller to compute from the times of arrival."""
+    """Newest status of the autopilot; callers compute ages from the times of arrival."""
 
     connected: bool
     heartbeat_s: float
-    """Arrival of the last HEARTBEAT on our monotonic clock; -inf before the first: then nothing here is known."""
+    """Arrival of the last HEARTBEAT on the service's monotonic clock; -inf before the first: all else is unknown."""
     armed: bool
     mode: FlightMode
     in_air: bool | None
-    """What its land detector says; None before it has said anything, and while it does not know itself."""
+    """Output of its land detector; None before the first message, and while it is undecided."""
     battery_fraction: float
-    """Of the battery that carries the vehicle, `battery_id`; NaN while it is not known."""
+    """Remaining charge of the flight battery `battery_id`, 0..1; NaN while it is not known."""
     battery_v: float
     q_w_flu_wxyz: Array
-    """The autopilot's own attitude estimate, already in our frames."""
+    """The autopilot's own attitude estimate, converted to W and FLU."""
     last_text: str
-    """The newest STATUSTEXT; empty before the first, and when what it says was denied has come to pass."""
+    """The newest STATUSTEXT; empty before the first, and once the command it denied has succeeded."""
     text_s: float = -math.inf
-    """Arrival of `last_text` on our monotonic clock; -inf before the first."""
+    """Arrival of `last_text` on the service's monotonic clock; -inf before the first."""
     heard_s: float = -math.inf
-    """Arrival of the newest message of any kind on our monotonic clock; -inf before the first."""
+    """Arrival of the newest message of any kind on the service's monotonic clock; -inf before the first."""
     attitude_s: float = -math.inf
-    """Arrival of `q_w_flu_wxyz` on our monotonic clock; -inf before the first."""
+    """Arrival of `q_w_flu_wxyz` on the service's monotonic clock; -inf before the first."""
     boot_s: float = math.nan
-    """The autopilot's own time since its boot, as it last said; NaN before."""
+    """The autopilot's time since boot, as last reported; NaN before the first report."""
     battery_id: int = -1
-    """See BatteryReading."""
+    """Number of the flight battery; see BatteryReading."""
     batteries: tuple[BatteryReading, ...] = ()
-    """All that were heard, by number."""
+    """Newest reading of every battery, sorted by number."""
     system_id: int = 0
-    """The autopilot's number in MAVLink (MAV_SYS_ID); 0 while it is not known."""
+    """The autopilot's MAVLink system ID (MAV_SYS_ID); 0 while it is not known."""
     strangers: tuple[str, ...] = ()
-    """Other autopilots heard on this link, each in a few words."""
+    """Short description of every other autopilot received on this link."""
     failsafe: bool = False
-    """It flies another mode than the chosen one: its failsafe, not a pilot, has taken the vehicle."""
+    """True while it flies another mode than the selected one: its failsafe, not a pilot, has control."""
 
     def said_since(self, time_s: float) -> str:
-        """Return the newest STATUSTEXT if it came at `time_s` or later on our clock, else nothing."""
+        """Return the newest STATUSTEXT if it arrived at `time_s` or later, else an empty string."""
         return self.last_text if self.text_s >= time_s else ""
 
     @property
@@ -143,7 +143,7 @@ class AutopilotStatus:
 
 @dataclass(frozen=True)
 class JointMotion:
-    """What a joint trajectory asks for at one instant; (..., 8), the order of arms.model.JOINT_NAMES."""
+    """Reference of a joint trajectory at one instant; (..., 8), in the order of arms.model.JOINT_NAMES."""
 
     position_rad: Array
     velocity_radps: Array
@@ -151,25 +151,25 @@ class JointMotion:
 
 
 class ArmFaultKind(StrEnum):
-    """What can be wrong with a servo, as far as reactions differ."""
+    """Kind of a servo fault, as far as the failsafe actions differ."""
 
     SILENT = "silent"
-    """It does not answer any more, or its cable is out."""
+    """It no longer answers, or its cable is unplugged."""
     OVERLOAD = "overload"
     HARDWARE = "hardware"
-    """Overheating, input voltage, encoder, electrical shock: whatever else the servo itself reports."""
+    """Overheating, input voltage, encoder, electrical shock: any other error that the servo reports."""
     REBOOTED = "rebooted"
-    """It answers, but has lost its torque without being told to."""
+    """It answers, but its torque is off without a command."""
     BUS = "bus"
-    """The port itself is gone."""
+    """The serial port has disappeared."""
 
 
 @dataclass(frozen=True)
 class ArmFault:
-    """One fault, latched: it stays until the operator clears it."""
+    """Latched fault: it stays until the operator clears it."""
 
     joint: str
-    """Name in arms.model.JOINT_NAMES; "bus" when it is not one joint's."""
+    """Name in arms.model.JOINT_NAMES; "bus" when it does not belong to one joint."""
     kind: ArmFaultKind
     text: str
     """A sentence that names the joint and the servo's ID, and what to do."""
@@ -177,10 +177,10 @@ class ArmFault:
 
 @dataclass(frozen=True)
 class ArmStatus:
-    """What the arms' bus last said; arrays are (8,), NaN where nothing was read yet."""
+    """Newest status of the servo bus; arrays are (8,), NaN where nothing was read yet."""
 
     read_s: Array
-    """When each joint was last read, on our monotonic clock; -inf before the first time."""
+    """Time at which each joint was last read, on the service's monotonic clock; -inf before the first time."""
     position_rad: Array
     velocity_radps: Array
     effort: Array
@@ -189,14 +189,14 @@ class ArmStatus:
     voltage_v: Array
     torque_on: NDArray[np.bool_]
     held_rad: Array
-    """The goals that hold the joints, which their loads keep them a little from; NaN where a joint gets none.
+    """Goals that hold the joints (rad), slightly off their positions under load; NaN where a joint has no goal.
 
-    It gets none while it is limp, has a fault, or was not given its torque by us, and obeys no goal then.
+    A joint has none while it is limp, has a fault, or was not switched on by this service.
     """
     faults: tuple[ArmFault, ...]
     cycles: int
-    """Bus cycles completed."""
+    """Number of completed bus cycles."""
     cycle_s: float
-    """How long the last one took."""
+    """Duration of the last one."""
     bad_packets: int
-    """Answers that came late, broken or not at all, and were asked for again."""
+    """Replies that were late, corrupted or missing, and were requested again."""

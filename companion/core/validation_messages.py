@@ -1,4 +1,4 @@
-"""What pydantic says of a wrong value, in the words of who typed it; imports nothing heavy."""
+"""Messages for wrong values in a file or a command, made from those of pydantic; imports nothing heavy."""
 
 import difflib
 import re
@@ -37,7 +37,7 @@ _KINDS = {
 
 
 def plain(detail: "ErrorDetails") -> str:
-    """Return what is wrong, and what would be right, without the key and the value."""
+    """Return the message for one pydantic error: what is allowed, without the key and the value."""
     kind, said, context = detail["type"], detail["msg"], detail.get("ctx", {})
     if kind in {"literal_error", "enum"}:
         return f"must be {context['expected']}{_near(detail.get('input'), context['expected'])}"
@@ -61,7 +61,7 @@ def _count(kind: str, context: dict[str, Any]) -> str:
 
 
 def _letters(pattern: str) -> str:
-    """In words, for ^[a-z]{1,64}$ and its like."""
+    """Describe a pattern such as ^[a-z]{1,64}$ in words."""
     parts = re.fullmatch(r"\^\[(.+)\]\{(\d+)(?:,(\d+))?\}\$", pattern)
     if parts is None:
         return f"must match {pattern}"
@@ -70,14 +70,14 @@ def _letters(pattern: str) -> str:
 
 
 def _near(given: object, expected: str) -> str:
-    """The choice that was probably meant."""
+    """Return the suggestion of the choice most similar to `given`, or an empty string."""
     choices = expected.split("'")[1::2]
     near = difflib.get_close_matches(given.lower(), choices, n=1) if isinstance(given, str) else []
     return f", did you mean '{near[0]}'?" if near and len(choices) > 1 else ""
 
 
 def _is_number(given: object) -> bool:
-    """True for a number in quotes."""
+    """Return True for a text that reads as a number."""
     try:
         return isinstance(given, str) and bool(float(given) or True)
     except ValueError:

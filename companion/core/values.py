@@ -1,4 +1,4 @@
-"""Values that are made many times in a cycle: frozen for whoever checks types, plain at run time."""
+"""Decorator for values created many times in a cycle: frozen for the type checker, plain at run time."""
 
 from dataclasses import dataclass
 from typing import TypeVar, dataclass_transform
@@ -8,10 +8,10 @@ Made = TypeVar("Made")
 
 @dataclass_transform(frozen_default=True)
 def value(cls: type[Made]) -> type[Made]:
-    """As `dataclass(frozen=True)`, but its fields are frozen by mypy alone.
+    """Make `cls` a dataclass whose fields are frozen for the type checker only.
 
-    A frozen dataclass goes through object.__setattr__ for each field when it is made, 0.1 us each: a tenth of a control
-    cycle. For the inner states of filters and laws, whose every user is under the type checker; what crosses a port or
-    comes to a user's own law stays frozen.
+    A frozen dataclass calls object.__setattr__ for each field when it is created, 0.1 us each: a tenth of a control
+    cycle. Used for the states of filters and laws, which only type-checked code touches; values that cross an
+    interface or reach a user's own law are frozen dataclasses.
     """
     return dataclass(cls)

@@ -1,15 +1,15 @@
-"""Limits of a path through waypoints, be it in a CSV file or in a command; nothing heavy is imported here."""
+"""Limits of a path through waypoints, in a CSV file or in a command; imports nothing heavy."""
 
 import math
 from itertools import pairwise
 
 MAX_WAYPOINTS = 400
-"""The spline is solved at once, in about a second for so many; a smooth path needs far fewer."""
+"""The spline is solved in one go, which takes about a second for this many; a smooth path needs far fewer."""
 LEAST_GAP_S = 0.01
-"""Between two waypoints: a control cycle."""
+"""Least time between two waypoints: a control cycle."""
 LONGEST_S = 3600.0
 MAX_YAW_RAD = 6.3
-"""A whole turn: what is larger is in degrees, or counts turns that a path by the short way does not make."""
+"""One turn: a larger heading is probably in degrees, or counts turns that the short way round does not make."""
 
 
 def time_mistake(times_s: list[float], longest_s: float) -> tuple[int, str] | None:

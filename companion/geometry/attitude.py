@@ -1,4 +1,4 @@
-"""From the commanded force and heading to attitude and normalised thrust, and back.
+"""Conversion of a commanded force and heading to attitude and normalised thrust, and back.
 
 U_c = m_t (u + g e_3) in W; a multirotor can only push along its own z axis, so the attitude turns that axis along the
 force, the heading fixes the rest, and the thrust is the force's size.
@@ -16,12 +16,12 @@ from companion.geometry.array_math import any_true, math_module, maximum, minimu
 from companion.geometry.frames import up_axis_parts
 
 MIN_FORCE_N = 1e-3
-"""Below this a force has no direction worth following."""
+"""Force below which the direction is ignored."""
 
 
 @dataclass(frozen=True)
 class ThrustModel:
-    """How much force a normalised thrust gives. `curve` is PX4's THR_MDL_FAC when the autopilot does not correct it."""
+    """Force of a normalised thrust. `curve` is PX4's THR_MDL_FAC when the autopilot does not compensate for it."""
 
     mass_kg: float = 4.85
     gravity_mps2: float = 9.8
@@ -32,21 +32,22 @@ class ThrustModel:
 
     @cached_property
     def max_force_n(self) -> float:
-        """Force at full thrust."""
+        """Force at full thrust, N."""
         h, f = self.hover_thrust, self.curve
         return self.mass_kg * self.gravity_mps2 / (f * h * h + (1.0 - f) * h)
 
 
 def force_of_accel(accel_w_mps2: Array, model: ThrustModel) -> Array:
-    """U_c = m_t (u + g e_3) (N), shape (..., 3)."""
+    """Return U_c = m_t (u + g e_3) (N), shape (..., 3)."""
     x, y, z = unstack(accel_w_mps2)
     return stack(model.mass_kg * x, model.mass_kg * y, model.mass_kg * (z + model.gravity_mps2))
 
 
 def limit_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) -> Array:
-    """u with its horizontal part cut so that the vehicle need not tilt further (m/s^2), shape (..., 3).
+    """Return u with its horizontal part cut to what the tilt limit allows (m/s^2), shape (..., 3).
 
-    The height comes first: turning the whole force back into the cone, as the gate does, would make the vehicle climb.
+    Height has priority: turning the whole force back into the cone, as limit_setpoint does, would make the vehicle
+    climb.
     """
     x, y, z = unstack(accel_w_mps2)
     most = math.tan(max_tilt_rad) * maximum(z + gravity_mps2, 0.0)
@@ -58,7 +59,7 @@ def limit_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) ->
 
 
 def thrust_axis(x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
-    """Unit axis in W along which the rotors must push, from the force's components (N).
+    """Return the unit axis in W along which the rotors must push, from the force's components (N).
 
     No force has no direction: level. A force that points down would turn the vehicle over: its horizontal part is
     followed (the limits cut the tilt), and with none the vehicle stays level.
@@ -72,10 +73,10 @@ def thrust_axis(x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
 
 
 def attitude_of(x: Any, y: Any, z: Any, yaw_rad: Array | float) -> Array:
-    """Quaternion W<-FLU with body z along the axis (x, y, z) in W and the nose towards `yaw_rad`, (..., 4), w >= 0.
+    """Return the quaternion W<-FLU with body z along (x, y, z) in W and the nose towards `yaw_rad`, (..., 4), w >= 0.
 
-    The heading, then a turn about the left that brings the nose down, then one about the nose: aerospace angles. With
-    the axis horizontal along the heading's left the nose has no direction left: it points up.
+    Turns by the heading, then about the left axis (nose down), then about the nose: aerospace angles. With the axis
+    horizontal, along the left of the heading, the direction of the nose is undefined: it points up.
     """
     m, turn = math_module(x), math_module(yaw_rad)
     sine, cosine = turn.sin(yaw_rad), turn.cos(yaw_rad)
@@ -87,7 +88,7 @@ def attitude_of(x: Any, y: Any, z: Any, yaw_rad: Array | float) -> Array:
 
 
 def _of_turns(half_yaw: Any, half_pitch: Any, half_roll: Any) -> Array:
-    """Quaternion of turns about z, the new y and the new x, given as half angles; w >= 0."""
+    """Return the quaternion of turns about z, the new y and the new x, given as half angles; w >= 0."""
     m, turn = math_module(half_pitch), math_module(half_yaw)
     (cz, sz), (cy, sy) = (turn.cos(half_yaw), turn.sin(half_yaw)), (m.cos(half_pitch), m.sin(half_pitch))
     cx, sx = m.cos(half_roll), m.sin(half_roll)
@@ -100,7 +101,7 @@ def _of_turns(half_yaw: Any, half_pitch: Any, half_roll: Any) -> Array:
 
 
 def normalised_thrust(collective_n: Any, model: ThrustModel) -> Any:
-    """Thrust 0..1 (unclipped above) whose force is `collective_n`, a float or (...,); negative forces give 0."""
+    """Return the thrust 0..1 (unclipped above) whose force is `collective_n`, float or (...,); negative ones give 0."""
     ratio = maximum(collective_n, 0.0) / model.max_force_n
     f = model.curve
     if f < 1e-9:
@@ -109,13 +110,13 @@ def normalised_thrust(collective_n: Any, model: ThrustModel) -> Any:
 
 
 def collective_force_n(thrust: Any, model: ThrustModel) -> Any:
-    """Inverse of `normalised_thrust` (N), a float or (...,)."""
+    """Return the force of a thrust (N), the inverse of `normalised_thrust`; a float or (...,)."""
     f = model.curve
     return model.max_force_n * (f * thrust * thrust + (1.0 - f) * thrust)
 
 
 def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: ThrustModel) -> AttitudeThrust:
-    """Attitude and thrust that give u, or the nearest that can be flown."""
+    """Return the attitude and thrust that give u, or the nearest that can be flown."""
     x, y, z = unstack(force_of_accel(accel_w_mps2, model))
     axis_x, axis_y, axis_z = thrust_axis(x, y, z)
     thrust = normalised_thrust(x * axis_x + y * axis_y + z * axis_z, model)
@@ -123,7 +124,7 @@ def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: Thrust
 
 
 def accel_of_setpoint(setpoint: AttitudeThrust, model: ThrustModel) -> Array:
-    """u that a setpoint asks for (m/s^2), shape (..., 3): what was really sent, in the law's terms."""
+    """Return u of a setpoint (m/s^2), shape (..., 3): the command that was really sent, in the units of the law."""
     push = collective_force_n(number(setpoint.thrust), model) / model.mass_kg
     x, y, z = up_axis_parts(setpoint.q_w_flu_wxyz)
     return stack(push * x, push * y, push * z - model.gravity_mps2)

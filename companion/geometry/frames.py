@@ -20,17 +20,17 @@ _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def flip_yz(vector: Array) -> Array:
-    """W to NED, NED to W, FLU to FRD, FRD to FLU: all the same half turn about x, shape (..., 3)."""
+    """Convert between W and NED, or between FLU and FRD: all the same half turn about x, shape (..., 3)."""
     return np.asarray(vector * _FLIP)
 
 
 def flip_quat(q: Array) -> Array:
-    """Attitude W<-FLU to NED<-FRD and back, shape (..., 4)."""
+    """Convert an attitude W<-FLU to NED<-FRD or back, shape (..., 4)."""
     return np.asarray(q * _FLIP_Q)
 
 
 def quat_multiply(a: Array, b: Array) -> Array:
-    """Hamilton product, shape (..., 4)."""
+    """Return the Hamilton product, shape (..., 4)."""
     (aw, ax, ay, az), (bw, bx, by, bz) = unstack(a), unstack(b)
     return stack(
         aw * bw - ax * bx - ay * by - az * bz,
@@ -41,12 +41,12 @@ def quat_multiply(a: Array, b: Array) -> Array:
 
 
 def quat_conjugate(q: Array) -> Array:
-    """Inverse rotation, shape (..., 4)."""
+    """Return the inverse rotation, shape (..., 4)."""
     return np.asarray(q * _CONJUGATE)
 
 
 def quat_from_rotation_vector(r: Array) -> Array:
-    """Rotation vector (rad), shape (..., 3), to quaternion."""
+    """Return the quaternion (..., 4) of a rotation vector (rad), shape (..., 3)."""
     x, y, z = unstack(r)
     m = math_module(x)
     half = maximum(0.5 * m.sqrt(x * x + y * y + z * z), _TINY)
@@ -55,7 +55,7 @@ def quat_from_rotation_vector(r: Array) -> Array:
 
 
 def rotation_vector_from_quat(q: Array) -> Array:
-    """Quaternion to the shorter rotation vector (rad), shape (..., 3)."""
+    """Return the shorter rotation vector of a quaternion (rad), shape (..., 3)."""
     w, x, y, z = unstack(q)
     m = math_module(w)
     half = maximum(m.atan2(m.sqrt(x * x + y * y + z * z), abs(w)), _TINY)
@@ -64,13 +64,13 @@ def rotation_vector_from_quat(q: Array) -> Array:
 
 
 def quat_from_yaw(yaw_rad: Array | float) -> Array:
-    """Level attitude with this heading, shape (..., 4)."""
+    """Return the level attitude with this heading, shape (..., 4)."""
     m, half, zero = math_module(yaw_rad), 0.5 * yaw_rad, 0.0 * yaw_rad
     return stack(m.cos(half), zero, zero, m.sin(half))
 
 
 def matrix_from_quat(q: Array) -> Array:
-    """Rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
+    """Return the rotation matrix R, v_w = R v_b, shape (..., 3, 3)."""
     w, x, y, z = unstack(q)
     row_by_row = stack(
         *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
@@ -81,14 +81,14 @@ def matrix_from_quat(q: Array) -> Array:
 
 
 def turned(q: Array, vector: Array) -> Array:
-    """A vector in the body's axes, (..., 3), in the world's: v + 2 w (u x v) + 2 u x (u x v) with q = (w, u)."""
+    """Rotate a vector (..., 3) from body to world axes: v + 2 w (u x v) + 2 u x (u x v) with q = (w, u)."""
     (w, x, y, z), (a, b, c) = unstack(q), unstack(vector)
     i, j, k = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
     return stack(a + w * i + y * k - z * j, b + w * j + z * i - x * k, c + w * k + x * j - y * i)
 
 
 def quat_from_matrix(rotation: Array) -> Array:
-    """Quaternion of a rotation matrix, shape (..., 4), w >= 0.
+    """Return the quaternion of a rotation matrix, shape (..., 4), w >= 0.
 
     Takes the largest of the four squared components as the divisor (Shepperd's method), so no direction
     is singular.
@@ -128,24 +128,24 @@ def _sum_yz(m: Array) -> Array:
 
 
 def up_axis(q_w_flu_wxyz: Array) -> Array:
-    """Body z axis (the direction the rotors push) in W, shape (..., 3)."""
+    """Return the body z axis (the direction the rotors push) in W, shape (..., 3)."""
     return stack(*up_axis_parts(q_w_flu_wxyz))
 
 
 def up_axis_parts(q_w_flu_wxyz: Array) -> Any:
-    """`up_axis` as its components: floats, arrays (...,) for a batch."""
+    """Return the components of `up_axis`: floats, arrays (...,) for a batch."""
     w, x, y, z = unstack(q_w_flu_wxyz)
     return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
 
 
 def yaw_of(q_w_flu_wxyz: Array) -> Array:
-    """Heading (rad) of the body x axis in W, counter-clockwise from x, shape (...,)."""
+    """Return the heading (rad) of the body x axis in W, counter-clockwise from x, shape (...,)."""
     w, x, y, z = unstack(q_w_flu_wxyz)
     return np.asarray(math_module(w).atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
 
 
 def euler_ned_frd_deg(q_w_flu_wxyz: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw (degrees, aerospace sequence, NED<-FRD) of one attitude: what MAVSDK's set_attitude takes."""
+    """Return roll, pitch, yaw (degrees, aerospace sequence, NED<-FRD) of one attitude, for MAVSDK's set_attitude."""
     w, x, y, z = flip_quat(q_w_flu_wxyz).tolist()
     roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))

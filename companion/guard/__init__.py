@@ -1,1 +1,1 @@
-"""Last gate before the autopilot: limits, geofence, rate limits. Knows no law and no supervisor. Pure."""
+"""Last stage before the autopilot: limits, geofence, rate limits; independent of law and supervisor. Pure."""

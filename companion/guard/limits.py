@@ -1,6 +1,6 @@
-"""The last gate before the autopilot: finite, tilt, thrust, rate of change. It knows no controller.
+"""Limits of a setpoint: finite, tilt, thrust, rate of change. Independent of the controller.
 
-Deliberately simpler than anything in front of it: what comes in is cut to what may go out, whoever asks.
+Deliberately simpler than everything in front of it: any setpoint is cut to the limits, whatever its source.
 """
 
 import math
@@ -24,7 +24,7 @@ from companion.geometry.frames import (
 Mask = NDArray[np.bool_]
 
 _CLEARLY = 1e-9
-"""Margin of a quick look at a limit: what passes is inside beyond rounding, all else is looked at exactly."""
+"""Margin of the quick check of a limit: what passes is inside despite rounding, the rest is checked exactly."""
 
 
 def _no() -> Mask:
@@ -33,21 +33,21 @@ def _no() -> Mask:
 
 @dataclass(frozen=True)
 class Limits:
-    """What may be sent; each bound with its unit."""
+    """Limits of the setpoints sent to the autopilot."""
 
     max_tilt_rad: float = 0.52
-    """Tilt cone about the vertical."""
+    """Half angle of the tilt cone about the vertical."""
     min_thrust: float = 0.05
     max_thrust: float = 0.80
     max_turn_radps: float = 6.0
-    """Rate of change of the attitude setpoint."""
+    """Largest rate of change of the attitude setpoint."""
     max_thrust_rate_ps: float = 5.0
-    """Rate of change of the normalised thrust, 1/s."""
+    """Largest rate of change of the normalised thrust, 1/s."""
 
 
 @value
 class LimitedSetpoint:
-    """What goes out, and what was cut: flags (...,) for the record and for the safety rules."""
+    """Setpoint inside the limits, and flags (...,) of what was cut, for the record and for the supervisor."""
 
     setpoint: AttitudeThrust
     not_finite: Mask
@@ -56,29 +56,29 @@ class LimitedSetpoint:
     slew_cut: Mask
     _: KW_ONLY
     age_cut: Mask = field(default_factory=_no)
-    """By the guard: the state was too old to be steered by."""
+    """Cut by the guard because the state was too old."""
     fence_cut: Mask = field(default_factory=_no)
-    """By the guard: less towards the fence than was wanted."""
+    """Cut by the guard because of the geofence."""
     failure: str = ""
-    """Why the guard itself failed and levelled the vehicle; empty when it did not."""
+    """Error for which the guard failed and levelled the vehicle; empty when it did not fail."""
 
 
 def limit_setpoint(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: float) -> LimitedSetpoint:
-    """Cut `wanted` to the limits, `dt_s` after `last` went out; shapes (..., 4) and (...,).
+    """Cut `wanted` to the limits, `dt_s` after `last` was sent; shapes (..., 4) and (...,).
 
-    What is not finite, or no attitude at all, is replaced by `last`. The tilt is cut after the slew, so that no
-    path between two allowed attitudes leaves the cone.
+    Values that are not finite, or no valid attitude, are replaced by those of `last`. The tilt is cut after the rate,
+    so that no path between two allowed attitudes leaves the cone.
     """
-    q, asked, not_finite = _usable(wanted, last)
+    q, commanded, not_finite = _usable(wanted, last)
     turned, turn_cut = _slew_attitude(q, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
     inside, tilt_cut = inside_cone(turned, limits.max_tilt_rad)
     thrust, before, step = (
-        _between(asked, limits.min_thrust, limits.max_thrust),
+        _between(commanded, limits.min_thrust, limits.max_thrust),
         number(last.thrust),
         limits.max_thrust_rate_ps * dt_s,
     )
     slewed = _between(thrust, before - step, before + step)
-    cuts = map(np.asarray, (not_finite, tilt_cut, thrust != asked, turn_cut | (slewed != thrust)))
+    cuts = map(np.asarray, (not_finite, tilt_cut, thrust != commanded, turn_cut | (slewed != thrust)))
     return LimitedSetpoint(AttitudeThrust(inside, np.asarray(slewed)), *cuts)
 
 
@@ -87,7 +87,7 @@ def _between(value: Any, low: Any, high: Any) -> Any:
 
 
 def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Any, Any]:
-    """Unit quaternion (..., 4) and thrust, where there is none the last one's; and where there was none."""
+    """Return unit quaternion (..., 4), thrust, and where they were not valid, (...,): there `last` replaces them."""
     q, thrust = wanted.q_w_flu_wxyz, number(wanted.thrust)
     length = _length(q)
     usable = (abs(length - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
@@ -119,9 +119,9 @@ def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, A
 
 
 def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
-    """Turn back along the shortest way to the cone, about the horizontal axis the vehicle is tilted around.
+    """Turn attitudes back to the tilt cone the shortest way, about the horizontal axis they are tilted around.
 
-    Unit quaternions (..., 4) that tilt by `max_tilt_rad` at most, and where one was cut, (...,).
+    Returns unit quaternions (..., 4) that tilt by `max_tilt_rad` at most, and where one was cut, (...,).
     """
     x, y, z = up_axis_parts(q)
     beyond = z <= math.cos(min(max_tilt_rad, math.pi)) + _CLEARLY
@@ -131,7 +131,7 @@ def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
     horizontal = m.sqrt(x * x + y * y)
     tilt = m.atan2(horizontal, z)
     cut, size = tilt > max_tilt_rad, maximum(horizontal, 1e-9)
-    # the horizontal axis about which level was tilted to `up`: e3 x up; exactly inverted any will do
+    # the horizontal axis about which level was tilted to `up`: e3 x up; exactly inverted, any axis is right
     axis_x, axis_y = where(horizontal > 1e-9, -y / size, 1.0), where(horizontal > 1e-9, x / size, 0.0)
     back = 0.5 * (max_tilt_rad - tilt)
     turn_back = stack(m.cos(back), axis_x * m.sin(back), axis_y * m.sin(back), 0.0 * back)

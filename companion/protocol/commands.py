@@ -1,4 +1,4 @@
-"""What an operator may command: one strict model a verb. docs/bus/command.schema.json is printed from them."""
+"""Commands of an operator, one strict model per verb; docs/bus/command.schema.json is generated from them."""
 
 from typing import Annotated, Literal, get_args
 
@@ -7,33 +7,35 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
 from companion.core.waypoint_limits import LONGEST_S, MAX_WAYPOINTS, MAX_YAW_RAD
 
 ID = r"^[A-Za-z0-9_.:-]{1,64}$"
-"""What a command may be called."""
+"""Pattern of a command's ID."""
 Metres = Annotated[float, Field(ge=-50.0, le=50.0)]
 
 
 class _Message(BaseModel):
-    """What stands in no field is an error, and so is a number that is none."""
+    """Base of all messages: unknown fields and numbers that are not finite are errors."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class _Command(_Message):
-    """What every command has."""
+    """Fields that every command has."""
 
-    id: str = Field(pattern=ID, description="new for every command; delivered twice counts once")
-    session: str = Field(pattern=r"^[0-9a-f]{16}$", description="of the retained status: one run of the service")
+    id: str = Field(pattern=ID, description="unique for every command; a command delivered twice is executed once")
+    session: str = Field(
+        pattern=r"^[0-9a-f]{16}$", description="session in the retained status: identifies one run of the service"
+    )
     sent_s: float = Field(
-        ge=0.0, le=1e11, description="when it was sent, by the service's own clock: `time_s` of its state, gone on"
+        ge=0.0, le=1e11, description="time of sending by the service's clock: `time_s` of its state plus the time since"
     )
     reply_to: str | None = Field(
         None,
         pattern=r"^[A-Za-z0-9_-]{1,64}$",
-        description="client whose reply topic answers; MQTT 5's response topic goes before it",
+        description="client whose reply topic gets the replies; MQTT 5's response topic takes precedence",
     )
 
 
 class Preflight(_Command):
-    """Check everything that arming asks for; changes nothing."""
+    """Run all checks that arming requires; changes nothing."""
 
     verb: Literal["preflight"]
 
@@ -45,27 +47,27 @@ class Arm(_Command):
 
 
 class TakeOff(_Command):
-    """Climb, then hold."""
+    """Climb to a height, then hold position."""
 
     verb: Literal["takeoff"]
     height_m: float | None = Field(None, gt=0.0, le=50.0, description="above the ground; as configured if null")
 
 
 class Hold(_Command):
-    """Brake and hover; what was flown is not taken up again."""
+    """Brake and hover; an interrupted trajectory is not resumed."""
 
     verb: Literal["hold"]
 
 
 class GoTo(_Command):
-    """Fly to a place at the usual speed, then hold."""
+    """Fly to a position at the configured speed, then hold."""
 
     verb: Literal["goto"]
     x_m: Metres = Field(description="in W")
     y_m: Metres = Field(description="in W")
     z_m: float = Field(gt=0.0, le=50.0, description="in W, above the floor")
     yaw_rad: float | None = Field(
-        None, ge=-MAX_YAW_RAD, le=MAX_YAW_RAD, description="heading there, rad; as it is if null"
+        None, ge=-MAX_YAW_RAD, le=MAX_YAW_RAD, description="heading there, rad; unchanged if null"
     )
 
 
@@ -77,7 +79,10 @@ class Waypoint(_Message):
     y_m: Metres
     z_m: Metres
     yaw_rad: float = Field(
-        0.0, ge=-MAX_YAW_RAD, le=MAX_YAW_RAD, description="heading, rad; the next one is taken the short way round"
+        0.0,
+        ge=-MAX_YAW_RAD,
+        le=MAX_YAW_RAD,
+        description="heading, rad; the vehicle turns to the next one the short way round",
     )
 
 
@@ -85,12 +90,12 @@ class Track(_Command):
     """Go to a trajectory's start, fly it, hold its end; meanwhile the arms may move."""
 
     verb: Literal["track"]
-    curve: Literal["ellipse", "figure8"] | None = Field(None, description="one of the paper's; or `waypoints`")
+    curve: Literal["ellipse", "figure8"] | None = Field(None, description="a curve of the paper; or give `waypoints`")
     waypoints: tuple[Waypoint, ...] | None = Field(None, min_length=2, max_length=MAX_WAYPOINTS, fail_fast=True)
     laps: int = Field(2, ge=1, le=100)
-    period_s: float = Field(15.0, ge=4.0, le=120.0, description="a lap at full speed")
+    period_s: float = Field(15.0, ge=4.0, le=120.0, description="duration of a lap at full speed, s")
     size: float = Field(1.0, ge=0.1, le=3.0, description="1 is 2 m across")
-    height_m: float | None = Field(None, gt=0.0, le=50.0, description="of a curve, in W; as it is if null")
+    height_m: float | None = Field(None, gt=0.0, le=50.0, description="height of a curve in W, m; unchanged if null")
     arms: str | None = Field(
         None, pattern=r"^[a-z0-9_-]{1,32}$", description="motion of config/arms/ that begins with the trajectory"
     )
@@ -103,7 +108,7 @@ class Track(_Command):
 
 
 class Arms(_Command):
-    """Something for the arms alone."""
+    """Command for the arms alone."""
 
     verb: Literal["arms"]
     do: Literal["ready", "stow", "play", "hold", "limp", "clear"] = Field(
@@ -119,39 +124,39 @@ class Arms(_Command):
 
 
 class SwitchController(_Command):
-    """Another law from now on, in the air too: the setpoint does not jump, the position can move by 0.3 m."""
+    """Switch to another control law, also in the air: the setpoint does not jump, the position can move by 0.3 m."""
 
     verb: Literal["controller"]
     name: str = Field(pattern=r"^[a-z0-9_-]{1,64}$", description="a name of config/controllers/, or etnn, pid")
 
 
 class Land(_Command):
-    """Arms folded, down where the vehicle is, disarmed."""
+    """Fold the arms, land at the current position, disarm."""
 
     verb: Literal["land"]
 
 
 class Abort(_Command):
-    """As land, and the record says that the operator aborted; on the ground the motors stop."""
+    """Land as with `land`, and record that the operator aborted; on the ground stop the motors."""
 
     verb: Literal["abort"]
 
 
 class Resume(_Command):
-    """Take the vehicle back from PX4 or its pilot, and hover where it is."""
+    """Take control back from PX4 or its pilot, and hover at the current position."""
 
     verb: Literal["resume"]
 
 
 class Kill(_Command):
-    """Stop the motors at once: in the air it falls."""
+    """Stop the motors at once; in the air the vehicle falls."""
 
     verb: Literal["kill"]
     confirm: Literal["kill"]
 
 
 class Disarm(_Command):
-    """Motors off; only on the ground."""
+    """Stop the motors; only on the ground."""
 
     verb: Literal["disarm"]
 
@@ -178,10 +183,10 @@ Command = (
     | Disarm
     | Params
 )
-"""Any of them."""
+"""Any command."""
 COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminator="verb")])
-"""Reads one from JSON."""
+"""Validator that reads a command from JSON."""
 VERBS: tuple[str, ...] = tuple(get_args(model.model_fields["verb"].annotation)[0] for model in get_args(Command))
-"""All of them."""
+"""Verbs of all commands."""
 AT_ONCE = frozenset({"hold", "land", "abort", "resume", "kill", "disarm"})
-"""Verbs that are never kept waiting by another one, and end it."""
+"""Verbs that never wait for a running command, and end it."""

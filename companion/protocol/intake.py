@@ -1,4 +1,4 @@
-"""Which bytes are a command that counts."""
+"""Validation of received commands: size, format, session, age, each ID once."""
 
 import re
 from dataclasses import dataclass
@@ -11,30 +11,30 @@ from companion.protocol.commands import COMMAND, ID, VERBS, Command
 from companion.protocol.topics import is_client
 
 MAX_BYTES = 48_000
-"""400 waypoints have less."""
+"""Largest size of a command; 400 waypoints need less."""
 STALE_S = 5.0
-"""A command is for now: one that lay in a queue for longer was meant for another moment."""
+"""Largest age of a command: one that waited in a queue for longer was meant for another moment."""
 _MOST_FIELDS = 32
 _REASON_CHARACTERS = 200
 _MOST_IDS = 100_000
-"""More than anybody commands in one run of the service; then it takes no more but abort and kill."""
+"""Largest number of commands in one run of the service; after that only abort and kill are accepted."""
 
 
 @dataclass(frozen=True)
 class Refusal:
-    """Bytes that are no command that counts."""
+    """Reason why received bytes are not accepted as a command."""
 
     reason: str
-    """A sentence without its full stop."""
+    """One sentence without its full stop."""
     id: str = ""
-    """As in the command; empty when it could not be read."""
+    """ID of the command; empty when it could not be read."""
     reply_to: str | None = None
 
 
 class Intake:
-    """Tells commands from all else, for one run of the service.
+    """Accepts or rejects received commands during one run of the service.
 
-    What was recorded off the network and sent again is refused: in the same run by its id, in another by its session.
+    A recorded command that is sent again is rejected: in the same run by its ID, in another run by its session.
     """
 
     def __init__(self, session: str) -> None:
@@ -42,11 +42,11 @@ class Intake:
         self._taken: set[str] = set()
 
     def take(self, payload: bytes, now_s: float) -> Command | Refusal:
-        """The command in `payload`, or why there is none; `now_s` is Unix time. Each id is taken once."""
+        """Return the command in `payload`, or why it is rejected; `now_s` is Unix time. Each ID is accepted once."""
         if len(payload) > MAX_BYTES:
             return Refusal(f"{len(payload)} bytes are no command: at most {MAX_BYTES}")
         fields = _fields(payload)
-        if len(fields) > _MOST_FIELDS:  # each would be a mistake to tell of, which takes time
+        if len(fields) > _MOST_FIELDS:  # pydantic would report each one, which takes time
             return self.refuse(payload, f"{len(fields)} fields are no command: at most {_MOST_FIELDS}")
         try:
             read = COMMAND.validate_json(payload)
@@ -59,7 +59,7 @@ class Intake:
         return read
 
     def refuse(self, payload: bytes, reason: str) -> Refusal:
-        """For `reason`; with id and client, so far as they can be read, that the sender may know what is meant."""
+        """Return a refusal with `reason`, and with the command's ID and client as far as they can be read."""
         fields = _fields(payload) if len(payload) <= MAX_BYTES else {}
         name, client = fields.get("id"), fields.get("reply_to")
         return Refusal(
@@ -83,7 +83,7 @@ class Intake:
 
 
 def _fields(payload: bytes) -> dict[str, object]:
-    """Of what may be no command otherwise; none when it is no JSON object."""
+    """Return the fields of a payload that may not be a valid command; empty when it is no JSON object."""
     try:
         read = from_json(payload)
     except ValueError:
@@ -92,7 +92,7 @@ def _fields(payload: bytes) -> dict[str, object]:
 
 
 def _reason(error: ValidationError) -> str:
-    """The first mistake, cut short: its text may hold what the sender wrote."""
+    """Return the first error as text, truncated because it may contain what the sender wrote."""
     detail = error.errors(include_url=False, include_input=False)[0]
     if detail["type"] in {"union_tag_not_found", "union_tag_invalid"}:
         return f"verb: must be one of {', '.join(VERBS)}"

@@ -1,4 +1,4 @@
-"""JSON Schemas of the messages on the bus, printed from the models by `python -m companion.protocol.schema`."""
+"""JSON Schemas of the messages on the broker, generated from the models by `python -m companion.protocol.schema`."""
 
 import json
 from pathlib import Path
@@ -21,11 +21,11 @@ _OF: dict[str, TypeAdapter[Any]] = {
     "mocap": TypeAdapter(MocapPose),
     "mocap-bridge": TypeAdapter(BridgePresence),
 }
-"""By the topic after the vehicle's name, - for /."""
+"""Models by the topic after the vehicle's name, with - for /."""
 
 
 def printed() -> dict[str, str]:
-    """Name of the file and its text."""
+    """Return the text of every schema file by its name."""
     return {f"{topic}.schema.json": _text(topic, model) for topic, model in _OF.items()}
 
 
@@ -35,7 +35,7 @@ def _text(topic: str, model: TypeAdapter[Any]) -> str:
 
 
 def main() -> None:
-    """Write them all."""
+    """Write all schema files to docs/bus/."""
     FOLDER.mkdir(exist_ok=True)
     for name, text in printed().items():
         (FOLDER / name).write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the service says; docs/bus/*.schema.json are printed from these models.
+"""Messages that the service publishes; docs/bus/*.schema.json are generated from these models.
 
 Times are Unix seconds by the service's clock; vectors are in W, metres; angles in radians.
 """
@@ -12,54 +12,56 @@ Vector = tuple[float, float, float]
 
 
 class _Said(BaseModel):
-    """Readers ignore what they do not know, so that a newer service may say more."""
+    """Base of all published messages: readers ignore unknown fields, so that a newer service may add some."""
 
     model_config = ConfigDict(strict=True, extra="ignore", frozen=True, allow_inf_nan=False)
 
 
 class Answer(StrEnum):
-    """What a reply says."""
+    """Kind of a reply to a command."""
 
     ACCEPTED = "accepted"
-    """It fits, and has begun."""
+    """The command is valid and has begun."""
     PROGRESS = "progress"
-    """Where it is now."""
+    """An intermediate state of the command."""
     DONE = "done"
-    """What was commanded has happened."""
+    """The command is complete."""
     REFUSED = "refused"
-    """It was not begun and has changed nothing."""
+    """The command was rejected and has changed nothing."""
     FAILED = "failed"
-    """It was begun, and ended otherwise."""
+    """The command was begun, but not completed."""
 
 
 ENDS = frozenset({Answer.DONE, Answer.REFUSED, Answer.FAILED})
-"""Nothing follows."""
+"""Replies after which no other follows."""
 
 
 class Reply(_Said):
-    """To whoever sent a command: refused; or accepted, perhaps progress, and then done or failed."""
+    """Reply to the sender of a command: refused; or accepted, optionally progress, and then done or failed."""
 
-    id: str = Field(description="the command's; empty when it could not be read")
+    id: str = Field(description="ID of the command; empty when it could not be read")
     answer: Answer
     time_s: float
     text: str = Field("", description="a sentence: the reason, or what was done")
-    session: str = Field("", description="of the run of the service that says it; not on event")
-    data: dict[str, Any] = Field(default_factory=dict, description="what was asked for: checks, parameters")
+    session: str = Field("", description="session of the service that replies; not on event")
+    data: dict[str, Any] = Field(default_factory=dict, description="requested data: checks, parameters")
 
 
 class Presence(_Said):
-    """Retained: whether the service is there. The last will says that it is not."""
+    """Presence of the service, retained; the last will says that it is offline."""
 
     online: bool
-    session: str = Field("", max_length=64, description="of this run of the service, 16 hex digits; commands repeat it")
+    session: str = Field(
+        "", max_length=64, description="identifies this run of the service, 16 hex digits; commands repeat it"
+    )
     vehicle: str = ""
     host: str = Field("", max_length=256, description="name of the computer that the service runs on")
-    version: str = Field("", description="of the service")
+    version: str = Field("", description="version of the service")
     since_s: float = 0.0
 
 
 class Kind(StrEnum):
-    """What an event is of."""
+    """Kind of an event that is published."""
 
     PHASE = "phase"
     FAULT = "fault"
@@ -70,18 +72,18 @@ class Kind(StrEnum):
 
 
 class Happened(_Said):
-    """Something worth telling at once."""
+    """Event that is published at once."""
 
     time_s: float
     kind: Kind
     text: str = Field(description="a sentence for the operator")
-    name: str = Field("", description="phase, fault or verb; of a reply that names nobody, what it answers")
-    reaction: str = Field("", description="what a fault leads to")
-    id: str = Field("", description="the command's, where it is of one")
+    name: str = Field("", description="phase, fault or verb; kind of answer for a reply to a command without a client")
+    reaction: str = Field("", description="failsafe action of a fault")
+    id: str = Field("", description="ID of the command that the event belongs to")
 
 
 class Doing(_Said):
-    """The command that is being carried out."""
+    """Command that is being executed."""
 
     id: str
     verb: str
@@ -89,38 +91,38 @@ class Doing(_Said):
 
 
 WAITING = "waiting"
-"""A state's phase while the service has no vehicle."""
+"""Phase in the state while the service has no vehicle."""
 
 
 class State(_Said):
-    """Ten times a second."""
+    """State of the flight, published ten times a second."""
 
     time_s: float
     session: str
     phase: str = Field(description="as in docs/safety.md; or waiting, while the service has no vehicle")
-    reason: str = Field("", description="why the flight was ended or handed over, or what is waited for")
+    reason: str = Field("", description="why the flight was ended or handed over, or what the service waits for")
     armed: bool = False
-    in_air: bool | None = Field(None, description="null: not known")
+    in_air: bool | None = Field(None, description="null while not known")
     mode: str = ""
-    battery: float | None = Field(None, description="share of its charge")
+    battery: float | None = Field(None, description="remaining charge, 0..1")
     battery_v: float | None = None
     position_w_m: Vector | None = None
     velocity_w_mps: Vector | None = None
     yaw_rad: float | None = None
     tilt_rad: float | None = None
-    age_s: float | None = Field(None, description="of the pose")
+    age_s: float | None = Field(None, description="age of the pose, s")
     reference_w_m: Vector | None = None
     error_m: float | None = Field(None, description="distance to the reference")
-    thrust: float | None = Field(None, description="of the setpoint that was wanted last, 0..1")
+    thrust: float | None = Field(None, description="thrust of the last setpoint of the control law, 0..1")
     controller: str = ""
     sent_share: float | None = Field(None, description="share of the last second's cycles that sent a new setpoint")
-    faults: tuple[str, ...] = Field((), description="what is wrong now, in the words of docs/safety.md")
+    faults: tuple[str, ...] = Field((), description="active faults, by their names in docs/safety.md")
     arms: str | None = Field(None, description="phase of the arms; null without arms")
     joints_rad: tuple[float | None, ...] | None = None
     doing: Doing | None = None
-    late_s: float | None = Field(None, description="how late the control cycle began")
-    text: str = Field("", description="the autopilot's newest words")
-    text_age_s: float | None = Field(None, description="since the autopilot said them")
+    late_s: float | None = Field(None, description="delay of the start of the control cycle, s")
+    text: str = Field("", description="the autopilot's newest STATUSTEXT")
+    text_age_s: float | None = Field(None, description="time since that text arrived, s")
     warnings: tuple[str, ...] = Field(
-        (), description="what is wrong beside the vehicle: the flight is not recorded, another service has its name"
+        (), description="problems outside the vehicle: the flight is not recorded, another service uses the same name"
     )

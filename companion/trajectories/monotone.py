@@ -1,4 +1,4 @@
-"""Values that turn only where the points do: the motion at each point of a quintic spline without overshoot."""
+"""Monotone quintic spline: derivatives at each point for a curve that does not overshoot between the points."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from companion.core.types import Array
 
 _MOST_SLOPE = 1.25
-"""Of the mean slopes beside a point: up to here a quintic between two points stays monotone, see below."""
+"""Largest slope at a point relative to the mean slopes beside it: up to here a quintic stays monotone, see below."""
 
 
 def monotone_motion_at_knots(spans: Array, steps: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Reference trajectories: smooth to the third derivative, as the paper's Property 2 asks."""
+"""Reference trajectories, smooth to the third derivative, as Property 2 of the paper requires."""
 
 import math
 from dataclasses import dataclass, field
@@ -13,35 +13,35 @@ _Pair = tuple[float, float]
 
 
 class Trajectory(Protocol):
-    """A reference over time, counted from the trajectory's own start; held at its ends."""
+    """Reference over time, counted from the trajectory's own start; held at its ends."""
 
     @property
     def duration_s(self) -> float:
-        """When it stands still at its end."""
+        """Time at which it comes to rest at its end, s."""
 
     def at(self, time_s: float) -> Reference:
-        """The reference at `time_s`; before 0 the start, after the duration the end."""
+        """Return the reference at `time_s`; before 0 the start, after the duration the end."""
 
 
 @dataclass(frozen=True)
 class Hold:
-    """Stay where you are."""
+    """Trajectory that stays at one position and heading."""
 
     position_w_m: Array
     yaw_rad: float = 0.0
     duration_s: float = 0.0
 
     def at(self, time_s: float) -> Reference:  # noqa: ARG002
-        """The one point."""
+        """Return the constant reference, at rest."""
         zero = np.zeros(3)
         return Reference(self.position_w_m, zero, zero, self.yaw_rad)
 
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """From one point and heading to another, at rest at the end and, unless told otherwise, at the start.
+    """Minimum-jerk move from one point and heading to another, at rest at the end and, by default, at the start.
 
-    Flash and Hogan, 1985. A move that begins in flight takes over the motion there, so that nothing jumps.
+    Flash and Hogan, 1985. A move that begins in flight continues the present motion, so that nothing jumps.
     """
 
     start_w_m: Array
@@ -54,7 +54,7 @@ class MinimumJerk:
     start_yaw_rate_radps: float = 0.0
 
     def at(self, time_s: float) -> Reference:
-        """The point of the fifth-order polynomial at `time_s`."""
+        """Return the point of the fifth-order polynomial at `time_s`."""
         x = min(max(time_s / self.duration_s, 0.0), 1.0)
         share = x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
         rate = 30.0 * x * x * (1.0 - x) ** 2 / self.duration_s
@@ -76,9 +76,9 @@ class MinimumJerk:
         return Reference(position, velocity, acceleration, yaw_rad)
 
     def _run_out(self, x: float) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-        """Quintics, and their derivatives, that begin with a velocity or an acceleration of 1 and end with nothing.
+        """Return quintics with derivatives that begin with velocity or acceleration 1 and end at rest at 0.
 
-        They are Hermite's basis.
+        They are the Hermite basis.
         """
         t, left = self.duration_s, 1.0 - x
         of_velocity = (
@@ -97,14 +97,14 @@ class MinimumJerk:
 def minimum_jerk_duration_s(distance: float, speed: float, accel: float, least_s: float = 1.0) -> float:
     """Return the shortest duration of a minimum-jerk move within a speed and an acceleration.
 
-    Of a way in m, m/s and m/s^2, or of a turn in rad, rad/s and rad/s^2; peaks are 15/8 and 10/sqrt(3).
+    Distance in m, m/s and m/s^2, or angle in rad, rad/s and rad/s^2; peaks are 15/8 and 10/sqrt(3).
     """
     return max(least_s, 1.875 * distance / speed, float(np.sqrt(5.7735 * distance / accel)))
 
 
 @dataclass(frozen=True)
 class LapTiming:
-    """How a closed curve is run: laps at a period, with a smooth start and stop of the phase."""
+    """Timing of a closed curve: laps at a period, with a smooth start and stop of the phase."""
 
     period_s: float = 15.0
     laps: int = 2
@@ -112,11 +112,11 @@ class LapTiming:
 
     @property
     def duration_s(self) -> float:
-        """Start to standstill: each ramp covers half of what full speed would."""
+        """Time from start to rest: each ramp covers half of what full speed would."""
         return self.laps * self.period_s + self.ramp_s
 
     def phase(self, time_s: float) -> tuple[float, float, float]:
-        """Phase (rad) and its first two derivatives; its speed rises and falls as a minimum-jerk step."""
+        """Return the phase (rad) and its first two derivatives; its speed rises and falls as a minimum-jerk step."""
         full = 2.0 * np.pi / self.period_s
         t = min(max(time_s, 0.0), self.duration_s)
         left = self.duration_s - t
@@ -136,7 +136,7 @@ class LapTiming:
 
 @dataclass(frozen=True)
 class Ellipse:
-    """x = a cos, y = b sin about a centre at constant height and heading, beginning at (a, 0)."""
+    """Ellipse x = a cos, y = b sin about a centre at constant height and heading, beginning at (a, 0)."""
 
     centre_w_m: Array
     semi_axes_m: tuple[float, float] = (1.0, 0.6)
@@ -145,11 +145,11 @@ class Ellipse:
 
     @property
     def duration_s(self) -> float:
-        """Start to standstill."""
+        """Time from start to rest, s."""
         return self.timing.duration_s
 
     def at(self, time_s: float) -> Reference:
-        """The point of the ellipse at `time_s`."""
+        """Return the point of the ellipse at `time_s`."""
         angle, rate, bend = self.timing.phase(time_s)
         a, b = self.semi_axes_m
         x, y = a * math.cos(angle), b * math.sin(angle)
@@ -159,7 +159,7 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class FigureEight:
-    """x = a sin, y = b sin 2: a lying eight through its centre, at constant height and heading."""
+    """Lying eight x = a sin, y = b sin 2 through its centre, at constant height and heading."""
 
     centre_w_m: Array
     semi_axes_m: tuple[float, float] = (1.0, 0.5)
@@ -168,11 +168,11 @@ class FigureEight:
 
     @property
     def duration_s(self) -> float:
-        """Start to standstill."""
+        """Time from start to rest, s."""
         return self.timing.duration_s
 
     def at(self, time_s: float) -> Reference:
-        """The point of the eight at `time_s`."""
+        """Return the point of the eight at `time_s`."""
         angle, rate, bend = self.timing.phase(time_s)
         a, b = self.semi_axes_m
         x, y = a * math.sin(angle), b * math.sin(2.0 * angle)
@@ -183,7 +183,7 @@ class FigureEight:
 def _on_curve(
     centre_w_m: Array, point: _Pair, along: _Pair, curve: _Pair, rate: float, bend: float, yaw_rad: float
 ) -> Reference:
-    """A level curve's point (m) and its first two derivatives by the phase, where that runs at `rate` and `bend`."""
+    """Return the reference on a level curve from its point (m) and derivatives by the phase, and the phase's own."""
     (x, y), (x_1, y_1), (x_2, y_2) = point, along, curve
     velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
     acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
@@ -192,7 +192,7 @@ def _on_curve(
 
 @dataclass(frozen=True)
 class Descent:
-    """Down at a steady rate from rest or from a motion, for ever: the ground ends it."""
+    """Descent at a constant rate from rest or from a motion, without end: touchdown ends it."""
 
     start_w_m: Array
     velocity_w_mps: Array

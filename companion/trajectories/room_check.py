@@ -1,4 +1,4 @@
-"""Check, before takeoff, that a trajectory stays in the room and is one that a vehicle can follow."""
+"""Check, before takeoff, that a trajectory stays in the room and within the speeds a vehicle can follow."""
 
 from typing import NamedTuple, Protocol
 
@@ -11,11 +11,11 @@ from companion.trajectories.waypoints import Waypoints
 
 _STEP_S = 0.01
 _LEAST_A_SEGMENT = 8
-"""Instants in each segment between two waypoints, however short it is."""
+"""Least number of instants in each segment between two waypoints."""
 
 
 class RoomLimits(Protocol):
-    """Space and motion that a trajectory may use: ranges in W (m), speeds and accelerations (SI)."""
+    """Limits of a trajectory: ranges in W (m), speeds and accelerations (SI)."""
 
     @property
     def x_m(self) -> tuple[float, float]:
@@ -31,19 +31,19 @@ class RoomLimits(Protocol):
 
     @property
     def max_speed_mps(self) -> float:
-        """Largest speed."""
+        """Largest speed (m/s)."""
 
     @property
     def max_accel_mps2(self) -> float:
-        """Largest acceleration."""
+        """Largest acceleration (m/s^2)."""
 
     @property
     def max_yaw_rate_radps(self) -> float:
-        """Largest rate of the heading."""
+        """Largest yaw rate (rad/s)."""
 
     @property
     def max_yaw_accel_radps2(self) -> float:
-        """Largest acceleration of the heading."""
+        """Largest yaw acceleration (rad/s^2)."""
 
 
 class _Limit(NamedTuple):
@@ -54,7 +54,7 @@ class _Limit(NamedTuple):
 
 
 def instants_s(trajectory: Trajectory) -> Array:
-    """Return the instants at which it is looked at: every 10 ms, and eight between each two waypoints, (n,)."""
+    """Return the instants (s) that are checked: every 10 ms, and eight between each two waypoints, (n,)."""
     even = np.arange(0.0, trajectory.duration_s + _STEP_S, _STEP_S)
     if not isinstance(trajectory, Waypoints):
         return even
@@ -67,8 +67,8 @@ def instants_s(trajectory: Trajectory) -> Array:
 def check_trajectory(trajectory: Trajectory, room: RoomLimits, name: str, times_s: Array | None = None) -> None:
     """Raise ConfigError with the instant at which it first leaves the room, or is fastest where that is too fast.
 
-    `times_s` (n,): only at these instants, for whoever has to look at it in pieces; the heading's motion is seen
-    between them, so that pieces should share two instants. What is no number is outside.
+    `times_s` (n,): only these instants are checked, for callers that check in pieces; the motion of the heading is
+    computed between them, so pieces should share two instants. NaN counts as outside.
     """
     times_s = instants_s(trajectory) if times_s is None else times_s
     references = [trajectory.at(float(time_s)) for time_s in times_s]
@@ -79,7 +79,7 @@ def check_trajectory(trajectory: Trajectory, room: RoomLimits, name: str, times_
             row = int(np.argmin(inside))
             where = f"{label} = {position[row, axis]:.2f} m at {times_s[row]:.2f} s"
             raise ConfigError(
-                f"{name}: leads out of the room: {where}, allowed is {least:g} to {largest:g} m (room.{label}_m)"
+                f"{name}: leaves the room: {where}, allowed is {least:g} to {largest:g} m (room.{label}_m)"
             )
     speed = np.linalg.norm([reference.velocity_w_mps for reference in references], axis=1)
     accel = np.linalg.norm([reference.acceleration_w_mps2 for reference in references], axis=1)
@@ -89,7 +89,7 @@ def check_trajectory(trajectory: Trajectory, room: RoomLimits, name: str, times_
 
 
 def _check_heading(yaw_rad: Array, times_s: Array, room: RoomLimits, name: str) -> None:
-    """As a reference does not tell how fast its heading turns: by differences between the instants."""
+    """Check yaw rate and acceleration by differences between the instants, as references do not contain them."""
     between_s = 0.5 * (times_s[1:] + times_s[:-1])
     rate = np.diff(np.unwrap(yaw_rad)) / np.diff(times_s)
     fast = _Limit("turns too fast", room.max_yaw_rate_radps, "rad/s", "room.max_yaw_rate_radps")

@@ -1,4 +1,4 @@
-"""A reference through timed waypoints: at rest at both ends, smooth to the third derivative between."""
+"""Trajectory through timed waypoints: at rest at both ends, smooth to the third derivative between."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,12 +11,12 @@ from companion.trajectories.monotone import monotone_motion_at_knots
 
 @dataclass(frozen=True)
 class Waypoints:
-    """Times (n,) from 0 (s), positions (n, 3) in W (m), headings (n,) (rad).
+    """Trajectory through waypoints: times (n,) from 0 (s), positions (n, 3) in W (m), headings (n,) (rad).
 
-    A quintic spline: one fifth-order polynomial a segment, continuous up to snap at the waypoints, at rest with no
-    acceleration at both ends. Between two waypoints at the same place it stands still: it comes to rest at the first
-    and starts from rest at the second. The heading takes the short way from one waypoint to the next, is smooth to
-    its second derivative, and never turns beyond either of the two.
+    A quintic spline: one fifth-order polynomial per segment, continuous up to snap at the waypoints, at rest with no
+    acceleration at both ends. Between two waypoints at one position it stands still: it comes to rest at the
+    first and starts from rest at the second. The heading takes the short way from one waypoint to the next, is smooth
+    to its second derivative, and never turns beyond either of the two.
     """
 
     times_s: Array
@@ -25,11 +25,11 @@ class Waypoints:
 
     @property
     def duration_s(self) -> float:
-        """The last waypoint's time."""
+        """Time of the last waypoint, s."""
         return float(self.times_s[-1])
 
     def at(self, time_s: float) -> Reference:
-        """The spline at `time_s`."""
+        """Return the reference of the spline at `time_s`, held at its ends."""
         t = min(max(time_s, 0.0), self.duration_s)
         segment = int(np.clip(np.searchsorted(self.times_s, t, side="right") - 1, 0, len(self.times_s) - 2))
         x = t - self.times_s[segment]
@@ -38,7 +38,7 @@ class Waypoints:
 
     @cached_property
     def _coefficients(self) -> Array:
-        """(segments, 6, 4): each a quintic between positions, velocities and accelerations at its ends."""
+        """Coefficients (segments, 6, 4): each a quintic between positions, velocities and accelerations at its ends."""
         values = np.concatenate((self.positions_w_m, np.unwrap(self.yaws_rad)[:, None]), axis=1)
         spans, steps = np.diff(self.times_s), np.diff(values, axis=0)
         moving = _motion_at_knots(spans, steps[:, :3])
@@ -54,10 +54,10 @@ class Waypoints:
 
 
 def _motion_at_knots(spans: Array, steps: Array) -> Array:
-    """Velocity and acceleration (n, 2, 3) at every waypoint that make jerk and snap continuous.
+    """Return velocity and acceleration (n, 2, 3) at every waypoint for which jerk and snap are continuous.
 
     At rest at both ends, and where a step beside the waypoint is 0: a pause. A block-tridiagonal system, solved from
-    one end to the other: the time is linear in the waypoints, as somebody may fly meanwhile.
+    one end to the other in a time linear in the number of waypoints, as the vehicle may be flying meanwhile.
     """
     count = len(spans)
     paused = (steps == 0.0).all(axis=1)
@@ -94,5 +94,5 @@ _EXPONENTS = np.maximum(_ORDERS - np.arange(3.0)[:, None], 0.0)
 
 
 def _powers(x: float) -> Array:
-    """(1, x, ..., x^5) and its first two derivatives, (3, 6)."""
+    """Return (1, x, ..., x^5) and its first two derivatives, (3, 6)."""
     return _FACTORS * x**_EXPONENTS

@@ -32,9 +32,9 @@ def _write(path: Path, text: str) -> Path:
         (["--mock-config", "nowhere.toml"], "nowhere.toml"),
         (["--summary", "FOLDER"], "is a folder: give the name of a file"),
         (["--size", "3", "--period", "4"], "ellipse: too fast"),
-        (["--trajectory", "FAR"], "leads out of the room: x = 100.00 m"),
-        (["--trajectory", "FLOOR"], "leads out of the room: z = "),
-        (["--trajectory", "LEAP"], "way.csv: leads out of the room"),
+        (["--trajectory", "FAR"], "leaves the room: x = 100.00 m"),
+        (["--trajectory", "FLOOR"], "leaves the room: z = "),
+        (["--trajectory", "LEAP"], "way.csv: leaves the room"),
     ],
 )
 async def test_a_mistake_is_one_sentence(tmp_path: Path, arguments: list[str], sentence: str) -> None:

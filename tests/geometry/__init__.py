@@ -1,1 +1,1 @@
-"""Tests of companion.geometry."""
+"""Tests of rotations and thrust conversion, companion.geometry."""

@@ -1,1 +1,1 @@
-"""Tests of companion.guard."""
+"""Tests of limits, geofence and guard, companion.guard."""

@@ -50,7 +50,7 @@ def test_the_docstring_says_which_speed_is_legal_how_far_from_a_face() -> None:
         assert float(distance) == pytest.approx(stop, abs=0.005)
 
 
-# --- what may be asked for ---
+# --- allowed accelerations ---
 
 FACES = [(0, 1.0, 5.0), (0, -1.0, -4.0), (1, 1.0, 2.0), (1, -1.0, -3.0), (2, 1.0, 3.5)]
 """Axis, outwards along it, where."""
@@ -122,7 +122,7 @@ def test_what_is_allowed_for_half_the_reaction_just_leaves_the_way_to_brake(
 
 
 def test_no_jump_anywhere() -> None:
-    """What may be asked for changes with the way left and the speed as their difference does: nothing rattles."""
+    """The allowed acceleration is continuous in the distance left and the speed, so that nothing chatters."""
     for speed_mps in (-1.0, 0.0, 0.3, 1.0):
         most = [towards(FACES[0], left_m, speed_mps) for left_m in np.linspace(-1.0, 1.0, 20_001)]
         assert float(np.abs(np.diff(most)).max()) < 0.15

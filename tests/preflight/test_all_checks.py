@@ -267,7 +267,7 @@ def test_a_trajectory_that_is_no_number_somewhere_is_not_inside() -> None:
     assert check.name == "fence around the trajectory"
     assert check.refuses
     assert "at 1.0 s" in check.todo
-    with pytest.raises(ConfigError, match=r"leads out of the room: x = nan m at 1\.00 s"):
+    with pytest.raises(ConfigError, match=r"leaves the room: x = nan m at 1\.00 s"):
         check_trajectory(Torn(), CONFIG.room, "torn")
 
 

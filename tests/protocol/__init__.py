@@ -1,1 +1,1 @@
-"""Tests of companion.protocol."""
+"""Tests of the messages between service and clients, companion.protocol."""

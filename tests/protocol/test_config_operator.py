@@ -1,4 +1,4 @@
-"""What the [operator] table may say."""
+"""Values that the [operator] table of a configuration accepts."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Which bytes are a command that counts; no broker."""
+"""Validation of received commands, without a broker."""
 
 import json
 from typing import Any

@@ -15,7 +15,7 @@ MOST = 1_010
 
 
 def test_ten_thousand_malformed_payloads_are_refused_with_a_reason() -> None:
-    """What is taken nevertheless is a whole command, field by field: broken bytes may be good ones by chance."""
+    """Accepted payloads must be complete commands: broken bytes may be valid ones by chance."""
     counts = Counter[str]()
 
     @settings(max_examples=MOST)

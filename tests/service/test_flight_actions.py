@@ -229,9 +229,7 @@ async def test_what_leads_out_is_refused_before_and_in_flight_and_what_was_flown
     async with served(Room(1)) as one:
         service = one.service
         await one.until(BOOTED_S)
-        with pytest.raises(
-            ConfigError, match=r"^the trajectory: leads out of the room: x = 4\.\d\d m at .* \(room\.x_m\)$"
-        ):
+        with pytest.raises(ConfigError, match=r"^the trajectory: leaves the room: x = 4\.\d\d m at .* \(room\.x_m\)$"):
             await service.arm(far)
         assert one.phase() is Phase.STANDBY
         await service.arm()
@@ -246,7 +244,7 @@ async def test_what_leads_out_is_refused_before_and_in_flight_and_what_was_flown
             assert one.phase() is Phase.ARMED
         await service.take_off(0.5)
         flown = service.loop.flight.legs
-        with pytest.raises(ConfigError, match="leads out of the room"):
+        with pytest.raises(ConfigError, match="leaves the room"):
             await service.fly(far)
         with pytest.raises(
             FlightError, match=r"^cannot fly a trajectory: .*braking would end 0\.2\d m inside, at least 0\.3"

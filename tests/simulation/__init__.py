@@ -1,1 +1,1 @@
-"""Tests of companion.simulation."""
+"""Tests of flights in virtual time, companion.simulation."""

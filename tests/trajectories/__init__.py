@@ -1,1 +1,1 @@
-"""Tests of companion.trajectories."""
+"""Tests of references and the room check, companion.trajectories."""

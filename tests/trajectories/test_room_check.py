@@ -1,4 +1,4 @@
-"""What a trajectory must keep to before it is flown: room, speed, acceleration, and the same of its heading."""
+"""Limits that a trajectory must meet before it is flown: room, speed, acceleration, and those of its heading."""
 
 import numpy as np
 import pytest
