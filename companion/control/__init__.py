@@ -1,1 +1,1 @@
-"""Pure: the control law of the paper, from reference to attitude and thrust. Nothing here does I/O."""
+"""Control laws, predictor and observer, and the pipeline from law to setpoint. Pure: no I/O, no clock."""

@@ -11,12 +11,12 @@ from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, by_axis, math_module
 
 _ROUNDS = 20
-"""Of the fixed point at which the compensation is at rest."""
+"""Iterations of the fixed point at which the compensation is at rest."""
 
 
 @value
 class FilterState:
-    """chi (m/s), xi (m/s^2) of eq. cmd-filter; iota_1 (m), iota_2 (m/s) of eq. iota-dyn; each (..., 3)."""
+    """States chi (m/s), xi (m/s^2) of eq. cmd-filter and iota_1 (m), iota_2 (m/s) of eq. iota-dyn; each (..., 3)."""
 
     chi: Array
     xi: Array
@@ -25,7 +25,7 @@ class FilterState:
 
 
 def at_lift_off(alpha1: Array) -> FilterState:
-    """The initial conditions of eq. cmd-filter: chi(0) = alpha_1(0), xi(0) = 0; the compensation starts at 0."""
+    """Return the initial state of eq. cmd-filter: chi(0) = alpha_1(0), all others 0."""
     zero = np.zeros_like(alpha1)
     return FilterState(alpha1, zero, zero, zero)
 
@@ -33,7 +33,7 @@ def at_lift_off(alpha1: Array) -> FilterState:
 def compensation_at_rest(f_hat: Array, gains: EtnnGains) -> tuple[Array, Array]:
     """Return iota_1 (m) and iota_2 (m/s), each (..., 3), as eq. iota-dyn settles under a constant f_hat.
 
-    chi = alpha_1, iota_2 = a_1 iota_1 and f_hat = iota_1 + a_2 iota_2; a_1 and a_2 depend on them: some rounds.
+    chi = alpha_1, iota_2 = a_1 iota_1 and f_hat = iota_1 + a_2 iota_2; a_1 and a_2 depend on them, hence the iteration.
     """
     if gains.compensation == 0.0:
         nothing = np.zeros_like(f_hat)
@@ -56,7 +56,7 @@ def in_motion(alpha1: Array, accel_mps2: Array, iota1: Array, iota2: Array, gain
 
 
 def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnGains) -> Array:
-    """alpha_1 (m/s), eq. alpha1, shape (..., 3): feedback beta_1 |y_1|^2 y_1 + gamma_1 Theta(y_1)."""
+    """Return alpha_1 (m/s), eq. alpha1, shape (..., 3): feedback beta_1 |y_1|^2 y_1 + gamma_1 Theta(y_1)."""
     (y_squared, y_theta), (iota_squared, iota_theta) = _theta(y1, gains), _theta(iota1, gains)
 
     def alpha1(y1: Any, velocity_ref: Any, iota1: Any, c1: Any, k: Any, k1: Any, beta1: Any, gamma1: Any) -> Any:
@@ -67,7 +67,7 @@ def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnG
 
 
 def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains: EtnnGains) -> Array:
-    """alpha_2 (m/s^2), the auxiliary virtual control of step 2, (..., 3): feedback as in alpha_1, Theta not faded."""
+    """Return alpha_2 (m/s^2), the virtual control of step 2, (..., 3): feedback as in alpha_1, Theta not faded."""
     (y_squared, y_power), (iota_squared, iota_power) = _power(y2, gains), _power(iota2, gains)
 
     def alpha2(y2: Any, chi_dot: Any, x1: Any, iota2: Any, c2: Any, k2: Any, beta2: Any, gamma2: Any) -> Any:
@@ -99,12 +99,12 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
 
 
 def _theta(s: Array, gains: EtnnGains) -> tuple[Any, Any]:
-    """|s|^2, and what s is multiplied by in Theta(s)."""
+    """Return |s|^2, and the factor of s in Theta(s)."""
     square = squared(s)
     return square, switch_factor(square, gains.p, gains.epsilon, gains.power_regularisation)
 
 
 def _power(s: Array, gains: EtnnGains) -> tuple[Any, Any]:
-    """|s|^2, and what s is multiplied by in s/(s's)^(1-p)."""
+    """Return |s|^2, and the factor of s in s/(s's)^(1-p)."""
     square = squared(s)
     return square, fractional_factor(square, gains.p, gains.power_regularisation)

@@ -1,12 +1,12 @@
-"""Where the vehicle will be when a command sent now begins to act (a departure from the paper, off by default).
+"""Prediction of the state at which a command sent now begins to act (a departure from the paper, off by default).
 
 The state is as old as the mocap frame, a command acts only after the setpoint's delay, and the attitude follows with
-its lag. The commands already sent are known, and so is the attitude now: so the near future is, too. Position and
+its lag. The commands already sent and the present attitude are known, and with them the near future. Position and
 velocity are carried forward through a second-order model of the attitude loop (horizontal) and a first-order one of
-the rotors (vertical). The model is linear, so the whole replay is one weighted sum of the commands sent.
+the rotors (vertical). The model is linear, so the prediction is one weighted sum of the commands sent.
 
-What the rotors do not explain of the motion so far, an observer takes for a push that goes on: without it the
-prediction is wrong by half the push times the horizon squared, and the law holds that for an error of the vehicle.
+An observer attributes motion that the rotors do not explain to a constant disturbance. Without it the prediction would
+be wrong by half the disturbance times the horizon squared, which the law would take for an error of the vehicle.
 """
 
 import math
@@ -28,17 +28,17 @@ from companion.geometry.frames import up_axis_parts
 
 @value
 class PredictorMemory:
-    """What the near future follows from: `drives` (..., 3, n + 2) in W, and the modelled specific thrust (..., 1)."""
+    """Memory of the predictor: `drives` (..., 3, n + 2) in W, and the modelled specific thrust (..., 1)."""
 
     drives: Array
-    """Accelerations asked for lately (m/s^2), oldest first, then acceleration and jerk (m/s^3) at the last capture."""
+    """Accelerations commanded lately (m/s^2), oldest first, then acceleration and jerk (m/s^3) at the last capture."""
     thrust_mps2: Array
     observed: DisturbanceEstimate
 
 
 @value
 class Prediction:
-    """Position (m) and velocity (m/s) then, and the push (m/s^2) that is taken to go on; (..., 3) in W."""
+    """Predicted position (m) and velocity (m/s), and the disturbance (m/s^2) assumed constant; (..., 3) in W."""
 
     position_w_m: Array
     velocity_w_mps: Array
@@ -47,9 +47,9 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Predictor:
-    """Carries a state forward by age + setpoint delay + `lead_s`.
+    """Predictor of a state by age + setpoint delay + `lead_s`.
 
-    The newest command is taken to go on, after it begins to act, for `lead_s` (horizontal) and `thrust_lead_s`
+    The newest command is assumed to continue, after it begins to act, for `lead_s` (horizontal) and `thrust_lead_s`
     (vertical): longer for the slow attitude, shorter for the quick rotors, whose next command corrects it sooner.
     Both are floats, or arrays (..., 1) when a batch of vehicles has a batch of them.
     """
@@ -59,31 +59,31 @@ class Predictor:
     lead_s: Scalar
     thrust_lead_s: Scalar
     observer_radps: Scalar = 0.0
-    """Poles of the push's observer; 0 takes the push for 0."""
+    """Poles of the disturbance observer, rad/s; 0 assumes no disturbance."""
 
     def __post_init__(self) -> None:
-        """Work out the weights now, not in the first cycle in the air."""
+        """Compute the weights now, not in the first cycle in the air."""
         _ = self._weights
 
     @property
     def preview_s(self) -> Scalar:
-        """From now to the instant predicted for."""
+        """Time from now to the predicted instant, s."""
         return self.vehicle.setpoint_delay_s + self.lead_s
 
     def initial(self, first: ControlInput) -> PredictorMemory:
-        """As if the last command had been held for long."""
+        """Return the memory at lift-off, as if the last command had been held for a long time."""
         drives = np.repeat(first.sent_accel_w_mps2[..., None], self._weights.drives.shape[-1], axis=-1)
         thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
         return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
 
     def knowing(self, memory: PredictorMemory, push_w_mps2: Array) -> PredictorMemory:
-        """Return the memory with a push (m/s^2), (..., 3) in W, known already; unchanged without an observer."""
+        """Return the memory with a known disturbance (m/s^2), (..., 3) in W; unchanged without an observer."""
         if not np.any(self.observer_radps):
             return memory
         return replace(memory, observed=replace(memory.observed, push=push_w_mps2))
 
     def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
-        """The state then, and the memory with the newest command."""
+        """Return the predicted state, and the memory with the newest command."""
         drives = np.empty_like(memory.drives)
         drives[..., :-3] = memory.drives[..., 1:-2]
         drives[..., -3] = now.sent_accel_w_mps2
@@ -96,7 +96,7 @@ class Predictor:
         return self._propagate(now, drives, observed.push), PredictorMemory(drives, stack(thrust), observed)
 
     def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Any:
-        """Specific thrust at capture time: the oldest kept command is the one that acted then."""
+        """Return the specific thrust at capture time, when the oldest kept command acted."""
         (x, y, z), (before,) = unstack(oldest_sent), unstack(thrust_mps2)
         up = z + self.vehicle.gravity_mps2
         size = math_module(x).sqrt(x * x + y * y + up * up)
@@ -112,7 +112,7 @@ class Predictor:
 
     @cached_property
     def _thrust_share(self) -> float:
-        """How much of a change of thrust happens in one period."""
+        """Share of a change of thrust that happens in one period."""
         return -math.expm1(-self.period_s / self.vehicle.thrust_lag_s)
 
     @cached_property
@@ -133,13 +133,13 @@ class _Weights:
 
 
 def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
-    """One set for each vehicle of a batch of shape `lead`."""
+    """Return the weights of all vehicles of a batch of shape `lead`."""
     horizon_s, drives = np.array([w.horizon_s for w in weights]), np.stack([w.drives for w in weights])
     return _Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
 
 
 def _jerk(thrust_mps2: Any, q: Array, rate_flu_radps: Array) -> Array:
-    """What turning a steady thrust does: its size times R (omega x e3), shape (..., 3)."""
+    """Return the jerk of a constant thrust that turns: its size times R (omega x e3), shape (..., 3)."""
     (w, x, y, z), (roll, pitch, _) = unstack(q), unstack(rate_flu_radps)
     roll, pitch = thrust_mps2 * roll, thrust_mps2 * pitch
     return stack(
@@ -167,17 +167,17 @@ def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_
 
 
 def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -> list[tuple[float, float]]:
-    """When, counted from the capture, each of `count` commands acts; oldest first.
+    """Return the start and end (s after the capture) of the action of each of `count` commands, oldest first.
 
-    A command sent k cycles ago begins to act k periods before `known_s`, age and delay together; the newest one goes on
-    for `lead_s` after that.
+    A command sent k cycles ago begins to act k periods before `known_s`, the sum of age and delay; the newest one
+    continues for `lead_s` after that.
     """
     starts = [known_s - k * period_s for k in range(count, 0, -1)]
     return [(max(0.0, a), max(0.0, b)) for a, b in zip(starts, [*starts[1:], known_s + lead_s], strict=True)]
 
 
 def _span(system: Array, horizon_s: float, row: int, start_s: float, end_s: float) -> float:
-    """Response at the horizon to a unit command from `start_s` to `end_s`; what comes after the horizon has none."""
+    """Return the response at the horizon to a unit command from `start_s` to `end_s`; none after the horizon."""
     begun = exponential(system * max(0.0, horizon_s - start_s))[row, 4]
     ended = exponential(system * max(0.0, horizon_s - end_s))[row, 4]
     return float(begun - ended)

@@ -1,7 +1,8 @@
-"""What pushes the vehicle besides its rotors, observed from its motion (a departure from the paper, off by default).
+"""Observer of accelerations not caused by the rotors (a departure from the paper, off by default).
 
-Motion capture tells the attitude, so what the rotors give the vehicle is known: v' = a + d with a known and d wanted. A
-Luenberger observer with both poles at -w finds d: steady pushes exactly, a push that changes at d' late by 2 d'/w.
+Motion capture measures the attitude, so the acceleration a of the rotors is known: v' = a + d with d unknown. A
+Luenberger observer with both poles at -w estimates d: a constant d exactly, one that changes at d' with an error of
+2 d'/w.
 """
 
 from typing import Any
@@ -14,12 +15,12 @@ from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, maximum, minimum
 
 _LONGEST_S = 0.05
-"""After a longer gap in the frames the observer corrects no harder than after this one: it would overshoot."""
+"""Longest gap in the frames that the correction counts: after a longer one it would overshoot."""
 
 
 @value
 class DisturbanceEstimate:
-    """Velocity (m/s) and push (m/s^2) as observed, (..., 3) in W; the rotors' part and the age at the last look."""
+    """Observed velocity (m/s) and disturbance (m/s^2), (..., 3) in W; rotors' acceleration and age at the last step."""
 
     velocity: Array
     push: Array
@@ -28,7 +29,7 @@ class DisturbanceEstimate:
 
 
 def nothing_observed(velocity_w_mps: Array, age_s: Scalar) -> DisturbanceEstimate:
-    """At lift-off: no push."""
+    """Return the estimate at lift-off: no disturbance."""
     nothing = np.zeros_like(velocity_w_mps)
     return DisturbanceEstimate(velocity_w_mps, nothing, nothing, age_s)
 
@@ -41,9 +42,9 @@ def observe(
     dt_s: float,
     poles_radps: Scalar,
 ) -> DisturbanceEstimate:
-    """Take one look `dt_s` after the last, at a state as old as `age_s`; `accel_w_mps2` is what the rotors gave then.
+    """Advance by `dt_s` with a state as old as `age_s`; `accel_w_mps2` is the acceleration of the rotors at that time.
 
-    Without a new frame the state is older by `dt_s` than before, and nothing is learnt.
+    Without a new frame the state is older by `dt_s` than before, and the estimate does not change.
     """
     elapsed_s = maximum(dt_s + before.age_s - age_s, 0.0)
     turn = poles_radps * minimum(elapsed_s, _LONGEST_S)

@@ -1,4 +1,4 @@
-"""The paper's law assembled: one control cycle of ET-NN, in the order in which the paper defines its signals."""
+"""Control law of the paper: one cycle of ET-NN, in the order in which the paper defines its signals."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ from companion.core.values import value
 
 @value
 class EtnnMemory:
-    """All that the law remembers from one cycle to the next."""
+    """Memory of the law from one cycle to the next."""
 
     filter: cf.FilterState
     network: nn.NetworkState
@@ -26,7 +26,7 @@ class EtnnMemory:
 
 @value
 class Decided:
-    """A cycle whose command is known and whose inner states are still to be advanced."""
+    """Cycle whose command is computed and whose internal states are still to be advanced."""
 
     before: EtnnMemory
     trigger: et.TriggerState
@@ -38,18 +38,18 @@ class Decided:
 
 @dataclass(frozen=True)
 class Etnn:
-    """The event-triggered neural-network law of the paper, with an optional prediction in front of it."""
+    """Event-triggered neural-network law of the paper, with an optional predictor in front of it."""
 
     gains: EtnnGains
     predictor: Predictor | None = None
 
     @property
     def preview_s(self) -> float:
-        """The reference is wanted at the instant the state is predicted for; 0 as printed."""
+        """Time ahead to which the state is predicted, at which the reference is needed; 0 as printed."""
         return float(self.predictor.preview_s) if self.predictor else 0.0
 
     def initial(self, first: ControlInput) -> EtnnMemory:
-        """Memory at lift-off: filter on its input, network untaught, nothing sent."""
+        """Return the memory at lift-off: filter at its input, network untrained, nothing sent."""
         lead = first.position_w_m.shape[:-1]
         predictor = self.predictor.initial(first) if self.predictor else None
         x1 = first.position_w_m - first.reference.position_w_m
@@ -60,8 +60,8 @@ class Etnn:
     def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> EtnnMemory:
         """Return the memory of a law that has flown here for long: disturbance learnt, filter and compensation at rest.
 
-        The observer has the whole disturbance; what is not taken off as a push, the bias of the network's output has:
-        f_hat, from which u -> -f_hat follows once iota_1 and iota_2 have settled.
+        The observer holds the whole disturbance. The share that is not subtracted from the command is held by the bias
+        of the network's output: f_hat, from which u -> -f_hat follows once iota_1 and iota_2 have settled.
         """
         g, start = self.gains, self.initial(now)
         known = known_disturbance_w_mps2 + np.zeros_like(now.position_w_m)
@@ -77,13 +77,13 @@ class Etnn:
         return EtnnMemory(filtered, nn.with_bias(start.network, left, g), start.trigger, predictor)
 
     def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
-        """One cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
+        """Run one cycle: errors, virtual controls, network, trigger, then every inner state advanced by dt_s."""
         decided, output = self.decide(memory, now)
         after, more = self.settle(decided)
         return after, replace(output, signals=output.signals | more)
 
     def decide(self, memory: EtnnMemory, now: ControlInput) -> tuple[Decided, ControlOutput]:
-        """The first half of a cycle: all that the command needs."""
+        """Run the first half of a cycle: everything that the command depends on."""
         g, f = self.gains, memory.filter
         state, predictor = self._state(memory, now)
         reference = now.reference
@@ -113,9 +113,9 @@ class Etnn:
         return Decided(memory, trigger, predictor, now, alpha1, y2), ControlOutput(u, event, signals)
 
     def settle(self, decided: Decided) -> tuple[EtnnMemory, dict[str, Array]]:
-        """The second half: network, filter and compensation advanced by dt_s, and f_hat and its weights for the record.
+        """Advance network, filter and compensation by dt_s; return also f_hat and its weights for the record.
 
-        The command of a cycle does not need them: f_hat enters iota_2' alone (eq. iota-dyn).
+        The command of a cycle does not depend on them: f_hat enters iota_2' alone (eq. iota-dyn).
         """
         g, before, dt_s = self.gains, decided.before, decided.now.dt_s
         x_d, phi = nn.hidden_layer(before.network, decided.now.reference.velocity_w_mps)

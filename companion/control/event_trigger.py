@@ -1,4 +1,4 @@
-"""When a new command is worth sending (paper, eq. ETC-law)."""
+"""Event trigger: decides when a new command is sent (paper, eq. ETC-law)."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from companion.geometry.array_math import as_column, by_axis, columns, maximum, 
 
 @value
 class TriggerState:
-    """u held since the last event (m/s^2), (..., 3); kappa, (..., 1); whether anything was sent yet, (..., 1)."""
+    """State of the trigger: u held since the last event (m/s^2), (..., 3); kappa, and 1 after the first, (..., 1)."""
 
     held: Array
     kappa: Array
@@ -19,13 +19,13 @@ class TriggerState:
 
 
 def initial_trigger(gains: EtnnGains, lead: tuple[int, ...] = ()) -> TriggerState:
-    """Nothing held: the first step is an event."""
+    """Return the state that holds nothing: the first step is an event."""
     kappa = np.full((*lead, 1), gains.kappa_initial)
     return TriggerState(np.zeros((*lead, 3)), kappa, np.zeros((*lead, 1)))
 
 
 def continuous_control(alpha2: Array, y2: Array, kappa: Array, gains: EtnnGains) -> Array:
-    """u_bar = alpha_2 - (sigma + kappa/delta) sgn(y_2) (m/s^2), shape (..., 3)."""
+    """Return u_bar = alpha_2 - (sigma + kappa/delta) sgn(y_2) (m/s^2), shape (..., 3)."""
     (size,) = columns(kappa)
     push = gains.switching * (gains.sigma + size / gains.delta)
     layer = gains.boundary_layer_mps

@@ -1,4 +1,4 @@
-"""Gains of the laws, with the paper's values as defaults, and the check that refuses an unstable filter loop."""
+"""Gains of the laws, with the paper's values as defaults, and the stability measures of the filter loop."""
 
 from typing import Annotated, Any, Self
 
@@ -34,7 +34,7 @@ def _diag(*values: float, note: str) -> Any:
 
 
 class Gains(BaseModel):
-    """Strict and frozen: an unknown key is an error."""
+    """Base of all gains, strict and frozen: an unknown key is an error."""
 
     model_config = ConfigDict(
         strict=True, extra="forbid", frozen=True, arbitrary_types_allowed=True, allow_inf_nan=False
@@ -42,7 +42,7 @@ class Gains(BaseModel):
 
 
 class EtnnGains(Gains):
-    """The ET-NN law. Defaults are the paper's experiment (section 5.1); what departs from the print is named so."""
+    """Gains of the ET-NN law. Defaults are the paper's experiment (section 5.1); departures from it are named so."""
 
     c1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, cubic, iota_1 (eq. iota-dyn)")
     k1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, Theta, iota_1 (eq. iota-dyn)")
@@ -96,7 +96,7 @@ class EtnnGains(Gains):
         return self
 
     def filter_loop(self) -> tuple[float, float]:
-        """rho/filter_eps and the largest k + s over the axes, both 1/s: stable iff the first is larger.
+        """Return rho/filter_eps and the largest k + s over the axes, both 1/s: stable iff the first is larger.
 
         Linearised per axis the loop is l^3 + (rho/eps) l^2 + (zeta/eps^2) l + (k + s) zeta/eps^2 = 0 with s the slope
         of k_1 Theta (docs/control.md). Theta bends, so s is its steepest secant: what a describing function can meet.
@@ -105,7 +105,7 @@ class EtnnGains(Gains):
         return self.rho / self.filter_eps, float(np.max(self.k + slope))
 
     def filter_step_load(self, period_s: float) -> float:
-        """How hard one control period drives the command filter; its steps are stable iff this is below 4.
+        """Return the load of one control period on the command filter; its steps are stable iff it is below 4.
 
         Small signals step by z^2 - (2 - a - w) z + (1 - a), a = rho dt/eps, w = zeta dt^2/eps^2: inside the unit circle
         iff 2 a + w < 4.
@@ -121,11 +121,11 @@ def _require_diagonal(name: str, value: Array, size: int, zero_ok: bool = False)
 
 
 _OF_A_MASS = {"kp": "kp_per_s2", "ki": "ki_per_s3", "kd": "kd_per_s", "integral_max_n": "integral_max_mps2"}
-"""Keys of gains in newtons, as files had them before, and what they are called now that a mass makes no difference."""
+"""Former keys of gains in newtons, and the present keys of gains per kilogram."""
 
 
 class PidGains(Gains):
-    """The paper's baseline, per kilogram; its print divided by the 4.85 kg of its vehicle."""
+    """Gains of the paper's baseline PID, per kilogram: the printed ones divided by the 4.85 kg of its vehicle."""
 
     kp_per_s2: Diagonal = _diag(1.6495, 1.6495, 2.0619, note="acceleration per position error, 1/s^2")
     ki_per_s3: Diagonal = _diag(0.30928, 0.30928, 1.6495, note="acceleration per integrated position error, 1/s^3")

@@ -1,12 +1,13 @@
 """Correction of the autopilot's horizon by motion capture's. Pure; one vehicle, or a batch over leading axes.
 
-PX4 holds the attitude it is sent by its own horizon, which is off by a degree or so, slowly: a push of g times the
-error. Motion capture sees the true attitude. The tilt between the two, headings made equal and both taken at one
-instant, passes a first-order low pass; its inverse goes into the setpoint, bounded in size and in rate. It is kept in
-the vehicle's levelled axes (x forward, y left), in which an accelerometer's bias stands still while the vehicle turns.
+PX4 holds the commanded attitude relative to its own horizon, which drifts by a degree or so: that accelerates the
+vehicle by g times the error. Motion capture measures the true attitude. The tilt between the two, with equal headings
+and at the same instant, passes a first-order low pass; its inverse goes into the setpoint, bounded in size and in rate.
+It is kept in the vehicle's levelled axes (x forward, y left), in which an accelerometer's bias stands still while the
+vehicle turns.
 
 Motion capture may be wrong, too. So nothing is corrected while the two disagree by more than `apart_rad`, and for a
-while after that, and a correction that is given up fades at the same bounded rate.
+while after that; a correction that ends fades at the same bounded rate.
 """
 
 import math
@@ -27,72 +28,72 @@ TIME_CONSTANT_S = 0.3
 CAP_RAD = 0.0873
 """Default, 5 degrees: PX4 v1.17 in flight was off by up to 0.083 rad."""
 SOUND_S = 0.5
-"""Time for which the two horizons must have agreed before one corrects the other: many times an outlier's length."""
+"""Time for which the two horizons must agree before the correction begins: many times the length of an outlier."""
 HELD_S = 0.25
-"""Time without a comparison for which the correction stays; PX4 lands when motion capture is silent for that long."""
+"""Longest time without a comparison for which the correction stays; PX4 lands after as long without motion capture."""
 _LARGEST_TURN_S = 0.06
-"""Longest time over which the body rates carry an attitude: 10 rad/s^2 over it is 0.02 rad."""
+"""Longest time over which an attitude is extrapolated by body rates: an error of 10 rad/s^2 gives 0.02 rad."""
 _TINY = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class HorizonRules:
-    """Settings, of all or of each vehicle of a batch (...,); the configuration's [control] table fills them in."""
+    """Settings, for all vehicles or one per vehicle of a batch (...,); from the configuration's [control] table."""
 
     enabled: bool = True
-    """False: the difference is measured and recorded, and corrects nothing."""
+    """False: the difference is measured and recorded, but not corrected."""
     time_constant_s: Each = TIME_CONSTANT_S
-    """Of the low pass."""
+    """Time constant of the low pass."""
     cap_rad: Each = CAP_RAD
     """Largest correction."""
     apart_rad: Each = 0.125
-    """Difference from which neither horizon is believed: half of what is *attitudes disagree*."""
+    """Difference above which neither horizon is trusted: half the limit of the fault *attitudes disagree*."""
     rate_radps: Each = 0.15
-    """Largest rate of change of the correction, to and fro: twice what recorded errors change by at most."""
+    """Largest rate of change of the correction: twice the largest rate of recorded errors."""
     resend_rad: Each = 0.02
-    """Change of the correction that is worth a setpoint of its own: a push of 0.2 m/s^2."""
+    """Change of the correction that is sent without a new setpoint of the law: 0.2 m/s^2."""
 
 
 @value
 class HorizonInput:
-    """Both attitudes as known in one cycle, (..., 4); ages and `trusted` are single, or (...,)."""
+    """Attitudes of both sources in one cycle, (..., 4); ages and flags are single, or (...,)."""
 
     q_w_flu_wxyz: Array
-    """Motion capture's."""
+    """Attitude from motion capture."""
     rate_flu_radps: Array
     age_s: Any
     autopilot_q_w_flu_wxyz: Array
     autopilot_age_s: Any
-    """Since the instant of the autopilot's attitude; infinite before the first."""
+    """Age of the autopilot's attitude; infinite before the first."""
     trusted: Any
-    """Nothing speaks against motion capture, or for a lasting disagreement."""
+    """True if there is no fault of motion capture and no lasting disagreement."""
     flying: Any
-    """The law flies; on the ground the horizons are compared and nothing is corrected."""
+    """True while the law flies; on the ground the horizons are compared, but not corrected."""
 
 
 @value
 class Horizon:
-    """What is remembered: x (roll) and y (pitch) in the vehicle's levelled axes, rad; each a float or (...,)."""
+    """State of the correction: x (roll) and y (pitch) in the vehicle's levelled axes, rad; each a float or (...,)."""
 
     off_x: Any = 0.0
-    """Slow part of the true attitude less the autopilot's."""
+    """Low-passed difference: true attitude less the autopilot's."""
     off_y: Any = 0.0
     x: Any = 0.0
-    """What is corrected: a setpoint is turned back by it."""
+    """Correction: a setpoint is turned back by it."""
     y: Any = 0.0
     unseen_s: Any = math.inf
-    """Since the last comparison."""
+    """Time since the last comparison."""
     sound_s: Any = 0.0
-    """How long they have agreed."""
+    """Time for which both have agreed."""
 
     @property
     def off_rad(self) -> Any:
-        """Size of the slow part."""
+        """Size of the low-passed difference (rad)."""
         return _size(self.off_x, self.off_y)
 
 
 def no_horizon(lead: tuple[int, ...] = ()) -> Horizon:
-    """Return the beginning, of one vehicle or of a batch of this shape."""
+    """Return the initial state, for one vehicle or a batch of this shape."""
     if not lead:
         return Horizon()
     zero = np.zeros(lead)
@@ -117,7 +118,7 @@ def tilt_between(seen: HorizonInput) -> tuple[Any, Any]:
 
 
 def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) -> Horizon:
-    """Take in one cycle, `dt_s` after the last."""
+    """Update the correction with the attitudes of one cycle, `dt_s` after the last."""
     x, y = tilt_between(seen)
     tilt_rad = _size(x, y)
     apart_s = abs(seen.age_s - seen.autopilot_age_s)
@@ -147,7 +148,7 @@ def corrected(setpoint: AttitudeThrust, turn_w: Array) -> AttitudeThrust:
 
 
 def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> Any:
-    """Return where the correction has gone so far from the one in the last setpoint that it is sent by itself."""
+    """Return where the correction differs so much from the one in the last setpoint that it is sent by itself."""
     return _size(horizon.x - held.x, horizon.y - held.y) > rules.resend_rad
 
 
@@ -164,12 +165,12 @@ def _size(x: Any, y: Any) -> Any:
 
 
 def _left(time_constant_s: Each, dt_s: float) -> Any:
-    """Share of what a low pass knew that is left after a step."""
+    """Return the share of its old value that a low pass keeps in a step."""
     return math_module(time_constant_s).exp(-dt_s / time_constant_s)
 
 
 def _share(size: Any, most: Each) -> Any:
-    """What of a vector of this size is left when it is cut to `most`."""
+    """Return the factor that limits a vector of this size to `most`."""
     return minimum(1.0, most / maximum(size, _TINY))
 
 

@@ -1,4 +1,4 @@
-"""A vehicle along one axis as a linear system: position and its derivatives behind the lag of the actuation."""
+"""Linear models of a vehicle along one axis: position and its derivatives behind the lag of the actuation."""
 
 import numpy as np
 
