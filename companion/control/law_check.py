@@ -1,6 +1,6 @@
-"""Whether an object is a control law: its methods, and a few cycles tried on the ground. No I/O, no clock.
+"""Check that an object is a control law: its methods, and a few cycles run on the ground. No I/O, no clock.
 
-A law that passes runs in the flight loop and in batches (docs/own-law.md); whether it flies well is another question.
+A law that passes runs in the flight loop and in batches (docs/own-law.md); it does not show whether it flies well.
 """
 
 import copy
@@ -32,17 +32,17 @@ _DISTURBANCE_MPS2 = np.array([0.6, -0.4, 0.1])
 
 @dataclass(frozen=True)
 class LawFile:
-    """Where a law comes from: the Python file, and the name in it. Every complaint begins with both."""
+    """Origin of a law: the Python file, and the name in it. Every error message begins with both."""
 
     path: Path
     name: str
 
     def wrong(self, why: str) -> ConfigError:
-        """The sentence to raise; `why` goes on after the name."""
+        """Return the error to raise; `why` follows the name."""
         return ConfigError(f"{self.path}: {self.name}{why}")
 
     def call(self, what: str, function: Callable[..., Any], *arguments: object) -> Any:
-        """`function(*arguments)`; ConfigError with the exception and its line in the file when it raises."""
+        """Return `function(*arguments)`; if it raises, ConfigError with the exception and its line in the file."""
         try:
             return function(*arguments)
         except Exception as error:
@@ -51,9 +51,9 @@ class LawFile:
 
 @contextmanager
 def in_flight(path: Path | None) -> Iterator[None]:
-    """Around a virtual flight: ConfigError for what the law in the Python file at `path` raises, as at loading.
+    """Raise ConfigError for exceptions of the law in the Python file at `path` during a virtual flight, as at loading.
 
-    None is a law of ours. What did not come through that file goes on as it is: no user can mend it.
+    None is a built-in law. Exceptions that did not pass through that file are raised unchanged: no user can fix them.
     """
     try:
         yield
@@ -64,12 +64,12 @@ def in_flight(path: Path | None) -> Iterator[None]:
 
 
 def _lines(error: BaseException, path: Path) -> list[int | None]:
-    """The lines of the file at `path` that an exception came through."""
+    """Return the lines of the file at `path` that an exception passed through."""
     return [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
 
 
 def raised(error: BaseException, path: Path) -> str:
-    """An exception in one line, with the line of the file at `path` that it came from."""
+    """Return an exception as one line of text, with the line of the file at `path` that it came from."""
     if isinstance(error, SyntaxError):
         where = "" if error.filename == str(path) else f"{error.filename}, "
         return f"{type(error).__name__}: {error.msg} ({where}line {error.lineno})"
@@ -79,9 +79,9 @@ def raised(error: BaseException, path: Path) -> str:
 
 
 def check_law(law: Any, file: LawFile, period_s: float) -> Controller:
-    """The law itself, if it has the Protocol's methods and three cycles, for one vehicle and for two, are in order.
+    """Return the law itself if it has the methods of a Controller and runs three cycles, for one vehicle and for two.
 
-    Raises ConfigError with one sentence that says what is wrong and what would be right.
+    Raises ConfigError with one sentence that says what is wrong and what is expected.
     """
     for method, meaning in _METHODS.items():
         if not callable(getattr(law, method, None)):
@@ -99,7 +99,7 @@ def check_law(law: Any, file: LawFile, period_s: float) -> Controller:
 
 
 def _seen(rows: int | slice, cycle: int, period_s: float) -> ControlInput:
-    """A vehicle somewhere near its reference, shapes (3,), or two of them, shapes (2, 3); arrays are read-only.
+    """Return the input of a vehicle near its reference, shapes (3,), or of two, (2, 3); arrays are read-only.
 
     Two vehicles share one reference (3,) in the first cycle and have one each, (2, 3), afterwards: both occur.
     """
@@ -125,7 +125,7 @@ def _frozen(values: Array) -> Array:
 
 
 def _tried(law: Any, file: LawFile, seen: list[ControlInput]) -> list[ControlOutput]:
-    """The outputs of a few cycles, each taken twice from the same memory, which must make no difference."""
+    """Return the outputs of a few cycles, each run twice from the same memory, which must not differ."""
     shape = seen[0].position_w_m.shape
     of = f" with positions of shape {shape}"
     memory = file.call(f".initial{of}", law.initial, seen[0])
@@ -155,7 +155,7 @@ def _stepped(law: Any, file: LawFile, memory: Any, now: ControlInput, of: str) -
     if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], ControlOutput)):
         raise file.wrong(f".step returned {_described(answer)}: must be (memory, ControlOutput)")
     _check_output(answer[1], now.position_w_m.shape[:-1], file, of)
-    return answer[0], copy.deepcopy(answer[1])  # the law may use its arrays again
+    return answer[0], copy.deepcopy(answer[1])  # the law may reuse its arrays
 
 
 def _check_output(output: ControlOutput, lead: tuple[int, ...], file: LawFile, of: str) -> None:
@@ -193,7 +193,7 @@ def _same(a: ControlOutput, b: ControlOutput) -> bool:
 
 
 def _compare(alone: ControlOutput, batch: ControlOutput, row: int, file: LawFile) -> None:
-    """Each vehicle of a batch must fly as it would alone."""
+    """Raise ConfigError if a vehicle of a batch gets another command than alone."""
     if not np.allclose(alone.accel_w_mps2, batch.accel_w_mps2[row], rtol=1e-9, atol=1e-9):
         raise file.wrong(
             f".step commands {batch.accel_w_mps2[row].tolist()} m/s^2 to a vehicle in a batch of two and "

@@ -1,8 +1,8 @@
-"""From one control law to another in the air: what is added to the new law's command until it flies alone.
+"""Switch from one control law to another in the air: the command added to the new law's until it flies alone.
 
-A law that can be seeded (`SeededLaw`) begins with the disturbance that is known; only what its first command lacks of
-the last setpoint fades out, quickly. Any other law begins with nothing learnt: the command that counters the
-disturbance is held for it, and is withdrawn slowly, or sooner as the law counters it by itself.
+A law that can be seeded (`SeededLaw`) begins with the known disturbance; only the difference between the last setpoint
+and its first command fades out, quickly. Any other law begins with nothing learnt: the command that compensates the
+disturbance is held for it and withdrawn slowly, or sooner as the law compensates it by itself.
 """
 
 from math import cos, pi
@@ -14,37 +14,37 @@ from companion.core.types import Array
 from companion.core.values import value
 
 BLEND_S = 0.25
-"""How long the difference between the last setpoint and the new law's first command takes to fade: no jump is sent."""
+"""Time in which the difference between the last setpoint and the new law's first command fades: no jump is sent."""
 HELD_S = 60.0
-"""How long the known disturbance is countered for a law that cannot be seeded: an integral of 0.3 1/s^3, the slowest
-that is shipped, loses 0.06 m to a wind of 0.74 m/s^2 that is withdrawn so slowly."""
+"""Time for which the known disturbance is compensated for a law that cannot be seeded: an integral of 0.3 1/s^3, the
+slowest that is shipped, loses 0.06 m to a wind of 0.74 m/s^2 that is withdrawn so slowly."""
 _COUNTERS_S = 0.5
-"""Low pass of what such a law counters by itself."""
+"""Time constant of the low pass of the share that such a law compensates by itself."""
 _WORTH_MPS2 = 0.05
-"""A disturbance below this is not worth measuring a law's share of it."""
+"""Smallest disturbance for which the share of the law is measured."""
 _SENT_SHARE = 0.02
-"""A change of what is held by this share of it is sent, whatever the law says."""
+"""Change of the held share that is sent without an event of the law."""
 
 
 @value
 class LawSwitch:
-    """A switch under way."""
+    """State of a switch in progress."""
 
     disturbance_w_mps2: Array
-    """That is countered for the new law, (3,) in W; 0 for a law that was seeded with it."""
+    """Disturbance compensated for the new law, (3,) in W; 0 for a law that was seeded with it."""
     gone_s: float = 0.0
     gap_w_mps2: Array | None = None
-    """What the first command lacked of the last setpoint."""
+    """Last setpoint less the first command."""
     countered: float = 0.0
-    """Share of the disturbance that the law counters by itself, low-passed."""
+    """Share of the disturbance that the law compensates by itself, low-passed."""
     left: float = 1.0
-    """Share that is still countered for it; it never grows."""
+    """Share that is still compensated for it; it never grows."""
     sent_left: float = 1.0
     """That share when a command was last sent."""
 
     @property
     def over(self) -> bool:
-        """The new law has the vehicle to itself."""
+        """True once the new law flies alone."""
         held = self.sent_left > 0.0 and bool(self.disturbance_w_mps2.any())
         return self.gone_s >= BLEND_S and not held
 
@@ -63,7 +63,7 @@ class LawSwitch:
         )
 
     def _countered(self, output: ControlOutput, now: ControlInput) -> float:
-        """Share of the disturbance in what the law asks for beyond the reference and the arms' part, low-passed."""
+        """Return the share of the disturbance that the law's own command compensates, low-passed."""
         d = self.disturbance_w_mps2
         square = float(d.dot(d))
         if square < _WORTH_MPS2**2:
@@ -73,5 +73,5 @@ class LawSwitch:
 
 
 def _faded(gone_s: float, over_s: float) -> float:
-    """1 at the beginning, 0 after `over_s`, without a kink at either end."""
+    """Return a weight that falls smoothly from 1 at the beginning to 0 after `over_s`."""
     return 0.5 + 0.5 * cos(pi * min(gone_s / over_s, 1.0))

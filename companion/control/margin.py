@@ -3,7 +3,7 @@
 Law and model of the vehicle fly in closed loop: at rest, then a kick at the plant's input along one axis. With U the
 law's command and V = U + kick what the vehicle is given, the loop broken at the plant's input is L = -U/V at every
 frequency, whatever is inside the law: prediction, observer, filters, network. The kick's size is the amplitude at which
-a law that bends is linearised. What does not come to rest has no margin: it swings, or its command chatters.
+a law that bends is linearised. A loop that does not come to rest has no margin: it oscillates, or its command chatters.
 """
 
 import math
@@ -19,28 +19,28 @@ from companion.core.types import Array, Reference
 from companion.geometry.attitude import ThrustModel, setpoint_of_accel
 
 KICKS_MPS = (0.02, 0.3)
-"""Velocity that a kick gives: errors of 2 mm, where regularised powers are steepest, and of 5 to 10 cm."""
+"""Velocities that a kick gives: errors of 2 mm, where regularised powers are steepest, and of 5 to 10 cm."""
 _SUBSTEPS = 4
-"""Of the plant in a control cycle; delays are rounded to them."""
+"""Steps of the plant in a control cycle; delays are rounded to them."""
 _REST_S = 2.0
-"""Before the kick: what a law learns at rest, such as kappa, it learns here."""
+"""Time before the kick, in which a law adapts what it learns at rest, such as kappa."""
 _AFTER_S = 9.0
 _TAPER_S = 3.0
-"""The response's end is faded out: a slow integral has not quite come to rest."""
+"""Time over which the end of the response fades out: a slow integral has not quite come to rest."""
 _FREQUENCIES_RADPS = np.geomspace(0.6, 30.0, 180)
 _END_S = 2.0
-"""The last of it, in which it should be at rest."""
+"""Last part of the response, in which it should be at rest."""
 _SWINGS_M = 0.06
-"""An amplitude in the end that no law may leave, chatter or not."""
+"""Amplitude at the end above which the loop oscillates, chatter or not."""
 _RESTS = 0.05
-"""Share of the largest command in a command that has come to rest."""
+"""Largest amplitude of a command at rest, as a share of its maximum."""
 _CHATTER = 0.3
-"""A command that never rests, and after the small kick is nearly what it is after the large one, chatters."""
+"""Least ratio of the final amplitudes after small and large kick at which a command that never rests chatters."""
 _FLEES_M = 2.0
 
 
 class Verdict(StrEnum):
-    """What came of it."""
+    """Result of a measurement of the margin."""
 
     MEASURED = "measured"
     SWINGS = "swings"
@@ -50,32 +50,32 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Margin:
-    """The worst axis and amplitude; an angle or a frequency that there is none of is NaN."""
+    """Margins of the worst axis and amplitude; angles or frequencies that do not exist are NaN."""
 
     verdict: Verdict
     axis: str
     """x, y or z."""
     phase_deg: float = math.nan
-    """Phase margin; where the loop's gain is never 1, 180."""
+    """Phase margin; 180 where the loop's gain is never 1."""
     crossover_radps: float = math.nan
-    """Where it is met."""
+    """Frequency of the phase margin."""
     gain: float = math.nan
     """Gain margin: the factor by which the loop's gain may rise or fall; infinite where its phase never is -180."""
     swing_radps: float = math.nan
-    """Of what swings."""
+    """Frequency of the oscillation."""
 
 
 class TooLongError(Exception):
-    """The law was not through in the time that its caller gives it."""
+    """Measurement that was stopped by its caller before the law was through."""
 
 
 def measure_margin(
     law: Controller, vehicle: VehicleModel, period_s: float, go_on: Callable[[], bool] = lambda: True
 ) -> Margin:
-    """Return the margins of a law that broadcasts over leading axes; what its `step` raises is raised.
+    """Return the margins of a law that broadcasts over leading axes; exceptions of its `step` are raised.
 
     A trigger leaves a law silent between events: give it here with its trigger off if it has a switch for it. Raises
-    TooLongError when `go_on` says so, which is asked in every cycle.
+    TooLongError when `go_on`, called in every cycle, returns False.
     """
     responses = _fly(law, vehicle, period_s, go_on)
     margins = [response.margin() for response in responses]
@@ -92,7 +92,7 @@ def measure_margin(
 
 @dataclass(frozen=True, kw_only=True)
 class _Response:
-    """One axis after one kick, cycle by cycle."""
+    """Response of one axis to one kick, cycle by cycle."""
 
     axis: str
     period_s: float
@@ -106,7 +106,7 @@ class _Response:
 
     @property
     def end_mps2(self) -> float:
-        """Amplitude of the command in the end."""
+        """Amplitude of the command at the end."""
         return float(np.ptp(self.commanded_mps2[self._end])) / 2.0
 
     @property
@@ -132,14 +132,14 @@ class _Response:
         )
 
     def _loop(self) -> Array:
-        """L at the frequencies, complex."""
+        """Return the complex loop gain L at the frequencies."""
         time_s = np.arange(len(self.given_mps2)) * self.period_s
         left = np.clip((time_s[-1] - time_s) / _TAPER_S, 0.0, 1.0)
         waves = np.exp(-1j * np.outer(_FREQUENCIES_RADPS, time_s)) * (0.5 - 0.5 * np.cos(np.pi * left))
         return np.asarray(-(waves @ self.commanded_mps2) / (waves @ self.given_mps2))
 
     def _swing_radps(self) -> float:
-        """Frequency of the command, by its changes of sign."""
+        """Return the frequency of the command from its changes of sign."""
         signs = np.sign(self.commanded_mps2[np.isfinite(self.commanded_mps2)])
         changes = np.flatnonzero(np.diff(signs[signs != 0.0]))[-6:]
         if len(changes) < 2:
@@ -148,24 +148,24 @@ class _Response:
 
 
 def _crossings(values: Array) -> Array:
-    """Where values pass 0, as fractional indices."""
+    """Return the fractional indices at which values pass 0."""
     before = np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
     return np.asarray(before + values[before] / (values[before] - values[before + 1]))
 
 
 def _between(values: Array, at: Array) -> Array:
-    """Values at fractional indices."""
+    """Return values interpolated at fractional indices."""
     return np.interp(at, np.arange(len(values)), values)
 
 
 def _fly(law: Controller, vehicle: VehicleModel, period_s: float, go_on: Callable[[], bool]) -> list[_Response]:
-    """Fly all axes and kicks side by side: x, y and z after the first kick, then after the next."""
+    """Fly all axes and kicks as one batch: x, y and z after the first kick, then after the next."""
     axes, kicks_mps = np.tile(np.arange(3), len(KICKS_MPS)), np.repeat(KICKS_MPS, 3)
     rows, plant = np.arange(len(axes)), _Plant(vehicle, period_s, len(axes))
     rest, cycles = round(_REST_S / period_s), round((_REST_S + _AFTER_S) / period_s)
     rows_of: list[tuple[Array, Array, Array]] = []
     sent, memory = np.zeros((len(axes), 3)), None
-    with np.errstate(all="ignore"):  # what diverges may do so
+    with np.errstate(all="ignore"):  # divergence is a result
         for cycle in range(cycles):
             now = plant.seen(sent)
             memory = law.initial(now) if memory is None else memory
@@ -195,7 +195,7 @@ def _fly(law: Controller, vehicle: VehicleModel, period_s: float, go_on: Callabl
 
 
 class _Plant:
-    """A batch of vehicles at rest in the air, each axis linear: its lag, its delay, the age of what is seen."""
+    """Batch of vehicles at rest in the air, each axis linear: its lag, its delay, the age of its state."""
 
     def __init__(self, vehicle: VehicleModel, period_s: float, count: int) -> None:
         self._vehicle, self._period_s, self._count = vehicle, period_s, count
@@ -213,7 +213,7 @@ class _Plant:
         self._model = ThrustModel(vehicle.mass_kg, vehicle.gravity_mps2)
 
     def seen(self, sent_w_mps2: Array) -> ControlInput:
-        """Return what the law sees now."""
+        """Return the input of the law now."""
         p, v, a, j = np.moveaxis(self._states[0], -1, 0)
         g, zero = self._vehicle.gravity_mps2, np.zeros((self._count, 3))
         q = setpoint_of_accel(a, np.zeros(self._count), self._model).q_w_flu_wxyz
@@ -223,7 +223,7 @@ class _Plant:
         return ControlInput(p.copy(), v.copy(), q, rate, age_s, reference, sent_w_mps2, self._period_s, zero)
 
     def advance(self, given_w_mps2: Array) -> None:
-        """Let a control cycle pass under a command that is sent now."""
+        """Advance by a control cycle with a command that is sent now."""
         for _ in range(_SUBSTEPS):
             self._given = [*self._given[1:], given_w_mps2]
             acting = np.stack([self._given[-1 - delay][:, axis] for axis, delay in enumerate(self._delays)], axis=-1)

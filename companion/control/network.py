@@ -1,4 +1,4 @@
-"""The three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
+"""Three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
 
 from typing import Any
 
@@ -19,10 +19,10 @@ class NetworkState:
 
 
 def initial_network(gains: EtnnGains, lead: tuple[int, ...] = ()) -> NetworkState:
-    """V_1 = 0, so the first output is 0; V_0 seeded and spread.
+    """Return the initial network: V_1 = 0, so the first output is 0; V_0 random from a seed.
 
-    The paper does not say how its weights start. With V_0 = 0 all hidden neurons would get the same update for
-    ever and act as one.
+    The paper does not give initial weights. With V_0 = 0 all hidden neurons would always get the same update and act
+    as one.
     """
     rng = np.random.default_rng(gains.network_seed)
     v0 = gains.network_spread * rng.uniform(-1.0, 1.0, (gains.inputs + 1, gains.hidden))
@@ -39,7 +39,7 @@ def with_bias(state: NetworkState, f_hat: Array, gains: EtnnGains) -> NetworkSta
 
 
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
-    """Network input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
+    """Return the input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
     x_d = _with_one(velocity_ref)
     inner = _times(x_d, state.v0)
     if inner.ndim == 1:
@@ -48,22 +48,22 @@ def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array
 
 
 def _sigmoid(inner: Any) -> Any:
-    """1/(1 + exp(-inner)), which as a tanh never overflows."""
+    """Return 1/(1 + exp(-inner)), computed by a tanh, which never overflows."""
     return 0.5 + 0.5 * math_module(inner).tanh(0.5 * inner)
 
 
 def _times(row: Array, matrix: Array) -> Array:
-    """(..., n) times (..., n, m) is (..., m); here and below a matrix of one vehicle takes numpy's shortest way."""
+    """Return (..., n) times (..., n, m), shape (..., m); a matrix of one vehicle takes numpy's fastest call."""
     return np.asarray(row.dot(matrix) if matrix.ndim == 2 else np.matmul(row[..., None, :], matrix)[..., 0, :])
 
 
 def _rows_with(matrix: Array, vector: Array) -> Array:
-    """(..., n, m) times (..., m) is (..., n)."""
+    """Return (..., n, m) times (..., m), shape (..., n)."""
     return np.asarray(matrix.dot(vector) if matrix.ndim == 2 else np.vecdot(matrix, vector[..., None, :]))
 
 
 def _outer(a: Array, b: Array) -> Array:
-    """a b', (..., n) and (..., m) to (..., n, m)."""
+    """Return a b' of (..., n) and (..., m), shape (..., n, m)."""
     return np.asarray(a[:, None].dot(b[None, :]) if a.ndim == b.ndim == 1 else a[..., :, None] * b[..., None, :])
 
 
@@ -77,7 +77,7 @@ def _with_one(vector: Array) -> Array:
 
 
 def output(state: NetworkState, phi: Array) -> Array:
-    """f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
+    """Return f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
     return _times(phi, state.v1)
 
 
@@ -94,10 +94,10 @@ def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: 
 
 
 def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float) -> Array:
-    """The smooth projection operator proj(rate) on the ball |weights|_F <= bound, shape as `weights`.
+    """Return the smooth projection proj(rate) on the ball |weights|_F <= bound, shape as `weights`.
 
     With h = ((1 + band)|W|^2 - bound^2) / (band bound^2): inside h <= 0, or when the rate points inwards, the rate
-    is returned as it is; else its Gamma-weighted outward part is removed in the proportion h, wholly at the rim
+    is returned as it is; else its Gamma-weighted outward part is removed in the proportion h, wholly at the boundary
     (Lavretsky and Gibson, "Projection operator in adaptive systems", 2011). `gamma` is diag(Gamma).
     """
     excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
@@ -111,9 +111,9 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
 
 
 def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: float, dt_s: float) -> Array:
-    """One Euler step along the projected rate; a step that would leave the ball ends on it.
+    """Return the weights after one Euler step along the projected rate; a step out of the ball ends on its surface.
 
-    A free step that ends in the ball where the projection sleeps needs neither: it began there or points inwards.
+    A free step that ends where the projection is inactive needs neither: it began there or points inwards.
     """
     free = np.asarray(weights + dt_s * rate)
     if not any_true((1.0 + band) * _square(free) > bound**2):
@@ -124,7 +124,7 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
 
 
 def _square(weights: Array) -> Any:
-    """Squared Frobenius norm: a float, (..., 1, 1) for a batch."""
+    """Return the squared Frobenius norm: a float, (..., 1, 1) for a batch."""
     if weights.ndim == 2:
         flat = weights.ravel()
         return float(flat.dot(flat))

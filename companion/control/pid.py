@@ -1,4 +1,4 @@
-"""The paper's baseline: PID with the reference's acceleration fed forward (section 5.1)."""
+"""Baseline law of the paper: PID with feed-forward of the reference's acceleration (section 5.1)."""
 
 from dataclasses import dataclass
 
@@ -18,21 +18,21 @@ class PidMemory:
 
 @dataclass(frozen=True)
 class Pid:
-    """U_c/m_t = -K_p e - K_i int e - K_d de/dt + p_d'' + g e_3, gains per kilogram; printed without gravity."""
+    """Law U_c/m_t = -K_p e - K_i int e - K_d de/dt + p_d'' + g e_3, gains per kilogram; printed without gravity."""
 
     gains: PidGains
 
     @property
     def preview_s(self) -> float:
-        """The baseline looks at the present."""
+        """Preview of the reference, s: none."""
         return 0.0
 
     def initial(self, first: ControlInput) -> PidMemory:
-        """Return an empty integral."""
+        """Return the memory at lift-off: an integral of 0."""
         return PidMemory(np.zeros_like(first.position_w_m))
 
     def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> PidMemory:
-        """Return the integral that counters a known disturbance (m/s^2), (..., 3)."""
+        """Return the integral that compensates a known disturbance (m/s^2), (..., 3)."""
         most = self.gains.integral_max_mps2
         return PidMemory(np.clip(known_disturbance_w_mps2 + 0.0 * now.position_w_m, -most, most))
 

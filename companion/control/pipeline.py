@@ -1,4 +1,4 @@
-"""From a reference and a state to the setpoint that may go out: law, conversion, gate. No I/O, no clock."""
+"""Pipeline from reference and state to the setpoint to send: law, conversion, limits. No I/O, no clock."""
 
 from dataclasses import replace
 from math import inf
@@ -19,30 +19,29 @@ from companion.guard.guard import Guard
 from companion.guard.limits import LimitedSetpoint, Limits, limit_setpoint
 
 YAW_STEP_RAD = 0.02
-"""The paper's trigger does not see the heading: a reference that has turned by this much is sent, too."""
+"""Change of the reference's heading that is sent without an event: the paper's trigger ignores the heading."""
 _NOTHING = np.zeros(3)
 Mask = NDArray[np.bool_]
 
 
 @value
 class PipelineOutput:
-    """What the law wanted in one cycle and what the gate made of it."""
+    """Output of the law in one cycle, and the setpoint inside the limits."""
 
     reference: Reference
     output: ControlOutput
     gated: LimitedSetpoint
     given: ControlInput
-    """All that the law saw."""
+    """Inputs of the law."""
     begun: bool
-    """It began anew from this: lift-off, or another law."""
+    """True if the law began with this cycle: lift-off, or a switch to another law."""
 
 
 class ControlPipeline:
-    """Holds the law's memory, the setpoint last wanted, and the one last sent, from which the gate limits the rate.
+    """Pipeline with the law's memory, its last setpoint, and the setpoint last sent, from which the rate is limited.
 
-    For one vehicle, or for a batch that flies side by side: `lead` is its shape, the leading axes of vehicle states, of
-    `sent` and of all that comes out; thrust model and limits are the batch's. With a guard, which is for one vehicle,
-    it has the last word instead of the bare gate.
+    For one vehicle, or for a batch of shape `lead`: the leading axes of vehicle states, `sent` and all outputs; thrust
+    model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits.
     """
 
     def __init__(
@@ -61,22 +60,22 @@ class ControlPipeline:
         self._wanted: AttitudeThrust | None = None
         self._yaw_rad: Any = 0.0
         self._countered_w_mps2 = _NOTHING
-        """The part of what was sent that only counters the arms."""
+        """Part of the setpoint sent that only compensates the arms."""
         self._disturbance: Disturbance | None = None
         self._switched = False
-        """Another law was given the vehicle, and has not begun."""
+        """True after a switch until the new law begins."""
         self._switching: LawSwitch | None = None
         self.sent = idle_setpoint(np.zeros(lead))
-        """The last setpoint that went out; whoever sends sets it."""
+        """The setpoint last sent; set by the sender."""
         self._warm_up()
 
     @property
     def preview_s(self) -> float:
-        """How far ahead of now the law wants its reference."""
+        """Time ahead of now at which the law needs its reference, s."""
         return self._controller.preview_s
 
     def forget(self) -> None:
-        """The next `fly` begins with nothing learnt: at lift-off."""
+        """Reset the law, so that the next `fly` begins with nothing learnt, as at lift-off."""
         self._memory, self._decided, self._wanted = None, None, None
         self._countered_w_mps2, self._disturbance = _NOTHING, None
         self._switched, self._switching = False, None
@@ -89,10 +88,10 @@ class ControlPipeline:
         self._memory, self._decided, self._switched = None, None, True
 
     def settle(self) -> dict[str, Array]:
-        """Do what the law left for after the setpoint (the next `fly` does it otherwise); its late inner values."""
+        """Run the second half of the law's cycle, else the next `fly` does; return its additional internal values."""
         if self._decided is None or self._halves is None:
             return {}
-        decided, self._decided = self._decided, None  # tried once: what raises would raise again
+        decided, self._decided = self._decided, None  # once only: an error would repeat
         self._memory, late_signals = self._halves.settle(decided)
         return late_signals
 
@@ -119,7 +118,7 @@ class ControlPipeline:
         return self._controller.initial(now)
 
     def _warm_up(self) -> None:
-        """Run every line once on the ground: first calls are slow, and the first real one is at lift-off."""
+        """Run the law on the ground: first calls are slow, and the first real one is at lift-off."""
         still = np.zeros((*self._lead, 3))
         vehicle = VehicleState(0.0, still, still, self.sent.q_w_flu_wxyz, still)
         for _ in range(3):
@@ -127,14 +126,14 @@ class ControlPipeline:
         self.forget()
 
     def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> LimitedSetpoint:
-        """A level setpoint while the law sleeps; the rotors may idle.
+        """Return a level setpoint while the law is inactive; the rotors may idle.
 
-        Neither age nor fence has a say in it: the vehicle stands, and level is what the guard would make of it.
+        Age and fence do not limit it: the vehicle stands, and the guard would level it anyway.
         """
         return limit_setpoint(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
 
     def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
-        """A level setpoint within the limits, at once and whatever was sent before; the guard's own if it is none."""
+        """Return a level setpoint within the limits, without rate limit; the guard's own if it is not valid."""
         wanted = idle_setpoint(yaw_rad, thrust)
         fallback = wanted if self._guard is None else self._guard.level(0.0)
         return limit_setpoint(wanted, fallback, self._limits, inf).setpoint
@@ -142,10 +141,10 @@ class ControlPipeline:
     def fly(
         self, vehicle: VehicleState, age_s: Any, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
     ) -> PipelineOutput:
-        """One cycle of the law; `ahead` is the reference `preview_s` on, `known_accel_w_mps2` (..., 3) the arms' push.
+        """Run one cycle; `ahead` is the reference `preview_s` from now, `known_accel_w_mps2` (..., 3) that of the arms.
 
         In a batch `age_s` is a float or (..., 1), the reference one for all, (3,) and a float, or (..., 3) and (...,).
-        Between events the wanted setpoint stays, and the gate goes on towards it as fast as it may.
+        Between events the setpoint of the law stays, and the rate limits continue towards it.
         """
         now = ControlInput(
             vehicle.position_w_m,
@@ -175,7 +174,7 @@ class ControlPipeline:
         return self._guard.check(wanted, self.sent, vehicle, age_s, dt_s)
 
     def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
-        """The setpoint wanted: a new one where there is an event or the heading has turned, elsewhere the held one."""
+        """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""
         held, (event,) = self._wanted, unstack(output.event)
         fresh = (event > 0.0) | (abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
         if held is not None and not any_true(fresh):
@@ -191,17 +190,17 @@ class ControlPipeline:
 
 
 def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:
-    """Level, at this heading (...,)."""
+    """Return a level setpoint at this heading (...,)."""
     return AttitudeThrust(quat_from_yaw(yaw_rad), np.full(np.shape(yaw_rad), thrust))
 
 
 def changed(a: AttitudeThrust, b: AttitudeThrust) -> Mask:
-    """Where two setpoints differ, be it in the last bit, shape (...,)."""
+    """Return where two setpoints differ, even in the last bit, shape (...,)."""
     if a.q_w_flu_wxyz.ndim == 1:  # a tenth of the time that numpy takes for so few numbers
         return np.array(a.q_w_flu_wxyz.tolist() != b.q_w_flu_wxyz.tolist() or a.thrust.item() != b.thrust.item())
     return np.asarray((a.q_w_flu_wxyz != b.q_w_flu_wxyz).any(axis=-1) | (a.thrust != b.thrust))
 
 
 def same_setpoint(a: AttitudeThrust, b: AttitudeThrust) -> bool:
-    """Equal to the last bit, all of them: what need not be sent again."""
+    """Return True if all are equal to the last bit and need not be sent again."""
     return not changed(a, b).any()

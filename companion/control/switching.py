@@ -1,4 +1,4 @@
-"""The paper's switch map Theta and its relatives.
+"""Switch map Theta of the paper, and related functions.
 
 Equations are named by their place in the paper (Wang et al., "Neural Network-Based Adaptive Event-Triggered
 Control for Dual-Arm Unmanned Aerial Manipulator Systems"). Vectors are (..., 3); scalars are floats, or
@@ -17,12 +17,12 @@ Scalar = float | Array
 
 
 def norm_squared(s: Array) -> Array:
-    """s's with the last axis kept, shape (..., 1)."""
+    """Return s's with the last axis kept, shape (..., 1)."""
     return np.asarray(np.vecdot(s, s)[..., None])
 
 
 def squared(s: Array) -> Scalar:
-    """`norm_squared`, but a float for one vehicle: what is made of it costs a quarter then."""
+    """Return `norm_squared`, but a float for one vehicle, which makes later operations four times faster."""
     if s.ndim > 1:
         return norm_squared(s)
     x, y, z = s.tolist()
@@ -30,7 +30,7 @@ def squared(s: Array) -> Scalar:
 
 
 def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -> Any:
-    """1 / (s's + e)^(1-p) from `square` = s's, shape as given; what s is multiplied by in the fractional powers."""
+    """Return 1 / (s's + e)^(1-p) from `square` = s's, shape as given: the factor of s in the fractional powers."""
     base = square + regularisation
     if not _is_on(regularisation):
         base = where(base > 0.0, base, 1.0)
@@ -38,7 +38,7 @@ def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -
 
 
 def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Any:
-    """What s is multiplied by in Theta(s), from `square` = s's, shape as given."""
+    """Return the factor of s in Theta(s), from `square` = s's, shape as given."""
     factor = fractional_factor(square, p, regularisation)
     if _is_on(regularisation):
         return factor
@@ -47,7 +47,7 @@ def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Sc
 
 
 def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
-    """s / (s's + e)^(1-p), shape (..., 3); e = `regularisation`.
+    """Return s / (s's + e)^(1-p), shape (..., 3); e = `regularisation`.
 
     With e = 0 this is the term of eq. iota-dyn and alpha_2 as printed; it is 0/0 at s = 0, whose limit is 0,
     and its slope there is unbounded. With e > 0 (a departure, `power_regularisation`) the slope is at most
@@ -57,7 +57,7 @@ def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array
 
 
 def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
-    """Theta(s), Lemma 1: the fractional power, faded out by sin^2 inside |s|^2 <= epsilon, shape (..., 3).
+    """Return Theta(s), Lemma 1: the fractional power, faded out by sin^2 inside |s|^2 <= epsilon, shape (..., 3).
 
     With a regularisation there is no singularity to fade, so the plain regularised power is returned.
     """
@@ -65,12 +65,12 @@ def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.
 
 
 def _is_on(departure: Scalar) -> bool:
-    """Whether a departure from the print is switched on, for any vehicle."""
+    """Return True if a departure from the print is enabled for any vehicle."""
     return bool(np.any(departure > 0.0)) if isinstance(departure, np.ndarray) else departure > 0.0
 
 
 def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
-    """Largest |Theta(s)|/|s| over all s: the gain with which Theta can act at most, per unit of error."""
+    """Return the largest |Theta(s)|/|s| over all s: the gain with which Theta can act at most, per unit of error."""
     if regularisation > 0.0:
         return float(regularisation ** (p - 1.0))
     radius = np.sqrt(epsilon) * np.linspace(1e-3, 1.0, 2000)
@@ -79,7 +79,7 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
 
 
 def sign(y: Any, boundary_layer: Scalar = 0.0) -> Any:
-    """sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer, clip(y / layer, -1, 1)."""
+    """Return sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer clip(y/layer, -1, 1)."""
     if not _is_on(boundary_layer):
         return np.sign(y) if isinstance(y, np.ndarray) else float((y > 0.0) - (y < 0.0))
     return minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)

@@ -1,8 +1,8 @@
-"""From the setpoint that the law wanted to the one that leaves: the autopilot's horizon is corrected. No I/O, no clock.
+"""Correction of the autopilot's horizon in the setpoint that is sent. No I/O, no clock.
 
-It comes after law and guard, so it is the same for every law; what the law and the health checks hold for sent stays
-what the vehicle is to do in truth. What leaves passes the gate once more, so that the tilt limit holds by the
-autopilot's horizon, too.
+It comes after law and guard, so it is the same for every law; law and health checks keep the uncorrected setpoint as
+the one sent, which is the attitude the vehicle really takes. The corrected setpoint is limited once more, so that the
+tilt limit also holds relative to the autopilot's horizon.
 """
 
 import math
@@ -31,41 +31,41 @@ _STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 @value
 class Wire:
-    """What one cycle made of the law's setpoint, and of what."""
+    """Setpoint on the wire in one cycle, and the inputs it was computed from."""
 
     setpoint: AttitudeThrust
-    """On the wire."""
+    """Setpoint on the wire."""
     last: AttitudeThrust
-    """On the wire before it."""
+    """Setpoint on the wire before it."""
     is_new: Any
-    """The law's setpoint is another than before."""
+    """True where the law's setpoint differs from the one before."""
     seen: HorizonInput
     horizon: Horizon
     dt_s: float
     begun: bool
-    """With nothing remembered."""
+    """True if the correction began with this cycle."""
 
 
 class WireSetpoint:
-    """Holds the correction and what of it is in the setpoint that left last. One vehicle, or a batch of shape `lead`.
+    """Correction, and its part in the setpoint last sent; one vehicle, or a batch of shape `lead`.
 
-    The correction in a setpoint stays while the law wants nothing new, until it is off by more than a degree.
+    The correction in a setpoint stays while the law sends nothing new, until it is off by more than a degree.
     """
 
     def __init__(self, rules: HorizonRules, limits: Limits, lead: tuple[int, ...] = ()) -> None:
         self._rules, self._lead = rules, lead
         self._limits = replace(limits, min_thrust=0.0, max_thrust_rate_ps=math.inf)
-        """The thrust is not touched and has passed the gate; on the ground it may be idle."""
+        """Limits without thrust: it is unchanged and within the limits already; on the ground it may be idle."""
         self.reset()
 
     def reset(self) -> None:
-        """Begin with nothing corrected."""
+        """Reset to no correction and no previous setpoint."""
         self._horizon = self._held = no_horizon(self._lead)
         self._begun = True
         self._turn_w: Array = np.broadcast_to(_STRAIGHT, (*self._lead, 4))
 
     def put(self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float) -> Wire:
-        """Return what leaves, `dt_s` after `last` did; `is_new` where the law's `setpoint` is not the one before."""
+        """Return the setpoint to send, `dt_s` after `last`; `is_new` where the law's `setpoint` has changed."""
         begun, self._begun = self._begun, False
         self._horizon = step(self._horizon, seen, self._rules, dt_s)
         leaves = self._leaving(setpoint, is_new, last, seen, dt_s) if self._rules.enabled else setpoint

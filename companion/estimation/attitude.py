@@ -14,7 +14,7 @@ Vec3 = tuple[Scalar, Scalar, Scalar]
 Quat = tuple[Scalar, Scalar, Scalar, Scalar]
 
 _TINY = 1e-300
-"""Added to a divisor it changes nothing but 0/0, which becomes 0."""
+"""Added to a divisor, so that 0/0 becomes 0; changes nothing else."""
 
 
 @value
@@ -29,7 +29,7 @@ class Attitude:
 
 
 def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bool:
-    """Whether nine numbers, row by row, are a right-handed rotation; false for NaN."""
+    """Return True if nine numbers, row by row, are a right-handed rotation; False for NaN."""
     a, b, c, d, e, f, g, h, i = rotation_rows
     return (
         abs(a * a + b * b + c * c - 1.0) <= tolerance
@@ -42,14 +42,14 @@ def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bo
 
 
 def at_rest(rotation: Array, covariance: Covariance) -> Attitude:
-    """Start from one matrix, shape (..., 3, 3), not turning."""
+    """Return the estimate from one rotation matrix, shape (..., 3, 3), at rest."""
     w, x, y, z = unstack(quat_from_matrix(rotation))
     still = (0.0 * w, 0.0 * w, 0.0 * w)
     return Attitude((w, x, y, z), still, still, covariance)
 
 
 def predict(state: Attitude, dt_s: Scalar, density: float) -> Attitude:
-    """Turn on for `dt_s`, a float or (...,); `density` in rad^2/s^5."""
+    """Predict the attitude after `dt_s`, a float or (...,); `density` in rad^2/s^5."""
     (p, q, r), (dp, dq, dr) = state.rate, state.turn
     half = 0.5 * dt_s * dt_s
     step = _exp((dt_s * p + half * dp, dt_s * q + half * dq, dt_s * r + half * dr))
@@ -58,7 +58,7 @@ def predict(state: Attitude, dt_s: Scalar, density: float) -> Attitude:
 
 
 def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
-    """Rotation vector (FLU) from the estimate to a measured matrix, nine numbers row by row.
+    """Return the rotation vector (FLU, rad) from the estimate to a measured matrix, nine numbers row by row.
 
     The logarithm of R' M, with the columns of the estimate's R written out: a third of the time of the array calls.
     """
@@ -78,7 +78,7 @@ def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
 
 
 def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vec3:
-    """The same from a measured unit quaternion (w x y z, either sign): less work for a batch, which has no matrices."""
+    """Return the same for a measured unit quaternion (w x y z, either sign): cheaper for a batch without matrices."""
     w, x, y, z = state.q
     turn_w, turn_x, turn_y, turn_z = _multiply((w, -x, -y, -z), measured)
     m = math_module(w)

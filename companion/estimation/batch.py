@@ -1,8 +1,8 @@
 """The estimator's filters for a batch of vehicles (...,), for simulations in virtual time.
 
-The very filters that fly: `kalman` and `attitude`, as `estimator.step` calls them for an accepted frame. Its verdicts
-(outliers, repeats, stale stamps, new starts after a gap) and its clock are the single vehicle's: here every fresh frame
-is believed whatever the gap, and stamps are already on the clock that counts.
+The same filters as in flight: `kalman` and `attitude`, called as `estimator.step` does for an accepted frame. Verdicts
+(outliers, repeats, stale stamps, restarts after a gap) and clock synchronisation exist for a single vehicle only: here
+every fresh frame is accepted after any gap, and stamps are on the simulation's clock.
 """
 
 from dataclasses import dataclass, replace
@@ -25,18 +25,18 @@ from companion.geometry.frames import matrix_from_quat
 
 @dataclass(frozen=True)
 class BatchEstimate:
-    """What is known of every vehicle at the capture of its last frame."""
+    """Estimate of every vehicle at the capture of its last frame."""
 
     motion: Motion
     """In W, m; vectors (..., 3). Covariance of floats as long as all vehicles have seen the same frames."""
     attitude: Attitude
     """Components (...,); covariance as the motion's."""
     seen_s: Scalar
-    """That capture: a float when it was the same one for all, else (...,)."""
+    """Time of that capture: a float when it is the same for all, else (...,)."""
 
 
 def begin(position_w_m: Array, q_w_flu_wxyz: Array, time_s: Scalar, params: EstimatorParams) -> BatchEstimate:
-    """Start every vehicle from one frame, at rest as far as we know.
+    """Return the estimate of every vehicle from its first frame, assumed at rest.
 
     Position (..., 3) and unit quaternion (..., 4) as measured at `time_s`, a float or (...,); they broadcast.
     """
@@ -58,7 +58,7 @@ def step(
     """Take one frame of every vehicle that is `fresh`, shape (...,); the others stay as they are.
 
     Position (..., 3), unit quaternion (..., 4) of either sign, and stamp, a float or (...,), later than the vehicle's
-    last; what is not fresh may be NaN. Cheapest when all are fresh and `stamp_s` is a float.
+    last; values that are not fresh may be NaN. Cheapest when all are fresh and `stamp_s` is a float.
     """
     if fresh.all():
         return _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
@@ -73,7 +73,7 @@ def step(
 
 
 def vehicle_state(estimate: BatchEstimate) -> VehicleState:
-    """The vehicles' states at `estimate.seen_s`: vectors (..., 3), quaternion (..., 4), time as `seen_s` has it."""
+    """Return all states at `estimate.seen_s`: vectors (..., 3), quaternion (..., 4), time as `seen_s` has it."""
     return VehicleState(
         cast(float, estimate.seen_s),  # an array in a batch whose vehicles missed frames
         estimate.motion.position,
@@ -86,7 +86,7 @@ def vehicle_state(estimate: BatchEstimate) -> VehicleState:
 def _seen(
     before: BatchEstimate, position_w_m: Array, q_w_flu_wxyz: Array, stamp_s: Scalar, params: EstimatorParams
 ) -> BatchEstimate:
-    """All vehicles carried on to the stamp and corrected, as an accepted frame of `estimator.step`."""
+    """Predict all vehicles to the stamp and correct them, as `estimator.step` does for an accepted frame."""
     dt_s = stamp_s - before.seen_s
     motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
@@ -96,7 +96,7 @@ def _seen(
 
 
 def _chosen(fresh: NDArray[np.bool_], after: Any, before: Any) -> Any:
-    """The numbers of `after` where `fresh`, of `before` elsewhere; both numbers, or tuples or dataclasses of them."""
+    """Return the values of `after` where `fresh`, else of `before`; numbers, or tuples or dataclasses of them."""
     if isinstance(after, tuple):
         return tuple(_chosen(fresh, *pair) for pair in zip(after, before, strict=True))
     if isinstance(after, Motion | Attitude | Covariance):

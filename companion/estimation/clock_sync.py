@@ -1,7 +1,7 @@
-"""Translates the motion-capture system's stamps to our clock.
+"""Conversion of the motion-capture system's stamps to the service's monotonic clock.
 
-A frame arrives after the fixed part of the way plus some waiting, never before: so the smallest
-(arrival - stamp) of the last seconds, less the known fixed part, is the offset between the clocks.
+A frame arrives after a fixed delay plus some waiting, never earlier: so the smallest (arrival - stamp) of the last
+seconds, less the known fixed delay, is the offset between the clocks.
 """
 
 from dataclasses import dataclass
@@ -20,15 +20,15 @@ class ClockSync:
 
     @property
     def offset_s(self) -> float:
-        """Our clock minus theirs, with the fixed delay still in it."""
+        """Offset of the service's clock against the stamps (s), the fixed delay included."""
         return min(self.running_s, self.previous_s)
 
 
 def observe(sync: ClockSync, stamp_s: float, received_s: float, window_s: float = 10.0) -> ClockSync:
-    """Learn from one frame; memory reaches half to one `window_s` back, so drifting clocks are followed.
+    """Update with one frame; the memory reaches half to one `window_s` back, so drifting clocks are followed.
 
-    A stamp that goes back is a new measurement with a new zero: everything learnt is void at once. Stamps that
-    merely become older are not believed before the window has passed: that is a real delay, not a new clock.
+    A stamp that goes back belongs to a new measurement with a new zero: the old offset is discarded at once. A stamp
+    that merely arrives later counts only after the window has passed: that is a delay, not a new clock.
     """
     seen_s = received_s - stamp_s
     if stamp_s < sync.last_stamp_s:
@@ -39,13 +39,13 @@ def observe(sync: ClockSync, stamp_s: float, received_s: float, window_s: float 
 
 
 def is_ahead(sync: ClockSync, stamp_s: float, received_s: float, by_s: float) -> bool:
-    """Whether a frame would have been captured more than `by_s` later than it can have been, as it has come already.
+    """Return True if the stamp is more than `by_s` later than is possible for a frame that has already arrived.
 
-    No network does that: its clock has jumped. `observe` would take it for the shortest way there ever was.
+    No network delay explains that: the clock of the stamps has jumped. `observe` would take it for the shortest delay.
     """
     return sync.offset_s < inf and received_s - stamp_s < sync.offset_s - by_s
 
 
 def to_local_s(sync: ClockSync, stamp_s: float, delay_s: float) -> float:
-    """Capture time on our clock; `delay_s` is the least time from capture to arrival."""
+    """Return the capture time on the service's clock; `delay_s` is the least time from capture to arrival."""
     return stamp_s + sync.offset_s - delay_s

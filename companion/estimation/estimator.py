@@ -1,4 +1,4 @@
-"""From frames to the vehicle's state at capture time, with a verdict on every frame."""
+"""Estimator of the vehicle's state at capture time from motion-capture frames, with a verdict on every frame."""
 
 from dataclasses import replace
 from math import acos, hypot, inf, isfinite, sqrt
@@ -24,10 +24,10 @@ Pose = tuple[float, ...]
 def step(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, accel_input_w_mps2: Array | None = None
 ) -> EstimatorState:
-    """Take one frame.
+    """Update the state with one frame, and decide its verdict.
 
     `accel_input_w_mps2`, shape (3,): acceleration the rotors are known to have given since the last accepted frame
-    (thrust per mass along the measured body z axis, less gravity); without it the filter has to find out by itself.
+    (thrust per mass along the measured body z axis, less gravity); without it the filter estimates it.
     """
     ahead = is_ahead(state.clock, frame.stamp_s, frame.received_s, params.ahead_s)
     learnt = observe(ClockSync() if ahead else state.clock, frame.stamp_s, frame.received_s, params.clock_window_s)
@@ -55,23 +55,23 @@ def step(
 
 
 def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
-    """Of the motion and of the attitude when one frame is all that is known.
+    """Return the covariances of motion and attitude after the first frame.
 
-    At rest as far as we know: to 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2.
+    The vehicle is assumed at rest, to within 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2.
     """
     of_motion = Covariance(params.noise_m**2, 0.0, 0.0, 1.0, 0.0, 25.0)
     return of_motion, Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0)
 
 
 def age_s(state: EstimatorState, now_s: float) -> float:
-    """Time since the capture of the last accepted frame; infinite before the first one."""
+    """Return the time since the capture of the last accepted frame; infinite before the first one."""
     return now_s - state.vehicle.time_s if state.vehicle is not None else inf
 
 
 def predict_to(vehicle: VehicleState, time_s: float, max_ahead_s: float = 0.1) -> VehicleState:
-    """Carry a state on at constant velocity and body rate, for a delay of a few frames.
+    """Extrapolate a state at constant velocity and body rate, for a delay of a few frames.
 
-    Goes no further than `max_ahead_s`, and says so in its `time_s`; the past is returned as it is.
+    It reaches at most `max_ahead_s` ahead, as its `time_s` shows; for the past the state is returned unchanged.
     """
     ahead_s = min(max(time_s - vehicle.time_s, 0.0), max_ahead_s)
     turn = quat_from_rotation_vector(vehicle.rate_flu_radps * ahead_s)
@@ -84,7 +84,7 @@ def predict_to(vehicle: VehicleState, time_s: float, max_ahead_s: float = 0.1) -
 
 
 def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:
-    """What speaks against a pose before anything is compared with a prediction."""
+    """Return the verdict that rejects a pose without comparing it with a prediction; None for none."""
     if not isfinite(sum(pose)):
         return Verdict.UNTRACKED
     if not att.is_rotation(pose[3:]) or hypot(*pose[:3]) > params.room_m:
@@ -97,7 +97,7 @@ def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Ve
 def _possible(
     off_m: float, turn_rad: float, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
 ) -> bool:
-    """Whether the surprise is within noise, uncertainty (3 sigma) and what the airframe can do in `dt_s`."""
+    """Return True if the innovation is within noise, uncertainty (3 sigma) and the airframe's abilities in `dt_s`."""
     half = 0.5 * dt_s * dt_s
     gate_m = params.gate_m + params.max_accel_mps2 * half + 3.0 * sqrt(motion.covariance.pp)
     gate_rad = params.gate_rad + params.max_turn_radps2 * half + 3.0 * sqrt(attitude.covariance.pp)
@@ -105,10 +105,10 @@ def _possible(
 
 
 def _goes_on_beside(state: EstimatorState, pose: Pose, off: tuple[float, float], params: EstimatorParams) -> bool:
-    """Whether a pose `off` (m, rad) the prediction goes on from the last outlier rather than from what was known.
+    """Return True if a pose `off` (m, rad) from the prediction continues the last outlier rather than the estimate.
 
-    The gate widens with the time since the last accepted frame. A step that no vehicle makes from one frame to the
-    next does not become possible by waiting, as long as frames show that it was one.
+    The gate widens with the time since the last accepted frame. A step that is impossible from one frame to the next
+    must not be accepted only because time has passed, while the frames still show the step.
     """
     if not _agrees(state, pose, params):
         return False
@@ -120,7 +120,7 @@ def _goes_on_beside(state: EstimatorState, pose: Pose, off: tuple[float, float],
 
 
 def _agrees(state: EstimatorState, pose: Pose, params: EstimatorParams) -> bool:
-    """Whether the frame before was an outlier, and near this pose."""
+    """Return True if the frame before was an outlier, and near this pose."""
     if state.agreeing == 0:
         return False
     apart_m, apart_rad = _apart(state.pose, pose)
@@ -128,7 +128,7 @@ def _agrees(state: EstimatorState, pose: Pose, params: EstimatorParams) -> bool:
 
 
 def _apart(a: Pose, b: Pose) -> tuple[float, float]:
-    """Distance (m) and angle (rad) between two poses."""
+    """Return distance (m) and angle (rad) between two poses."""
     cosine = 0.5 * (sum(map(mul, a[3:], b[3:])) - 1.0)  # the trace of A' B
     return _distance(a[:3], b[:3]), acos(min(max(cosine, -1.0), 1.0))
 
@@ -140,7 +140,7 @@ def _distance(a: kalman.Vector, b: kalman.Vector) -> float:
 def _started(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
 ) -> EstimatorState:
-    """Begin from one frame."""
+    """Return the state that starts from this frame alone."""
     of_motion, of_attitude = first_covariances(params)
     motion = Motion(pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
     attitude = att.at_rest(frame.rotation_w_b, of_attitude)
@@ -150,7 +150,7 @@ def _started(
 def _off_the_clock(
     state: EstimatorState, verdict: Verdict, frame: MocapFrame, params: EstimatorParams, learnt: ClockSync, pose: Pose
 ) -> EstimatorState:
-    """A stamp that goes back or is ahead; `learnt` is the clock by it."""
+    """Reject a stamp that goes back or is ahead; restart with its clock, `learnt`, after several in a row."""
     run = state.run + 1 if verdict == state.verdict else 1
     if run >= params.stamps_to_restart:
         return _started(state, frame, params, learnt, pose)
@@ -167,7 +167,7 @@ def _outlier(
 
 
 def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Pose) -> EstimatorState:
-    """Keep the estimate as it was: it grows old, and its user sees that."""
+    """Keep the estimate unchanged; its age grows, which its users check."""
     return replace(
         state,
         verdict=verdict,

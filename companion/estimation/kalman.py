@@ -1,4 +1,4 @@
-"""Kalman filter of a motion whose acceleration wanders: position, velocity, acceleration, driven by white jerk.
+"""Kalman filter with states position, velocity, acceleration, driven by white jerk.
 
 The axes are alike and independent, so one 3x3 covariance serves them all, and its six numbers are plain floats:
 closed forms are several times cheaper here than matrix calls. A batch shares them as long as its vehicles have seen
@@ -18,12 +18,12 @@ from companion.geometry.array_math import along_axes
 Vector = Any
 """Three floats for one vehicle, an array (..., 3) for a batch."""
 Gains = tuple[Scalar, Scalar, Scalar]
-"""How far a unit of surprise in the position moves position, velocity and acceleration."""
+"""Correction of position, velocity and acceleration per unit of innovation in the position."""
 
 
 @value
 class Covariance:
-    """Of position (p), velocity (v), acceleration (a) of one axis: a symmetric 3x3 matrix."""
+    """Covariance of position (p), velocity (v), acceleration (a) of one axis: a symmetric 3x3 matrix."""
 
     pp: Scalar
     pv: Scalar
@@ -40,13 +40,13 @@ class Motion:
     position: Vector
     velocity: Vector
     acceleration: Vector
-    """What the known input does not explain; all of it when no input is given."""
+    """Part not explained by the known input; the whole acceleration without an input."""
     covariance: Covariance
-    """Of every axis: floats that the vehicles share, or each vehicle's own, (..., 1)."""
+    """Covariance of every axis: floats shared by the vehicles, or one per vehicle, (..., 1)."""
 
 
 def grow(c: Covariance, dt: Scalar, density: float) -> Covariance:
-    """F P F' + Q over `dt` seconds; `density` of the jerk in unit^2/s^5."""
+    """Return F P F' + Q over `dt` seconds; `density` of the jerk in unit^2/s^5."""
     half = 0.5 * dt * dt
     pv, pa = c.pv + dt * c.vv + half * c.va, c.pa + dt * c.va + half * c.aa
     va = c.va + dt * c.aa  # F P, whose elements above the diagonal these are
@@ -63,7 +63,7 @@ def grow(c: Covariance, dt: Scalar, density: float) -> Covariance:
 
 
 def shrink(c: Covariance, variance: float) -> tuple[Gains, Covariance]:
-    """What a measurement of the position with `variance` (unit^2) does: the gains, and P after it."""
+    """Return the gains of a position measurement with `variance` (unit^2), and P after it."""
     total = c.pp + variance
     kp, kv, ka = c.pp / total, c.pv / total, c.pa / total
     left = Covariance(variance * kp, variance * kv, variance * ka, c.vv - kv * c.pv, c.va - kv * c.pa, c.aa - ka * c.pa)
@@ -71,7 +71,7 @@ def shrink(c: Covariance, variance: float) -> tuple[Gains, Covariance]:
 
 
 def predict(state: Motion, dt: Scalar, density: float, accel_input: Vector | None = None) -> Motion:
-    """Carry the estimate `dt` seconds, () or (..., 1), on; `accel_input`, as the vectors, is acceleration known."""
+    """Predict the estimate after `dt` s, () or (..., 1); `accel_input`, as the vectors, is known acceleration."""
     half = 0.5 * dt * dt
 
     def ahead(position: Any, velocity: Any, acceleration: Any) -> Any:
@@ -85,7 +85,7 @@ def predict(state: Motion, dt: Scalar, density: float, accel_input: Vector | Non
 
 
 def update(state: Motion, measured: Vector, variance: float) -> Motion:
-    """Correct by a measured position, as the vectors, with `variance` (unit^2) on every axis."""
+    """Correct the estimate by a measured position, as the vectors, with `variance` (unit^2) on every axis."""
     (kp, kv, ka), covariance = shrink(state.covariance, variance)
 
     def corrected(position: Any, velocity: Any, acceleration: Any, measured: Any) -> Any:

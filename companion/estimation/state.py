@@ -1,4 +1,4 @@
-"""What the estimator is told, what it remembers, and what it says of each frame."""
+"""Parameters, state and verdicts of the estimator."""
 
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -11,11 +11,11 @@ from companion.estimation.kalman import Motion
 
 
 class Verdict(StrEnum):
-    """What became of a frame."""
+    """Verdict of the estimator on a frame."""
 
     ACCEPTED = "accepted"
     STARTED = "started"
-    """Accepted, and everything known before is void: the first one, after a long gap, or after a real jump."""
+    """Accepted, and the former estimate discarded: the first frame, after a long gap, or after a real jump."""
     UNTRACKED = "untracked"
     INVALID = "invalid"
     """Not a rotation, or outside of any room."""
@@ -24,7 +24,7 @@ class Verdict(StrEnum):
     STALE = "stale"
     """Captured no later than the last accepted frame."""
     AHEAD = "ahead"
-    """Captured later than it came, says its stamp."""
+    """Its stamp is later than its arrival."""
     OUTLIER = "outlier"
     """Further from the prediction than physics allows."""
 
@@ -36,7 +36,7 @@ class EstimatorParams:
     delay_s: float = 0.010
     """Least time from capture to arrival."""
     clock_window_s: float = 10.0
-    """How far back the clocks are compared."""
+    """Time window over which the clocks are compared."""
     noise_m: float = 0.0003
     """Standard deviation of a measured position, per axis."""
     noise_rad: float = 0.002
@@ -46,7 +46,7 @@ class EstimatorParams:
     angular_jerk_density: float = 80.0
     """rad^2/s^5; places the attitude filter's poles at 35 rad/s."""
     gate_m: float = 0.03
-    """Surprise that is never an outlier; what the vehicle's acceleration can explain comes on top."""
+    """Innovation that is never an outlier; what the vehicle's acceleration can explain is added."""
     gate_rad: float = 0.35
     """The same for the attitude."""
     max_accel_mps2: float = 20.0
@@ -54,26 +54,26 @@ class EstimatorParams:
     max_turn_radps2: float = 60.0
     """Angular acceleration beyond what this airframe can do."""
     outliers_to_restart: int = 10
-    """So many outliers that agree with each other are the truth: start anew from there."""
+    """Number of outliers in agreement after which the estimate restarts from them."""
     agree_m: float = 0.05
-    """Outliers agree when each is so close to the one before."""
+    """Largest distance between successive outliers that agree."""
     agree_rad: float = 0.35
     """The same for the attitude."""
     ahead_s: float = 0.1
-    """A stamp so far ahead of its frame's arrival is of a clock that has jumped."""
+    """Time by which a stamp must be ahead of its frame's arrival to show a clock that has jumped."""
     stamps_to_restart: int = 10
-    """So many stamps in a row that go back, or are ahead, are a new clock: start anew from there."""
+    """Number of stamps in a row that go back, or are ahead, after which the estimate restarts with the new clock."""
     max_gap_s: float = 1.0
-    """Start anew after so long without an accepted frame, by both clocks."""
+    """Time without an accepted frame, by both clocks, after which the estimate restarts."""
     room_m: float = 100.0
-    """No room is larger."""
+    """Largest distance from the origin of W; no room is larger."""
     drop_repeats: bool = True
-    """False only for simulations without noise, where a pose may repeat honestly."""
+    """False only for simulations without noise, where a pose can really repeat."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """How many frames got which verdict."""
+    """Number of frames by their verdict."""
 
     accepted: int = 0
     started: int = 0
@@ -87,28 +87,28 @@ class Counts:
 
 @dataclass(frozen=True)
 class EstimatorState:
-    """Everything the estimator remembers; `EstimatorState()` is its beginning."""
+    """State of the estimator; `EstimatorState()` is the initial one."""
 
     vehicle: VehicleState | None = None
-    """At the capture of the last accepted frame; None before the first one."""
+    """State at the capture of the last accepted frame; None before the first one."""
     verdict: Verdict | None = None
-    """On the last frame."""
+    """Verdict on the last frame."""
     run: int = 0
-    """How many frames in a row got it."""
+    """Number of frames in a row with this verdict."""
     counts: Counts = field(default_factory=Counts)
     clock: ClockSync = field(default_factory=ClockSync)
     motion: Motion | None = None
     attitude: Attitude | None = None
     stamp_s: float = -inf
-    """Of the last accepted frame."""
+    """Stamp of the last accepted frame."""
     received_s: float = -inf
-    """Its arrival."""
+    """Arrival of the last accepted frame."""
     pose: tuple[float, ...] = ()
-    """Position and rotation of the last tracked frame, whatever the verdict on it."""
+    """Position and rotation of the last tracked frame, whatever its verdict."""
     agreeing: int = 0
     """Outliers in a row that agree with each other; 0 unless the last tracked frame was one."""
 
     @property
     def velocity_std_mps(self) -> float:
-        """How uncertain the velocity is, per axis; falls from 1 m/s to its steady value within some 0.1 s."""
+        """Standard deviation of the velocity per axis; falls from 1 m/s to its steady value within about 0.1 s."""
         return sqrt(self.motion.covariance.vv) if self.motion is not None else inf

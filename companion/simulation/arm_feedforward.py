@@ -1,4 +1,4 @@
-"""What a law is told of the arms over a whole flight: the feed-forward of `arm_stage`, all cycles at once."""
+"""Feed-forward of the arms for a whole flight, all cycles at once, as the arms' step computes it in flight."""
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from companion.core.types import Array
 
 
 def known_push_b_mps2(config: CompanionConfig, arms: ArmsConfig, motion: JointTrajectory, time_s: Array) -> Array:
-    """Acceleration (n, 3), body frame, that the motion gives the vehicle when a setpoint sent at `time_s` (n,) acts.
+    """Return the acceleration (n, 3), body frame, that the motion causes when a setpoint sent at `time_s` (n,) acts.
 
-    `time_s` counts from the motion's start, in steps of the control period. The autopilot has trimmed out what torque
-    the arms' pose at the start causes.
+    `time_s` counts from the motion's start, in steps of the control period. The torque of the arms' initial pose is
+    assumed to be trimmed out by the autopilot.
     """
     if arms.feedforward is Feedforward.OFF:
         return np.zeros((len(time_s), 3))

@@ -1,4 +1,4 @@
-"""Values that become known a whole number of steps after they were true."""
+"""Delay lines: values that become available a whole number of steps later."""
 
 from collections import deque
 from typing import Generic, TypeVar
@@ -12,19 +12,19 @@ Value = TypeVar("Value")
 
 
 class DelayLine(Generic[Value]):
-    """Values of one vehicle, or of a batch with one delay; filled with the first value."""
+    """Delay line of one vehicle, or of a batch with one delay; filled with the first value."""
 
     def __init__(self, delay_steps: int, first: Value) -> None:
         self._line = deque([first] * delay_steps)
 
     def put(self, value: Value) -> Value:
-        """Enter what is true now, a step after the last; what is known now."""
+        """Enter the present value, a step after the last; return the delayed one."""
         self._line.append(value)
         return self._line.popleft()
 
 
 class EachDelayLine:
-    """Arrays of a batch in which each vehicle has its own delay (...,); filled with the first value."""
+    """Delay line of a batch in which each vehicle has its own delay (...,); filled with the first value."""
 
     def __init__(self, delay_steps: NDArray[np.int64], first: Array) -> None:
         self._delay = delay_steps
@@ -34,7 +34,7 @@ class EachDelayLine:
         self._now = 0
 
     def put(self, value: Array) -> Array:
-        """Enter what is true now, a step after the last; what is known now."""
+        """Enter the present value, a step after the last; return the delayed one."""
         self._now = (self._now + 1) % self._size
         self._ring[self._now] = value
         return np.asarray(self._ring[(self._now - self._delay) % self._size, self._each])

@@ -1,4 +1,4 @@
-"""The demo's flight as a scene for virtual time, from lift-off to the trajectory's end: all but takeoff and landing."""
+"""Scene of the demo's flight for virtual time, from lift-off to the trajectory's end, without the landing."""
 
 import math
 from dataclasses import dataclass, replace
@@ -19,17 +19,17 @@ from companion.trajectories.reference import Hold, MinimumJerk, Trajectory, mini
 from mock_autopilot.config import DisturbanceConfig, MockConfig, MockConfigError
 
 LINK_S = 0.002
-"""What sockets, event loops and the autopilot's own steps add to each delay of the mock; measured in demo flights."""
+"""Time that sockets, event loops and the autopilot's steps add to each delay of the mock; measured in demo flights."""
 LIFT_OFF_S = 7.76
-"""From the mock's boot, when its disturbance begins, to lift-off in a demo; measured, 0.03 s more or less."""
+"""Time from the mock's boot, when its disturbance begins, to lift-off in a demo; measured, +- 0.03 s."""
 _SWING_ON_S = 30.0
-"""The demo's arms move on until they are stowed for the landing."""
+"""Time for which the demo's arms move on after the trajectory, until they are stowed for the landing."""
 
 
 def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: CompanionConfig, mock: MockConfig) -> Scene:
-    """The scene of `companion demo` with these choices, begun at lift-off and without the landing.
+    """Return the scene of `companion demo` with these choices, from lift-off and without the landing.
 
-    The disturbance is as far on its way as it is in the demo by then, but its random part is another draw. Raises
+    The disturbance has the phase that it has in the demo at lift-off, but its random part is a different draw. Raises
     ArmError or ConfigError.
     """
     if arms != "off" and not mock.arms.enabled:
@@ -49,7 +49,7 @@ def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: Companio
 
 
 def load_mock(path: Path) -> MockConfig:
-    """The mock's configuration; ConfigError with one sentence for whatever is wrong with it."""
+    """Return the mock's configuration from a file; ConfigError with one sentence for any error in it."""
     try:
         return MockConfig.load(path)
     except MockConfigError as error:
@@ -58,7 +58,7 @@ def load_mock(path: Path) -> MockConfig:
 
 @dataclass(frozen=True)
 class _FromLiftOff:
-    """A trajectory, and what the flight phases lead through before its time 0."""
+    """Trajectory together with the legs of the flight before its time 0."""
 
     flight: FlightState
     climb_s: float
@@ -66,17 +66,17 @@ class _FromLiftOff:
     duration_s: float
 
     def at(self, time_s: float) -> Reference:
-        """As the flight loop has it."""
+        """Return the reference at `time_s` as in the flight loop."""
         return state_machine.reference_at(self.flight, time_s)
 
 
 def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromLiftOff:
-    """Climb, way to the start, wait, trajectory: the legs of the demo, planned by the phase machine."""
+    """Return the legs of the demo as planned by the state machine: climb, way to the start, wait, trajectory."""
     rules, height_m = companion.flight_rules(), companion.flight.takeoff_height_m
     above = _up(height_m)
-    facts = FlightInputs(0.0, above, np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
+    inputs = FlightInputs(0.0, above, np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
     holding = FlightState(Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
-    legs = state_machine.request(holding, TrackRequest(trajectory, companion.flight.settle_s), facts, rules).legs
+    legs = state_machine.request(holding, TrackRequest(trajectory, companion.flight.settle_s), inputs, rules).legs
     climb_s = minimum_jerk_duration_s(height_m - rules.lift_off_m, rules.climb_speed_mps, rules.climb_accel_mps2)
     climb = Leg(Phase.TAKEOFF, MinimumJerk(_up(rules.lift_off_m), above, climb_s))
     way, wait, *_ = legs
@@ -91,13 +91,13 @@ def _up(height_m: float) -> Array:
 
 
 def _after_standing(plan: Plan, for_s: float) -> Plan:
-    """The same motion, begun so much later."""
+    """Return the same motion, begun `for_s` later."""
     stowed = ArmsHold(plan.trajectory.at(0.0).position_rad, for_s)
     return replace(plan, trajectory=InTurn((stowed, plan.trajectory)))
 
 
 def _under_way(disturbance: DisturbanceConfig, since_s: float) -> DisturbanceConfig:
-    """The disturbance as it goes on so long after its begin."""
+    """Return the disturbance as it continues `since_s` after its begin."""
     waves = tuple(
         replace(wave, phase_rad=wave.phase_rad + math.tau * since_s / wave.period_s) for wave in disturbance.sinusoids
     )

@@ -1,4 +1,4 @@
-"""What a virtual flight is asked for: tables of the reference in each cycle, and of the one a law looks ahead to."""
+"""Missions of virtual flights: tables of the reference in each cycle, and of the one ahead for the law."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class References:
     yaw_rad: Array
 
     def at(self, cycle: int) -> Reference:
-        """Of one cycle."""
+        """Return the references of one cycle."""
         return Reference(
             self.position_w_m[cycle], self.velocity_w_mps[cycle], self.acceleration_w_mps2[cycle], self.yaw_rad[cycle]
         )
@@ -30,13 +30,13 @@ _COLUMNS = tuple(References.__dataclass_fields__)
 
 @dataclass(frozen=True)
 class Mission:
-    """Hold the trajectory's start until time 0, then fly it."""
+    """Mission that holds the trajectory's start until time 0, then follows it."""
 
     time_s: Array
-    """Of each cycle, (n,)."""
+    """Time of each cycle (s), (n,)."""
     now: References
     ahead: References
-    """`preview_s` later: what the law is given."""
+    """References `preview_s` later, as given to the law."""
 
     @property
     def lead(self) -> tuple[int, ...]:
@@ -50,20 +50,20 @@ class Mission:
 
 
 def mission_of(trajectory: Trajectory, preview_s: float, settle_s: float, period_s: float) -> Mission:
-    """One vehicle's mission."""
+    """Return the mission of one vehicle with a law that looks `preview_s` ahead."""
     time_s = _times_s(trajectory, settle_s, period_s)
     now = _table(trajectory, time_s)
     return Mission(time_s, now, _table(trajectory, time_s + preview_s) if preview_s else now)
 
 
 def _times_s(trajectory: Trajectory, settle_s: float, period_s: float, beyond: int = 0) -> Array:
-    """Of each cycle, and of so many beyond the last."""
+    """Return the time of each cycle (s), and of `beyond` more after the last."""
     count = round((settle_s + trajectory.duration_s) / period_s) + beyond
     return np.asarray(np.arange(count) * period_s - settle_s)
 
 
 def stacked(missions: Sequence[Mission]) -> Mission:
-    """Missions as one batch; the shorter ones hold their ends until the longest is over."""
+    """Return missions as one batch; the shorter ones hold their ends until the longest is over."""
     longest = max(missions, key=lambda mission: len(mission.time_s))
     count = len(longest.time_s)
     return Mission(
@@ -94,9 +94,9 @@ def _held(rows: Array, count: int) -> Array:
 
 
 def looking_ahead(trajectory: Trajectory, previews_s: Array, settle_s: float, period_s: float) -> Mission:
-    """A batch (B,) on one trajectory whose laws look ahead differently far, `previews_s` (B,).
+    """Return a batch (B,) on one trajectory whose laws look ahead by different times, `previews_s` (B,).
 
-    The reference ahead is interpolated between cycles: at 100 Hz that is wrong by micrometres.
+    The reference ahead is interpolated between cycles: at 100 Hz the error is micrometres.
     """
     beyond = int(np.ceil(previews_s.max() / period_s)) + 1
     time_s = _times_s(trajectory, settle_s, period_s, beyond)

@@ -1,4 +1,4 @@
-"""Experiments as files: trajectory, arms, vehicle as the companion knows it, and vehicle and room as they are."""
+"""Experiments as files: trajectory, arms, the companion's configuration, and the simulated vehicle and room."""
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -29,7 +29,7 @@ from mock_autopilot.px4.params import ParamTable
 
 
 class HorizonError(StrEnum):
-    """The error of the autopilot's horizon: none, a random walk of 1.2 degrees, or as recorded in a flight of PX4."""
+    """Error of the autopilot's horizon: none, a random walk of 1.2 degrees, or as recorded in a flight of PX4."""
 
     PERFECT = "perfect"
     RANDOM = "random"
@@ -39,7 +39,7 @@ class HorizonError(StrEnum):
 
 
 class CurveConfig(Section):
-    """What is flown: a closed curve at constant height, begun and ended at rest."""
+    """Trajectory: a closed curve at constant height, from rest to rest."""
 
     curve: Literal["ellipse", "figure8"] = Field(description="shape of the path")
     semi_axes_m: tuple[float, float] = Field(description="semi-axes along x and y, m")
@@ -49,14 +49,14 @@ class CurveConfig(Section):
     height_m: float = Field(1.2, ge=0.3, le=5.0, description="height in W, m")
 
     def trajectory(self) -> Trajectory:
-        """As flown, centred over the room's origin."""
+        """Return the trajectory, centred over the room's origin."""
         kind = Ellipse if self.curve == "ellipse" else FigureEight
         timing = LapTiming(self.period_s, self.laps, self.ramp_s)
         return kind(np.array([0.0, 0.0, self.height_m]), self.semi_axes_m, timing)
 
 
 class ExperimentFile(Section):
-    """A file of config/experiments/."""
+    """Experiment file, as in config/experiments/."""
 
     title: str = Field(description="heading of the experiment in reports")
     trajectory: CurveConfig
@@ -64,37 +64,37 @@ class ExperimentFile(Section):
     arms: str = Field("swing", description="a motion of config/arms/, a file, or off")
     companion: CompanionConfig = Field(
         CompanionConfig(arms=ArmsConfig()),
-        description="what the companion is told: the companion's tables, as [companion.vehicle]",
+        description="configuration of the companion: its tables, as [companion.vehicle]",
     )
     mock: dict[str, Any] = Field(default_factory=dict, description="the vehicle and its room, as in config/mock.toml")
 
 
 @dataclass(frozen=True)
 class Scene:
-    """An experiment ready to be flown, by whatever law."""
+    """Experiment ready to be flown, by any law."""
 
     name: str
     title: str
     trajectory: Trajectory
     settle_s: float
     arms: Plan | None
-    """None: the arms stay stowed, and the vehicle flies as if it had none."""
+    """Motion of the arms; None: they stay stowed, and the vehicle flies as if it had none."""
     companion: CompanionConfig
     mock: MockConfig
     link_s: float = 0.0
-    """What transport and event loops add to each of the mock's own delays, in real time."""
+    """Time that transport and event loops add to each of the mock's delays, s."""
 
     @property
     def period_s(self) -> float:
-        """The control period."""
+        """Period of the control cycle, s."""
         return 1.0 / self.companion.control.rate_hz
 
     def mission(self, preview_s: float) -> Mission:
-        """For a law that looks so far ahead."""
+        """Return the mission for a law that looks `preview_s` ahead."""
         return mission_of(self.trajectory, preview_s, self.settle_s, self.period_s)
 
     def pilot(self, controller: LoadedController, feedforward: Feedforward | None = None) -> Pilot:
-        """The companion under this law; `feedforward` overrides the configuration's."""
+        """Return the companion with this law; `feedforward` overrides the configuration's."""
         c = self.companion
         return Pilot(
             controller.law,
@@ -115,7 +115,7 @@ class Scene:
         return known_push_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s)
 
     def vehicle(self) -> VirtualVehicle:
-        """The vehicle as it is."""
+        """Return the simulated vehicle and its room."""
         m = self.mock
         return VirtualVehicle(
             m.plant,
@@ -130,7 +130,7 @@ class Scene:
         )
 
     def with_bandwidth(self, radps: float) -> "Scene":
-        """The same with another attitude loop in roll and pitch, and a companion that knows of it."""
+        """Return the same with another attitude loop in roll and pitch, which the companion knows."""
         yaw = self.mock.plant.attitude_bandwidth_radps[2]
         plant = replace(self.mock.plant, attitude_bandwidth_radps=(radps, radps, yaw))
         vehicle = self.companion.vehicle.model_copy(update={"attitude_bandwidth_radps": radps})
@@ -157,7 +157,7 @@ class Scene:
 
     @property
     def _cycle_s(self) -> Any:
-        """Each cycle's time since the flight's begin."""
+        """Time of each cycle since the begin of the flight, s."""
         return np.arange(round((self.settle_s + self.trajectory.duration_s) / self.period_s)) * self.period_s
 
     @cached_property
@@ -170,12 +170,12 @@ class Scene:
 
 
 def experiment_names() -> list[str]:
-    """Those of config/experiments/."""
+    """Return the names of the experiments in config/experiments/, sorted."""
     return sorted(path.stem for path in (project_root() / "config" / "experiments").glob("*.toml"))
 
 
 def load_scene(name: str) -> Scene:
-    """An experiment of config/experiments/, or a TOML file; ConfigError with one sentence for whatever is wrong."""
+    """Return an experiment of config/experiments/, or of a TOML file; ConfigError with one sentence for any error."""
     path = project_root() / "config" / "experiments" / f"{name}.toml"
     if not path.is_file():
         path = Path(name)
@@ -193,7 +193,7 @@ def load_scene(name: str) -> Scene:
 
 
 def planned_arms(name: str, companion: CompanionConfig, duration_s: float) -> Plan | None:
-    """A motion for so long, begun from the stowed pose; None for `off`. Raises ArmError or ConfigError."""
+    """Return a motion of `duration_s`, begun from the stowed pose; None for `off`. Raises ArmError or ConfigError."""
     if name == "off":
         return None
     if companion.arms is None:

@@ -1,8 +1,8 @@
-"""Flights in virtual time: the estimation, law, trigger, conversion and gate that fly, against the mock's plant.
+"""Flights in virtual time: estimation, law, trigger, conversion and limits as in flight, against the mock's plant.
 
-No sockets, no sleeping. Positions (3,) are one vehicle, (B, 3) a batch that flies side by side; every vehicle has its
-own seed, and the same seeds give the same flight to the last bit. One vehicle goes through the very `estimator.step`
-of the flight loop, a batch through the same filters without the verdicts on single frames.
+No sockets, no sleeping. Positions (3,) are one vehicle, (B, 3) a batch; every vehicle has its own seed, and the same
+seeds give the same flight to the last bit. One vehicle uses the `estimator.step` of the flight loop, a batch the same
+filters without the verdicts on single frames.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Pilot:
-    """The companion's side of a virtual flight."""
+    """Companion's side of a virtual flight: law, limits, estimator, corrections."""
 
     law: Controller
     thrust: ThrustModel = field(default_factory=ThrustModel)
@@ -38,14 +38,14 @@ class Pilot:
     estimator: EstimatorParams = field(default_factory=EstimatorParams)
     period_s: float = 0.01
     known_b_mps2: Array | None = None
-    """What the arms' commanded motion will do to the vehicle, each cycle, (n, 3) in the body frame; None: not told."""
+    """Acceleration that the arms' commanded motion causes per cycle (n, 3), body frame; None: no feed-forward."""
     horizon: HorizonRules = field(default_factory=HorizonRules)
     """Correction of the autopilot's horizon."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """A virtual flight, cycle by cycle: n cycles, then the batch's leading axes. Positions are the truth."""
+    """Result of a virtual flight: n cycles, then the batch's leading axes. Positions are the truth."""
 
     time_s: Array
     """(n,), 0 where the trajectory begins."""
@@ -58,9 +58,9 @@ class Trace:
     event: Mask
     """(n, ...)"""
     sent: Mask
-    """Cycles in which a setpoint left: at events, and while the gate still slews towards one."""
+    """Cycles in which a setpoint was sent: at events, and while the rate limits still move towards one."""
     signals: dict[str, Array] = field(default_factory=dict)
-    """The law's inner values, each (n, ..., k); empty unless they were asked for."""
+    """Internal values of the law, each (n, ..., k); empty unless `keep_signals`."""
 
     @property
     def error_w_m(self) -> Array:
@@ -77,25 +77,25 @@ def simulate(
     keep_signals: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Trace:
-    """Fly a mission from a level hover; `seeds` has one entry a vehicle. `progress` is told of each cycle."""
+    """Fly a mission from a level hover; `seeds` has one entry per vehicle. `progress` is called with each cycle."""
     count, lead = len(mission.time_s), mission.lead
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
     eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
-    stage = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, lead)
-    stage.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
-    out = _Out(pilot, lead, stage.sent)
+    pipeline = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, lead)
+    pipeline.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
+    out = _Out(pilot, lead, pipeline.sent)
     rows = _Rows(keep_signals)
-    with np.errstate(over="ignore", invalid="ignore"):  # what diverges may do so
+    with np.errstate(over="ignore", invalid="ignore"):  # divergence is a result
         for cycle in range(count):
             look = world.look()
             seen, age_s = eyes.see(look, cycle)
             known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
-            asked = stage.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
-            setpoint = asked.gated.setpoint
-            sent = out.send(setpoint, changed(setpoint, stage.sent), look, seen, age_s)
-            rows.put(world, asked.output.accel_w_mps2, asked.output.event, sent)
-            stage.sent = setpoint
-            rows.keep(asked.output.signals, stage.settle())
+            result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
+            setpoint = result.gated.setpoint
+            sent = out.send(setpoint, changed(setpoint, pipeline.sent), look, seen, age_s)
+            rows.put(world, result.output.accel_w_mps2, result.output.event, sent)
+            pipeline.sent = setpoint
+            rows.keep(result.output.signals, pipeline.settle())
             world.advance(out.wire)
             if progress is not None:
                 progress(cycle)
@@ -107,7 +107,7 @@ def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Arra
 
 
 class _Out:
-    """What leaves for the autopilot."""
+    """Output stage: the setpoint on the wire, with the horizon corrected."""
 
     def __init__(self, pilot: Pilot, lead: tuple[int, ...], first: AttitudeThrust) -> None:
         self._stage, self._period_s = WireSetpoint(pilot.horizon, pilot.limits, lead), pilot.period_s
@@ -116,7 +116,7 @@ class _Out:
     def send(
         self, setpoint: AttitudeThrust, is_new: Mask, look: Look, seen: VehicleState, age_s: float | Array
     ) -> Mask:
-        """Take in a cycle's setpoint of the law; where another one leaves, (...,)."""
+        """Update the setpoint on the wire with that of the law; return where it has changed, (...,)."""
         before = self.wire
         age_s = age_s[..., 0] if isinstance(age_s, np.ndarray) else age_s
         theirs_s = look.autopilot_age_s if look.autopilot_age_s.ndim else float(look.autopilot_age_s)
@@ -134,14 +134,14 @@ class _Out:
 
 
 class _Eyes(Protocol):
-    """From what motion capture delivers to the vehicle's state and its age (s)."""
+    """Estimator interface: from a frame of motion capture to the vehicle's state and its age (s)."""
 
     def see(self, look: Look, cycle: int) -> tuple[VehicleState, float | Array]:
-        """Take in a cycle's frame."""
+        """Update with the frame of a cycle; return the state and its age (s)."""
 
 
 class _One:
-    """One vehicle: the flight loop's estimator, clocks and verdicts included."""
+    """Estimator of one vehicle: the one of the flight loop, with clocks and verdicts."""
 
     def __init__(self, pilot: Pilot) -> None:
         self._params, self._period_s = pilot.estimator, pilot.period_s
@@ -157,7 +157,7 @@ class _One:
 
 
 class _Batch:
-    """Many vehicles: the same filters."""
+    """Estimator of a batch: the same filters, without clocks and verdicts."""
 
     def __init__(self, pilot: Pilot) -> None:
         self._params, self._period_s = pilot.estimator, pilot.period_s
@@ -175,7 +175,7 @@ class _Batch:
 
 
 class _Rows:
-    """What is kept of each cycle."""
+    """Recorded values of each cycle."""
 
     def __init__(self, keep_signals: bool) -> None:
         self._moving, self._accel, self._event, self._sent = list[Any](), list[Array](), list[Array](), list[Any]()

@@ -1,4 +1,4 @@
-"""The vehicle in a virtual world between setpoints and frames, both late: one in plain floats, many in arrays."""
+"""Bodies of a virtual world between delayed setpoints and frames: one in plain floats, a batch in arrays."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -21,12 +21,12 @@ from mock_autopilot.px4.attitude_error import SAMPLE_HZ, turn_of, turns_of
 
 @dataclass(frozen=True)
 class Begin:
-    """What a body is made of and how it begins; delays are whole steps of `step_s`, () or (...,)."""
+    """Parameters and initial state of a body; delays are whole steps of `step_s`, () or (...,)."""
 
     params: PlantParams
     state: PlantState
     signal: Array
-    """The motor signal until the first setpoint is heard, (...,)."""
+    """Motor signal until the first setpoint arrives, (...,)."""
     mocap_delay: NDArray[np.int64]
     attitude_delay: NDArray[np.int64]
     thrust_delay: NDArray[np.int64]
@@ -34,36 +34,36 @@ class Begin:
     attitude_error_rad: Array | None
     """Believed less true roll and pitch, (samples, ..., 2) at SAMPLE_HZ; None: a perfect horizon."""
     coupling: Coupling | None
-    """To the arms, if there are any."""
+    """Coupling to the arms; None without arms."""
     step_s: float
 
 
 class Body(Protocol):
-    """What is true of one vehicle or of a batch of them, and what is known of it."""
+    """True state of one vehicle or a batch, and its delayed measurements."""
 
     @property
     def state(self) -> PlantState:
-        """The truth now."""
+        """True state now."""
 
     @property
     def moving_ned(self) -> tuple[Any, Any]:
         """True position (m) and velocity (m/s), NED: arrays (..., 3), or three floats each."""
 
     def hear(self, setpoint: AttitudeThrust) -> None:
-        """From now on this setpoint is sent, until there is another."""
+        """Use this setpoint from now on, until the next one."""
 
     def step(self, force_ned_n: Array, moving: Moving | None) -> None:
-        """Let a step pass, with a force from outside (..., 3) and what the arms do, if there are any."""
+        """Advance by a step with an external force (..., 3) and the motion of the arms, if there are any."""
 
     def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
-        """Position (..., 3) and attitude (..., 4) in W as motion capture tells them now, wrong by so much."""
+        """Return position (..., 3) and attitude (..., 4) in W as motion capture measures them now, errors included."""
 
     def reported(self) -> Array:
         """Return the attitude that the autopilot believed and that has arrived now, (..., 4) in W."""
 
 
 class OneBody:
-    """One vehicle: it never leaves the floats."""
+    """Body of one vehicle, computed in plain floats."""
 
     def __init__(self, begin: Begin) -> None:
         self._fixed, self._step_s = plant_one.fixed_of(begin.params, begin.step_s), begin.step_s
@@ -89,29 +89,29 @@ class OneBody:
 
     @property
     def state(self) -> PlantState:
-        """See Body."""
+        """True state now; see Body."""
         return plant_one.in_arrays(self._state)
 
     @property
     def moving_ned(self) -> tuple[Any, Any]:
-        """See Body."""
+        """True position (m) and velocity (m/s), NED; see Body."""
         return self._state.position_ned_m, self._state.velocity_ned_mps
 
     def hear(self, setpoint: AttitudeThrust) -> None:
-        """See Body."""
+        """Use this setpoint from now on; see Body."""
         w, x, y, z = setpoint.q_w_flu_wxyz.tolist()
         self._sent_q, self._sent_signal = (w, x, -y, -z), float(setpoint.thrust)
 
     def step(self, force_ned_n: Array, moving: Moving | None) -> None:
-        """See Body."""
+        """Advance by a step; see Body."""
         before, push = self._state, _NOTHING
         x, y, z = force_ned_n.tolist()
         if self._coupling is not None and moving is not None:
             rate, q = before.rate_frd_radps, before.q_ned_frd_wxyz
             (i, j, k), push = self._coupling.pushed(rate, q, before.thrust_n, before.on_ground, moving, self._step_s)
             x, y, z = x + i, y + j, z + k
-        asked = OneActuation(self._truly(self._q.put(self._sent_q)), self._signal.put(self._sent_signal))
-        self._state = plant_one.moved(before, asked, (x, y, z), push, self._fixed)
+        actuation = OneActuation(self._truly(self._q.put(self._sent_q)), self._signal.put(self._sent_signal))
+        self._state = plant_one.moved(before, actuation, (x, y, z), push, self._fixed)
         self._seen = self._frames.put(self._state)
         self._steps += 1
         self._turn = self._turn_at(self._steps)
@@ -125,19 +125,19 @@ class OneBody:
         return quaternion_one.multiply(q, (w, -x, -y, -z))
 
     def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
-        """See Body."""
+        """Return the pose that motion capture measures now; see Body."""
         (x, y, z), (w, i, j, k) = self._seen.position_ned_m, self._seen.q_ned_frd_wxyz
         a, b, c = offset_w_m.tolist()
         return np.array((x + a, b - y, c - z)), quat_multiply(np.array((w, i, -j, -k)), turn)
 
     def reported(self) -> Array:
-        """See Body."""
+        """Return the attitude that the autopilot reports now; see Body."""
         w, x, y, z = self._report[0] if self._errors_rad is None else quaternion_one.multiply(*self._report)
         return np.array((w, x, -y, -z))
 
 
 class ManyBodies:
-    """A batch."""
+    """Bodies of a batch of vehicles, computed in arrays."""
 
     def __init__(self, begin: Begin) -> None:
         self._params, self._step_s, self._coupling = begin.params, begin.step_s, begin.coupling
@@ -165,20 +165,20 @@ class ManyBodies:
 
     @property
     def state(self) -> PlantState:
-        """See Body."""
+        """True state now; see Body."""
         return self._state
 
     @property
     def moving_ned(self) -> tuple[Any, Any]:
-        """See Body."""
+        """True position (m) and velocity (m/s), NED; see Body."""
         return self._state.position_ned_m, self._state.velocity_ned_mps
 
     def hear(self, setpoint: AttitudeThrust) -> None:
-        """See Body."""
+        """Use this setpoint from now on; see Body."""
         self._sent_q, self._sent_signal = flip_quat(setpoint.q_w_flu_wxyz), setpoint.thrust
 
     def step(self, force_ned_n: Array, moving: Moving | None) -> None:
-        """See Body."""
+        """Advance by a step; see Body."""
         actuation = Actuation(self._truly(self._q.put(self._sent_q)), self._signal.put(self._sent_signal))
         self._state = plant.step(self._state, actuation, self._wrench(force_ned_n, moving), self._params, self._step_s)
         self._known_p = self._seen_p.put(self._state.position_ned_m)
@@ -198,11 +198,11 @@ class ManyBodies:
         return Wrench(force_ned_n + pushed.force_ned_n, pushed.angular_frd_radps2)
 
     def seen(self, offset_w_m: Array, turn: Array) -> tuple[Array, Array]:
-        """See Body."""
+        """Return the pose that motion capture measures now; see Body."""
         return flip_yz(self._known_p) + offset_w_m, quat_multiply(flip_quat(self._known_q), turn)
 
     def reported(self) -> Array:
-        """See Body."""
+        """Return the attitude that the autopilot reports now; see Body."""
         return flip_quat(self._report)
 
 

@@ -1,4 +1,4 @@
-"""A virtual flight in the columns of a recorded one: what reads, sums up and draws records does so with both."""
+"""Virtual flights as columns of a record, so that summaries and figures work for both."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from companion.supervisor.flight_state import Phase
 
 
 def one_of(trace: Trace, number: int) -> Trace:
-    """One vehicle's flight of a batch (B,)."""
+    """Return the flight of one vehicle of a batch (B,)."""
     return replace(
         trace,
         position_w_m=trace.position_w_m[:, number],
@@ -27,7 +27,7 @@ def one_of(trace: Trace, number: int) -> Trace:
 
 
 def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:
-    """One vehicle's flight, with the names of `Recorder.arrays`; `joints_rad` (n, 8), where the joints are.
+    """Return one vehicle's flight with the column names of a record; `joints_rad` (n, 8) are joint positions.
 
     Position and velocity are the truth, so they have no age; a cycle and its setpoint take no time.
     """
@@ -57,7 +57,7 @@ def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:
 
 
 def until_lost(columns: Columns) -> Columns:
-    """For pictures: a flight up to a second after it was lost, beyond which nothing else could be seen."""
+    """Return a flight up to a second after divergence, for figures: later values would hide all others."""
     time_s = np.asarray(columns["time_s"], dtype=np.float64)
     lost = np.flatnonzero(~(np.linalg.norm(tracking_error_w_m(columns), axis=1) <= LOST_M))
     shown = slice(None) if not lost.size else time_s <= time_s[lost[0]] + 1.0

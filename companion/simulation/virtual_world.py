@@ -1,6 +1,6 @@
-"""The simulated side of a virtual flight: vehicle, room and arms as they really are, of which the law knows a model.
+"""Simulated side of a virtual flight: the true vehicle, room and arms, of which the law has a model.
 
-Everything that may differ from vehicle to vehicle of a batch is a number, or an array over the batch's leading axes.
+Everything that may differ between the vehicles of a batch is a number, or an array over the batch's leading axes.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from mock_autopilot.physics.plant import GRAVITY_MPS2, PlantParams, PlantState
 from mock_autopilot.px4.attitude_error import PERFECT_HORIZON, SAMPLE_HZ, AttitudeErrorParams, AttitudeErrorSamples
 
 STEP_S = 0.005
-"""The plant's step: every delay is a whole number of them."""
+"""Time step of the plant; every delay is a whole number of them."""
 
 Each = float | Array
 """One number for all vehicles, or one each, (...,)."""
@@ -30,10 +30,10 @@ Each = float | Array
 
 @dataclass(frozen=True)
 class Carried:
-    """Both arms as the vehicle carries them through a flight: their true motion, and what it acts on."""
+    """Arms during a flight: their true motion, and the vehicle's properties that it acts on."""
 
     table: ArmTable
-    """At steps of STEP_S, from the flight's start."""
+    """Motion at steps of STEP_S, from the start of the flight."""
     inertia_kgm2: tuple[float, float, float] = (0.11, 0.10, 0.13)
     trim_s: tuple[float, float, float] = (0.75, 0.75, 0.75)
     """Time constants with which the autopilot trims out a lasting torque, about body x, y, z."""
@@ -41,51 +41,51 @@ class Carried:
 
 @dataclass(frozen=True)
 class VirtualVehicle:
-    """One vehicle and its room, or a batch of them."""
+    """Parameters of one vehicle and its room, or of a batch."""
 
     plant: PlantParams = field(default_factory=PlantParams)
     mocap_delay_s: Each = 0.02
-    """Capture to arrival."""
+    """Time from capture to arrival."""
     attitude_delay_s: Each = 0.02
-    """Setpoint sent to the attitude loop."""
+    """Time from sending a setpoint to its use in the attitude loop."""
     thrust_delay_s: Each = 0.02
-    """Setpoint sent to the rotors."""
+    """Time from sending a setpoint to the motor signal."""
     noise_m: Each = 0.0003
     """Standard deviation of a measured position, per axis."""
     noise_rad: Each = 0.002
-    """Of a measured attitude, per body axis."""
+    """Standard deviation of a measured attitude, per body axis."""
     forces: Forces = field(default_factory=Forces)
-    """What pushes from outside, NED."""
+    """External forces, NED."""
     force_scale: Each = 1.0
     attitude_error: AttitudeErrorParams = PERFECT_HORIZON
-    """How far the autopilot's horizon is off: it flies in that horizon, and reports it."""
+    """Error of the autopilot's horizon, in which it flies and which it reports."""
     report_delay_s: Each = 0.02
     """Age of the autopilot's attitude when it arrives, waiting for the next message included."""
     arms: Carried | None = None
     offset_w_m: Array = field(default_factory=lambda: np.zeros(3))
-    """How far from the trajectory's start the flight begins, (..., 3) in W."""
+    """Offset of the initial position from the trajectory's start, (..., 3) in W."""
     unseen: NDArray[np.bool_] | None = None
     """Cycles whose frame is lost, (n, ...); None loses none."""
 
 
 @value
 class Look:
-    """What motion capture delivers in one cycle: (..., 3), (..., 4), and which vehicles it delivers at all, (...,).
+    """Measurements of one cycle: position (..., 3), attitude (..., 4), and where there is a new frame, (...,).
 
-    Beside it the attitude that the autopilot reports, wherever motion capture is.
+    They include the attitude that the autopilot reports, also without a new frame.
     """
 
     position_w_m: Array
     q_w_flu_wxyz: Array
     fresh: NDArray[np.bool_]
     autopilot_q_w_flu_wxyz: Array
-    """As the autopilot believed it `autopilot_age_s` ago, (..., 4)."""
+    """Attitude estimate of the autopilot `autopilot_age_s` ago, (..., 4)."""
     autopilot_age_s: Array
-    """() if all are as old, or (...,)."""
+    """Age of that estimate: () if equal for all, or (...,)."""
 
 
 class VirtualWorld:
-    """Truth over time. Call `look` at the beginning of each control cycle and `advance` at its end."""
+    """True state over time. Call `look` at the beginning of each control cycle and `advance` at its end."""
 
     def __init__(self, vehicle: VirtualVehicle, start_w_m: Array, seeds: Sequence[int], cycles: int, period_s: float):
         self._vehicle, self._lead = vehicle, start_w_m.shape[:-1]
@@ -113,7 +113,7 @@ class VirtualWorld:
         return ManyBodies(begin) if self._lead else OneBody(begin)
 
     def _draw(self, seeds: Sequence[int], cycles: int) -> None:
-        """All that is random, each vehicle from its own seed."""
+        """Draw all random numbers, for each vehicle from its own seed."""
         v, steps = self._vehicle, cycles * self._per_cycle
         eyes, forces, horizons = zip(*(np.random.SeedSequence(seed).spawn(3) for seed in seeds), strict=True)
         noise = np.stack([np.random.default_rng(eye).standard_normal((cycles, 6)) for eye in eyes], axis=1)
@@ -123,7 +123,7 @@ class VirtualWorld:
         rngs = [np.random.default_rng(force) for force in forces]
         series = force_series(v.forces, rngs, STEP_S, steps).reshape(steps, *self._lead, 3)
         self.force_ned_n = series * np.asarray(v.force_scale)[..., None]
-        """Of each step, (steps, ..., 3)."""
+        """Force in each step (N), (steps, ..., 3), NED."""
         self._attitude_error_rad = self._horizon([np.random.default_rng(horizon) for horizon in horizons], steps)
 
     def _horizon(self, rngs: Sequence[np.random.Generator], steps: int) -> Array | None:
@@ -135,12 +135,12 @@ class VirtualWorld:
 
     @property
     def cycle(self) -> int:
-        """Whole cycles passed."""
+        """Number of completed cycles."""
         return self._steps // self._per_cycle
 
     @property
     def state(self) -> PlantState:
-        """The truth now."""
+        """True state now."""
         return self._body.state
 
     @property
@@ -149,14 +149,14 @@ class VirtualWorld:
         return self._body.moving_ned
 
     def look(self) -> Look:
-        """The frame that arrives now."""
+        """Return the measurements that arrive now."""
         cycle, unseen = self.cycle, self._vehicle.unseen
         position, q = self._body.seen(self._offsets_m[cycle], self._turns[cycle])
         fresh = self._all if unseen is None else ~unseen[cycle]
         return Look(position, q, fresh, self._body.reported(), self._report_age_s)
 
     def advance(self, setpoint: AttitudeThrust) -> None:
-        """Let one control cycle pass under a setpoint that is sent now."""
+        """Advance by one control cycle with a setpoint that is sent now."""
         arms = self._vehicle.arms
         self._body.hear(setpoint)
         for _ in range(self._per_cycle):
@@ -166,12 +166,12 @@ class VirtualWorld:
 
 
 def _steps(delay_s: Each) -> NDArray[np.int64]:
-    """A delay in whole steps of the plant."""
+    """Return a delay in whole steps of the plant."""
     return np.rint(np.asarray(delay_s) / STEP_S).astype(np.int64)
 
 
 def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
-    """The motor signal that carries the weight."""
+    """Return the motor signal that carries the weight, (...,)."""
     share = np.asarray(params.mass_kg) * GRAVITY_MPS2 / np.asarray(params.max_thrust_n)
     c = np.asarray(params.motor_curve)
     curved = (np.sqrt((1.0 - c) ** 2 + 4.0 * c * share) - (1.0 - c)) / np.where(c > 0.0, 2.0 * c, 1.0)
@@ -179,7 +179,7 @@ def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
 
 
 def _hovering(start_w_m: Array, params: PlantParams) -> PlantState:
-    """In the air, level and still."""
+    """Return the state of a vehicle in the air, level and at rest."""
     truth = plant.at_rest(flip_yz(start_w_m))
     weight_n = np.broadcast_to(np.asarray(params.mass_kg) * GRAVITY_MPS2, truth.thrust_n.shape)
     return replace(truth, thrust_n=np.array(weight_n), on_ground=np.zeros_like(truth.on_ground))

@@ -1,4 +1,4 @@
-"""Work on several processes: each computes on one thread, leaves Ctrl-C to its parent, and ends when that does."""
+"""Worker processes: each computes in one thread, leaves Ctrl-C to its parent, and ends with it."""
 
 import multiprocessing
 import os
@@ -17,7 +17,7 @@ Result = TypeVar("Result")
 _P = ParamSpec("_P")
 
 SPAWN = multiprocessing.get_context("spawn")
-"""How workers are begun. Not forked: the thread of a progress bar may hold any lock at that instant."""
+"""Start method of workers. Not fork: the thread of a progress bar may hold any lock at that instant."""
 
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
@@ -26,10 +26,10 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 def workers(
     jobs: int, advice: str, begin: Callable[..., None] | None = None, given: tuple[Any, ...] = ()
 ) -> Iterator[Executor]:
-    """So many processes, each begun with `begin(*given)`. What they are to do must be a module's functions.
+    """Provide `jobs` processes, each initialised by `begin(*given)`. Their tasks must be functions of a module.
 
-    An exception within, Ctrl-C or a generator given up among them, ends the processes at once. Raises CompanionError,
-    with the advice in its sentence, when a process dies on its own.
+    An exception inside the block, also Ctrl-C or the end of a generator, ends the processes at once. Raises
+    CompanionError, with the advice in its message, when a process dies by itself.
     """
     pool = _Workers(jobs, SPAWN, _begin, (begin, given))
     try:
@@ -47,9 +47,9 @@ def workers(
 def in_parallel(
     work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, advice: str
 ) -> Iterator[tuple[int, Result]]:
-    """Each task's number and its result, as they are done; a single task or job stays in this process.
+    """Yield each task's number and result as they complete; a single task or job stays in this process.
 
-    Raises what `work` raises, and what `workers` does.
+    Raises the exceptions of `work` and of `workers`.
     """
     if jobs == 1 or len(tasks) < 2:
         yield from ((number, work(task)) for number, task in enumerate(tasks))
@@ -61,7 +61,7 @@ def in_parallel(
 
 
 class _Workers(ProcessPoolExecutor):
-    """Begins a process when there is more to do than processes: so every submission may begin one."""
+    """Process pool; every submission may start a process, which inherits signal mask and environment."""
 
     def submit(self, fn: Callable[_P, Result], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[Result]:
         with _as_children_need_it():
@@ -70,7 +70,7 @@ class _Workers(ProcessPoolExecutor):
 
 @contextmanager
 def _as_children_need_it() -> Iterator[None]:
-    """What is started herein leaves Ctrl-C to its parent, from its very start, and keeps to one processor."""
+    """Start child processes that ignore Ctrl-C from their first instruction and compute in one thread."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     kept = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)
@@ -86,14 +86,14 @@ def _as_children_need_it() -> Iterator[None]:
 
 
 def _begin(begin: Callable[..., None] | None, given: tuple[Any, ...]) -> None:
-    """In a worker, before all else."""
+    """Initialise a worker process."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if begin is not None:
         begin(*given)
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed leaves nobody who would end its workers."""
+    """End this worker when its parent has ended, also if that was killed."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

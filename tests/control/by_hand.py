@@ -44,7 +44,7 @@ def power(s: Vector, p: float, e: float = 0.0) -> Vector:
 
 
 def theta(s: Vector, p: float, epsilon: float) -> Vector:
-    """Lemma 1, both branches."""
+    """Return Theta of Lemma 1, both branches, component by component."""
     if squared(s) > epsilon:
         return power(s, p)
     fade = math.sin(squared(s) * math.pi / (2.0 * epsilon)) ** 2
@@ -92,7 +92,7 @@ def network_output(v1: Matrix, phi: Vector) -> Vector:
 
 
 def rate_of_v1(phi: Vector, y2: Vector, gamma: Vector) -> Matrix:
-    """Gamma_1 phi y_2'."""
+    """Return the rate of V_1, Gamma_1 phi y_2', (N_1 + 1) x 3."""
     return [[gamma[n] * phi[n] * y2[j] for j in range(3)] for n in range(len(phi))]
 
 

@@ -1,4 +1,4 @@
-"""A law of one's own for the tests to write, load and break."""
+"""A user's own law for the tests to write, load and break."""
 
 from pathlib import Path
 

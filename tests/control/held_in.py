@@ -1,4 +1,4 @@
-"""A hostile flight: whoever flies asks for one setpoint for ever, and only the guard is in the way."""
+"""A hostile flight: one setpoint is commanded for ever, and only the guard limits it."""
 
 import math
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ PLANT = PlantParams(
 
 @dataclass(frozen=True)
 class Held:
-    """What became of it; one row a cycle."""
+    """Trace of the flight, one row per cycle."""
 
     beyond_m: Array
     fence_cut: Array
@@ -35,7 +35,7 @@ class Held:
 def pressed(
     guard: Guard, fence: Fence, wanted: AttitudeThrust, start: tuple[Array, Array, float], for_s: float = 3.0
 ) -> Held:
-    """From level flight at a place (m), velocity (m/s) and heading (rad) in W."""
+    """Fly from level flight at a position (m), velocity (m/s) and heading (rad) in W."""
     position, velocity, yaw_rad = start
     q = quat_from_yaw(yaw_rad)
     fixed, weight_n = plant_one.fixed_of(PLANT, 0.5 * DT_S), float(PLANT.mass_kg) * GRAVITY_MPS2

@@ -16,8 +16,8 @@ TOO_FAR_M = 2.0
 
 @dataclass(frozen=True)
 class Run:
-    """Of each step the law's signals (n, ...), with its weights v0 and v1, p_d' (n, 3) as `velocity_ref`, and whether
-    it sent, `event` (n, 1); when `too_far_m` was left, or None."""
+    """Signals of the law per step (n, ...), with weights v0 and v1, p_d' (n, 3) as `velocity_ref` and `event` (n, 1);
+    the time at which it went beyond `too_far_m`, or None."""
 
     signals: dict[str, Array]
     left_at_s: float | None
@@ -42,7 +42,7 @@ def simulate(
     friction: Callable[[Array], Array] = no_friction,
     too_far_m: float = TOO_FAR_M,
 ) -> Run:
-    """From rest at the trajectory's start plus an offset; `friction` is f of eq. mod, m/s^2 of a velocity in m/s."""
+    """Fly from rest, offset from the trajectory's start; `friction` is f of eq. mod (m/s^2, of a velocity in m/s)."""
     law = Etnn(gains)
     p, v = trajectory.at(0.0).position_w_m + np.array(offset_m), np.zeros(3)
     a, u, still = np.zeros(3), np.zeros(3), np.zeros(3)

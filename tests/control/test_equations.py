@@ -1,4 +1,4 @@
-"""Where each equation of the paper meets numbers worked out by hand, and those that no other test here has.
+"""Table of the equations of the paper and the tests with numbers worked out by hand, and the remaining tests.
 
 | equation | test |
 | --- | --- |

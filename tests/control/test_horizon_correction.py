@@ -117,8 +117,8 @@ DOUBTS: dict[str, dict[str, Any]] = {
     "no attitude of the autopilot any more": {"autopilot_age_s": 0.5},
     "none ever": {"autopilot_age_s": math.inf},
     "motion capture late": {"age_s": 0.3},
-    "no number": {"autopilot_q_w_flu_wxyz": np.full(4, math.nan)},
-    "no number of ours": {"q_w_flu_wxyz": np.full(4, math.nan)},
+    "NaN in the autopilot's attitude": {"autopilot_q_w_flu_wxyz": np.full(4, math.nan)},
+    "NaN in motion capture's attitude": {"q_w_flu_wxyz": np.full(4, math.nan)},
 }
 
 

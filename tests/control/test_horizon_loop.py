@@ -48,7 +48,7 @@ def timing_gain(bandwidth_radps: float, time_constant_s: float, late_s: float) -
 
 
 def filter_gain(bandwidth_radps: float, time_constant_s: float) -> float:
-    """Of motion capture's attitude filter, poles at 35 rad/s, which follows a steady turn without lag."""
+    """Return the gain of motion capture's attitude filter, poles at 35 rad/s, without lag in a steady turn."""
     behind = S**2 / (S**2 + 1.4 * 35.0 * S + 35.0**2)
     return float(np.abs(attitude_loop(bandwidth_radps) * low_pass(time_constant_s) * behind).max())
 

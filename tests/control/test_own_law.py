@@ -1,4 +1,4 @@
-"""A law of one's own: what docs/own-law.md shows flies, and what the two files may hold."""
+"""A user's own law: the example of docs/own-law.md flies, and errors in the two files are reported."""
 
 import re
 from dataclasses import replace

@@ -193,7 +193,7 @@ def test_equal_setpoints_are_equal_to_the_last_bit() -> None:
 
 @dataclass(frozen=True)
 class Cycle:
-    """What a stage is given in one cycle."""
+    """Inputs of the pipeline in one cycle."""
 
     vehicle: VehicleState
     age_s: Any

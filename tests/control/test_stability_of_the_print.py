@@ -1,4 +1,4 @@
-"""What the printed law does on an ideal plant, and what the stability proof does and does not cover."""
+"""Behaviour of the printed law on an ideal plant, and limits of the stability proof."""
 
 import math
 import tomllib

@@ -71,7 +71,7 @@ def sent_w_mps2(asked: PipelineOutput) -> Array:
 
 
 def switched(law: Any, cycles: int) -> tuple[PipelineOutput, list[PipelineOutput]]:
-    """From a law that counters the wind to `law`: the last cycle before, and the cycles after."""
+    """Switch from a law that compensates the wind to `law`; return the last cycle before and the cycles after."""
     stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
     last = fly(stage, 800)[-1]
     stage.switch(law)

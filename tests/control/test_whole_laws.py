@@ -176,7 +176,7 @@ def test_the_reference_is_wanted_for_the_instant_predicted_for() -> None:
 
 
 def test_a_batch_of_gains_flies_each_vehicle_under_its_own() -> None:
-    """What a search for gains relies on: diagonals (B, 3) and scalars (B, 1)."""
+    """A search for gains relies on this: diagonals (B, 3) and scalars (B, 1)."""
     rng = np.random.default_rng(11)
     count, base = 4, EtnnGains()
     diagonals = ("c1", "k1", "beta1", "gamma1", "c2", "k2", "beta2", "gamma2", "k")

@@ -1,4 +1,4 @@
-"""What leaves in place of the law's setpoint: sent with it, seldom by itself, inside the limits."""
+"""Correction of the horizon in the law's setpoint: sent with it, seldom by itself, inside the limits."""
 
 import math
 from dataclasses import replace
@@ -27,7 +27,7 @@ def off(x_rad: float, **changes: Any) -> HorizonInput:
 
 
 def sent(stage: WireSetpoint, seen: list[HorizonInput], setpoint: AttitudeThrust = HOVER) -> list[AttitudeThrust]:
-    """What is on the wire after each cycle in which the law wants nothing new."""
+    """Return the setpoint on the wire after each cycle in which the law sends nothing new."""
     wire, wires = setpoint, []
     for now in seen:
         wire = stage.put(setpoint, False, wire, now, DT_S).setpoint

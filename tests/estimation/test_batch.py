@@ -67,7 +67,7 @@ def flight(seed: int, gaps: bool, spread_s: float = 0.0) -> Flight:
 
 
 def missing(rng: np.random.Generator) -> NDArray[np.bool_]:
-    """Which frames come; the first always does, and never ten in a row are lost."""
+    """Draw which frames arrive; the first always does, and never ten in a row are lost."""
     fresh = np.ones((FRAMES, VEHICLES), dtype=bool)
     for vehicle in range(VEHICLES):
         k = int(rng.integers(1, 20))
@@ -79,7 +79,7 @@ def missing(rng: np.random.Generator) -> NDArray[np.bool_]:
 
 
 def relative_error(ours: Array, theirs: Array) -> float:
-    """Of vectors, by their length."""
+    """Return the relative difference of vectors, by their length."""
     return float(np.linalg.norm(ours - theirs) / max(float(np.linalg.norm(theirs)), 1e-3))
 
 

@@ -46,7 +46,7 @@ def in_body_axes(q: Array, vector_world: Array) -> Array:
 
 
 def estimates(for_s: float) -> list[tuple[Truth, VehicleState]]:
-    """What is known whenever a frame arrives, with the truth at that very instant (not at the capture)."""
+    """Return the estimate whenever a frame arrives, with the truth at that very instant (not at the capture)."""
     clock = FollowingClock()
     source = QualisysSource("dauam", "test", clock)
     source.take_bodies((RigidBody("dauam"),))

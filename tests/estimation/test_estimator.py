@@ -1,4 +1,4 @@
-"""What the estimator makes of good frames: how noisy, how late, how exact."""
+"""Estimator with good frames: noise, delay, accuracy."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def vehicle(state: EstimatorState) -> VehicleState:
 
 
 def lag_s_and_gain(values: Array, times_s: Array, radps: float, amplitude: float) -> tuple[float, float]:
-    """How late and how large `values` follow amplitude * cos(radps t)."""
+    """Return the delay (s) and the gain with which `values` follow amplitude * cos(radps t)."""
     waves = np.stack((np.cos(radps * times_s), np.sin(radps * times_s)), axis=1)
     cosine, sine = np.linalg.lstsq(waves, values, rcond=None)[0]
     return float(np.arctan2(sine, cosine) / radps), float(np.hypot(cosine, sine) / amplitude)

@@ -1,4 +1,4 @@
-"""What the estimator makes of bad frames."""
+"""Verdicts of the estimator on bad frames."""
 
 from dataclasses import asdict, replace
 
@@ -151,7 +151,7 @@ def test_attitudes_that_disagree_are_never_believed() -> None:
 
 
 def test_what_physics_allows_is_no_outlier() -> None:
-    """From hover into 1.5 g sideways and into 8 rad/s of roll, without warning."""
+    """A vehicle goes from hover into 1.5 g sideways and into 8 rad/s of roll, without warning."""
     still = [frame(k, (0, 1e-5 * (k % 3), 1.0)) for k in range(50)]
     times_s = [0.01 * k for k in range(1, 25)]
     away = [
@@ -180,7 +180,7 @@ def test_the_attitudes_gate_widens_too(gap_s: float, expected: Verdict) -> None:
     assert verdicts([turned], still) == [expected]
 
 
-def test_a_long_gap_starts_anew() -> None:
+def test_a_long_gap_restarts_the_estimate() -> None:
     before = in_flight()
     assert verdicts([after(before, 200)], before) == [Verdict.STARTED]
 
@@ -216,7 +216,7 @@ def test_frames_held_back_by_the_network_are_late_and_no_clock_that_jumped() -> 
     assert {s.verdict for s in followed(flight)[1:]} == {Verdict.ACCEPTED}
 
 
-def test_a_new_measurement_with_stamps_from_zero_starts_anew() -> None:
+def test_a_new_measurement_with_stamps_from_zero_restarts_the_estimate() -> None:
     before = followed(noisy(Sway(3.0), 300))[-1]
     restart = replace(after(before, 1), received_s=400.0)
     (state,) = followed([restart], state=before)

@@ -333,7 +333,7 @@ def test_the_brake_is_slewed_like_everything_else() -> None:
     assert cuts(gated) == {"fence_cut", "slew_cut"}
 
 
-# --- whoever presses ---
+# --- any setpoints from anywhere ---
 
 DIRECTIONS = st.tuples(st.floats(-math.pi, math.pi), st.floats(-0.5, 0.5))
 

@@ -1,4 +1,4 @@
-"""What the law is told of the arms in virtual time is what the arms' stage tells it in flight."""
+"""The feed-forward of the arms in virtual time equals that of the arms' step in flight."""
 
 from dataclasses import dataclass, field
 

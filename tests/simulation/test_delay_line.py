@@ -9,7 +9,7 @@ from companion.simulation.delay_line import DelayLine, EachDelayLine
 
 
 def brute_force(delay: int, first: float, values: list[float]) -> list[float]:
-    """What is known after each value: the one `delay` before it, at the beginning the first."""
+    """Return the output after each value: the one `delay` before it, at the beginning the first."""
     return [([first] * delay + values)[place] for place in range(len(values))]
 
 

@@ -1,4 +1,4 @@
-"""What practical.toml promises, on the paper's experiments with swinging arms and seeds that no search flew.
+"""Properties that practical.toml promises, on the paper's experiments with swinging arms and seeds that no search flew.
 
 The autopilot's horizon errs as the experiments have it, at random, or as recorded from PX4.
 """

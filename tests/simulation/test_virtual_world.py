@@ -1,4 +1,4 @@
-"""What the simulated side does to setpoints and frames: delays, noise, drop-outs, forces, and the size of its steps."""
+"""Simulated effects on setpoints and frames: delays, noise, drop-outs, forces, and the size of its steps."""
 
 from dataclasses import replace
 from typing import Any
@@ -198,7 +198,7 @@ def test_a_horizon_errs_alike_alone_and_in_a_batch(source: AttitudeErrorSource) 
 
 
 def _swerving(step_s: float, monkeypatch: pytest.MonkeyPatch) -> Array:
-    """Where four seconds of leaning to and fro lead, through a gust."""
+    """Return the path (m) of four seconds of leaning to and fro through a gust."""
     monkeypatch.setattr(virtual_world, "STEP_S", step_s)
     cycles = 400
     vehicle = replace(STILL, forces=Forces((0.8, -0.5, 0.2)))
