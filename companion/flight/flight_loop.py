@@ -119,7 +119,7 @@ class FlightLoop:
             return False
         if isinstance(wanted, LandRequest):
             self.arming.call_off(wanted.reason or "a landing was ordered")
-        self._enter(state_machine.request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
+        self._enter(state_machine.apply_request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
         return True
 
     def switch(self, controller: Controller, name: str) -> None:
@@ -320,7 +320,7 @@ class FlightLoop:
         """The autopilot lands what we still fly; nothing where we do not."""
         if self._flight.phase in COMMANDED | {Phase.RESUME}:
             facts = self._facts(self._clock.now_s())
-            self._enter(state_machine.request(self._flight, HandOverRequest(reason), facts, self._rules))
+            self._enter(state_machine.apply_request(self._flight, HandOverRequest(reason), facts, self._rules))
 
     def _see_without_checks(self, now_s: float) -> None:
         new = math.isfinite(self._read())

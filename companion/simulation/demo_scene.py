@@ -76,7 +76,7 @@ def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromL
     above = _up(height_m)
     inputs = FlightInputs(0.0, above, np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
     holding = FlightState(Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
-    legs = state_machine.request(holding, TrackRequest(trajectory, companion.flight.settle_s), inputs, rules).legs
+    legs = state_machine.apply_request(holding, TrackRequest(trajectory, companion.flight.settle_s), inputs, rules).legs
     climb_s = minimum_jerk_duration_s(height_m - rules.lift_off_m, rules.climb_speed_mps, rules.climb_accel_mps2)
     climb = Leg(Phase.TAKEOFF, MinimumJerk(_up(rules.lift_off_m), above, climb_s))
     way, wait, *_ = legs

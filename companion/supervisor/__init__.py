@@ -1,1 +1,1 @@
-"""Pure: flight phases and what follows from what is known."""
+"""Supervisor: faults, failsafe actions and the flight's state machine. Pure."""

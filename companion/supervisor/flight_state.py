@@ -1,4 +1,4 @@
-"""What the phase machine speaks of: phases, facts, requests, rules and its own state. Plain values."""
+"""Values of the flight's state machine: phases, inputs, requests, rules and its own state."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from companion.trajectories.reference import Trajectory
 
 
 class Phase(StrEnum):
-    """Where in a flight we are."""
+    """Phases of a flight."""
 
     STANDBY = "standby"
-    """Nothing is sent."""
+    """Before the first flight; no setpoint is sent."""
     PREFLIGHT = "preflight"
     """Idle setpoints stream, so that PX4 accepts OFFBOARD and then arming."""
     ARMED = "armed"
@@ -28,11 +28,11 @@ class Phase(StrEnum):
     DISARMED = "disarmed"
     """The flight is over."""
     HANDED_OVER = "handed over"
-    """The autopilot or its pilot has the vehicle; nothing is sent until the operator begins anew."""
+    """The autopilot or its pilot flies the vehicle; nothing is sent until the operator arms again or resumes."""
     RESUME = "resume"
-    """The operator wants the vehicle back from the autopilot: level setpoints stream until OFFBOARD shows."""
+    """The operator takes the vehicle back from the autopilot: level setpoints stream until it reports OFFBOARD."""
     TERMINATED = "terminated"
-    """The motors were stopped, wherever it was."""
+    """The motors were stopped, on the ground or in the air."""
 
 
 IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.STOW, Phase.LAND})
@@ -43,7 +43,7 @@ STREAMING = COMMANDED | {Phase.PREFLIGHT, Phase.RESUME}
 
 
 class Action(StrEnum):
-    """What the flight loop has to ask of the autopilot, apart from setpoints."""
+    """Commands of the flight loop to the autopilot, apart from setpoints."""
 
     DISARM = "disarm"
     AUTOPILOT_LAND = "autopilot land"
@@ -53,21 +53,21 @@ class Action(StrEnum):
 
 @dataclass(frozen=True)
 class FlightRules:
-    """Numbers of the machine; see config.FlightConfig."""
+    """Limits and times of the state machine; see config.FlightConfig."""
 
     hover_thrust: float = 0.5
     climb_speed_mps: float = 0.5
     climb_accel_mps2: float = 0.6
     braking_mps2: float = 2.0
-    """Peak deceleration of a stop: what the fence counts on, or the reference would stop outside of it."""
+    """Peak deceleration of a stop; must be the fence's value, or the reference would stop outside the fence."""
     spool_up_s: float = 1.0
     descent_speed_mps: float = 0.25
     lift_off_m: float = 0.02
     """Height above the ground that counts as flying."""
     lift_off_wait_s: float = 1.0
-    """No lift-off within this after the ramp's end ends the attempt; at its end, unless PX4 says that it stands."""
+    """Wait for lift-off after the thrust ramp while PX4 reports landed; otherwise the attempt ends with the ramp."""
     quick_ramp: float = 0.8
-    """Share of hover thrust that is reached in the spool-up time; from there on the ramp is slow."""
+    """Share of hover thrust reached in the spool-up time; the ramp continues slowly from there."""
     slow_ramp_ps: float = 0.15
     """Share of hover thrust a second: the vehicle should leave the ground gently."""
     ramp_overshoot: float = 1.25
@@ -76,42 +76,42 @@ class FlightRules:
     touchdown_speed_mps: float = 0.06
     touchdown_s: float = 0.3
     disarm_wait_unknown_s: float = 1.2
-    """From touchdown until disarming is asked for where PX4's land detector is not heard: it takes 0.8 s and more."""
+    """Time from touchdown to the disarm command if PX4's land detector does not report: it needs 0.8 s and more."""
     disarm_wait_in_air_s: float = 2.5
-    """The same while it says that the vehicle flies, and PX4 would deny it; the slowest recorded needed 2.35 s."""
+    """The same while it reports in air and PX4 would reject the command; the slowest recorded needed 2.35 s."""
     stuck_below_m: float = 0.4
-    """The reference is so far below a vehicle that does not move: it stands on something, hanging arms or a crate."""
+    """Distance of the reference below a vehicle that does not move: it stands on hanging arms or on a crate."""
     stuck_s: float = 1.5
     stuck_thrust: float = 0.7
-    """Share of hover thrust: who stands on something and should go on down winds it down below, who flies cannot."""
+    """Share of hover thrust: below it, the vehicle stands on something, as it could not fly with less."""
     disarm_again_s: float = 12.0
-    """Ask again when the autopilot is still armed; longer than one attempt takes."""
+    """Interval of the disarm command while the autopilot stays armed; longer than one attempt takes."""
     disarm_shows_s: float = 2.5
     """A vehicle that PX4 has landed shows OFFBOARD again when it disarms; the armed bit follows within two HEARTBEATs.
 
-    PX4 v1.17: CURRENT_MODE tells the mode within 27 ms, HEARTBEAT the armed bit up to 1 s later.
+    PX4 v1.17: CURRENT_MODE reports the mode within 27 ms, HEARTBEAT the armed bit up to 1 s later.
     """
     land_again_s: float = 2.0
-    """Handed over, but still in OFFBOARD on a setpoint of ours: ask the autopilot to land again."""
+    """Interval of the land command while the autopilot, handed over, still holds our last setpoint in OFFBOARD."""
     kill_again_s: float = 0.3
-    """Ask again while motors that were to stop still turn."""
+    """Interval of the kill command while the autopilot stays armed."""
     kill_settles_s: float = 5.0
-    """Disarmed later than this, the motors have been stopped; who arms them afterwards is not stopped any more."""
+    """Disarmed for longer than this after a kill, the motors count as stopped; arming them later is allowed."""
     resume_s: float = 3.0
-    """OFFBOARD must show within this after the operator asked for the vehicle."""
+    """The autopilot must report OFFBOARD within this time after a resume request."""
     turn_radps: float = 1.0
     """Peak rate at which the heading changes on the way to a trajectory's start."""
     turn_accel_radps2: float = 1.0
-    """And the peak of its change."""
+    """Peak angular acceleration of the heading on that way."""
     stow_time_s: float = 6.0
-    """Hover at most so long for the arms to be stowed, then land with them as they are."""
+    """Longest hover while the arms are stowed; after it the vehicle lands with the arms as they are."""
     land_on_arm_fault: bool = True
     """A servo fault ends the flight; False: the arms hold still and the flight goes on."""
 
 
 @value
 class FlightInputs:
-    """What is known at a tick."""
+    """Inputs of the state machine in one tick."""
 
     time_s: float
     position_w_m: Array
@@ -120,23 +120,23 @@ class FlightInputs:
     armed: bool
     mode: FlightMode
     arms_stowed: bool = True
-    """Folded for the landing; True for a vehicle without arms."""
+    """The arms are folded for the landing; True for a vehicle without arms."""
     arm_fault: str = ""
-    """What is wrong with the arms, naming the joint; empty when nothing is."""
+    """Fault of the arms, naming the joint; empty without one."""
     cannot_stow: str = ""
-    """Why the arms cannot be folded; empty when they can."""
+    """Reason why the arms cannot be folded; empty when they can."""
     events: tuple[Event, ...] = ()
-    """What is wrong now, in the order of faults.TABLE, see health.assess."""
+    """Faults present now, in the order of faults.TABLE; see health.checks.assess."""
     in_air: bool | None = None
-    """What the autopilot's own land detector says; None when it is not known."""
+    """State of the autopilot's land detector; None when unknown."""
     failsafe: bool = False
     """The autopilot's failsafe has chosen its mode."""
     text: str = ""
-    """The autopilot's newest sentence."""
+    """Text of the autopilot's newest status message."""
     text_s: float = -math.inf
-    """When it came; -inf before the first."""
+    """Arrival of that message; -inf before the first."""
     thrust: float = math.nan
-    """Of the last setpoint that left, 0..1; NaN when it is not known."""
+    """Thrust of the last setpoint sent, 0..1; NaN when unknown."""
 
 
 @dataclass(frozen=True)
@@ -164,12 +164,12 @@ class LandRequest:
     """Come down where the vehicle is."""
 
     reason: str = ""
-    """Why, if the flight was to be another one."""
+    """Reason, if the landing was not planned."""
 
 
 @dataclass(frozen=True)
 class HoldRequest:
-    """Come to rest and hover; what was flown is not taken up again."""
+    """Come to rest and hover; the trajectory is not continued."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ class ResumeRequest:
 
 @dataclass(frozen=True)
 class KillRequest:
-    """Stop the motors at once; whoever sends it has had it confirmed."""
+    """Stop the motors at once; the sender has asked the operator to confirm."""
 
 
 Request = (
@@ -203,7 +203,7 @@ Request = (
 
 @dataclass(frozen=True)
 class Leg:
-    """One stretch of reference and the phase it is flown in."""
+    """One segment of the reference and the phase it is flown in."""
 
     phase: Phase
     trajectory: Trajectory
@@ -211,47 +211,47 @@ class Leg:
 
 @dataclass(frozen=True)
 class FlightState:
-    """The machine's state."""
+    """State of the flight's state machine."""
 
     phase: Phase = Phase.STANDBY
     since_s: float = 0.0
     """Begin of the phase."""
     legs: tuple[Leg, ...] = ()
-    """What is being flown and what follows."""
+    """The leg being flown and those that follow."""
     leg_start_s: float = 0.0
     ground_w_m: Array | None = None
-    """Where the vehicle stood."""
+    """Position (3,) from which the vehicle takes off."""
     yaw_rad: float = 0.0
     airborne: bool = False
     """The law flies; False while the thrust ramps up or after touchdown."""
     still_since_s: float | None = None
-    """Since when a landing looks finished."""
+    """Begin of the time in which a landing looks finished; None while it does not."""
     touched_down: bool = False
     theirs: bool = False
-    """Handed over, and flown in a mode since that is neither ours nor PX4's landing: a pilot's, as are the motors."""
+    """Handed over, and since then in a mode that is neither OFFBOARD nor PX4's landing: a pilot flies."""
     left_offboard: bool = False
-    """Handed over, and shown in another mode than OFFBOARD since: PX4 has begun to land, or a pilot has taken it."""
+    """Handed over, and since then in a mode other than OFFBOARD: PX4 has begun to land, or a pilot has taken over."""
     offboard_again_s: float = math.inf
-    """When it stood on the ground and showed OFFBOARD again after that; infinite while it does not."""
+    """Time at which it reported OFFBOARD again after landing; infinite while it does not."""
     disarm_asked_s: float | None = None
-    """When the autopilot was last asked to disarm after touchdown."""
-    asked_again_s: float = 0.0
-    """When the autopilot was last asked to land after handing over, or to stop the motors; infinite: not any more."""
+    """Time of the last disarm command after touchdown; None before the first."""
+    command_sent_s: float = 0.0
+    """Time of the last land or kill command after handing over; infinite when none is to be repeated."""
     level: FailsafeAction = FailsafeAction.WARN
-    """The strongest reaction so far; only the operator goes back."""
+    """The strongest failsafe action so far; only the operator can step back down."""
     cause: Fault | None = None
-    """What led to it; None for the operator's wish."""
+    """Fault that led to `level`; None for an operator's request."""
     landing_due_s: float = math.inf
-    """When the descent should be over."""
+    """Expected end of the descent; infinite before a landing."""
     action: Action | None = None
-    """Set for exactly one tick."""
+    """Command to the autopilot; set for exactly one tick."""
     reason: str = ""
-    """Why the flight was ended or handed over."""
+    """Reason why the flight was ended or handed over."""
     takeoff_height_m: float = 0.0
 
     @property
     def stage(self) -> Stage:
-        """What the table of reactions goes by."""
+        """Stage that selects the column of the fault table."""
         if self.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
             return Stage.HANDED_OVER
         if self.airborne:
@@ -260,12 +260,12 @@ class FlightState:
 
     @property
     def held_by_fault_since_s(self) -> float:
-        """Begin of a hold that a fault caused; infinite when none did."""
+        """Begin of a hold caused by a fault; infinite without one."""
         held = self.phase is Phase.HOLD and self.level is FailsafeAction.HOLD
         return self.since_s if held else math.inf
 
     @property
     def landing_asked_s(self) -> float:
-        """When the autopilot was told to land; infinite when it was not, has begun to, or when we have let go."""
+        """Time of the land command; infinite without one, once the landing has begun, or after a release."""
         asked = self.phase is Phase.HANDED_OVER and self.level is FailsafeAction.AUTOPILOT_LAND
         return self.since_s if asked and not self.left_offboard else math.inf

@@ -1,4 +1,4 @@
-"""What the health checks look at: one cycle's measurements and states, as plain values."""
+"""Inputs of the health checks: one cycle's measurements and states, as plain values."""
 
 from companion.core.types import Array, AttitudeThrust, AutopilotStatus, VehicleState
 from companion.core.values import value
@@ -11,58 +11,58 @@ class MocapInputs:
     """Motion capture in this cycle."""
 
     age_s: float
-    """Since the capture of the newest usable frame; infinite before the first one."""
+    """Time since the capture of the newest usable frame; infinite before the first one."""
     verdict: Verdict | None
-    """On the newest frame; None before the first one."""
+    """Verdict on the newest frame; None before the first one."""
     frame: int
     """Number of the newest frame, used or not; -1 before the first one."""
     stamp_s: float
-    """Its capture on motion capture's clock; NaN before the first one."""
+    """Capture time of that frame on motion capture's clock; NaN before the first one."""
     received_s: float
-    """Its arrival on ours; NaN before the first one."""
+    """Arrival of that frame on our clock; NaN before the first one."""
     vehicle: VehicleState | None
-    """The estimate."""
+    """The estimated state; None before the first usable frame."""
     late: int = 0
-    """Frames dropped so far because a newer one had come before them."""
+    """Frames dropped so far because a newer one had arrived before them."""
 
 
 @value
 class HealthInputs:
-    """Everything a health check may know; see health.assess."""
+    """Inputs of all health checks in one cycle; see health.checks.assess."""
 
     time_s: float
     stage: Stage
     commanded: bool
-    """The autopilot must be armed and in OFFBOARD: from arming until it is asked to disarm."""
+    """The autopilot must be armed and in OFFBOARD: from arming to the disarm command."""
     streaming: bool
-    """Setpoints of ours leave."""
+    """Our setpoints are being sent."""
     airborne: bool
-    """The law flies."""
+    """The vehicle is in the air and the control law flies it."""
     seen: MocapInputs
     autopilot: AutopilotStatus
     reference_w_m: Array | None
-    """Where the vehicle should be now; None while the law sleeps."""
+    """Reference position now, (3,); None while the law is not active."""
     sent: AttitudeThrust | None
-    """The last setpoint that left; None when none did yet."""
+    """The last setpoint sent; None before the first."""
     at_max_thrust: bool
-    """The last cycle's thrust was cut at its upper limit."""
+    """The last cycle's thrust was at its upper limit."""
     law_fault: str
-    """Why the law is no longer to be trusted; empty when it is."""
+    """Failure of the control law or the guard; empty without one."""
     late_s: float
-    """How late this cycle began."""
+    """Delay with which this cycle began."""
     phase_since_s: float
     """Begin of the flight's phase."""
     landing_due_s: float
-    """When the landing should be over, by its height and speed; infinite when none was begun."""
+    """Expected end of the landing, from its height and speed; infinite when none was begun."""
     held_by_fault_since_s: float
-    """Begin of a hold that a fault caused; infinite when none did."""
+    """Begin of a hold caused by a fault; infinite without one."""
     land_asked_s: float
-    """When PX4 was first told to land and still shows OFFBOARD; infinite when it was not or obeyed."""
+    """Time of the first land command while PX4 still reports OFFBOARD; infinite without one or after it obeyed."""
     arm_fault: str
-    """What is wrong with the arms; empty when nothing is."""
+    """Fault of the arms; empty without one."""
     horizon_fault: str
-    """How far the horizons are apart beyond what is corrected; empty when they are not."""
+    """Message if the horizons differ by more than is corrected; empty otherwise."""
     operator_age_s: float
-    """Since the broker was last there; 0 when none is configured."""
+    """Time since the broker was last connected; 0 when none is configured."""
     disk_free_mb: float
-    """Where records go; infinite when nothing is recorded to disk."""
+    """Free space in the folder of the records; infinite when nothing is recorded to disk."""

@@ -1,16 +1,16 @@
-"""The numbers of the health checks; the configuration's [safety] table fills them in."""
+"""Limits of the health checks; the configuration's [safety] table sets them."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class SafetyRules:
-    """Limits; why each is what it is stands in faults.TABLE."""
+    """Limits of the health checks; faults.TABLE gives the reason for each."""
 
     coast_s: float = 0.05
     degraded_s: float = 0.10
     silent_s: float = 0.25
-    """With frame time, cycle and command it is 0.3 s until PX4 lands."""
+    """With frame time, cycle and command, PX4 lands 0.3 s after the last pose."""
     frozen_s: float = 0.15
     slow_hz: float = 50.0
     delayed_s: float = 0.06
@@ -22,7 +22,7 @@ class SafetyRules:
     not_followed_rad: float = 0.3
     not_followed_s: float = 0.4
     follow_radps: float = 7.0
-    """Attitude loop of a healthy vehicle, all delays counted as slowness: sound ones have 6.3 to 12 rad/s."""
+    """Bandwidth of a healthy attitude loop, delays included: healthy vehicles have 6.3 to 12 rad/s."""
     follow_damping: float = 0.8
     tracking_m: float = 0.5
     tracking_s: float = 0.3
@@ -38,7 +38,7 @@ class SafetyRules:
     battery_low: float = 0.25
     battery_critical: float = 0.12
     horizon_capped_s: float = 2.0
-    """PX4's recorded errors were beyond the cap for no second."""
+    """PX4's recorded errors exceeded the cap for less than a second."""
     landing_s: float = 15.0
     hold_s: float = 30.0
     operator_gone_s: float = 2.0

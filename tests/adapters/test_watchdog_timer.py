@@ -16,8 +16,8 @@ LATE_S = 5.0
 """A process that lives so long after its dead man was due is not killed by it."""
 SET_UP = f"""
 import ctypes, os, signal, subprocess, sys, time
-from companion.adapters.system.watchdog_timer import KernelDeadMan
-dead_man = KernelDeadMan({TIMEOUT_S})
+from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
+dead_man = KernelWatchdogTimer({TIMEOUT_S})
 """
 
 

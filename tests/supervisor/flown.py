@@ -23,7 +23,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, reference_at, request
+from companion.supervisor.state_machine import advance, apply_request, reference_at
 from companion.trajectories.reference import Ellipse, Trajectory
 
 RULES = FlightRules()
@@ -78,7 +78,7 @@ def until(
 
 
 def preflight() -> FlightState:
-    return request(FlightState(), ArmRequest(), facts(0.0, armed=False), RULES)
+    return apply_request(FlightState(), ArmRequest(), facts(0.0, armed=False), RULES)
 
 
 def armed() -> FlightState:
@@ -86,7 +86,7 @@ def armed() -> FlightState:
 
 
 def spooling() -> FlightState:
-    return request(armed(), TakeoffRequest(1.2), facts(1.0), RULES)
+    return apply_request(armed(), TakeoffRequest(1.2), facts(1.0), RULES)
 
 
 def climbing() -> FlightState:
@@ -99,7 +99,7 @@ def hovering() -> tuple[FlightState, float]:
 
 def _asked(state: tuple[FlightState, float], wanted: Request) -> tuple[FlightState, float]:
     flight, time_s = state
-    return request(flight, wanted, on_reference(flight, time_s), RULES), time_s
+    return apply_request(flight, wanted, on_reference(flight, time_s), RULES), time_s
 
 
 def _hit(state: tuple[FlightState, float], fault: Fault) -> tuple[FlightState, float]:
@@ -126,7 +126,7 @@ def descending() -> tuple[FlightState, float]:
 
 def stowing() -> tuple[FlightState, float]:
     flight, time_s = tracking()
-    return request(flight, LandRequest(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
+    return apply_request(flight, LandRequest(), replace(on_reference(flight, time_s), arms_stowed=False), RULES), time_s
 
 
 def touched_down() -> tuple[FlightState, float]:
@@ -141,7 +141,7 @@ def given_up() -> tuple[FlightState, float]:
 def resuming() -> tuple[FlightState, float]:
     flight, time_s = _hit(hovering(), Fault.MODE_CHANGED)
     time_s += 1.0
-    return request(flight, ResumeRequest(), facts(time_s, 1.0, mode=FlightMode.POSITION), RULES), time_s
+    return apply_request(flight, ResumeRequest(), facts(time_s, 1.0, mode=FlightMode.POSITION), RULES), time_s
 
 
 STATES: dict[str, tuple[FlightState, float]] = {
@@ -159,7 +159,7 @@ STATES: dict[str, tuple[FlightState, float]] = {
     "descending": descending(),
     "landing by a fault": _hit(tracking(), Fault.BATTERY_LOW),
     "touched down": touched_down(),
-    "disarmed": (request(preflight(), LandRequest(), facts(0.2, armed=False), RULES), 0.3),
+    "disarmed": (apply_request(preflight(), LandRequest(), facts(0.2, armed=False), RULES), 0.3),
     "handed over": given_up(),
     "let go": _hit(hovering(), Fault.AUTOPILOT_SILENT),
     "resuming": resuming(),

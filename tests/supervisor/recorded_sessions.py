@@ -15,7 +15,7 @@ from companion.guard.geofence import Fence
 from companion.supervisor.faults import Event
 from companion.supervisor.flight_state import STREAMING, Action, FlightRules, FlightState, Leg, Phase, Request
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, request
+from companion.supervisor.state_machine import advance, apply_request
 from companion.trajectories.reference import Hold
 from tests.adapters.recorded_px4 import RecordedPx4
 from tests.mock_autopilot.reenact.known import CAPTURES, SAVED
@@ -69,7 +69,7 @@ def watched(
         facts = facts_of(now_s, estimate.vehicle, status, None, events, 0.5)
         asked_for = None
         while left and left[0][0] <= now_s:
-            flight = request(flight, left.pop(0)[1], facts, RULES)
+            flight = apply_request(flight, left.pop(0)[1], facts, RULES)
             asked_for = flight.action
         flight = advance(flight, facts, RULES)
         action = flight.action or asked_for

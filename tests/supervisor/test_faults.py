@@ -11,7 +11,7 @@ from companion.core.types import FlightMode
 from companion.supervisor.faults import ROWS, TABLE, FailsafeAction, Fault, Row, Stage, reaction_to
 from companion.supervisor.flight_state import STREAMING, Action, FlightState, KillRequest, Phase, ResumeRequest
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, request, strongest
+from companion.supervisor.state_machine import advance, apply_request, strongest
 from tests.supervisor.flown import (
     DT_S,
     IN_THE_AIR,
@@ -369,7 +369,7 @@ def test_a_pilots_motors_are_never_stopped_but_those_nobody_flies_are(began: Fau
     after = advance(gone, facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=mode), RULES)
     nobodys = {FlightMode.OFFBOARD} if began is Fault.MODE_CHANGED else {FlightMode.OFFBOARD, FlightMode.LAND}
     assert (after.phase is Phase.TERMINATED) is (mode in nobodys)
-    killed = request(gone, KillRequest(), facts(time_s + 1.0, 1.0, mode=mode), RULES)
+    killed = apply_request(gone, KillRequest(), facts(time_s + 1.0, 1.0, mode=mode), RULES)
     assert killed.phase is Phase.TERMINATED, "the operator may"
 
 
@@ -382,7 +382,7 @@ def test_a_pilot_who_takes_it_out_of_px4s_landing_may_land_it_beyond_the_fence()
     beyond = facts(time_s + 1.0, 1.0, Fault.ROOM_LEFT, mode=FlightMode.LAND)
     assert advance(flight, beyond, RULES).phase is Phase.HANDED_OVER
     assert advance(flight, dataclasses.replace(beyond, mode=FlightMode.OFFBOARD), RULES).phase is Phase.TERMINATED
-    resumed = request(flight, ResumeRequest(), facts(time_s + 1.1, 1.0, mode=FlightMode.LAND), RULES)
+    resumed = apply_request(flight, ResumeRequest(), facts(time_s + 1.1, 1.0, mode=FlightMode.LAND), RULES)
     assert not resumed.theirs, "the operator's again"
 
 

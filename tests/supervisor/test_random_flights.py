@@ -26,7 +26,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, ground_thrust, reference_at, request
+from companion.supervisor.state_machine import advance, apply_request, ground_thrust, reference_at
 from tests.supervisor.flown import CURVE, GROUND, RULES, STATES
 
 WAYS: dict[Phase, set[Phase]] = {
@@ -130,7 +130,7 @@ def test_no_order_of_events_breaks_a_promise(state: str, steps: list[tuple[Fligh
         before, flight = flight, advance(flight, now, RULES)
         check(before, flight, None, now)
         if wanted is not None:
-            before, flight = flight, request(flight, wanted, now, RULES)
+            before, flight = flight, apply_request(flight, wanted, now, RULES)
             check(before, flight, wanted, now)
 
 
@@ -153,5 +153,5 @@ def test_who_lost_the_vehicle_does_not_get_it_back_by_itself(state: str, steps: 
             LandRequest(),
             HandOverRequest("it broke"),
         ):
-            flight = request(flight, wanted, now, RULES)
+            flight = apply_request(flight, wanted, now, RULES)
         assert flight.phase not in STREAMING

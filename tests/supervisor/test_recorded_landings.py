@@ -8,9 +8,9 @@ import pytest
 from companion.core.types import FlightMode
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight_state import Action, FlightInputs, FlightState, HandOverRequest, Phase
-from companion.supervisor.health.autopilot import AutopilotHealth, look_at_autopilot
+from companion.supervisor.health.autopilot import AutopilotHealth, check_autopilot
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, request
+from companion.supervisor.state_machine import advance, apply_request
 from tests.supervisor.flown import DT_S, GROUND, RULES, STATES, facts
 from tests.supervisor.observing import healthy
 from tests.supervisor.recorded_landings import LANDINGS, TOUCHDOWN_TO_LANDED_S, Landing, Seen
@@ -29,14 +29,14 @@ def events_of(flight: FlightState, seen: Seen) -> tuple[Event, ...]:
     status = replace(usual.autopilot, armed=seen.armed, mode=seen.mode, in_air=seen.in_air, heard_s=seen.time_s)
     asked_s = flight.landing_asked_s if seen.mode is FlightMode.OFFBOARD else float("inf")
     observed = replace(usual, time_s=seen.time_s, autopilot=status, commanded=False, land_asked_s=asked_s)
-    return tuple(look_at_autopilot(AutopilotHealth(), observed, SAFETY)[1])
+    return tuple(check_autopilot(AutopilotHealth(), observed, SAFETY)[1])
 
 
 def begun(landing: Landing) -> FlightState:
     hovering, _ = STATES["hovering"]
     now = facts(landing.given_up_s, 0.5)
     if not landing.taken:
-        return request(hovering, HandOverRequest("motion capture is silent"), now, RULES)
+        return apply_request(hovering, HandOverRequest("motion capture is silent"), now, RULES)
     taken = Event(Fault.MODE_CHANGED, "the autopilot shows mode land, not offboard")
     return advance(hovering, replace(now, mode=FlightMode.LAND, events=(taken,)), RULES)
 

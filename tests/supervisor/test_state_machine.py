@@ -25,7 +25,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, reference_at, refusal, request
+from companion.supervisor.state_machine import advance, apply_request, reference_at, refusal
 from companion.trajectories.reference import FigureEight
 from tests.supervisor.flown import (
     CENTRE,
@@ -114,7 +114,7 @@ def test_a_request_does_what_the_table_says_and_nothing_else(state: str, wanted:
     fits = flight.phase in table and not (isinstance(wanted, HoldRequest) and not flight.airborne)
     seen = facts(time_s, 1.0, armed=flight.phase is not Phase.PREFLIGHT)
     assert (refusal(flight, wanted, seen, RULES) == "") == fits
-    after = request(flight, wanted, seen, RULES)
+    after = apply_request(flight, wanted, seen, RULES)
     if fits:
         assert after.phase is table[flight.phase]
     else:
@@ -165,7 +165,7 @@ def test_an_action_is_set_for_one_tick_and_no_request_repeats_it(state: str) -> 
     pending = replace(flight, action=Action.DISARM)
     assert advance(pending, usual(state), RULES).action is not Action.DISARM
     for wanted in REQUESTS:
-        after = request(pending, wanted, facts(time_s, 1.0), RULES)
+        after = apply_request(pending, wanted, facts(time_s, 1.0), RULES)
         assert after is pending or after.action is not Action.DISARM, wanted
 
 
@@ -221,7 +221,7 @@ def test_a_hand_over_asks_for_the_autopilots_landing_and_again_while_offboard_sh
 @pytest.mark.parametrize("state", ["tracking", "held by a fault"])
 def test_a_hand_over_keeps_the_first_cause(state: str) -> None:
     flight, time_s = STATES[state]
-    after = request(flight, HandOverRequest("the service was closed"), facts(time_s, 1.0), RULES)
+    after = apply_request(flight, HandOverRequest("the service was closed"), facts(time_s, 1.0), RULES)
     before = f"{flight.reason}; then " if flight.reason else ""
     assert after.reason == f"{before}the service was closed"
     assert after.cause is None, "no fault of the table"
@@ -251,7 +251,7 @@ def test_resume_begins_anew_and_hovers_where_the_vehicle_is_flown() -> None:
     np.testing.assert_array_equal(reference.velocity_w_mps, back.velocity_w_mps)
     np.testing.assert_array_equal(reference.acceleration_w_mps2, np.zeros(3))
     assert reference.yaw_rad == -2.0
-    landed, _ = until(request(ours, LandRequest(), back, RULES), back.time_s, lambda now: now.touched_down)
+    landed, _ = until(apply_request(ours, LandRequest(), back, RULES), back.time_s, lambda now: now.touched_down)
     assert landed.ground_w_m is not None, "the ground is remembered from before"
 
 
@@ -297,7 +297,7 @@ def test_the_operator_who_no_longer_wants_it_back(
 ) -> None:
     flight, time_s = resuming()
     for wanted in (LandRequest("operator aborts"), HandOverRequest("operator aborts")):
-        after = request(flight, wanted, facts(time_s, 1.0, mode=mode), RULES)
+        after = apply_request(flight, wanted, facts(time_s, 1.0, mode=mode), RULES)
         assert (after.phase, after.action, after.level) == (Phase.HANDED_OVER, action, level)
         assert (after.reason, after.cause) == ("operator aborts", None)
     late = advance(after, facts(time_s + DT_S, 1.0), RULES)
@@ -309,12 +309,14 @@ def test_the_operator_who_no_longer_wants_it_back(
 @pytest.mark.parametrize("state", ["handed over", "let go"])
 def test_the_operator_may_have_px4_land_whoever_flies(state: str, mode: FlightMode) -> None:
     flight, time_s = STATES[state]
-    asked = request(flight, LandRequest("operator aborts"), facts(time_s + 5.0, 1.0, mode=mode), RULES)
-    changed = replace(flight, action=Action.AUTOPILOT_LAND, asked_again_s=time_s + 5.0)
+    asked = apply_request(flight, LandRequest("operator aborts"), facts(time_s + 5.0, 1.0, mode=mode), RULES)
+    changed = replace(flight, action=Action.AUTOPILOT_LAND, command_sent_s=time_s + 5.0)
     assert bits(asked) == bits(changed), "the first reason stays"
     after = advance(asked, facts(time_s + 5.0 + DT_S, 1.0), RULES)
     assert after.action is None, "once, and again only while OFFBOARD shows"
-    nameless = request(replace(flight, reason=""), LandRequest("operator aborts"), facts(time_s + 5.0, 1.0), RULES)
+    nameless = apply_request(
+        replace(flight, reason=""), LandRequest("operator aborts"), facts(time_s + 5.0, 1.0), RULES
+    )
     assert nameless.reason == "operator aborts"
 
 
@@ -356,7 +358,7 @@ def test_a_vehicle_that_never_flew_is_not_resumed_into_the_air() -> None:
 @EVERY_STATE
 def test_kill_stops_the_motors_from_every_phase_and_asks_until_they_are(state: str) -> None:
     before, time_s = STATES[state]
-    flight = request(before, KillRequest(), facts(time_s, 1.0), RULES)
+    flight = apply_request(before, KillRequest(), facts(time_s, 1.0), RULES)
     assert end_of(flight) == (Phase.TERMINATED, Action.KILL)
     assert (flight.level, flight.cause, flight.airborne) == (FailsafeAction.TERMINATE, Fault.KILL, False)
     assert flight.reason.endswith("the operator stopped the motors")
@@ -369,11 +371,11 @@ def test_kill_stops_the_motors_from_every_phase_and_asks_until_they_are(state: s
     off = advance(flight, facts(time_s + 2.0, armed=False), RULES)
     assert end_of(off) == (Phase.TERMINATED, None)
     quick = replace(RULES, kill_again_s=0.5)
-    assert advance(replace(flight, asked_again_s=8.0), facts(8.5), quick).action is Action.KILL
+    assert advance(replace(flight, command_sent_s=8.0), facts(8.5), quick).action is Action.KILL
 
 
 def test_an_arming_that_shows_after_the_kill_is_undone() -> None:
-    flight = request(preflight(), KillRequest(), facts(0.5, armed=False), RULES)
+    flight = apply_request(preflight(), KillRequest(), facts(0.5, armed=False), RULES)
     flight = advance(flight, facts(0.5 + RULES.kill_settles_s, armed=False), RULES)
     assert advance(flight, facts(0.6 + RULES.kill_settles_s), RULES).action is Action.KILL
 
@@ -384,7 +386,9 @@ def test_whoever_arms_long_after_a_kill_keeps_his_motors() -> None:
     for later_s in (10.0, 100.0):
         flight = advance(flight, facts(time_s + later_s, 1.0, mode=FlightMode.POSITION), RULES)
         assert end_of(flight) == (Phase.TERMINATED, None)
-    assert request(flight, KillRequest(), facts(time_s + 200.0), RULES).action is Action.KILL, "asked for is asked for"
+    assert apply_request(flight, KillRequest(), facts(time_s + 200.0), RULES).action is Action.KILL, (
+        "asked for is asked for"
+    )
 
 
 # --- on the ground ---
@@ -403,19 +407,19 @@ def test_prepare_begins_a_new_flight() -> None:
     ended, _ = STATES["terminated"]
     seen = replace(facts(50.0, armed=False), yaw_rad=1.0)
     anew = FlightState(phase=Phase.PREFLIGHT, since_s=50.0, yaw_rad=1.0, ground_w_m=seen.position_w_m)
-    assert bits(request(ended, ArmRequest(), seen, RULES)) == bits(anew)
+    assert bits(apply_request(ended, ArmRequest(), seen, RULES)) == bits(anew)
 
 
 @pytest.mark.parametrize("ask", [True, False], ids=["asked", "fault"])
 def test_a_preparation_that_ends_just_as_the_motors_start_stops_them(ask: bool) -> None:
     both = facts(0.2, 0.0) if ask else facts(0.2, 0.0, Fault.MOCAP_SLOW)
-    after = request(preflight(), LandRequest(), both, RULES) if ask else advance(preflight(), both, RULES)
+    after = apply_request(preflight(), LandRequest(), both, RULES) if ask else advance(preflight(), both, RULES)
     assert (after.phase, after.touched_down) == (Phase.LAND, True), "or idling motors would be left to themselves"
 
 
 @pytest.mark.parametrize(("is_armed", "mode"), [(True, FlightMode.POSITION), (False, FlightMode.OFFBOARD)])
 def test_a_preparation_that_ends_leaves_a_pilots_motors_alone(is_armed: bool, mode: FlightMode) -> None:
-    after = request(preflight(), LandRequest(), facts(0.2, armed=is_armed, mode=mode), RULES)
+    after = apply_request(preflight(), LandRequest(), facts(0.2, armed=is_armed, mode=mode), RULES)
     assert end_of(after) == (Phase.DISARMED, None)
 
 
@@ -492,7 +496,7 @@ def test_no_lift_off_of_a_vehicle_that_stands_ends_the_attempt_with_a_sentence()
 @pytest.mark.parametrize("state", ON_THE_GROUND)
 def test_asked_to_land_on_the_ground_the_motors_stop_and_disarming_goes_on(state: str) -> None:
     flight, time_s = STATES[state]
-    after = request(flight, LandRequest(), facts(time_s, 0.0), RULES)
+    after = apply_request(flight, LandRequest(), facts(time_s, 0.0), RULES)
     assert (after.phase, after.touched_down, after.airborne) == (Phase.LAND, True, False)
     stands = [replace(facts(time_s + later_s), in_air=False) for later_s in (0.1, 0.5)]
     assert [advance(after, seen, RULES).action for seen in stands] == [None, Action.DISARM]
@@ -511,9 +515,9 @@ def test_a_flight_visits_its_phases_in_order_and_streams_until_it_is_disarmed() 
         if not flight.airborne and flight.phase is Phase.TAKEOFF:
             seen = facts(time_s, 0.03 * min(1.0, n / 150), climb_mps=0.1)
         if n == 1500:
-            flight = request(flight, TrackRequest(FigureEight(CENTRE), 1.0), seen, RULES)
+            flight = apply_request(flight, TrackRequest(FigureEight(CENTRE), 1.0), seen, RULES)
         if n == 7000:
-            flight = request(flight, LandRequest(), replace(seen, arms_stowed=False), RULES)
+            flight = apply_request(flight, LandRequest(), replace(seen, arms_stowed=False), RULES)
             order.append(flight.phase)
         before, flight = flight, advance(flight, seen, RULES)
         order += [flight.phase] if flight.phase is not order[-1] else []
@@ -533,8 +537,8 @@ def test_a_hold_that_a_fault_began_ends_when_the_operator_flies_on() -> None:
     assert flight.held_by_fault_since_s == time_s
     flight, time_s = until(flight, time_s, lambda now: reference_at(now, time_s + 5.0).velocity_w_mps @ [1, 1, 1] == 0)
     still = with_faults(on_reference(flight, time_s), Fault.FENCE_NEAR)
-    assert request(flight, TrackRequest(CURVE, 1.0), still, RULES) is flight, "not while it is still there"
-    flown = request(flight, TrackRequest(CURVE, 1.0), on_reference(flight, time_s), RULES)
+    assert apply_request(flight, TrackRequest(CURVE, 1.0), still, RULES) is flight, "not while it is still there"
+    flown = apply_request(flight, TrackRequest(CURVE, 1.0), on_reference(flight, time_s), RULES)
     assert (flown.phase, flown.level, flown.cause, flown.reason) == (Phase.HOLD, FailsafeAction.WARN, None, "")
     assert flown.held_by_fault_since_s == math.inf
     again = advance(flown, with_faults(on_reference(flown, time_s + DT_S), Fault.FENCE_NEAR), RULES)
@@ -543,7 +547,7 @@ def test_a_hold_that_a_fault_began_ends_when_the_operator_flies_on() -> None:
 
 def test_a_hold_that_a_fault_began_lands_when_nobody_answers() -> None:
     flight, time_s = STATES["held by a fault"]
-    asked = request(flight, HoldRequest(), on_reference(flight, time_s + 10.0), RULES)
+    asked = apply_request(flight, HoldRequest(), on_reference(flight, time_s + 10.0), RULES)
     assert asked.held_by_fault_since_s == time_s + 10.0, "an operator who answers has the whole time again"
     down = advance(flight, with_faults(on_reference(flight, time_s + 30.0), Fault.HOLD_TOO_LONG), RULES)
     assert (down.phase, down.level, down.cause) == (Phase.LAND, FailsafeAction.LAND, Fault.HOLD_TOO_LONG)
@@ -552,9 +556,9 @@ def test_a_hold_that_a_fault_began_lands_when_nobody_answers() -> None:
 
 def test_an_operators_own_hold_is_not_timed() -> None:
     flight, time_s = tracking()
-    held = request(flight, HoldRequest(), on_reference(flight, time_s), RULES)
+    held = apply_request(flight, HoldRequest(), on_reference(flight, time_s), RULES)
     assert (held.phase, held.held_by_fault_since_s) == (Phase.HOLD, math.inf)
-    down = request(STATES["held by a fault"][0], LandRequest(), facts(21.0, 1.0), RULES)
+    down = apply_request(STATES["held by a fault"][0], LandRequest(), facts(21.0, 1.0), RULES)
     assert down.held_by_fault_since_s == math.inf, "a hold is over when the landing begins"
 
 
@@ -569,9 +573,9 @@ def test_a_landing_that_px4_refuses_ends_with_nothing_sent() -> None:
 @pytest.mark.parametrize("reason", ["", "Ctrl-C"])
 def test_the_words_of_who_asks_to_land_are_kept(reason: str) -> None:
     flight, time_s = STATES["tracking"]
-    assert request(flight, LandRequest(reason), on_reference(flight, time_s), RULES).reason == reason
+    assert apply_request(flight, LandRequest(reason), on_reference(flight, time_s), RULES).reason == reason
     held, held_s = STATES["held by a fault"]
-    assert request(held, LandRequest(reason), on_reference(held, held_s), RULES).reason == held.reason
+    assert apply_request(held, LandRequest(reason), on_reference(held, held_s), RULES).reason == held.reason
 
 
 def test_ground_is_where_it_was_armed_and_where_it_took_off() -> None:
@@ -580,5 +584,5 @@ def test_ground_is_where_it_was_armed_and_where_it_took_off() -> None:
     np.testing.assert_array_equal(np.asarray(moved.ground_w_m), GROUND - 0.1)
     carried = replace(facts(1.0), position_w_m=GROUND + 0.1)
     np.testing.assert_array_equal(
-        np.asarray(request(armed(), TakeoffRequest(1.2), carried, RULES).ground_w_m), GROUND + 0.1
+        np.asarray(apply_request(armed(), TakeoffRequest(1.2), carried, RULES).ground_w_m), GROUND + 0.1
     )

@@ -22,7 +22,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, reference_at, request
+from companion.supervisor.state_machine import advance, apply_request, reference_at
 from companion.trajectories.reference import Ellipse, FigureEight, Hold, MinimumJerk, Trajectory
 from tests.supervisor.flown import (
     CENTRE,
@@ -70,7 +70,7 @@ def check_taken_over(before: Reference, after: Reference, acceleration: bool = T
 @pytest.mark.parametrize("state", ["hovering", "approaching", "tracking", "held by a fault"])
 def test_the_reference_is_continuous_over_the_legs(state: str, trajectory: Trajectory) -> None:
     flight, time_s = STATES[state]
-    flown = request(flight, TrackRequest(trajectory, 1.0), on_reference(flight, time_s), RULES)
+    flown = apply_request(flight, TrackRequest(trajectory, 1.0), on_reference(flight, time_s), RULES)
     check_taken_over(reference_at(flight, time_s), reference_at(flown, time_s))
     check_continuous(flown, time_s, sum(min(leg.trajectory.duration_s, 40.0) for leg in flown.legs) + 1.0)
 
@@ -78,7 +78,7 @@ def test_the_reference_is_continuous_over_the_legs(state: str, trajectory: Traje
 def test_the_way_to_a_trajectory_waits_there_and_the_end_is_held() -> None:
     flight, time_s = STATES["hovering"]
     trajectory = Ellipse(CENTRE, yaw_rad=0.5)
-    flown = request(flight, TrackRequest(trajectory, 2.5), on_reference(flight, time_s), RULES)
+    flown = apply_request(flight, TrackRequest(trajectory, 2.5), on_reference(flight, time_s), RULES)
     way, wait, curve, rest = flown.legs
     assert [leg.phase for leg in flown.legs] == [Phase.HOLD, Phase.HOLD, Phase.TRACK, Phase.HOLD]
     assert (wait.trajectory.duration_s, curve.trajectory) == (2.5, trajectory)
@@ -99,7 +99,7 @@ def test_a_turn_takes_its_time_the_short_way(from_rad: float, to_rad: float, way
     here = reference_at(flight, time_s).position_w_m
     flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, from_rad)),))
     rules = replace(RULES, turn_radps=turn_radps)
-    flown = request(flight, TrackRequest(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), rules)
+    flown = apply_request(flight, TrackRequest(Hold(here, to_rad, 5.0), 1.0), on_reference(flight, time_s), rules)
     assert flown.legs[0].trajectory.duration_s == pytest.approx(max(1.0, 1.875 * way_rad / turn_radps))
 
 
@@ -108,7 +108,9 @@ def test_a_small_turn_is_not_begun_with_a_jerk() -> None:
     here = reference_at(flight, time_s).position_w_m
     flight = replace(flight, legs=(Leg(Phase.HOLD, Hold(here, 0.0)),))
     way = (
-        request(flight, TrackRequest(Hold(here, 0.5, 5.0), 1.0), on_reference(flight, time_s), RULES).legs[0].trajectory
+        apply_request(flight, TrackRequest(Hold(here, 0.5, 5.0), 1.0), on_reference(flight, time_s), RULES)
+        .legs[0]
+        .trajectory
     )
     turned = np.array([way.at(0.01 * n).yaw_rad for n in range(300)])
     accels = np.abs(np.diff(turned, n=2)) / 1e-4
@@ -124,7 +126,7 @@ def test_a_heading_that_turns_comes_to_rest_as_the_place_does(order: HoldRequest
     turning = MinimumJerk(here, here, 4.0, 3.0, 3.0 + 2.0)
     flight = replace(flight, legs=(Leg(Phase.TRACK, turning),), leg_start_s=time_s - 2.0)
     before = np.array([reference_at(flight, time_s - 0.01 * n).yaw_rad for n in (2, 1, 0)])
-    flown = request(flight, order, on_reference(flight, time_s), RULES)
+    flown = apply_request(flight, order, on_reference(flight, time_s), RULES)
     after = np.array([reference_at(flown, time_s + 0.01 * n).yaw_rad for n in range(1, 800)])
     rates = np.diff(np.unwrap(np.concatenate((before, after)))) / 0.01
     assert rates[0] == pytest.approx(1.875 * 2.0 / 4.0, rel=0.01), "it turned"
@@ -138,7 +140,7 @@ def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     here, speed = GROUND + np.array([0.0, 0.0, 1.2]), np.array([0.5, 0.0, 0.0])
     moving = MinimumJerk(here, here + 5.0 * speed, 10.0, 0.0, 0.0, speed)
     flight = replace(flight, legs=(Leg(Phase.TRACK, moving),), leg_start_s=time_s)
-    flown = request(flight, TrackRequest(Hold(here, 0.0, 5.0), 1.0), on_reference(flight, time_s), RULES)
+    flown = apply_request(flight, TrackRequest(Hold(here, 0.0, 5.0), 1.0), on_reference(flight, time_s), RULES)
     way = flown.legs[0].trajectory
     pushes = [np.linalg.norm(way.at(0.01 * n).acceleration_w_mps2) for n in range(int(100 * way.duration_s))]
     assert 0.9 * RULES.climb_accel_mps2 < max(pushes) <= RULES.climb_accel_mps2
@@ -182,7 +184,7 @@ def test_take_off_ends_above_where_it_stood() -> None:
 
 
 def test_the_climb_begins_where_the_vehicle_left_the_ground() -> None:
-    spooling = request(armed(), TakeoffRequest(1.0), facts(1.0), RULES)
+    spooling = apply_request(armed(), TakeoffRequest(1.0), facts(1.0), RULES)
     drifted = replace(facts(2.5, 0.03, climb_mps=0.2), position_w_m=GROUND + np.array([0.1, -0.2, 0.03]))
     climbing = advance(replace(spooling, yaw_rad=0.4), drifted, RULES)
     np.testing.assert_array_equal(reference_at(climbing, 2.5).position_w_m, drifted.position_w_m)
@@ -202,7 +204,9 @@ def test_a_stop_takes_over_the_motion_and_rests(state: str, wanted: HoldRequest 
     flight, time_s = STATES[state]
     seen = on_reference(flight, time_s)
     stopped = (
-        request(flight, wanted, seen, RULES) if wanted else advance(flight, with_faults(seen, Fault.FENCE_NEAR), RULES)
+        apply_request(flight, wanted, seen, RULES)
+        if wanted
+        else advance(flight, with_faults(seen, Fault.FENCE_NEAR), RULES)
     )
     assert (stopped.phase, stopped.since_s, stopped.leg_start_s) == (Phase.HOLD, time_s, time_s)
     assert stopped.level is (FailsafeAction.WARN if wanted else FailsafeAction.HOLD)
@@ -247,7 +251,7 @@ class _Straight:
 @pytest.mark.parametrize("state", IN_THE_AIR)
 def test_landing_takes_over_the_motion(state: str) -> None:
     flight, time_s = STATES[state]
-    down = request(flight, LandRequest(), on_reference(flight, time_s), RULES)
+    down = apply_request(flight, LandRequest(), on_reference(flight, time_s), RULES)
     assert {leg.phase for leg in down.legs} == {down.phase}
     check_taken_over(reference_at(flight, time_s), reference_at(down, time_s), acceleration=False)
     check_continuous(down, time_s, 5.0)
@@ -259,9 +263,9 @@ def test_a_landing_says_when_it_should_be_over() -> None:
     assert STATES["stowing"][0].landing_due_s == float("inf")
     assert STATES["hovering"][0].landing_due_s == float("inf")
     below = replace(STATES["hovering"][0], ground_w_m=GROUND + np.array([0.0, 0.0, 2.0]))
-    assert request(below, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 0.8 / 0.25)
+    assert apply_request(below, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 0.8 / 0.25)
     unknown = replace(STATES["hovering"][0], ground_w_m=None)
-    assert request(unknown, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 1.3 / 0.25)
+    assert apply_request(unknown, LandRequest(), facts(9.0), RULES).landing_due_s == pytest.approx(9.0 + 1.3 / 0.25)
     down, down_s = STATES["touched down"]
     over = advance(down, facts(down_s + DT_S, armed=False), RULES)
     assert (over.phase, over.landing_due_s) == (Phase.DISARMED, float("inf"))  # it is not overdue for ever after
@@ -273,7 +277,7 @@ def test_arms_are_folded_first(state: str, ask: bool) -> None:
     flight, time_s = STATES[state]
     hanging = replace(on_reference(flight, time_s), arms_stowed=False)
     stowing = (
-        request(flight, LandRequest(), hanging, RULES)
+        apply_request(flight, LandRequest(), hanging, RULES)
         if ask
         else advance(flight, with_faults(hanging, Fault.BATTERY_LOW), RULES)
     )
@@ -288,7 +292,7 @@ def test_broken_arms_are_not_folded(state: str, ask: bool) -> None:
     """In STOW the table has nothing more to say: the waiting ends."""
     flight, time_s = STATES[state]
     broken = replace(on_reference(flight, time_s), arms_stowed=False, arm_fault=BROKEN)
-    after = request(flight, LandRequest(), broken, RULES) if ask else flight
+    after = apply_request(flight, LandRequest(), broken, RULES) if ask else flight
     after = advance(after, with_faults(broken, Fault.ARMS), RULES)
     assert (after.phase, after.airborne) == (Phase.LAND, True)
     check_taken_over(reference_at(flight, time_s), reference_at(after, time_s), acceleration=False)

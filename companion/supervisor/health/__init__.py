@@ -1,1 +1,1 @@
-"""Health checks: each looks at one kind of input and reports faults. Pure."""
+"""Health checks: each module checks one kind of input and reports faults. Pure."""

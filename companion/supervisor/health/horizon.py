@@ -1,8 +1,8 @@
-"""Whose horizon is right when motion capture and autopilot disagree on the tilt: the vehicle's motion tells. Pure.
+"""Test of the autopilot's horizon against the vehicle's motion, when motion capture disagrees on the tilt. Pure.
 
-Rotors push along the vehicle's up axis and nothing else does for long, so what gravity does not explain of the motion,
-the specific force, lies along the true up axis. Only its direction is looked at: neither mass nor thrust need be known,
-and a weak battery changes nothing. A push of 5 N, on a vehicle of 5 kg, turns it by 0.1 rad.
+Apart from gravity, only the rotors accelerate the vehicle for long, along its up axis: the specific force lies along
+the true up axis. Only its direction is used, so that mass, thrust and battery do not matter. A disturbance of 5 N on a
+vehicle of 5 kg turns it by 0.1 rad.
 """
 
 from math import atan2, exp, hypot
@@ -13,9 +13,9 @@ from companion.core.values import value
 AVERAGED_S = 0.15
 """Time constant of the means: the velocity's noise (0.014 m/s) makes 0.1 m/s^2, a hundredth of a radian."""
 NEARER = 0.4
-"""Share of the angle between the two up axes that the force may be off motion capture's, and the autopilot lies."""
+"""Largest angle between force and motion capture's axis for a wrong autopilot, as a share of the axes' angle."""
 _LEAST_PUSH_MPS2 = 4.0
-"""A vehicle that nearly falls pushes too little for the direction to mean anything."""
+"""Least specific force whose direction is used: in near free fall it is noise."""
 _GRAVITY_MPS2 = 9.8
 
 Axis = tuple[float, float, float]
@@ -23,31 +23,33 @@ _NOWHERE = (0.0, 0.0, 0.0)
 
 
 @value
-class Pushed:
-    """Means of the last time, all weighted alike, as of a capture; in W."""
+class MotionMeans:
+    """Exponential means with one common weighting, at the time of a capture; in W."""
 
     at_s: float
     velocity_mps: Axis
     force_mps2: Axis = _NOWHERE
-    """Specific force, shorter than it is until AVERAGED_S has passed a few times."""
+    """Specific force; too short until AVERAGED_S has passed a few times."""
     ours: Axis = _NOWHERE
     """Up axis by motion capture."""
     theirs: Axis = _NOWHERE
     """Up axis by the autopilot."""
 
 
-def pushed_on(before: Pushed | None, at_s: float, velocity_w_mps: Array, ours: Axis, theirs: Axis) -> Pushed:
-    """One capture at `at_s` more; `ours` and `theirs` are up axes in W. None begins anew."""
+def update_means(
+    before: MotionMeans | None, at_s: float, velocity_w_mps: Array, ours: Axis, theirs: Axis
+) -> MotionMeans:
+    """Update the means with a capture at `at_s`; `ours` and `theirs` are up axes in W. None starts new means."""
     vx, vy, vz = velocity_w_mps.tolist()
     if before is None:
-        return Pushed(at_s, (vx, vy, vz))
+        return MotionMeans(at_s, (vx, vy, vz))
     passed_s = at_s - before.at_s
     if not passed_s > 0.0:
         return before
     wx, wy, wz = before.velocity_mps
     force = (vx - wx) / passed_s, (vy - wy) / passed_s, (vz - wz) / passed_s + _GRAVITY_MPS2
     left = exp(-passed_s / AVERAGED_S)
-    return Pushed(
+    return MotionMeans(
         at_s,
         (vx, vy, vz),
         _mean(before.force_mps2, force, left),
@@ -56,15 +58,15 @@ def pushed_on(before: Pushed | None, at_s: float, velocity_w_mps: Array, ours: A
     )
 
 
-def autopilot_lies(pushed: Pushed | None) -> bool:
-    """Whether the motion is motion capture's, and clearly not the autopilot's. False when nobody can tell."""
-    if pushed is None or not hypot(*pushed.force_mps2) > _LEAST_PUSH_MPS2:
+def autopilot_horizon_wrong(means: MotionMeans | None) -> bool:
+    """Return true if the motion clearly fits motion capture's tilt and not the autopilot's; false in doubt."""
+    if means is None or not hypot(*means.force_mps2) > _LEAST_PUSH_MPS2:
         return False
-    return between_rad(pushed.force_mps2, pushed.ours) < NEARER * between_rad(pushed.ours, pushed.theirs)
+    return angle_between_rad(means.force_mps2, means.ours) < NEARER * angle_between_rad(means.ours, means.theirs)
 
 
-def between_rad(a: Axis, b: Axis) -> float:
-    """Angle between two directions; NaN if there is one in it."""
+def angle_between_rad(a: Axis, b: Axis) -> float:
+    """Return the angle between two directions, rad; NaN if one of them contains NaN."""
     (ax, ay, az), (bx, by, bz) = a, b
     return atan2(hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), ax * bx + ay * by + az * bz)
 

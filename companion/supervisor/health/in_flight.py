@@ -1,35 +1,35 @@
-"""Law, loop, thrust, arms, the time things take, and what the flight leans on. Pure."""
+"""Health checks of law, loop, thrust, arms, phase durations, broker and disk. Pure."""
 
 from dataclasses import field
 from math import isfinite
 
 from companion.core.values import value
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.memory import NEVER, Window, since
+from companion.supervisor.health.memory import NOT_HELD, Window, held_since
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 
 LATE_WINDOW_S = 1.0
-"""Over which the cycles' lateness is averaged."""
+"""Window over which the cycles' delay is averaged."""
 
 
 @value
 class FlightHealth:
-    """What is remembered."""
+    """Memory of the flight checks."""
 
-    saturated_since_s: float = NEVER
-    begun_s: float = NEVER
-    """The first cycle."""
+    saturated_since_s: float = NOT_HELD
+    begun_s: float = NOT_HELD
+    """Begin of the first cycle."""
     late: Window = field(default_factory=Window)
-    """How late (s) the cycles of the last second began."""
+    """Delays (s) with which the cycles of the last second began."""
 
 
-def look_at_flight(memory: FlightHealth, now: HealthInputs, rules: SafetyRules) -> tuple[FlightHealth, list[Event]]:
-    """All that needs no motion capture and no autopilot."""
+def check_flight(memory: FlightHealth, now: HealthInputs, rules: SafetyRules) -> tuple[FlightHealth, list[Event]]:
+    """Check everything that needs neither motion capture nor autopilot."""
     late = memory.late.kept(now.time_s - LATE_WINDOW_S)
     memory = FlightHealth(
-        since(memory.saturated_since_s, now.airborne and now.at_max_thrust, now.time_s),
-        since(memory.begun_s, True, now.time_s),
+        held_since(memory.saturated_since_s, now.airborne and now.at_max_thrust, now.time_s),
+        held_since(memory.begun_s, True, now.time_s),
         late.added(now.time_s, now.late_s) if isfinite(now.late_s) else late,
     )
     events = []
@@ -46,10 +46,10 @@ def look_at_flight(memory: FlightHealth, now: HealthInputs, rules: SafetyRules) 
         events.append(Event(Fault.ARMS, now.arm_fault))
     if now.horizon_fault:
         events.append(Event(Fault.HORIZON_CAPPED, now.horizon_fault))
-    return memory, events + _of_times(now, rules)
+    return memory, events + _duration_events(now, rules)
 
 
-def _of_times(now: HealthInputs, rules: SafetyRules) -> list[Event]:
+def _duration_events(now: HealthInputs, rules: SafetyRules) -> list[Event]:
     events = []
     overdue_s, held_s = now.time_s - now.landing_due_s, now.time_s - now.held_by_fault_since_s
     if overdue_s > rules.landing_s:

@@ -1,4 +1,4 @@
-"""Is there a usable pose, and if not, why: age, frozen, jumped. Pure."""
+"""Health checks of the pose: age, frozen, jumped. Pure."""
 
 from math import dist, hypot, inf, isfinite, isnan
 from types import MappingProxyType
@@ -8,7 +8,7 @@ from companion.core.values import value
 from companion.estimation.state import Verdict
 from companion.geometry.frames import quat_conjugate, quat_multiply, rotation_vector_from_quat
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.memory import NEVER
+from companion.supervisor.health.memory import NOT_HELD
 from companion.supervisor.health_inputs import HealthInputs, MocapInputs
 from companion.supervisor.safety_rules import SafetyRules
 
@@ -30,29 +30,29 @@ _NO_FRAMES = (Fault.MOCAP_SILENT, "no frames arrive")
 
 @value
 class MocapHealth:
-    """What is remembered."""
+    """Memory of the pose checks."""
 
     vehicle: VehicleState | None = None
     """The estimate of the newest frame's cycle."""
-    repeats_from_s: float = NEVER
+    repeats_from_s: float = NOT_HELD
     """Arrival of the first frame of those that repeat a pose."""
     jump: str = ""
-    """How the pose jumped in this flight."""
+    """Message of a pose jump in this flight; empty without one."""
 
 
-def look_at_mocap(
+def check_mocap(
     memory: MocapHealth, now: HealthInputs, rules: SafetyRules, new: bool
 ) -> tuple[MocapHealth, list[Event]]:
-    """`new`: this cycle brought a frame. Nothing is said unless poses are `relied_on`."""
+    """Check the newest pose; `new`: this cycle has a new frame. No events unless poses are `relied_on`."""
     seen = now.seen
     in_the_air = now.airborne or (now.autopilot.armed and now.autopilot.in_air is not False)
     if new:
-        memory = _with_frame(memory, seen, in_the_air)
+        memory = _update(memory, seen, in_the_air)
     elif not in_the_air:
         memory = MocapHealth(memory.vehicle, memory.repeats_from_s)
     if not relied_on(now):
         return memory, []
-    events = _of_age(now, rules)
+    events = _age_events(now, rules)
     repeats_s = seen.received_s - memory.repeats_from_s
     if repeats_s >= rules.frozen_s and seen.age_s <= rules.silent_s:
         events.append(Event(Fault.MOCAP_FROZEN, f"the pose is the same to the last bit for {repeats_s:.2f} s"))
@@ -62,21 +62,21 @@ def look_at_mocap(
 
 
 def relied_on(now: HealthInputs) -> bool:
-    """Setpoints of ours leave, or the autopilot flies on the poses we give it; before that the preflight speaks."""
+    """Return true if we send setpoints, or the autopilot is armed and uses our poses; before that, preflight checks."""
     return now.streaming or now.autopilot.armed
 
 
-def _with_frame(memory: MocapHealth, seen: MocapInputs, in_the_air: bool) -> MocapHealth:
+def _update(memory: MocapHealth, seen: MocapInputs, in_the_air: bool) -> MocapHealth:
     jump = memory.jump if in_the_air else ""
     if in_the_air and seen.verdict is Verdict.STARTED:
-        jump = _of_jump(memory.vehicle, seen.vehicle)
-    repeats_from_s = NEVER
+        jump = _jump_message(memory.vehicle, seen.vehicle)
+    repeats_from_s = NOT_HELD
     if seen.verdict is Verdict.REPEATED:
         repeats_from_s = min(memory.repeats_from_s, seen.received_s)
     return MocapHealth(seen.vehicle, repeats_from_s, jump)
 
 
-def _of_jump(before: VehicleState | None, after: VehicleState | None) -> str:
+def _jump_message(before: VehicleState | None, after: VehicleState | None) -> str:
     if before is None or after is None:
         return "motion capture began anew in the air"
     off_m = dist(before.position_w_m.tolist(), after.position_w_m.tolist())
@@ -84,8 +84,8 @@ def _of_jump(before: VehicleState | None, after: VehicleState | None) -> str:
     return f"the pose jumped by {off_m:.2f} m and {hypot(*turn.tolist()):.2f} rad, or came back so after a gap"
 
 
-def _of_age(now: HealthInputs, rules: SafetyRules) -> list[Event]:
-    """The one thing to say of the newest usable frame's age; an age that is no number is no age at all."""
+def _age_events(now: HealthInputs, rules: SafetyRules) -> list[Event]:
+    """Return the event of the newest usable frame's age, at most one; an age of NaN counts as infinite."""
     seen = now.seen
     age_s = inf if isnan(seen.age_s) else seen.age_s
     if age_s <= rules.coast_s:
@@ -99,7 +99,7 @@ def _of_age(now: HealthInputs, rules: SafetyRules) -> list[Event]:
 
 
 def _why_silent(quiet_s: float, age_s: float, verdict: Verdict | None, rules: SafetyRules) -> tuple[Fault, str]:
-    """Silence, if no frame arrived for half of the time, or for so long that one bad frame explains nothing."""
+    """Return fault and reason: silence, if no frame arrived for half of the time or for longer than the limit."""
     if verdict is None or not quiet_s <= min(0.5 * age_s, rules.silent_s):
         return _NO_FRAMES
     return _WHY_USELESS.get(verdict, _TOO_LATE)

@@ -1,4 +1,4 @@
-"""Is the vehicle where it should be, and inside its fence. Pure."""
+"""Health checks of the position: tracking error and fence. Pure."""
 
 from dataclasses import field
 from math import dist
@@ -9,52 +9,54 @@ from companion.core.values import value
 from companion.estimation.state import Verdict
 from companion.guard.geofence import Fence
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.memory import NEVER, Window, since
+from companion.supervisor.health.memory import NOT_HELD, Window, held_since
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 
 GROWN_M = 0.1
-"""An error that grows has grown by this much in the time it is looked at; less is a steady error's noise."""
+"""Least growth of a growing error within the time it is checked; less is a steady error's noise."""
 SHRUNK_M = 0.02
-"""An error that falls back by this much does not grow."""
+"""An error that decreases by this much does not count as growing."""
 
 
 @value
-class PlaceHealth:
-    """What is remembered."""
+class PositionHealth:
+    """Memory of the position checks."""
 
-    far_since_s: float = NEVER
+    far_since_s: float = NOT_HELD
     errors: Window = field(default_factory=Window)
-    """Distances from the reference (m) since they are large."""
+    """Distances from the reference (m) since they became large."""
     seen_inside: bool = False
-    """The pose was inside the fence in this flight, or is before it."""
+    """The pose was inside the fence during this flight, or is inside before it."""
     doubted: bool = False
-    """The pose jumped while the motors turned: it must never be the reason to stop them."""
+    """The pose jumped while armed: it must never be the reason to stop the motors."""
 
 
-def look_at_place(
-    memory: PlaceHealth, now: HealthInputs, rules: SafetyRules, fence: Fence, new: bool
-) -> tuple[PlaceHealth, list[Event]]:
-    """`new`: this cycle brought a frame."""
-    far_since_s, errors, tracking = _of_tracking(memory, now, rules)
+def check_position(
+    memory: PositionHealth, now: HealthInputs, rules: SafetyRules, fence: Fence, new: bool
+) -> tuple[PositionHealth, list[Event]]:
+    """Check tracking error and fence; `new`: this cycle has a new frame."""
+    far_since_s, errors, tracking = _tracking_events(memory, now, rules)
     beyond_m, seen_inside = None, memory.seen_inside and now.autopilot.armed
     vehicle = now.seen.vehicle
     if vehicle is not None and now.seen.age_s < rules.silent_s:
         beyond_m = fence.beyond_m(vehicle.position_w_m)
         seen_inside = seen_inside or beyond_m <= 0.0
     doubted = now.autopilot.armed and (memory.doubted or (new and now.seen.verdict is Verdict.STARTED))
-    memory = PlaceHealth(far_since_s, errors, seen_inside, doubted)
-    return memory, tracking + _of_fence(memory, now, beyond_m, rules, fence)
+    memory = PositionHealth(far_since_s, errors, seen_inside, doubted)
+    return memory, tracking + _fence_events(memory, now, beyond_m, rules, fence)
 
 
-def _of_tracking(memory: PlaceHealth, now: HealthInputs, rules: SafetyRules) -> tuple[float, Window, list[Event]]:
+def _tracking_events(
+    memory: PositionHealth, now: HealthInputs, rules: SafetyRules
+) -> tuple[float, Window, list[Event]]:
     vehicle, reference = now.seen.vehicle, now.reference_w_m
     if vehicle is None or reference is None or not now.airborne or not now.seen.age_s < rules.degraded_s:
-        return NEVER, Window(), []
+        return NOT_HELD, Window(), []
     error_m = dist(vehicle.position_w_m.tolist(), reference.tolist())
     if not error_m > rules.tracking_m:
-        return NEVER, Window(), []
-    far_since_s = since(memory.far_since_s, True, now.time_s)
+        return NOT_HELD, Window(), []
+    far_since_s = held_since(memory.far_since_s, True, now.time_s)
     errors = memory.errors.added(now.time_s, error_m)
     events = []
     if now.time_s - far_since_s >= rules.tracking_s:
@@ -67,7 +69,7 @@ def _of_tracking(memory: PlaceHealth, now: HealthInputs, rules: SafetyRules) -> 
 
 
 def _grows(errors: Window) -> bool:
-    """By a clear amount, and without falling back on the way."""
+    """Return true if the errors grow by more than noise, without decreasing in between."""
     most_m = 0.0
     for error_m in errors.numbers:
         if error_m < most_m - SHRUNK_M:
@@ -76,8 +78,8 @@ def _grows(errors: Window) -> bool:
     return errors.numbers[-1] - errors.numbers[0] > GROWN_M
 
 
-def _of_fence(
-    memory: PlaceHealth, now: HealthInputs, beyond_m: float | None, rules: SafetyRules, fence: Fence
+def _fence_events(
+    memory: PositionHealth, now: HealthInputs, beyond_m: float | None, rules: SafetyRules, fence: Fence
 ) -> list[Event]:
     vehicle = now.seen.vehicle
     if vehicle is None or beyond_m is None or not now.autopilot.armed:

@@ -1,7 +1,7 @@
-"""How good the stream of usable frames is: rate, delay, order, clock. Pure.
+"""Health checks of the frame stream: rate, delay, order, clock. Pure.
 
-A network that stalls and then delivers all at once must not be taken for a clock that jumped, and a delay that stays
-must not be forgotten as the estimator's clock comparison forgets it.
+A network that stalls and then delivers all frames at once is no clock jump, and a lasting delay must stay visible,
+although the estimator's clock comparison adapts to it.
 """
 
 from dataclasses import field, replace
@@ -10,19 +10,19 @@ from math import inf, isfinite, nan
 from companion.core.values import value
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.memory import NEVER, Window
+from companion.supervisor.health.memory import NOT_HELD, Window
 from companion.supervisor.health.mocap import USABLE, relied_on
 from companion.supervisor.health_inputs import HealthInputs, MocapInputs
 from companion.supervisor.safety_rules import SafetyRules
 
 WINDOW_S = 1.0
-"""Over which frames are counted."""
+"""Window over which frames are counted."""
 DELAY_WINDOW_S = 0.5
-"""Over which delays are judged."""
+"""Window over which delays are compared with the limit."""
 OFF_FRAMES = 3
-"""So many frames in a row off the known clock are a new clock; fewer are broken or late frames."""
+"""Consecutive frames off the clock that make a new clock; fewer are broken or late frames."""
 DRIFT = 1e-4
-"""How fast two clocks may part, s/s: crystals do less, so that a delay that stays shows for minutes."""
+"""Largest drift of two clocks, s/s: crystals drift less, so that a lasting delay stays visible for minutes."""
 
 
 @value
@@ -34,92 +34,92 @@ class StampClock:
     latency_s: float = nan
     """Arrival less stamp: the latency plus an unknown constant."""
     period_s: float = nan
-    """From one frame number to the next, by the stamps."""
+    """Time between two frame numbers, by the stamps."""
     off: int = 0
-    """Frames in a row that do not fit it."""
+    """Consecutive frames that do not fit it."""
     least_s: float = inf
-    """Least latency, apart from drift."""
+    """Smallest latency, corrected for drift."""
     at_s: float = nan
-    """When a frame last fitted."""
+    """Time of the last frame that fits it."""
     jump: str = ""
-    """How it jumped while poses were relied on."""
+    """Message of a clock jump while poses were relied on; empty without one."""
 
 
 @value
 class StreamHealth:
-    """What is remembered."""
+    """Memory of the stream checks."""
 
-    begun_s: float = NEVER
-    """Since when usable frames come without a silence."""
+    begun_s: float = NOT_HELD
+    """Begin of the unbroken stream of usable frames."""
     frames: Window = field(default_factory=Window)
     """Frames of the last second, 1 for a usable one."""
     stale: Window = field(default_factory=Window)
-    """Those older than one already used."""
+    """Frames of the last second older than one already used."""
     dropped: Window = field(default_factory=Window)
-    """How many such frames were dropped on their way here, in the last second."""
+    """Numbers of such frames dropped by the source, in the last second."""
     late: int = 0
-    """How many in all."""
-    overslept: Window = field(default_factory=Window)
-    """How late (s) those cycles of the last second began that may have passed over a frame."""
+    """Number of frames dropped by the source in total."""
+    late_cycles: Window = field(default_factory=Window)
+    """Delays (s) of those cycles of the last second that may have skipped a frame."""
     delayed: Window = field(default_factory=Window)
-    """Usable ones of the last half second that came too late, with their delay (s)."""
+    """Usable frames of the last half second that were too late, with their delay (s)."""
     clock: StampClock = field(default_factory=StampClock)
 
 
-def look_at_stream(
+def check_stream(
     memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bool
 ) -> tuple[StreamHealth, list[Event]]:
-    """`new`: this cycle brought a frame. Nothing is said unless poses are `relied_on`."""
-    memory = _moved_on(memory, now, rules, new)
+    """Check the frame stream; `new`: this cycle has a new frame. No events unless poses are `relied_on`."""
+    memory = _update(memory, now, rules, new)
     if not relied_on(now):
         return memory, []
     events = []
     if memory.clock.jump:
         events.append(Event(Fault.MOCAP_CLOCK_JUMP, memory.clock.jump))
-    known_s = now.time_s - memory.begun_s
-    if known_s >= DELAY_WINDOW_S and memory.delayed.times_s:
-        events += _of_delay(memory, now.time_s, rules)
-    if known_s >= WINDOW_S:
-        events += _of_count(memory, rules)
+    streaming_s = now.time_s - memory.begun_s
+    if streaming_s >= DELAY_WINDOW_S and memory.delayed.times_s:
+        events += _delay_events(memory, now.time_s, rules)
+    if streaming_s >= WINDOW_S:
+        events += _count_events(memory, rules)
     return memory, events
 
 
-def _moved_on(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bool) -> StreamHealth:
+def _update(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bool) -> StreamHealth:
     time_s, seen = now.time_s, now.seen
-    begun_s = memory.begun_s if seen.age_s <= rules.silent_s else NEVER
+    begun_s = memory.begun_s if seen.age_s <= rules.silent_s else NOT_HELD
     frames = memory.frames.kept(time_s - WINDOW_S)
     stale = memory.stale.kept(time_s - WINDOW_S)
     dropped = memory.dropped.kept(time_s - WINDOW_S)
-    overslept = memory.overslept.kept(time_s - WINDOW_S)
+    late_cycles = memory.late_cycles.kept(time_s - WINDOW_S)
     if isfinite(now.late_s) and now.late_s > 0.5 / rules.slow_hz:
-        overslept = overslept.added(time_s, now.late_s)
+        late_cycles = late_cycles.added(time_s, now.late_s)
     delayed = memory.delayed.kept(time_s - DELAY_WINDOW_S)
     clock = memory.clock
     if clock.jump and not relied_on(now):
         clock = replace(clock, jump="")
     if new:
-        clock = _observed(clock, now, rules)
+        clock = _update_clock(clock, now, rules)
         if seen.late > memory.late:
             dropped = dropped.added(time_s, float(seen.late - memory.late))
         usable = seen.verdict in USABLE
         frames = frames.added(time_s, float(usable))
         if usable:
-            begun_s = min(begun_s, time_s) if seen.age_s <= rules.silent_s else NEVER
+            begun_s = min(begun_s, time_s) if seen.age_s <= rules.silent_s else NOT_HELD
             grown_s = clock.latency_s - clock.least_s if not clock.off else 0.0
             delay_s = max(seen.age_s, grown_s)
             if delay_s > rules.delayed_s:
                 delayed = delayed.added(time_s, delay_s)
         elif seen.verdict is Verdict.STALE:
             stale = stale.added(time_s, 1.0)
-    return StreamHealth(begun_s, frames, stale, dropped, seen.late, overslept, delayed, clock)
+    return StreamHealth(begun_s, frames, stale, dropped, seen.late, late_cycles, delayed, clock)
 
 
-def _observed(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> StampClock:
-    """One frame more. A stamp off both its arrival and its frame number is off the clock."""
+def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> StampClock:
+    """Update the clock with a frame; a stamp that fits neither its arrival nor its frame number is off the clock."""
     seen = now.seen
     latency_s = seen.received_s - seen.stamp_s
     step_s = latency_s - clock.latency_s
-    if not abs(step_s) > rules.clock_jump_s or _counted_on(clock, seen, rules):
+    if not abs(step_s) > rules.clock_jump_s or _stamp_follows_number(clock, seen, rules):
         frames = seen.frame - clock.frame
         period_s = (seen.stamp_s - clock.stamp_s) / frames if frames > 0 else clock.period_s
         drifted_s = clock.least_s + DRIFT * (now.time_s - clock.at_s)
@@ -131,15 +131,15 @@ def _observed(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> Stamp
     return StampClock(seen.frame, seen.stamp_s, latency_s, nan, 0, latency_s, now.time_s, jump)
 
 
-def _counted_on(clock: StampClock, seen: MocapInputs, rules: SafetyRules) -> bool:
-    """Whether the stamp went on with the frame number: then it is the arrival that was early or late."""
+def _stamp_follows_number(clock: StampClock, seen: MocapInputs, rules: SafetyRules) -> bool:
+    """Return true if the stamp advanced with the frame number: then only the arrival was early or late."""
     frames = seen.frame - clock.frame
     off_s = seen.stamp_s - clock.stamp_s - frames * clock.period_s
     return frames > 0 and abs(off_s) <= rules.clock_jump_s
 
 
-def _of_delay(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Event]:
-    """The median is above the limit when more than half are."""
+def _delay_events(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Event]:
+    """Return an event if the median delay is above the limit: more than half of the frames are."""
     usable = int(memory.frames.kept(now_s - DELAY_WINDOW_S).total)
     delays_s = sorted(memory.delayed.numbers)
     if 2 * len(delays_s) <= usable:
@@ -149,20 +149,20 @@ def _of_delay(memory: StreamHealth, now_s: float, rules: SafetyRules) -> list[Ev
     return [Event(Fault.MOCAP_DELAYED, text)]
 
 
-def _of_slowness(usable: float, overslept_s: float, rules: SafetyRules) -> Event:
-    """Whose fault it is: in the time that the loop was awake, enough frames may have come."""
+def _slow_event(usable: float, late_cycles_s: float, rules: SafetyRules) -> Event:
+    """Return a slow-mocap event, or a late-loop event if late cycles explain the missing frames."""
     text = f"{usable:.0f} usable frames in a second, fewer than {rules.slow_hz:g}"
-    if usable < rules.slow_hz * (1.0 - overslept_s / WINDOW_S):
+    if usable < rules.slow_hz * (1.0 - late_cycles_s / WINDOW_S):
         return Event(Fault.MOCAP_SLOW, text)
-    return Event(Fault.LOOP_LATE, f"{text}: cycles began {overslept_s:.2f} s late in it")
+    return Event(Fault.LOOP_LATE, f"{text}: cycles began {late_cycles_s:.2f} s late in it")
 
 
-def _of_count(memory: StreamHealth, rules: SafetyRules) -> list[Event]:
+def _count_events(memory: StreamHealth, rules: SafetyRules) -> list[Event]:
     events = []
     usable, dropped = memory.frames.total, memory.dropped.total
     frames, stale = len(memory.frames.times_s) + dropped, len(memory.stale.times_s) + dropped
     if usable < rules.slow_hz:
-        events.append(_of_slowness(usable, memory.overslept.total, rules))
+        events.append(_slow_event(usable, memory.late_cycles.total, rules))
     if stale > rules.out_of_order_share * frames:
         text = f"{stale:.0f} of {frames:.0f} frames in a second are older than one already used"
         events.append(Event(Fault.MOCAP_OUT_OF_ORDER, text))

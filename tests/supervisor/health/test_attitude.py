@@ -11,7 +11,7 @@ import pytest
 from companion.core.types import Array, AttitudeThrust
 from companion.geometry.frames import quat_from_yaw, quat_multiply, up_axis
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.attitude import Answer, AttitudeHealth, look_at_attitude
+from companion.supervisor.health.attitude import AttitudeHealth, ExpectedTilt, check_attitude
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 from tests.supervisor.observing import (
@@ -101,9 +101,9 @@ def test_they_are_compared_only_when_both_are_known(q: Array) -> None:
 
 def test_what_the_autopilot_said_a_while_ago_is_compared_with_nothing() -> None:
     now = replace(apart(0, tilted(0.5)), time_s=0.2)
-    assert look_at_attitude(AttitudeHealth(), with_status(now, attitude_s=0.0), AT_ONCE)[1]
+    assert check_attitude(AttitudeHealth(), with_status(now, attitude_s=0.0), AT_ONCE)[1]
     silent = with_status(now, attitude_s=-1e-9, heard_s=0.2, heartbeat_s=0.2)
-    assert not look_at_attitude(AttitudeHealth(), silent, AT_ONCE)[1], "a heartbeat makes no attitude fresh"
+    assert not check_attitude(AttitudeHealth(), silent, AT_ONCE)[1], "a heartbeat makes no attitude fresh"
 
 
 def test_a_pause_ends_a_disagreement() -> None:
@@ -122,14 +122,14 @@ def flown(setpoint: Callable[[float], Array], measured: Callable[[float], Array]
     return flight
 
 
-def answers(setpoint: Callable[[float], float], times_s: list[float], start: float = 0.0) -> list[Answer]:
+def answers(setpoint: Callable[[float], float], times_s: list[float], start: float = 0.0) -> list[ExpectedTilt]:
     """The model's own answer about x and y, at uneven times."""
     memory, found = AttitudeHealth(), []
     for k, time_s in enumerate(times_s):
         tilt = setpoint(time_s)
         now = with_vehicle(healthy(k), q_w_flu_wxyz=tilted(0.0, start))
         now = replace(now, time_s=time_s, sent=AttitudeThrust(tilted(-tilt, 0.5 * tilt), np.array(0.5)))
-        memory, _ = look_at_attitude(memory, now, RULES)
+        memory, _ = check_attitude(memory, now, RULES)
         assert memory.answer is not None
         found.append(memory.answer)
     return found
@@ -265,9 +265,9 @@ def test_the_answer_begins_anew_in_the_next_flight() -> None:
     again = [replace(now, time_s=now.time_s + 0.6) for now in flight]
     memory = AttitudeHealth()
     for now in [*flight, ground]:
-        memory, _ = look_at_attitude(memory, now, RULES)
+        memory, _ = check_attitude(memory, now, RULES)
     assert memory == AttitudeHealth(stood=(0.0, 0.0, 1.0))
-    memory, _ = look_at_attitude(memory, again[0], RULES)
+    memory, _ = check_attitude(memory, again[0], RULES)
     assert memory.answer is not None
     assert (memory.answer.x, memory.answer.x_rate) == (0.0, 0.0)
 
@@ -294,7 +294,7 @@ def test_sound_vehicles_follow_the_wildest_setpoints(
         q = tilted(0.0, x)
         now = with_vehicle(with_status(healthy(k), q_w_flu_wxyz=q), q_w_flu_wxyz=q)
         now = replace(now, time_s=k * 0.01, sent=AttitudeThrust(tilted(0.0, wanted[k]), np.array(0.5)))
-        memory, found = look_at_attitude(memory, now, SafetyRules())
+        memory, found = check_attitude(memory, now, SafetyRules())
         events += found
         for _ in range(10):
             heard = wanted[max(0, k - round(delay_s / 0.01))]

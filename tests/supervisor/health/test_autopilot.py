@@ -8,7 +8,7 @@ import pytest
 
 from companion.core.types import BatteryReading, FlightMode
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.autopilot import SAID_S
+from companion.supervisor.health.autopilot import REASON_WINDOW_S
 from companion.supervisor.health_inputs import HealthInputs
 from tests.supervisor.observing import CYCLE_S, RULES, faults, healthy, on_ground, text_of, watched, with_status
 
@@ -70,9 +70,9 @@ def test_what_the_autopilot_has_just_said_of_a_change_is_told_with_it() -> None:
         ({"armed": False}, "the autopilot disarmed without our asking"),
         ({"mode": FlightMode.LAND}, "the autopilot shows mode land, not offboard"),
     ):
-        said = with_status(now, last_text="Failsafe activated", text_s=now.time_s - SAID_S, **changes)
+        said = with_status(now, last_text="Failsafe activated", text_s=now.time_s - REASON_WINDOW_S, **changes)
         assert [event.text for event in watched([said])[0]] == [f"{text}: Failsafe activated"]
-        old = with_status(said, text_s=now.time_s - SAID_S - 0.01)
+        old = with_status(said, text_s=now.time_s - REASON_WINDOW_S - 0.01)
         assert [event.text for event in watched([old])[0]] == [text], "long ago, and of something else"
 
 

@@ -9,8 +9,15 @@ import pytest
 from companion.core.types import Array
 from companion.geometry.frames import quat_multiply, up_axis_parts
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.attitude import AttitudeHealth, look_at_attitude
-from companion.supervisor.health.horizon import AVERAGED_S, Axis, Pushed, autopilot_lies, between_rad, pushed_on
+from companion.supervisor.health.attitude import AttitudeHealth, check_attitude
+from companion.supervisor.health.horizon import (
+    AVERAGED_S,
+    Axis,
+    MotionMeans,
+    angle_between_rad,
+    autopilot_horizon_wrong,
+    update_means,
+)
 from companion.supervisor.health_inputs import HealthInputs
 from tests.supervisor.observing import (
     CYCLE_S,
@@ -132,10 +139,10 @@ def test_its_own_horizon_is_what_setpoints_are_executed_by() -> None:
 
 def test_means_begin_anew_where_tilts_cannot_be_compared() -> None:
     now = flight(tilted(-0.4), LEVEL, np.zeros(3), 2)
-    memory, _ = look_at_attitude(AttitudeHealth(), now[0], RULES)
-    assert memory.pushed is not None
+    memory, _ = check_attitude(AttitudeHealth(), now[0], RULES)
+    assert memory.means is not None
     for gone in (with_seen(now[1], age_s=1.0), with_status(now[1], attitude_s=0.0), standing(now[1])):
-        assert look_at_attitude(memory, gone, RULES)[0].pushed is None
+        assert check_attitude(memory, gone, RULES)[0].means is None
 
 
 def test_the_means_are_of_the_first_order() -> None:
@@ -144,7 +151,7 @@ def test_the_means_are_of_the_first_order() -> None:
     ours, theirs = (0.6, 0.0, 0.8), (0.0, -0.6, 0.8)
     for passed_s in (0.0, 0.01, 0.05, 0.02, 0.3):
         at_s += passed_s
-        pushed = pushed_on(pushed, at_s, 7.0 + slope * at_s, ours, theirs)
+        pushed = update_means(pushed, at_s, 7.0 + slope * at_s, ours, theirs)
     assert pushed is not None
     grown = 1.0 - math.exp(-0.38 / AVERAGED_S)
     assert pushed.force_mps2 == pytest.approx((grown * 1.0, grown * -2.0, grown * (3.0 + G)))
@@ -154,17 +161,17 @@ def test_the_means_are_of_the_first_order() -> None:
 
 
 def test_a_capture_is_counted_once() -> None:
-    first = pushed_on(None, 3.0, np.zeros(3), UP, UP)
-    assert first == Pushed(3.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert pushed_on(first, 3.0, np.ones(3), UP, UP) is first
-    assert pushed_on(first, 2.0, np.ones(3), UP, UP) is first
-    assert pushed_on(first, math.nan, np.ones(3), UP, UP) is first
+    first = update_means(None, 3.0, np.zeros(3), UP, UP)
+    assert first == MotionMeans(3.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    assert update_means(first, 3.0, np.ones(3), UP, UP) is first
+    assert update_means(first, 2.0, np.ones(3), UP, UP) is first
+    assert update_means(first, math.nan, np.ones(3), UP, UP) is first
 
 
 def test_the_force_must_be_nearer_to_motion_captures_axis() -> None:
     def lies(force_rad: float, size: float = 9.8) -> bool:
         force = size * math.sin(force_rad), 0.0, size * math.cos(force_rad)
-        return autopilot_lies(Pushed(0.0, UP, force, UP, (math.sin(0.5), 0.0, math.cos(0.5))))
+        return autopilot_horizon_wrong(MotionMeans(0.0, UP, force, UP, (math.sin(0.5), 0.0, math.cos(0.5))))
 
     assert lies(0.199)
     assert not lies(0.201)
@@ -172,15 +179,15 @@ def test_the_force_must_be_nearer_to_motion_captures_axis() -> None:
     assert not lies(-0.201)
     assert lies(0.0, 4.01)
     assert not lies(0.0, 4.0)
-    assert not autopilot_lies(None)
+    assert not autopilot_horizon_wrong(None)
     assert not lies(math.nan)
 
 
 def test_the_angle_between() -> None:
-    assert between_rad(UP, (0.0, 0.0, 5.0)) == 0.0
-    assert between_rad(UP, (0.0, 2.0, 2.0)) == pytest.approx(0.25 * math.pi)
-    assert between_rad(UP, (0.0, 0.0, -1.0)) == pytest.approx(math.pi)
-    assert between_rad((1.0, 2.0, 3.0), (-3.0, 1.0, 2.0)) == pytest.approx(math.acos(5.0 / 14.0))
+    assert angle_between_rad(UP, (0.0, 0.0, 5.0)) == 0.0
+    assert angle_between_rad(UP, (0.0, 2.0, 2.0)) == pytest.approx(0.25 * math.pi)
+    assert angle_between_rad(UP, (0.0, 0.0, -1.0)) == pytest.approx(math.pi)
+    assert angle_between_rad((1.0, 2.0, 3.0), (-3.0, 1.0, 2.0)) == pytest.approx(math.acos(5.0 / 14.0))
 
 
 NEAR = {"position_w_m": np.array([3.9, 0.0, 1.0]), "velocity_w_mps": np.array([1.0, 0.0, 0.0])}

@@ -2,17 +2,17 @@
 
 import math
 
-from companion.supervisor.health.memory import NEVER, Window, since
+from companion.supervisor.health.memory import NOT_HELD, Window, held_since
 
 
 def test_since_keeps_the_first_time_and_forgets_it() -> None:
-    assert since(NEVER, True, 5.0) == 5.0
-    assert since(5.0, True, 6.0) == 5.0
-    assert since(5.0, False, 6.0) == NEVER == math.inf
+    assert held_since(NOT_HELD, True, 5.0) == 5.0
+    assert held_since(5.0, True, 6.0) == 5.0
+    assert held_since(5.0, False, 6.0) == NOT_HELD == math.inf
 
 
 def test_a_clock_that_went_back_begins_anew() -> None:
-    assert since(5.0, True, 4.0) == 4.0
+    assert held_since(5.0, True, 4.0) == 4.0
 
 
 def test_a_window_forgets_what_came_at_its_edge() -> None:

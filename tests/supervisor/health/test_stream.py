@@ -8,8 +8,8 @@ import pytest
 
 from companion.estimation.state import Verdict
 from companion.supervisor.faults import Event, Fault
-from companion.supervisor.health.memory import NEVER
-from companion.supervisor.health.stream import StreamHealth, look_at_stream
+from companion.supervisor.health.memory import NOT_HELD
+from companion.supervisor.health.stream import StreamHealth, check_stream
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 from tests.supervisor.observing import (
@@ -391,9 +391,9 @@ def test_a_clock_that_jumped_does_not_hide_a_delay() -> None:
 
 
 def test_a_frame_that_comes_after_a_silence_begins_no_second() -> None:
-    memory, _ = look_at_stream(StreamHealth(), late(0, 0.2501), RULES, new=True)
-    assert memory.begun_s == NEVER
-    memory, _ = look_at_stream(memory, late(1, 0.25), RULES, new=True)
+    memory, _ = check_stream(StreamHealth(), late(0, 0.2501), RULES, new=True)
+    assert memory.begun_s == NOT_HELD
+    memory, _ = check_stream(memory, late(1, 0.25), RULES, new=True)
     assert memory.begun_s == healthy(1).time_s
 
 
