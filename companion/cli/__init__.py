@@ -1,1 +1,1 @@
-"""What a person types."""
+"""The command line: parse the words, call one package, print the result."""

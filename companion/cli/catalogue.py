@@ -6,12 +6,12 @@ Nothing is imported here: --help, --version and completion read this table alone
 from companion.cli.lazy import Command, Group
 
 _NUMBERS_MAY_BE_NEGATIVE = {"ignore_unknown_options": True}
-"""-1.5 is a place and no option."""
+"""-1.5 is a coordinate, not an option."""
 
 _OPERATE: dict[str, Command | Group] = {
     "status": Command(
         place="companion.cli.operator.status:status",
-        summary="Show phase, place, error, battery, arms and faults, live.",
+        summary="Show phase, position, error, battery, arms and faults, live.",
         examples=("status", "status --once --json"),
     ),
     "watch": Command(
@@ -21,7 +21,7 @@ _OPERATE: dict[str, Command | Group] = {
     ),
     "arm": Command(
         place="companion.cli.operator.commands:arm",
-        summary="Check everything, fold the arms, motors at idle.",
+        summary="Check everything, fold the arms, idle the motors.",
         examples=("arm", "arm --timeout 60"),
     ),
     "takeoff": Command(
@@ -31,18 +31,18 @@ _OPERATE: dict[str, Command | Group] = {
     ),
     "hold": Command(
         place="companion.cli.operator.commands:hold",
-        summary="Brake and hover; end what is flown.",
+        summary="Brake and hover; end the trajectory.",
         examples=("hold",),
     ),
     "goto": Command(
         place="companion.cli.operator.commands:goto",
-        summary="Fly to a place, then hold.",
+        summary="Fly to a position, then hold.",
         examples=("goto 0.3 0 0.8", "goto 0 -1 1.2 --yaw 1.57"),
         settings=_NUMBERS_MAY_BE_NEGATIVE,
     ),
     "track": Command(
         place="companion.cli.operator.commands:track",
-        summary="Fly a trajectory, then hold its end.",
+        summary="Fly a trajectory, then hold at its end.",
         examples=("track ellipse --laps 1 --size 0.3 --period 20", "track waypoints.csv --arms swing"),
     ),
     "controller": Command(
@@ -103,7 +103,7 @@ _ARMS_ON_THE_BENCH: dict[str, Command | Group] = {
     ),
     "read": Command(
         place="companion.cli.arms.commands:read",
-        summary="Show what the servos say, live.",
+        summary="Show the state of every servo, live.",
         examples=("arms read --config lab.toml", "arms read --once --json"),
     ),
     "home": Command(
@@ -141,23 +141,23 @@ _ARMS_ON_THE_BENCH: dict[str, Command | Group] = {
 _ARMS_LIVE: dict[str, Command | Group] = {
     "ready": Command(
         place="companion.cli.arms.live:ready",
-        summary="Torque on, then fold; on the ground.",
+        summary="Switch torque on and fold the arms; on the ground only.",
         examples=("arms live ready",),
     ),
     "stow": Command(place="companion.cli.arms.live:stow", summary="Fold both arms.", examples=("arms live stow",)),
     "play": Command(
         place="companion.cli.arms.live:play",
-        summary="Play a motion; in hold, too.",
+        summary="Play a motion, in flight also during hold.",
         examples=("arms live play swing",),
     ),
     "hold": Command(
         place="companion.cli.arms.live:hold",
-        summary="Come to rest and stay there, torque on.",
+        summary="Stop the arms and hold them there, torque on.",
         examples=("arms live hold",),
     ),
     "limp": Command(
         place="companion.cli.arms.live:limp",
-        summary="Torque off, on the ground: the arms FALL.",
+        summary="Switch torque off, on the ground only: the arms FALL.",
         examples=("arms live limp",),
     ),
     "clear": Command(
@@ -172,7 +172,7 @@ _ARMS = Group(
     about="""Look at the arms' servos and move them, on the bench; or, with `live`, through the running service.
 
     On the bench: for a vehicle on the ground, disarmed, its propellers off, while no service has the servos' bus:
-    these commands know nothing of autopilot and flight. Exit codes: 0 done, 1 failed on the way, 2 could not be
+    these commands do not see the autopilot or the flight. Exit codes: 0 done, 1 failed on the way, 2 could not be
     started, 130 interrupted.
     """,
     panels={
@@ -192,12 +192,12 @@ _ARMS = Group(
 _ROOM: dict[str, Command | Group] = {
     "mocap": Command(
         place="companion.cli.vehicle.mocap:mocap",
-        summary="Show motion capture alone: place, heading, rate, age.",
+        summary="Show motion capture alone: position, heading, rate, age.",
         examples=("mocap --config lab.toml", "mocap --config lab.toml --seconds 10 --json"),
     ),
     "preflight": Command(
         place="companion.cli.operator.preflight:preflight",
-        summary="Check all that must be right before arming.",
+        summary="Check everything that must be right before arming.",
         examples=("preflight", "preflight --config lab.toml --trajectory ellipse", "preflight --by-hand"),
     ),
     "dry-run": Command(
@@ -270,5 +270,5 @@ ROOT = Group(
         "Without a vehicle": _WITHOUT,
     },
 )
-"""As `companion --help` lists them."""
+"""All commands, in the order of `companion --help`."""
 COMMANDS = {name: entry for panel in ROOT.panels.values() for name, entry in panel.items()}

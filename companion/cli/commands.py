@@ -16,7 +16,7 @@ from companion.core.validation_messages import plain
 
 
 class _Root(LazyGroup):
-    """All commands, `help`, and hints for words that are none."""
+    """The group of all commands, with `help` and hints for words that are no commands."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command that runs; `help COMMAND` is COMMAND --help. UsageError, with a hint, for another word."""
@@ -36,7 +36,7 @@ class _Root(LazyGroup):
         return self.resolve_command(ctx, [*words, "--help"])
 
     def invoke(self, ctx: Any) -> Any:
-        """Ctrl-C while a command is imported or begins, before it minds that itself, is not typer's to word."""
+        """Run the command; InterruptedError for a Ctrl-C before the command installs its own handler."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
@@ -47,26 +47,26 @@ class _Root(LazyGroup):
 
 
 def _reword(error: typer.BadParameter) -> None:
-    """Say what is wrong with an option's value in the words of all other mistakes; typer hands pydantic's on."""
+    """Replace pydantic's message about an option's value, which typer passes on, by the project's own wording."""
     details: list[Any] = getattr(error.__cause__, "errors", list)()
     said = plain(details[0]) if details else ""
     if said.startswith("must"):  # and not one of typer's own sentences
         error.message = f"{said}, not {details[0]['input']}"
 
 
-def _mind_interrupts() -> None:
-    """From here on the command minds Ctrl-C itself, see main.py."""
+def _restore_interrupts() -> None:
+    """Restore Python's handler of Ctrl-C: from here on the command handles it itself, see main.py."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(requested: bool) -> None:
+    if requested:
         typer.echo(__version__)
         raise typer.Exit
 
 
 app = typer.Typer(
-    cls=group_of(ROOT, _mind_interrupts, _Root),
+    cls=group_of(ROOT, _restore_interrupts, _Root),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
@@ -80,13 +80,13 @@ def companion(
         bool, typer.Option("--version", help="Show the version.", is_eager=True, callback=_print_version)
     ] = False,
 ) -> None:
-    """Begin any command."""
+    """Accept the options that come before a command."""
 
 
 def run() -> None:
-    """Run the command line; what is the user's to mend is one sentence and an exit code, never a traceback.
+    """Run the command line; a user's mistake ends in one sentence and an exit code, never a traceback.
 
-    Raises KeyboardInterrupt when Ctrl-C came before the command minded it.
+    Raises KeyboardInterrupt when Ctrl-C came before the command handled it.
     """
     try:
         app()

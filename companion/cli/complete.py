@@ -10,37 +10,37 @@ _CURVES = ("ellipse", "figure8")
 
 
 def trajectories(incomplete: str) -> list[str]:
-    """Return curves and CSV files that begin so."""
+    """Return the curves and CSV files that begin with `incomplete`."""
     return _matching(_CURVES, (".csv",), incomplete)
 
 
 def controllers(incomplete: str) -> list[str]:
-    """Return control laws and TOML files that begin so."""
+    """Return the control laws and TOML files that begin with `incomplete`."""
     return _matching(("etnn", *_names("controllers")), (".toml",), incomplete)
 
 
 def motions(incomplete: str) -> list[str]:
-    """Return motions of the arms, and files of such, that begin so."""
+    """Return the arms' motions and motion files that begin with `incomplete`."""
     return _matching(_names("arms"), (".toml", ".csv"), incomplete)
 
 
 def motions_or_off(incomplete: str) -> list[str]:
-    """Return what `motions` does, and `off`."""
+    """Return the completions of `motions`, and `off`."""
     return _matching(("off", *_names("arms")), (".toml", ".csv"), incomplete)
 
 
 def service_motions(incomplete: str) -> list[str]:
-    """Return names of motions that begin so: the service reads no files of this computer."""
+    """Return the names of motions that begin with `incomplete`; no files, as the service cannot read them."""
     return _matching(_names("arms"), (), incomplete)
 
 
 def experiments(incomplete: str) -> list[str]:
-    """Return experiments and TOML files that begin so."""
+    """Return the experiments and TOML files that begin with `incomplete`."""
     return _matching(_names("experiments"), (".toml",), incomplete)
 
 
 def listed(one: Completion) -> Completion:
-    """Return the completion of names between commas: of the last of them."""
+    """Return a completion of comma-separated names that completes the last one."""
 
     def complete(incomplete: str) -> list[str]:
         before, comma, last = incomplete.rpartition(",")
@@ -51,13 +51,13 @@ def listed(one: Completion) -> Completion:
 
 def _names(folder: str) -> list[str]:
     """Return the names in a folder of config/, without the ending."""
-    from companion.config.locations import project_root  # noqa: PLC0415 - not before somebody presses TAB
+    from companion.config.locations import project_root  # noqa: PLC0415 - only when TAB is pressed
 
     return sorted(path.stem for path in (project_root() / "config" / folder).glob("*.toml"))
 
 
 def _matching(names: tuple[str, ...] | list[str], endings: tuple[str, ...], incomplete: str) -> list[str]:
-    """Return names, then files with one of `endings` and folders, that begin so."""
+    """Return the names, files with one of `endings` and folders that begin with `incomplete`, in this order."""
     folder, begin = os.path.split(incomplete)
     found = sorted(Path(folder or ".").glob(f"{glob.escape(begin)}*")) if endings else []
     shown = [path for path in found if begin or not path.name.startswith(".")]

@@ -1,4 +1,4 @@
-"""Every key of all files: `python -m companion.cli.config_reference > docs/configuration.md`."""
+"""Reference of all configuration keys: `python -m companion.cli.config_reference > docs/configuration.md`."""
 
 import ast
 import dataclasses
@@ -66,13 +66,13 @@ class Table(NamedTuple):
     """One table of a file."""
 
     names: tuple[str, ...]
-    """As in the file's brackets; empty for what stands outside of any table."""
+    """Names in the file's brackets; empty for keys outside of any table."""
     meaning: str
     keys: tuple[Key, ...]
 
 
 def tables(model: type, names: tuple[str, ...] = ("",)) -> Iterator[Table]:
-    """Yield a model's own keys and those of the tables in it, in the models' order; equal ones side by side once."""
+    """Yield a model's own keys and its nested tables, in the models' order; tables of one model are merged."""
     keys: list[Key] = []
     inner: dict[type, list[str]] = {}
     for key, field in _fields(model).items():
@@ -98,7 +98,7 @@ def _key(name: str, field: FieldInfo, nested: list[type]) -> Key:
 
 
 def _fields(model: type) -> dict[str, FieldInfo]:
-    """The keys of a model, or of a dataclass, which says what they mean below each of them."""
+    """Return the keys of a model, or of a dataclass with the docstrings below its attributes as descriptions."""
     if issubclass(model, BaseModel):
         return dict(model.model_fields)
     hints, said, fields = get_type_hints(model, include_extras=True), _docstrings(model), {}
@@ -109,7 +109,7 @@ def _fields(model: type) -> dict[str, FieldInfo]:
 
 
 def _docstrings(model: type) -> dict[str, str]:
-    """The strings that stand below a class's attributes."""
+    """Return the docstrings below a class's attributes, by attribute."""
     (body,) = ast.parse(textwrap.dedent(inspect.getsource(model))).body
     assert isinstance(body, ast.ClassDef)
     said = {}
@@ -131,7 +131,7 @@ def _collection(annotation: Any) -> bool:
 
 
 def _path(path: str, annotation: Any) -> str:
-    """The brackets of a table: [x], of one of many [[x]], of one by name [x.NAME]."""
+    """Return the brackets of a table: [x], [[x]] for a list of tables, [x.NAME] for tables by name."""
     origins = {get_origin(annotation), *(get_origin(inner) for inner in get_args(annotation))}
     if dict in origins:
         return f"{path}.NAME"
@@ -208,7 +208,7 @@ def _sentence(text: str) -> str:
 
 
 def chapter(title: str, said: str, model: type) -> str:
-    """Return the tables of one kind of file."""
+    """Return the chapter about one kind of file: its title, a sentence, its tables."""
     parts = [f"## {title}", said]
     for table in tables(model):
         head = f"### {', '.join(f'`[{name}]`' for name in table.names)}" if any(table.names) else "### First lines"
@@ -218,7 +218,7 @@ def chapter(title: str, said: str, model: type) -> str:
 
 
 def page() -> str:
-    """Return the whole page."""
+    """Return docs/configuration.md as one string."""
     chapters = [
         chapter("The companion", "`config/lab.toml` and `config/demo.toml` are examples.", CompanionConfig),
         chapter("Control laws", 'Files of `config/controllers/`; those with `law = "etnn"`.', EtnnFile),

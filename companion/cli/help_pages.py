@@ -9,7 +9,7 @@ from typer.core import TyperCommand, TyperGroup
 Rows = dict[str, list[tuple[str, str]]]
 _WIDEST_CHOICES = 18
 _TYPE = re.compile(r" ?<(?P<shown>[^<>]+)>")
-"""As typer shows the type of a value."""
+"""The type of a value as typer prints it."""
 _TYPES = {
     "float": "NUMBER",
     "float range": "NUMBER",
@@ -35,7 +35,7 @@ class HelpCommand(TyperCommand):
         return ["[OPTIONS]", *(_argument_name(one) for one in self.get_params(ctx) if _is_argument(one))]
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write arguments and options."""
+        """Write the arguments and options, a section for each panel."""
         _write(formatter, _parameter_rows(self, ctx))
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002 - a method of click's
@@ -47,7 +47,7 @@ class HelpGroup(TyperGroup):
     """A group whose --help lists its commands by panel, a line each."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write commands and options."""
+        """Write the commands and options, a section for each panel."""
         rows: Rows = {}
         for name, command in self.commands.items():
             panel = getattr(command, "rich_help_panel", None) or "Commands"

@@ -1,4 +1,4 @@
-"""Groups of commands whose modules are imported only when one of them runs, or is asked for its own --help."""
+"""Groups of commands whose modules are imported only when one of them runs or prints its own --help."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -55,7 +55,7 @@ class LazyGroup(HelpGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that runs, or that tells its options: this one is imported."""
+        """Return the command that runs or prints its --help; only its module is imported."""
         name, listed, rest = super().resolve_command(ctx, args)
         if name is None or listed is None:
             return name, listed, rest

@@ -1,4 +1,4 @@
-"""The `companion` command; imports nothing that takes time before Ctrl-C is minded."""
+"""The `companion` command; imports nothing slow before Ctrl-C is handled."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ def main() -> None:
     """Run the command line, see commands.run."""
     before = signal.signal(signal.SIGINT, _end)
     try:
-        from companion.cli.commands import run  # noqa: PLC0415 - half a second in which somebody may think again
+        from companion.cli.commands import run  # noqa: PLC0415 - half a second in which the user may press Ctrl-C
 
         run()
     except KeyboardInterrupt:
@@ -23,7 +23,7 @@ def main() -> None:
 
 
 def _end(number: int, frame: FrameType | None) -> None:  # noqa: ARG001 - a signal's handler
-    """Nothing has begun: modules are imported, and some of them hide a KeyboardInterrupt in an error of theirs."""
+    """End the process at once: nothing has begun, and some modules turn a KeyboardInterrupt into another error."""
     os.write(2, b"interrupted\n")
     os._exit(_INTERRUPTED)
 

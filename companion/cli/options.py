@@ -21,10 +21,10 @@ ControllerName = Annotated[
 ]
 AllowUnstable = Annotated[
     bool,
-    typer.Option("--allow-unstable", help="Fly a controller file that is refused for want of stability margin."),
+    typer.Option("--allow-unstable", help="Fly a controller file although its stability margin is too small."),
 ]
 ArmsFeedforward = Annotated[
-    Feedforward | None, typer.Option(help="What the law is told of the arms' motion; as configured if not given.")
+    Feedforward | None, typer.Option(help="Feed the arms' motion forward to the law.  [default: as configured]")
 ]
 VehicleConfigFile = Annotated[
     Path | None,
@@ -41,15 +41,15 @@ _OF_THE_MOCK = frozenset({"mavlink", "qualisys"})
 
 
 def settings_of(given: Path | None, usual: str) -> CompanionConfig:
-    """Return the companion's configuration: the file that was given, or the usual one of config/; ConfigError."""
+    """Return the companion's configuration: the given file, else the `usual` one of config/; ConfigError."""
     return _settings(given or default_config_path(usual))
 
 
 def vehicle_settings(given: Path | None, logs: bool = False) -> CompanionConfig:
-    """Return the configuration of a vehicle, and say on standard error which file it is if none was given.
+    """Return the configuration of a vehicle; print its file's name on standard error when no file was given.
 
-    Without one it is the vehicle's own where the service is installed, else config/lab.toml. A command that `logs` says
-    it in its log instead. Raises ConfigError.
+    The default is the vehicle's own file where the service is installed, else config/lab.toml. A command that `logs`
+    names the file in its log instead. Raises ConfigError.
     """
     path = given or vehicle_config_path()
     if given is None and not logs:

@@ -1,4 +1,4 @@
-"""Where results go, tried before the work that makes them."""
+"""Files and folders of results, checked before the work that fills them."""
 
 import contextlib
 import shutil
@@ -22,13 +22,13 @@ def check_output(out: Path | None, summary: Path | None) -> None:
 
 
 def check_folder_of(file: Path, option: str) -> None:
-    """Raise ConfigError where the folder that `--option` names is not there: it may be a slip of the keyboard."""
+    """Raise ConfigError when the folder that `--option` names does not exist: it may be a typing error."""
     if not file.parent.is_dir():
-        raise ConfigError(f"--{option} {file}: there is no folder {file.parent}: make it first, or give another place")
+        raise ConfigError(f"--{option} {file}: there is no folder {file.parent}: make it first, or give another path")
 
 
 def check_file(file: Path, option: str) -> None:
-    """Make the folder of the file that `--option` names, and try to write; what is in the file already stays.
+    """Make the folder of the file that `--option` names, and try to write; existing content stays.
 
     Raises ConfigError when it cannot be written to.
     """
@@ -56,7 +56,7 @@ def _check_folder(folder: Path) -> None:
 
 
 def kept(path: Path, write: Callable[[Path], None]) -> str:
-    """Write what the work has made; why it could not be, as a sentence, and then no half of it is left."""
+    """Write a result; return why that failed as a sentence, with no partial file left, or an empty string."""
     try:
         write(path)
     except OSError as error:
@@ -67,7 +67,7 @@ def kept(path: Path, write: Callable[[Path], None]) -> str:
 
 
 def as_typed() -> str:
-    """Return how this shell calls `companion`: by its name where that is found, else by the way that was typed."""
+    """Return how this shell calls `companion`: by its name when it is on the PATH, else the path as typed."""
     called, found = Path(sys.argv[0]), shutil.which("companion")
     if called.name != "companion" or not called.exists() or (found and called.samefile(found)):
         return "companion"

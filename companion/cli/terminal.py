@@ -1,9 +1,9 @@
-"""Small things about the terminal that several displays need."""
+"""Terminal functions that several displays share."""
 
 from rich.console import Console
 
 
 def show_cursor(console: Console) -> None:
-    """Bring back the cursor that a live display hides: who is killed meanwhile cannot."""
+    """Show the cursor that a live display hides: a killed process could not restore it."""
     if console.is_terminal:
         console.show_cursor(True)

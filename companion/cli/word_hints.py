@@ -1,4 +1,4 @@
-"""What to type instead of words that people try and that are no commands."""
+"""Hints for words that people type and that are no commands."""
 
 _STOP = """To stop now:
   companion hold     brake and hover where it is
@@ -13,11 +13,11 @@ _START = """To begin:
 _FLY = """To fly, while the service runs:
   companion arm                  check everything, motors at idle
   companion takeoff --height 1   climb and hold
-  companion goto X Y Z           fly to a place
+  companion goto X Y Z           fly to a position
   companion track ellipse        fly a trajectory
   companion land                 land and disarm"""
 _RETURN = """There is no way home: the room has no launch point. Instead:
-  companion goto X Y Z    fly to a place
+  companion goto X Y Z    fly to a position
   companion land          land where it is, disarm"""
 _LOOK = """To look:
   companion status       the vehicle, live
@@ -25,13 +25,13 @@ _LOOK = """To look:
   companion preflight    what must be right before arming
   companion mocap        motion capture alone
   companion dry-run      everything live, and nothing sent"""
-_RECORDS = """Flights are recorded by themselves:
-  companion records               which there are
+_RECORDS = """Flights are recorded automatically:
+  companion records               list them
   companion report FLIGHT.mcap    errors, figures and faults of one
   journalctl -u dauam-companion   the log of the installed service"""
 _CONFIGURE = """Settings are in a TOML file (config/lab.toml, docs/own-room.md):
   companion preflight --config lab.toml    what is wrong in it and in the room
-  companion params                         what the running service has in force"""
+  companion params                         settings of the running service"""
 _LAW = """Control laws:
   companion controller pid         change the law of the running service
   companion demo --controller pid  fly the mocks with it"""
@@ -59,5 +59,5 @@ _BY_WORD = {word: hint for hint, words in _HINTS.items() for word in words.split
 
 
 def hint_for(word: str) -> str:
-    """Return what to type instead of `word`, in whole lines; empty when nobody knows."""
+    """Return the hint for `word`, in whole lines; empty when there is none."""
     return _BY_WORD.get(word.strip("!?.-_").lower().replace("_", "-"), "")

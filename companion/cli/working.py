@@ -1,4 +1,4 @@
-"""Signs of life on stderr while a command works; standard output stays the result's."""
+"""Progress on standard error while a command works; standard output is for results only."""
 
 import math
 import sys
@@ -10,14 +10,14 @@ _REFRESH_S = 0.1
 
 
 def working(what: str) -> AbstractContextManager[object]:
-    """Show on a terminal what takes its time, until the block ends."""
+    """Show a spinner and `what` on a terminal until the block ends."""
     from rich.console import Console  # noqa: PLC0415
 
     return Console(stderr=True).status(what)
 
 
 class Counted:
-    """Progress on stderr once it takes more than a moment: a live line on a terminal, else one line."""
+    """Progress on standard error for work of more than half a second: a live line on a terminal, else one line."""
 
     def __init__(self, what: str) -> None:
         self._what, self._write = what, sys.stderr.write
@@ -32,7 +32,7 @@ class Counted:
             self._write("\r\x1b[K")
 
     def __call__(self, done: int, of: int) -> None:
-        """Tell how far it is."""
+        """Show that `done` of `of` parts are finished."""
         now_s = time.monotonic()
         if now_s - self._begun_s < _SHOW_AFTER_S:
             return
@@ -40,6 +40,6 @@ class Counted:
             self._write(f"\r{self._what}: {done} of {of}\x1b[K")
             self._shown_s = now_s
         elif not self._live and self._shown_s == math.inf:
-            self._write(f"companion: {self._what}: {done} of {of} so far; this is kept for the next time\n")
+            self._write(f"companion: {self._what}: {done} of {of} so far; finished parts are kept for the next run\n")
             self._shown_s = now_s
         sys.stderr.flush()

@@ -111,7 +111,7 @@ async def test_clear_forgets_what_an_earlier_program_left_latched_once_its_cause
         rig.alone.bus.clear()
         cleared = await rig.run("clear")
         assert cleared.code == 0, cleared.said
-        assert "all 8 servos are well; without torque: right.elbow_pitch, left.claw" in cleared.out
+        assert "all 8 servos are without fault; without torque: right.elbow_pitch, left.claw" in cleared.out
 
 
 async def test_a_second_program_on_the_bus_is_told_so(tmp_path: Path) -> None:

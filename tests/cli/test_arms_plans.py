@@ -60,7 +60,7 @@ def test_a_dry_run_says_from_where_to_where_how_long_and_how_near(
     assert float(row[1]) == pytest.approx(np.degrees(begin[5]), abs=0.06)
     if end is not None:
         assert float(row[2]) == pytest.approx(np.degrees(end[5]), abs=0.06)
-    assert re.search(r"least clearance 0\.\d{3} m, .* s into it: .* \(0\.020 m is to be kept\)", ran.out)
+    assert re.search(r"least clearance 0\.\d{3} m, .* s into it: .* \(0\.020 m is required\)", ran.out)
 
 
 def test_a_name_in_square_brackets_is_printed_as_it_is_typed(typed: Type, tmp_path: Path) -> None:

@@ -90,9 +90,12 @@ async def test_exit_codes_say_how_it_ended(there: BrokerProcess) -> None:
     [
         (("goto", "-1.5", "nan", "1"), "companion: goto: y_m = nan: must be a finite number\n"),
         (("takeoff", "--height", "80"), "companion: takeoff: height_m = 80.0: must be at most"),
-        (("kill",), "companion: kill stops the motors in the air: say --yes where nobody can be asked"),
+        (("kill",), "companion: kill stops the motors in the air: without a terminal to confirm at, add"),
         (("track", "elipse"), "companion: unknown trajectory 'elipse': give ellipse or figure8, or a CSV file"),
-        (("track", "a.csv", "--laps", "3"), "companion: --laps is of ellipse and figure8: the waypoints of a.csv say"),
+        (
+            ("track", "a.csv", "--laps", "3"),
+            "companion: --laps is only for ellipse and figure8: a.csv defines",
+        ),
         (("hold", "--broker", "near:99999"), "companion: --broker 'near:99999': Port out of range 0-65535: give mqtt:"),
     ],
 )
@@ -118,7 +121,7 @@ def test_a_wrong_word_is_met_with_the_right_one(
         (("arm",), ["arm", "abort"], "interrupted; abort done: abort is done"),
         (("takeoff",), ["takeoff", "hold", "abort"], "interrupted; abort done: abort is done"),
         (("track", "ellipse"), ["track", "hold"], "interrupted; hold done: hold is done"),
-        (("land",), ["land"], "interrupted: land was sent, its end is not waited for"),
+        (("land",), ["land"], "interrupted: land was sent and continues; not waiting"),
     ],
 )
 async def test_ctrl_c_makes_it_safe_and_says_how(
@@ -149,7 +152,7 @@ async def test_a_second_ctrl_c_leaves_without_waiting(there: BrokerProcess) -> N
             running.interrupt()
         ran = await running.ended()
     assert (ran.code, [one.verb for one in service.taken]) == (130, ["track", "hold"])
-    assert ran.err.splitlines()[-1] == "companion: interrupted: hold was sent, its end is not waited for"
+    assert ran.err.splitlines()[-1] == "companion: interrupted: hold was sent and continues; not waiting for its end"
 
 
 async def test_a_client_that_is_killed_harms_nothing_and_the_next_one_goes_on(there: BrokerProcess) -> None:

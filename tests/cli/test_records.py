@@ -87,7 +87,7 @@ def test_a_long_look_says_on_stderr_that_it_is_at_work(
             progress(done, 5)
     said = capsys.readouterr()
     assert said.out == ""
-    assert said.err == "companion: records looked into: 0 of 5 so far; this is kept for the next time\n"
+    assert said.err == "companion: records looked into: 0 of 5 so far; finished parts are kept for the next run\n"
 
 
 def test_the_newest_flight_is_the_last_also_among_files_without_a_date(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What all `companion arms` commands share: the configuration, the bus, exit codes."""
+"""Parts that all `companion arms` commands share: the configuration, the bus, exit codes."""
 
 import asyncio
 import logging
@@ -36,13 +36,13 @@ class Bench:
     arms: ArmsConfig
 
     def floor(self, given_z_m: float | None) -> float | None:
-        """The floor's height in the body frame: what was typed, or what the configuration says of the legs."""
+        """Return the floor's height in the body frame, m: the given one, else the configured `stands_at_m`."""
         return self.arms.floor_z_m if given_z_m is None else given_z_m
 
 
 def bench_of(config: Path | None, port: str | None) -> Bench:
-    """From the options; ConfigError when the file cannot be used or has no arms."""
-    logging.basicConfig(level=logging.CRITICAL)  # what the driver has to say, the commands say themselves
+    """Return the bench that the options describe; ConfigError when the file is unusable or has no arms."""
+    logging.basicConfig(level=logging.CRITICAL)  # the commands print the driver's errors themselves
     settings = vehicle_settings(config)
     if settings.arms is None:
         raise ConfigError(
@@ -55,7 +55,7 @@ def bench_of(config: Path | None, port: str | None) -> Bench:
 
 @asynccontextmanager
 async def open_bus(arms: ArmsConfig, strict: bool = True) -> AsyncIterator[DynamixelBus]:
-    """The servos and nothing else of the vehicle; see `open_dynamixel`. ArmError with what to do on the bench."""
+    """Open the servos' bus alone, see `open_dynamixel`; ArmError with the remedy on the bench."""
     async with AsyncExitStack() as stack:
         try:
             bus = await stack.enter_async_context(open_dynamixel(arms, CLOCK, strict))
@@ -73,14 +73,14 @@ def _advice(arms: ArmsConfig, said: str) -> str:
 
 
 async def cycles(bus: DynamixelBus, count: int, timeout_s: float = 1.0) -> None:
-    """Let the bus complete so many more cycles, as far as it completes any."""
+    """Wait until the bus has completed `count` more cycles, or until `timeout_s` is over."""
     goal, end_s = bus.status().cycles + count, CLOCK.now_s() + timeout_s
-    while bus.status().cycles < goal and CLOCK.now_s() < end_s:  # noqa: ASYNC110  # the bus's thread tells nobody
+    while bus.status().cycles < goal and CLOCK.now_s() < end_s:  # noqa: ASYNC110  # the bus's thread has no event
         await asyncio.sleep(0.005)
 
 
 def run(work: Coroutine[None, None, T], interrupted: str = "interrupted") -> T:
-    """Run it; Ctrl-C, where it is not minded otherwise, ends with that sentence and exit code 130."""
+    """Run `work`; a Ctrl-C that it does not handle ends with the sentence `interrupted` and exit code 130."""
     try:
         return asyncio.run(work)
     except KeyboardInterrupt:
@@ -89,6 +89,6 @@ def run(work: Coroutine[None, None, T], interrupted: str = "interrupted") -> T:
 
 
 def failed(error: ArmError) -> typer.Exit:
-    """Say what went wrong after it had begun; raise the result."""
+    """Print an error of a command that had begun; return the exception to raise."""
     typer.echo(f"companion: {error}", err=True)
     return typer.Exit(FAILED)

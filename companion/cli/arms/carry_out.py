@@ -20,7 +20,7 @@ _UNMOVED = "interrupted: nothing was moved"
 
 
 class From(StrEnum):
-    """Where a dry run begins."""
+    """Start pose of a dry run."""
 
     STOW = "stow"
     HOME = "home"
@@ -28,7 +28,7 @@ class From(StrEnum):
 
 @dataclass(frozen=True)
 class How:
-    """What the commands that move have in common."""
+    """Options that all moving commands share."""
 
     yes: bool
     dry_run: bool
@@ -38,7 +38,7 @@ class How:
 
 
 def carry_out(bench: Bench, wish: Wish, how: How) -> None:
-    """Look, plan, show, ask, move; a dry run only plans and shows."""
+    """Read the joints, plan, show the plan, ask, move; a dry run only plans and shows."""
     console = Console()
     if how.dry_run:
         start_rad = bench.arms.home_rad() if how.start is From.HOME else bench.arms.stow_rad()

@@ -14,37 +14,39 @@ from companion.cli.arms.plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms.servos import clear_servos, ping_servos, read_servos, switch_torque
 from companion.cli.options import VehicleConfigFile
 
-PortOption = Annotated[str | None, typer.Option("--port", help="Serial port, instead of the configured one.")]
+PortOption = Annotated[str | None, typer.Option("--port", help="Use this serial port instead of the configured one.")]
 YesOption = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before moving.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Plan and print only; needs no servos.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Plan and print only, without servos.")]
 PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the plan into this PNG file.")]
 FloorOption = Annotated[
     float | None,
     typer.Option(
-        "--floor-z", max=0.0, help="Floor or bench below the body's origin, such as -0.3 (m); else [arms] stands_at_m."
+        "--floor-z",
+        max=0.0,
+        help="Height of the floor in the body frame, m, such as -0.3.  [default: [arms] stands_at_m]",
     ),
 ]
 
 
-FromOption = Annotated[From | None, typer.Option("--from", help="Where a dry run begins; stow if not given.")]
+FromOption = Annotated[From | None, typer.Option("--from", help="Start pose of a dry run.  [default: stow]")]
 
 
 class Claws(StrEnum):
-    """What claws can do."""
+    """States that claws can be moved to."""
 
     OPEN = "open"
     CLOSE = "close"
 
 
 class Switch(StrEnum):
-    """What torque can be."""
+    """States of the joints' torque."""
 
     ON = "on"
     OFF = "off"
 
 
 def ping(config: VehicleConfigFile = None, port: PortOption = None) -> None:
-    """List every servo, or all that is missing or wrong with them. Changes nothing."""
+    """List every servo, or everything that is missing or wrong. Changes nothing."""
     run(ping_servos(bench_of(config, port), Console()))
 
 
@@ -54,9 +56,9 @@ def read(
     once: Annotated[bool, typer.Option("--once", help="Print one table and end.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON document and end.")] = False,
 ) -> None:
-    """Show what the servos say, live until Ctrl-C; missing and broken ones are shown as such. Changes nothing.
+    """Show the state of every servo, live until Ctrl-C, missing and broken ones included. Changes nothing.
 
-    With one table or document the exit code is 1 when anything is wrong.
+    With --once or --json the exit code is 1 when anything is wrong.
     """
     bench, console = bench_of(config, port), Console()
     raise typer.Exit(run(read_servos(bench, console, once or as_json or not console.is_terminal, as_json)))
@@ -105,9 +107,9 @@ def play(
     config: VehicleConfigFile = None,
     port: PortOption = None,
     duration: Annotated[
-        float | None, typer.Option(min=0.1, max=3600.0, help="Seconds; for sinusoids, instead of their file's.")
+        float | None, typer.Option(min=0.1, max=3600.0, help="Duration of sinusoids, s.  [default: their file's]")
     ] = None,
-    repeat: Annotated[int, typer.Option(min=1, max=100, help="How many times.")] = 1,
+    repeat: Annotated[int, typer.Option(min=1, max=100, help="Play the motion this many times.")] = 1,
     yes: YesOption = False,
     dry_run: DryRunOption = False,
     start: FromOption = None,
@@ -144,14 +146,14 @@ def torque(
 ) -> None:
     """Hold every joint where it is, or let all go limp: then the arms FALL, so support them.
 
-    Off also reaches the healthy servos of a bus on which others are missing or broken. It never asks.
+    Off also reaches the healthy servos of a bus on which others are missing or broken. No confirmation is asked for.
     """
     run(switch_torque(bench_of(config, port), on=switch is Switch.ON))
 
 
 def clear(config: VehicleConfigFile = None, port: PortOption = None) -> None:
-    """Forget latched faults, and say what is still wrong.
+    """Clear latched faults, and print what is still wrong.
 
-    A servo that was at fault is limp afterwards, so support the arms.
+    A servo that had a fault is limp afterwards, so support the arms.
     """
     run(clear_servos(bench_of(config, port)))

@@ -11,13 +11,13 @@ from companion.cli.operator.run import operate
 
 @commanding
 def ready(asked: Asked) -> None:
-    """Torque on, then folded; on the ground."""
+    """Switch torque on, then fold the arms; on the ground only."""
     operate(asked, "arms", do="ready")
 
 
 @commanding
 def stow(asked: Asked) -> None:
-    """Fold both arms."""
+    """Fold both arms as for take-off and landing."""
     operate(asked, "arms", do="stow")
 
 
@@ -29,23 +29,23 @@ def play(
         typer.Argument(help="swing, or another name in the service's config/arms/.", autocompletion=service_motions),
     ],
 ) -> None:
-    """Play a motion; in hold, too. Ctrl-C stops it."""
+    """Play a motion, in flight also during hold. Ctrl-C stops it."""
     operate(asked, "arms", do="play", motion=motion)
 
 
 @commanding
 def hold(asked: Asked) -> None:
-    """Come to rest and stay there, torque on."""
+    """Stop the arms and hold them there, torque on."""
     operate(asked, "arms", do="hold")
 
 
 @commanding
 def limp(asked: Asked) -> None:
-    """Torque off, on the ground: the arms FALL, so support them."""
+    """Switch torque off, on the ground only: the arms FALL, so support them."""
     operate(asked, "arms", do="limp")
 
 
 @commanding
 def clear(asked: Asked) -> None:
-    """Forget the servos' faults; say ready before they move again."""
+    """Clear the servos' faults; `arms live ready` is needed before they move again."""
     operate(asked, "arms", do="clear")

@@ -1,4 +1,4 @@
-"""A planned motion on the bench: torque on without a jump, the motion, and however it ends the arms hold."""
+"""Execution of a planned motion on the bench: torque on without a jump, the motion, then hold in any case."""
 
 import asyncio
 import math
@@ -26,9 +26,9 @@ from companion.flight.arm_step import ArmStep, ArmTick
 from companion.supervisor.flight_state import FlightState
 
 MOVED_RAD = 0.05
-"""A joint that is so far from where the plan was made makes it another motion than the one that was agreed to."""
+"""Largest distance of a joint from the start of the plan; beyond it the user agreed to another motion."""
 LONGEST_GAP_S = 0.3
-"""The motion goes by the clock: a process that slept longer would go straight to where the motion is by then."""
+"""Longest pause of this process; the motion runs by the clock, so after a longer one the arms would jump."""
 _READY_S = 2.0
 _STILL_RADPS = 0.05
 _SETTLE_S = 1.5
@@ -38,16 +38,16 @@ _RELEASE = "`companion arms torque off` lets them go"
 
 @dataclass(frozen=True)
 class Ended:
-    """How it went."""
+    """Result of a motion: exit code and sentence."""
 
     code: int
     text: str
 
 
 async def move_arms(bench: Bench, wish: Wish, agreed_rad: Array, console: Console) -> Ended:
-    """Run the motion from where the arms are, which must still be where it was agreed to, (8,).
+    """Run the motion from the present pose, which must still be the one the user agreed to, (8,).
 
-    Raises ArmError when nothing was moved: a servo is missing, wrong or refuses torque, or the arms are elsewhere.
+    Raises ArmError when nothing was moved: a servo is missing, wrong or refuses torque, or the arms have moved.
     """
     async with open_bus(bench.arms) as bus, _interrupts() as interrupts:
         mover = _Mover(bus, bench, interrupts)
@@ -59,13 +59,13 @@ async def move_arms(bench: Bench, wish: Wish, agreed_rad: Array, console: Consol
             with mover.display(console, wish.name):
                 return await mover.run(motion)
         except BaseException:
-            bus.hold()  # whatever it was: nothing goes on moving behind an error
+            bus.hold()  # after any error nothing must keep moving
             await cycles(bus, 3)
             raise
 
 
 class _Mover:
-    """Ticks the arms' own stage of the flight software, which stops everything on a fault."""
+    """Loop that runs the flight software's arm step, which stops the arms on a fault."""
 
     def __init__(self, bus: DynamixelBus, bench: Bench, interrupts: list[signal.Signals]) -> None:
         self._bus, self._arms, self._interrupts = bus, bench.arms, interrupts
@@ -78,7 +78,7 @@ class _Mover:
         self._shown: ArmTick | None = None
 
     async def hold_here(self) -> Array:
-        """Torque on where the joints are; returns the goals that hold them there, (8,)."""
+        """Switch torque on in the present pose; return the goals that hold it, rad (8,). ArmError on a time-out."""
         await self._bus.torque_on()
         end_s = CLOCK.now_s() + _READY_S
         status = self._bus.status()
@@ -91,7 +91,7 @@ class _Mover:
         return status.held_rad
 
     async def run(self, motion: JointTrajectory) -> Ended:
-        """The motion, which begins at the goals that hold the joints now, to its end, to its stop, or to a fault."""
+        """Run the motion from the present goals until its end, an interrupt or a fault."""
         self._look_and_tick()
         self._stage.play(motion, _ON_THE_GROUND.phase)
         self._tick_s = self._began_s = CLOCK.now_s()
@@ -109,7 +109,7 @@ class _Mover:
         return await self._end(stopped=asked > 0)
 
     async def _tick(self) -> float:
-        """One cycle; returns how long after the last one it was, s."""
+        """Run one cycle; return the time since the last one, s."""
         now_s = CLOCK.now_s()
         gap_s, self._tick_s = now_s - self._tick_s, now_s
         self._stage.read(now_s, _ON_THE_GROUND)
@@ -130,7 +130,7 @@ class _Mover:
             cure = "`companion arms read` shows them, `companion arms clear` comes before the next motion"
             return Ended(FAILED, f"{self._stage.fault}\n  the arms were stopped and hold where they can; {cure}")
         if self._stage.state.phase is not ArmPhase.HOLDING:
-            return Ended(FAILED, "the arms have lost their torque in the middle of it")
+            return Ended(FAILED, "the arms lost their torque during the motion")
         if stopped:
             text = f"interrupted: the arms came to rest on their way and hold, torque is on; {_RELEASE}"
             return Ended(INTERRUPTED, text)
@@ -144,7 +144,7 @@ class _Mover:
         self._shown = self._stage.tick(CLOCK.now_s(), _ON_THE_GROUND)
 
     async def _until_still(self, look: Callable[[], object]) -> None:
-        """Until what was ordered last has gone out and all that answer stand still, if the bus is still there."""
+        """Wait until the last goals are sent and all joints that answer are at rest, if the bus still works."""
         if any(fault.kind is ArmFaultKind.BUS for fault in self._bus.status().faults):
             return
         await cycles(self._bus, 3, _SETTLE_S)
@@ -163,7 +163,7 @@ class _Mover:
         return f" ({JOINT_NAMES[worst]} farthest from its goal, by {off[worst]:+.1f} degrees)"
 
     def display(self, console: Console, name: str) -> Live | nullcontext[None]:
-        """The live table, drawn by a thread of its own; nothing where there is no terminal."""
+        """Return a live table with its own thread; a null context without a terminal."""
         if not console.is_terminal:
             return nullcontext()
         return Live(
@@ -193,13 +193,13 @@ def _check_still_there(present_rad: Array, agreed_rad: Array) -> None:
     if moved[worst] > MOVED_RAD:
         raise ArmError(
             f"nothing was moved: {JOINT_NAMES[worst]} is {math.degrees(moved[worst]):.0f} degrees from where it was "
-            f"when the motion was shown; say it again. The arms hold, torque is on; {_RELEASE}"
+            f"when the motion was shown; run the command again. The arms hold, torque is on; {_RELEASE}"
         )
 
 
 @asynccontextmanager
 async def _interrupts() -> AsyncIterator[list[signal.Signals]]:
-    """Ctrl-C, and a terminal that closes, as a list that grows."""
+    """Collect the signals of Ctrl-C, termination and a closed terminal in a list."""
     came: list[signal.Signals] = []
     loop, minded = asyncio.get_running_loop(), (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     for number in minded:

@@ -1,4 +1,4 @@
-"""Motions of the arms on the bench: how each is planned from where the joints are, and what is said of it before."""
+"""Motions of the arms on the bench: planning from the present pose, and the preview."""
 
 import math
 from collections.abc import Callable
@@ -26,28 +26,28 @@ _PLAN_COLUMNS = ("joint", "from", "to", "lowest", "highest", "largest\nrad/s", "
 
 @dataclass(frozen=True)
 class Wish:
-    """What the arms are to do."""
+    """Requested motion of the arms: its name and its planner."""
 
     name: str
-    """As in "play swing"."""
+    """Command and motion, such as "play swing"."""
     plan_from: Callable[[Array], Plan]
-    """The motion from a pose (8,) at rest; ArmError with the reason when there is none."""
+    """Plans the motion from a pose (8,) at rest; ArmError with the reason when there is none."""
 
 
 def pose_wish(name: str, arms: ArmsConfig, goal_rad: Array, floor_z_m: float | None) -> Wish:
-    """To a pose, through the home pose when there is no straight way."""
+    """Return a motion to a pose, through the home pose when the direct way is blocked."""
     model, home = arms.model(), arms.home_rad()
     return Wish(name, lambda start: to_pose(model, start, goal_rad, (home,), floor_z_m))
 
 
 def grip_wish(name: str, arms: ArmsConfig, claw_rad: float) -> Wish:
-    """Both claws to an angle, nothing else."""
+    """Return a motion of both claws to an angle; no other joint moves."""
     model = arms.model()
     return Wish(name, lambda start: grip(model, start, claw_rad))
 
 
 def play_wish(file: str, arms: ArmsConfig, duration_s: float | None, times: int, floor_z_m: float | None) -> Wish:
-    """A motion of a file or of a name in config/arms/, so many times; ConfigError when the file cannot be used."""
+    """Return a file's or config/arms/ name's motion, played `times` times; ConfigError for an unusable file."""
     described = motion_named(file, duration_s)
     if duration_s is not None and not isinstance(described, Swing):
         raise ConfigError(f"--duration is for sinusoids: {file} is a motion through poses and takes what its file says")
@@ -69,7 +69,7 @@ def play_wish(file: str, arms: ArmsConfig, duration_s: float | None, times: int,
 
 
 def preview(console: Console, wish: Wish, planned: Plan, model: ArmModel, floor_z_m: float | None) -> MotionNumbers:
-    """Print what will happen; returns it in numbers."""
+    """Print the plan's limits and clearance; return its numbers."""
     numbers = numbers_of(model, planned.trajectory, floor_z_m)
     console.print(f"[bold]{escape(wish.name)}[/]: {numbers.duration_s:.1f} s", highlight=False, soft_wrap=True)
     for note in planned.notes:
@@ -78,7 +78,7 @@ def preview(console: Console, wish: Wish, planned: Plan, model: ArmModel, floor_
     near = numbers.nearest
     console.print(
         f"least clearance {near.distance_m:.3f} m, {near.time_s:.1f} s into it: {near.what} "
-        f"({model.margin_m:.3f} m is to be kept)",
+        f"({model.margin_m:.3f} m is required)",
         highlight=False,
         soft_wrap=True,
     )
@@ -103,7 +103,7 @@ def _limits_table(model: ArmModel, numbers: MotionNumbers) -> Table:
 
 
 def draw(path: Path, wish: Wish, planned: Plan, model: ArmModel, numbers: MotionNumbers) -> None:
-    """The picture of it; ConfigError when the file cannot be written."""
+    """Draw the plan into a PNG file; ConfigError when it cannot be written."""
     from companion.studies.paper.arm_motion_plot import plot_motion  # noqa: PLC0415 - matplotlib takes a second to import
 
     try:

@@ -1,4 +1,4 @@
-"""Looking at the arms' servos on the bench, switching their torque, clearing their faults."""
+"""Servos on the bench: reading their state, switching their torque, clearing their faults."""
 
 import asyncio
 import json
@@ -17,11 +17,11 @@ from companion.core.interfaces import ArmError
 from companion.core.types import ArmStatus
 
 _METER_S = 0.6
-"""So long the cycles are counted before one table is shown."""
+"""Time over which the bus cycles are counted before a single table is printed."""
 
 
 async def ping_servos(bench: Bench, console: Console) -> None:
-    """Print who answered; ArmError with all that is missing or wrong."""
+    """Print the servos that answered; ArmError lists everything that is missing or wrong."""
     async with open_bus(bench.arms) as bus:
         console.print(found_table(bench.arms, bus.inspected.found, bus.status()))
         for warning in bus.warnings:
@@ -32,7 +32,7 @@ async def ping_servos(bench: Bench, console: Console) -> None:
 
 
 async def read_servos(bench: Bench, console: Console, once: bool, as_json: bool) -> int:
-    """Print their state, live or once; returns the exit code."""
+    """Print the servos' state, live or once; return the exit code."""
     async with open_bus(bench.arms, strict=False) as bus:
         remarks = (*bus.inspected.complaints, *bus.warnings)
         meter = CycleMeter()
@@ -72,7 +72,7 @@ def _state(bench: Bench, status: ArmStatus, meter: CycleMeter, remarks: tuple[st
 
 
 async def switch_torque(bench: Bench, on: bool) -> None:
-    """On without a jump, if all servos are well; off at all that answer."""
+    """Switch torque on without a jump if no servo has a fault, or off at all servos that answer."""
     async with open_bus(bench.arms, strict=on) as bus:
         try:
             await (bus.torque_on() if on else bus.torque_off())
@@ -85,7 +85,7 @@ async def switch_torque(bench: Bench, on: bool) -> None:
 
 
 async def clear_servos(bench: Bench) -> None:
-    """Clear what is latched, then look at all servos anew and say what is still wrong."""
+    """Clear latched faults, then inspect all servos again; typer.Exit when something is still wrong."""
     async with open_bus(bench.arms, strict=False) as bus:
         for fault in bus.status().faults:
             typer.echo(f"latched: {fault.text}")
@@ -101,4 +101,4 @@ async def clear_servos(bench: Bench) -> None:
             pass
     except ArmError as error:
         raise failed(error) from error
-    typer.echo(f"all 8 servos are well; {torque}")
+    typer.echo(f"all 8 servos are without fault; {torque}")

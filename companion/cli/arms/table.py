@@ -12,7 +12,7 @@ from companion.config.arms_config import ArmsConfig, ServoConfig
 from companion.core.types import ArmStatus, Array
 
 REFRESH_HZ = 5.0
-"""Of live tables."""
+"""Refresh rate of live tables."""
 _RATE_OVER_S = 0.5
 
 
@@ -26,7 +26,7 @@ _FOUND_COLUMNS = (
 
 
 def narrow_table(titles: tuple[str, ...], caption: str | None = None) -> Table:
-    """Columns of words to the left, of numbers to the right; nothing is wasted, a terminal may have 80 columns."""
+    """Return a table that fits 80 columns; words are left-aligned, numbers right-aligned."""
     table = Table(box=None, pad_edge=False, padding=(0, 0, 0, 1), caption=caption, caption_justify="left")
     for title in titles:
         left = title in {"joint", "model", "torque", "fault"}
@@ -35,13 +35,13 @@ def narrow_table(titles: tuple[str, ...], caption: str | None = None) -> Table:
 
 
 class CycleMeter:
-    """Bus cycles a second, from statuses as they come."""
+    """Meter of the bus's cycles per second, fed with statuses."""
 
     def __init__(self) -> None:
         self._cycles, self._time_s, self.rate_hz = 0, math.nan, math.nan
 
     def take(self, status: ArmStatus, now_s: float) -> float:
-        """The rate (Hz) over the last half second or more; NaN at first."""
+        """Return the rate (Hz) over the last half second or more; NaN before that."""
         if math.isnan(self._time_s):
             self._cycles, self._time_s = status.cycles, now_s
         elif now_s - self._time_s >= _RATE_OVER_S:
@@ -51,7 +51,7 @@ class CycleMeter:
 
 
 def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: float, goal_rad: Array | None) -> Table:
-    """All that the servos say of themselves; with goals (8,), how far each joint is off its own."""
+    """Return the servos' state as a table; with goals (8,) it has each joint's error instead of radians."""
     table = narrow_table(_STATE_COLUMNS if goal_rad is None else _MOVING_COLUMNS, bus_line(status, rate_hz))
     for place, name in enumerate(JOINT_NAMES):
         angle_rad = float(status.position_rad[place])
@@ -73,7 +73,7 @@ def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: floa
 
 
 def torque_words(status: ArmStatus) -> str:
-    """Who has torque."""
+    """Return which joints have torque, in words."""
     limp = [name for name, on in zip(JOINT_NAMES, status.torque_on, strict=True) if not on]
     if len(limp) == len(JOINT_NAMES):
         return "torque is off"
@@ -81,13 +81,13 @@ def torque_words(status: ArmStatus) -> str:
 
 
 def bus_line(status: ArmStatus, rate_hz: float) -> str:
-    """How the bus itself does."""
+    """Return the bus's cycle rate, cycle time and bad packets as one line."""
     rate = "" if math.isnan(rate_hz) else f"{rate_hz:.0f} cycles/s, "
     return f"bus: {rate}{1e3 * status.cycle_s:.1f} ms a cycle, {status.bad_packets} bad packets"
 
 
 def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmStatus) -> Table:
-    """Who answered, and how it is set."""
+    """Return the servos that answered and their settings as a table."""
     table = narrow_table(_FOUND_COLUMNS)
     for place, (name, one) in enumerate(zip(JOINT_NAMES, found, strict=True)):
         if one is not None:
@@ -107,14 +107,14 @@ def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmSt
 
 
 def protocol_of(servo: ServoConfig) -> str:
-    """As the manuals write it."""
+    """Return the Dynamixel protocol version as the manuals write it."""
     return "1.0" if servo.model.startswith("AX") else "2.0"
 
 
 def state_json(
     arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: float, remarks: tuple[str, ...]
 ) -> dict[str, Any]:
-    """One document: SI units in the names, null where nothing was read."""
+    """Return the state as a JSON document: SI units in the names, null for values never read."""
     return {
         "port": arms.port,
         "cycles": status.cycles,

@@ -1,4 +1,4 @@
-"""What the arms do during a demo."""
+"""Arm motion of a demo flight."""
 
 from companion.arms.planning import Plan, plan
 from companion.config.arm_files import motion_named
@@ -8,15 +8,15 @@ from companion.core.types import Array
 from companion.trajectories.reference import Trajectory
 
 _AROUND_S = 30.0
-"""The way to the trajectory's start and the pauses: the arms swing on until they are stowed for the landing."""
+"""Time beside the trajectory: the arms keep moving until they are stowed for the landing."""
 
 
 def plan_arms(
     name: str, config: CompanionConfig, trajectory: Trajectory, start_rad: Array | None = None
 ) -> Plan | None:
-    """A motion for the whole flight, from `start_rad` (8,) or the stowed pose; None for `off`.
+    """Plan a motion for the whole flight, from `start_rad` (8,) or the stowed pose; None for `off`.
 
-    Raises ArmError or ConfigError with the reason why it cannot be run.
+    Raises ArmError or ConfigError with the reason when it cannot be run.
     """
     if config.arms is None:
         if name not in {"off", "swing"}:

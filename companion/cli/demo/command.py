@@ -35,7 +35,7 @@ _BUSY = frozenset({
     Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_SLOW, Fault.MOCAP_DELAYED,
     Fault.AUTOPILOT_SILENT, Fault.LOOP_LATE, Fault.ARMS,
 })  # fmt: skip
-"""Faults of a computer that cannot serve its mocks in time, when nobody asked for one."""
+"""Faults that suggest a too busy computer when none was injected."""
 _BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have not answered")
 
 
@@ -53,35 +53,33 @@ def demo(
     ] = "swing",
     feedforward: ArmsFeedforward = None,
     laps: Annotated[int, typer.Option(min=1, max=100, help="Laps of ellipse or figure8.")] = 2,
-    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Seconds a lap, at full speed.")] = 15.0,
-    size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Size of the curve; 1 is 2 m across.")] = 1.0,
+    period: Annotated[float, typer.Option(min=4.0, max=120.0, help="Time for one lap at full speed, s.")] = 15.0,
+    size: Annotated[float, typer.Option(min=0.1, max=3.0, help="Scale ellipse or figure8: 1 is 2 m long.")] = 1.0,
     compare: Annotated[
-        str | None, typer.Option(help="Fly this controller, too, and show both.", autocompletion=controllers)
+        str | None, typer.Option(help="Fly this controller afterwards and show both.", autocompletion=controllers)
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the mocks' noise and disturbances.")] = 1,
-    config: Annotated[Path | None, typer.Option(help="Companion configuration; config/demo.toml if not given.")] = None,
-    mock_config: Annotated[Path | None, typer.Option(help="Mock configuration; config/mock.toml if not given.")] = None,
+    config: Annotated[Path | None, typer.Option(help="Companion configuration.  [default: config/demo.toml]")] = None,
+    mock_config: Annotated[Path | None, typer.Option(help="Mock configuration.  [default: config/mock.toml]")] = None,
     summary: SummaryFile = None,
-    out: Annotated[Path, typer.Option(help="Folder for the plot and the record.")] = Path("flights"),
-    mocks: Annotated[
-        bool, typer.Option(help="Start the mocks; --no-mocks flies against what is already running.")
-    ] = True,
+    out: Annotated[Path, typer.Option(help="Write the plot and the record into this folder.")] = Path("flights"),
+    mocks: Annotated[bool, typer.Option(help="Start the mocks; --no-mocks connects to mocks that already run.")] = True,
     fault: Annotated[
         list[str] | None,
         typer.Option(
             metavar="SENTENCE",
-            help="Let something go wrong; may be given again: 'mocap stuck at 12 s for 2 s', 'link delayed by 0.2 s at "
-            "10 s', 'autopilot wrong (pilot takes over) in the air after 8 s'. Times count from lift-off. All there "
-            "is: docs/faults.md.",
+            help="Inject a fault; may be repeated: 'mocap stuck at 12 s for 2 s', 'link delayed by 0.2 s at 10 s', "
+            "'autopilot wrong (pilot takes over) in the air after 8 s'. Times count from lift-off. All faults: "
+            "docs/faults.md.",
         ),
     ] = None,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Show everything the parts say.")] = False,
-    free: Annotated[bool, typer.Option("--free-ports", help="Any free ports instead of PX4's and QTM's.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Print all log messages.")] = False,
+    free: Annotated[bool, typer.Option("--free-ports", help="Use free ports, to run several demos at once.")] = False,
 ) -> None:
-    """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and say how good it was.
+    """Fly takeoff, hold, laps of a trajectory and landing against the mocks, and print the errors.
 
-    Exit code 0 only if it landed, disarmed and stayed inside the controller's error limits; 1 if not, 2 for what could
-    not be started, 130 after Ctrl-C, which lands.
+    Exit codes: 0 landed, disarmed and inside the controller's error limits; 1 not so; 2 could not be started; 130
+    after Ctrl-C, which lands.
     """
     logging.basicConfig(level=logging.CRITICAL, format="%(levelname)s %(name)s: %(message)s")
     if verbose:
@@ -140,7 +138,7 @@ def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> Co
 
 
 def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
-    """The configuration, with the ports that were chosen for it."""
+    """Return the configuration with the chosen ports in it."""
     if ports.client is None or ports.qualisys is None:
         return config
     px4 = config.px4.model_copy(update={"url": f"udpin://127.0.0.1:{ports.client}"})
@@ -158,7 +156,7 @@ def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedCo
 
 
 def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -> None:
-    """What can be seen of them here; the mocks refuse what is no fault when they start."""
+    """Raise MockError for faults that this demo cannot inject; the mocks check the sentences when they start."""
     if faults and not mocks:
         raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
     for sentence in faults:
@@ -169,7 +167,7 @@ def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -
 
 
 def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory, trajectory_name: str) -> tuple[str, ...]:
-    """What cannot be flown is refused before anything starts; what the user should know of the rest."""
+    """Check trajectory and arm motion before anything starts; return the plan's notes. ConfigError or ArmError."""
     check_trajectory(trajectory, config.room, trajectory_name)
     planned = plan_arms(name, config, trajectory)
     return planned.notes if planned is not None else ()
@@ -187,11 +185,11 @@ class Result:
 
 
 def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> Result:
-    """Report, picture and record of one flight."""
+    """Print the report of one flight, keep its picture and record; return the result."""
     good = within_limits(flown.summary, flight.controller.error_limits) and not flown.failure
     print_report(console, flight.controller, flown.summary, flown.failure, flown.interrupted)
     if flight.start_mocks and _looks_busy(flown):
-        console.print("  The mocks run on this computer: was it too busy to serve them?", highlight=False)
+        console.print("  The mocks run on this computer: it may have been too busy to serve them.", highlight=False)
     for sentence in flown.never:
         over = flown.story.over_at()
         when = f": the flight was over at {over}" if over else ": it did not come to a flight"
@@ -203,7 +201,7 @@ def _conclude(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> 
 
 
 def _say_next(records: Sequence[Path], console: Console) -> None:
-    """Tell what can be done with the records: of several flights, all on one page."""
+    """Print the next command to try with the records; several flights go onto one page."""
     if records:
         flights = " ".join(map(str, records))
         console.print(f"next: {as_typed()} report {flights}", markup=False, highlight=False, soft_wrap=True)
@@ -211,7 +209,7 @@ def _say_next(records: Sequence[Path], console: Console) -> None:
 
 
 def _looks_busy(flown: Flown) -> bool:
-    """Nobody asked for a fault, and it was one of those that come of a computer that is too slow."""
+    """Return whether a flight without injected faults ended by one that a too slow computer causes."""
     if flown.begun or not flown.failure:
         return False
     ended = any(one.cause in _BUSY for one in flown.story.reactions)
@@ -219,7 +217,7 @@ def _looks_busy(flown: Flown) -> bool:
 
 
 def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> str:
-    """The picture and the record; why one of them could not be written, empty when both are."""
+    """Write the picture, name picture and record; return why one is missing, or an empty string."""
     from companion.analysis.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
 
     when = f"{datetime.now(tz=UTC).astimezone():%Y%m%d-%H%M%S}"

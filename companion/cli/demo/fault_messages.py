@@ -1,4 +1,4 @@
-"""What an operator reads of a fault: what is wrong, what is done about it, who has the vehicle. Pure."""
+"""Fault messages for the operator: the fault, the reaction, who controls the vehicle. Pure."""
 
 import math
 import re
@@ -46,7 +46,7 @@ _LET_GO_PAST = {
 
 
 def shorter(text: str) -> str:
-    """What is wrong with the arms, with what several servos say alike said once."""
+    """Return a message about the arms in which equal messages of several servos are merged."""
     alike: dict[str, list[tuple[int, str]]] = {}
     others = []
     for part in _NEXT_SERVO.split(text):
@@ -68,7 +68,7 @@ def _of_servos(said: list[tuple[int, str]]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """1-4, 7, 8."""
+    """Return sorted numbers as text, with ranges for runs of three or more: 1-4, 7, 8."""
     runs: list[list[int]] = []
     for number in numbers:
         if runs and number == runs[-1][-1] + 1:
@@ -79,14 +79,14 @@ def _ranges(numbers: list[int]) -> str:
 
 
 def begun(flight: FlightState, mode: FlightMode) -> str:
-    """What the flight's last reaction does."""
+    """Return what the flight's latest failsafe action does, in the present tense."""
     if flight.level is not FailsafeAction.RELEASE:
         return _NOW.get(flight.level, "")
     return _LET_GO.get(flight.cause) or f"nothing more is sent: {owner(mode)}" if flight.cause else owner(mode)
 
 
 def done(level: FailsafeAction, cause: Fault | None, mode: FlightMode, over: bool) -> str:
-    """What it has done; `over`: the motors have stopped. `mode` is the one that showed when it began."""
+    """Return what the failsafe action did. `over`: the motors have stopped; `mode`: the mode when it began."""
     if level is FailsafeAction.RELEASE:
         known = _LET_GO_PAST.get(cause) if cause else None
         return known or f"from then on {owner(mode).replace(' has ', ' had ')}"
@@ -96,7 +96,7 @@ def done(level: FailsafeAction, cause: Fault | None, mode: FlightMode, over: boo
 
 
 def owner(mode: FlightMode) -> str:
-    """Who flies, by the mode that the autopilot shows."""
+    """Return who controls the vehicle, by the autopilot's mode."""
     if mode in _PILOTS:
         return f"the pilot has it (mode {mode})"
     if mode in _LANDINGS:
@@ -107,7 +107,7 @@ def owner(mode: FlightMode) -> str:
 
 
 def still_there(tick: Tick, said: str) -> str:
-    """What became of a vehicle that was awaited in vain; `said` is what the service says."""
+    """Return the state of a vehicle that did not come down in time; `said` is the service's message."""
     status, ground_w_m = tick.status, tick.flight.ground_w_m
     if not status.connected or not status.armed:
         return said

@@ -1,4 +1,4 @@
-"""The operator's commands: to the running service over MQTT, from any machine."""
+"""The operator's commands to the running service, over MQTT from any machine."""
 
 import sys
 from pathlib import Path
@@ -18,42 +18,43 @@ if TYPE_CHECKING:
 
 _CURVES = ("ellipse", "figure8")
 _DECIMALS = 6
-"""Of m, rad and s: what 400 waypoints take must fit into one message."""
+"""Decimals of m, rad and s: 400 waypoints must fit into one message."""
 
 Height = Annotated[
-    float | None, typer.Option(metavar="M", help="Height above where it stands, m.  [default: as configured]")
+    float | None, typer.Option(metavar="M", help="Height above the take-off point, m.  [default: as configured]")
 ]
 
 
 @commanding
 def arm(asked: Asked) -> None:
-    """Check everything, fold the arms, offboard mode, motors at idle. Ctrl-C aborts: the motors stop."""
+    """Check everything, fold the arms, enter offboard mode, idle the motors. Ctrl-C aborts: the motors stop."""
     operate(asked, "arm")
 
 
 @commanding
 def takeoff(asked: Asked, height: Height = None) -> None:
-    """Climb and hold. Ctrl-C holds; before it has left the ground, the motors stop."""
+    """Climb and hold. Ctrl-C holds; while the vehicle is still on the ground, it stops the motors."""
     operate(asked, "takeoff", height_m=height)
 
 
 @commanding
 def hold(asked: Asked) -> None:
-    """Brake and hover; what was flown is not taken up again. Ctrl-C leaves."""
+    """Brake and hover; the trajectory is ended, not paused. Ctrl-C stops waiting."""
     operate(asked, "hold")
 
 
 @commanding
 def goto(
     asked: Asked,
-    x: Annotated[float, typer.Argument(help="Place along the room's x axis, m.")],
-    y: Annotated[float, typer.Argument(help="Place along the room's y axis, m.")],
+    x: Annotated[float, typer.Argument(help="Position along the room's x axis, m.")],
+    y: Annotated[float, typer.Argument(help="Position along the room's y axis, m.")],
     z: Annotated[float, typer.Argument(help="Height above the floor, m.")],
     yaw: Annotated[
-        float | None, typer.Option(metavar="RAD", help="Heading there, rad, to the left of +x.  [default: as it is]")
+        float | None,
+        typer.Option(metavar="RAD", help="Heading, rad, counterclockwise from +x.  [default: unchanged]"),
     ] = None,
 ) -> None:
-    """Fly to a place, then hold. Ctrl-C holds."""
+    """Fly to a position, then hold. Ctrl-C holds."""
     operate(asked, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
 
 
@@ -73,24 +74,24 @@ def track(
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(metavar="M", help="Height of ellipse or figure8 above the floor, m.  [default: as it is]"),
+        typer.Option(metavar="M", help="Height of ellipse or figure8 above the floor, m.  [default: current height]"),
     ] = None,
     arms: Annotated[
         str | None,
         typer.Option(
             metavar="MOTION",
-            help="Motion of the arms meanwhile: swing, or another name in the service's config/arms/.  [default: none]",
+            help="Move the arms during the flight: swing, or a name in the service's config/arms/.  [default: none]",
             autocompletion=service_motions,
         ),
     ] = None,
 ) -> None:
-    """Go to a trajectory's start, fly it, hold its end; meanwhile the arms may move. Ctrl-C holds."""
+    """Fly to a trajectory's start, fly it and hold at its end; the arms may move meanwhile. Ctrl-C holds."""
     curve: dict[str, Any] = {"laps": laps, "size": size, "period_s": period, "height_m": height}
     if path in _CURVES:
         operate(asked, "track", curve=path, arms=arms, **curve)
     given = [name.removesuffix("_s").removesuffix("_m") for name, value in curve.items() if value is not None]
     if given:
-        raise ConfigError(f"--{given[0]} is of ellipse and figure8: the waypoints of {path} say all of it")
+        raise ConfigError(f"--{given[0]} is only for ellipse and figure8: {path} defines the whole trajectory")
     operate(asked, "track", waypoints=_waypoints(path), arms=arms)
 
 
@@ -99,7 +100,7 @@ def _waypoints(name: str) -> list[dict[str, float]]:
 
     path = Path(name)
     if not path.exists():
-        trajectory_named(name, Curve())  # says what would be right
+        trajectory_named(name, Curve())  # raises with the names that exist
     read = read_waypoints(path)
     table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
     return [
@@ -122,7 +123,7 @@ def controller(
         ),
     ],
 ) -> None:
-    """Fly with another control law from now on, in the air too. Ctrl-C leaves.
+    """Switch to another control law, in the air too. Ctrl-C stops waiting.
 
     The setpoint does not jump. The position can move by 0.3 m until the new law has learned the vehicle: leave that
     much room.
@@ -132,25 +133,25 @@ def controller(
 
 @commanding
 def land(asked: Asked) -> None:
-    """Arms folded, down where it is, disarmed. Ctrl-C leaves, the landing goes on."""
+    """Fold the arms, land where the vehicle is, disarm. After Ctrl-C the landing continues."""
     operate(asked, "land")
 
 
 @commanding
 def abort(asked: Asked) -> None:
-    """Land now, or stop the motors on the ground; the record says that you did. Ctrl-C leaves, it goes on."""
+    """Land now, or stop the motors on the ground; the record notes the abort. After Ctrl-C it continues."""
     operate(asked, "abort")
 
 
 @commanding
 def resume(asked: Asked) -> None:
-    """Take the vehicle back from PX4 or its pilot, and hover where it is. Ctrl-C leaves, it goes on."""
+    """Take the vehicle back from PX4 or its pilot, and hover where it is. After Ctrl-C it continues."""
     operate(asked, "resume")
 
 
 @commanding
 def disarm(asked: Asked) -> None:
-    """Motors off, on the ground only. Ctrl-C leaves."""
+    """Stop the motors, on the ground only. Ctrl-C stops waiting."""
     operate(asked, "disarm")
 
 
@@ -158,10 +159,10 @@ def disarm(asked: Asked) -> None:
 def kill(
     asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
 ) -> None:
-    """Stop the motors at once: in the air the vehicle FALLS. Asks to type kill."""
+    """Stop the motors at once: in the air the vehicle FALLS. You must type kill to confirm."""
     if not yes:
         if not sys.stdin.isatty():
-            raise ConfigError("kill stops the motors in the air: say --yes where nobody can be asked")
+            raise ConfigError("kill stops the motors in the air: without a terminal to confirm at, add --yes")
         try:
             typed = typer.prompt("this stops the motors, in the air it falls; type kill", err=True)
         except typer.Abort:
@@ -174,7 +175,7 @@ def kill(
 
 @commanding
 def params(asked: Asked) -> None:
-    """Print the configuration, the law's gains and the autopilot's parameters that are in force."""
+    """Print the configuration, gains and autopilot parameters that the service uses."""
     operate(asked, "params", show=_show_params)
 
 

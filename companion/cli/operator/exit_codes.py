@@ -1,4 +1,4 @@
-"""What several commands are asked in the same words, and how they end."""
+"""Exit codes, and the lists of names and seeds that several commands parse."""
 
 import re
 
@@ -6,23 +6,23 @@ from companion.client.errors import LostError, NobodyThereError
 from companion.core.errors import CompanionError, ConfigError
 
 FAILED = 1
-"""Exit code: begun, and not ended well."""
+"""Exit code: begun, but failed."""
 BAD_INPUT = 2
-"""Exit code: refused, or not begun."""
+"""Exit code: refused or bad input, nothing begun."""
 NOBODY, LOST = 3, 4
-"""Exit codes: no service there; it is not known how it ended."""
+"""Exit codes: no service answers; the outcome is not known."""
 INTERRUPTED = 130
 """Exit code: Ctrl-C."""
 _MOST_SEEDS = 1000
 
 
 def code_of(error: CompanionError) -> int:
-    """Return the exit code of what went wrong."""
+    """Return the exit code that belongs to `error`."""
     return NOBODY if isinstance(error, NobodyThereError) else LOST if isinstance(error, LostError) else BAD_INPUT
 
 
 def names_of(text: str, option: str) -> tuple[str, ...]:
-    """Names or files between commas, spaces around them or not; `option` without its dashes. ConfigError for none."""
+    """Split comma-separated names or files and strip spaces; `option` is without its dashes. ConfigError if empty."""
     names = tuple(name.strip() for name in text.split(",") if name.strip())
     if not names:
         raise ConfigError(f"--{option} {text!r}: give at least one name or TOML file")
@@ -30,7 +30,7 @@ def names_of(text: str, option: str) -> tuple[str, ...]:
 
 
 def seeds_of(text: str) -> tuple[int, ...]:
-    """FIRST:LAST, both among them, or one seed alone; ConfigError for anything else and for too many."""
+    """Parse FIRST:LAST (inclusive) or one seed; ConfigError for anything else and for too many seeds."""
     asked = re.fullmatch(r"([0-9]{1,9})(?::([0-9]{1,9}))?", text.strip())
     first, last = (int(asked[1]), int(asked[2] or asked[1])) if asked else (1, 0)
     if first > last:

@@ -1,4 +1,4 @@
-"""What a command says while it is carried out; and as JSON, for scripts."""
+"""The interface of a command's output, and its JSON form for scripts."""
 
 import json
 from typing import Protocol
@@ -13,23 +13,23 @@ _TYPES: dict[type, str] = {Reply: "reply", State: "state", Happened: "event", Pr
 
 
 class Voice(Protocol):
-    """What a command says while it is carried out, and at its end."""
+    """Output of a command while it runs and at its end."""
 
     def begin(self, verb: str) -> None:
-        """From now on there is something to wait for."""
+        """Start to show that `verb` is being waited for."""
 
     def say(self, said: Said) -> None:
-        """Of what is heard, all that is worth telling."""
+        """Print a message from the service if it matters to the user."""
 
     def note(self, text: str) -> None:
-        """A sentence of our own."""
+        """Print a sentence that does not come from the service."""
 
     def end(self, code: int, text: str) -> None:
-        """The last sentence."""
+        """Print the last sentence; `code` is the exit code."""
 
 
 def line_of(said: Said) -> str:
-    """One JSON object: the message as it came, and `type`."""
+    """Return a received message as one JSON object, with its `type` added."""
     if isinstance(said, Link):
         return json.dumps({"type": "link", "there": said.there, "why": said.why})
     kind = next(name for model, name in _TYPES.items() if isinstance(said, model))
@@ -38,20 +38,20 @@ def line_of(said: Said) -> str:
 
 
 class JsonVoice:
-    """One object a line: replies, and at last `end` with code and text."""
+    """JSON output, one object a line: replies, then `end` with code and text."""
 
     def begin(self, verb: str) -> None:
-        """Nothing."""
+        """Print nothing: JSON output has no live line."""
 
     def say(self, said: Said) -> None:
-        """Replies and the connection; states would be ten a second."""
+        """Print replies and connection changes; states would be ten a second."""
         if isinstance(said, Reply | Link):
             typer.echo(line_of(said))
 
     def note(self, text: str) -> None:
-        """As an object of its own."""
+        """Print the sentence as an object of type note."""
         typer.echo(json.dumps({"type": "note", "text": text}))
 
     def end(self, code: int, text: str) -> None:
-        """`code` is the exit code."""
+        """Print the object of type end, with the exit code."""
         typer.echo(json.dumps({"type": "end", "code": code, "text": text}))

@@ -1,4 +1,4 @@
-"""What every operator's command can be told, written down once."""
+"""Options that all operator commands share."""
 
 import inspect
 import math
@@ -12,15 +12,15 @@ import typer
 from companion.client.endpoint import BROKER, CA_FILE, PASSWORD_FILE, VEHICLE, Given
 
 EXIT_CODES = (
-    "Exit codes: 0 done, 1 begun and failed, 2 refused or bad input, 3 nobody there, 4 no answer, or not known how it "
-    "ended, 130 interrupted."
+    "Exit codes: 0 done, 1 begun and failed, 2 refused or bad input, 3 no service, 4 no answer or unknown outcome, "
+    "130 interrupted."
 )
 _PANEL = "Where the service is"
 
 Broker = Annotated[
     str | None,
     typer.Option(
-        help=f"The broker: mqtt://HOST or mqtts://USER@HOST:PORT.  [default: ${BROKER}, else this computer]",
+        help=f"Connect to a broker: mqtt://HOST or mqtts://USER@HOST:PORT.  [default: ${BROKER}, else this computer]",
         rich_help_panel=_PANEL,
         metavar="URL",
     ),
@@ -28,7 +28,7 @@ Broker = Annotated[
 Vehicle = Annotated[
     str | None,
     typer.Option(
-        help=f"The vehicle on it: VEHICLE or PREFIX/VEHICLE.  [default: ${VEHICLE}, else dauam/vehicle]",
+        help=f"Address a vehicle: VEHICLE or PREFIX/VEHICLE.  [default: ${VEHICLE}, else dauam/vehicle]",
         rich_help_panel=_PANEL,
         metavar="NAME",
     ),
@@ -36,13 +36,15 @@ Vehicle = Annotated[
 PasswordFile = Annotated[
     str | None,
     typer.Option(
-        help=f"File with the user's password.  [default: ${PASSWORD_FILE}]", rich_help_panel=_PANEL, metavar="FILE"
+        help=f"Read the password from a file.  [default: ${PASSWORD_FILE}]",
+        rich_help_panel=_PANEL,
+        metavar="FILE",
     ),
 ]
 CaFile = Annotated[
     str | None,
     typer.Option(
-        help=f"PEM file of who signed the broker's certificate.  [default: ${CA_FILE}]",
+        help=f"Trust the certificate authority in this PEM file.  [default: ${CA_FILE}]",
         rich_help_panel=_PANEL,
         metavar="FILE",
     ),
@@ -50,18 +52,18 @@ CaFile = Annotated[
 ConfigFile = Annotated[
     Path | None,
     typer.Option(
-        "--config", help="Configuration whose table [operator] says all this.", rich_help_panel=_PANEL, metavar="FILE"
+        "--config", help="Read all of this from [operator] in this file.", rich_help_panel=_PANEL, metavar="FILE"
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object a line, and nothing else.")]
 NoWait = Annotated[
-    bool, typer.Option("--no-wait", help="Return once the service has accepted it, not when it is done.")
+    bool, typer.Option("--no-wait", help="Return once the service has accepted it; do not wait for its end.")
 ]
 Timeout = Annotated[
     float | None,
     typer.Option(
         min=0.1,
-        help="Return after this many seconds (exit code 4), done or not; the vehicle goes on with it.",
+        help="Stop waiting after S seconds (exit code 4); the vehicle continues.",
         metavar="S",
     ),
 ]
@@ -69,7 +71,7 @@ Timeout = Annotated[
 
 @dataclass(frozen=True)
 class Asked:
-    """What an operator wants of a command besides what it is."""
+    """Options of an operator's command: the broker, the output, how long to wait."""
 
     given: Given
     as_json: bool
@@ -78,7 +80,7 @@ class Asked:
 
 
 def looking(command: Callable[..., None]) -> Callable[..., None]:
-    """Gives `command` the options of one that only looks; its first parameter is `Asked`."""
+    """Give `command` the options of one that only looks; its first parameter is `Asked`."""
 
     def parameters(
         broker: Broker = None,
@@ -94,7 +96,7 @@ def looking(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def commanding(command: Callable[..., None]) -> Callable[..., None]:
-    """Gives `command` the options of one that is carried out and waited for; its first parameter is `Asked`."""
+    """Give `command` the options of one that is executed and waited for; its first parameter is `Asked`."""
 
     def parameters(
         broker: Broker = None,
@@ -113,7 +115,7 @@ def commanding(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def _with_options(command: Callable[..., None], parameters: Callable[..., Asked]) -> Callable[..., None]:
-    """A function whose signature, which typer reads, has both: the command's own first."""
+    """Return a function whose signature, which typer reads, has both: the command's own parameters first."""
     own = list(inspect.signature(command).parameters.values())[1:]
     shared = list(inspect.signature(parameters).parameters.values())
     names = [one.name for one in shared]

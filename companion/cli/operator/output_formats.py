@@ -1,4 +1,4 @@
-"""How an operator's command tells people what it hears."""
+"""Output of operator commands for people."""
 
 import time
 from collections.abc import Callable
@@ -13,13 +13,13 @@ from companion.client.client import Link, Said
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply, State
 
 Show = Callable[[Reply, Console], None]
-"""Prints what a reply holds besides its sentence."""
+"""Function that prints the data of a reply."""
 _REFRESH_HZ = 5.0
 _ON_THE_WAY = {"goto": ", on the way", "track": ", on the way to the start"}
 
 
 class PlainVoice:
-    """For people: one live line on a terminal, above it what is new."""
+    """Output for people: one live line on a terminal, new messages above it."""
 
     def __init__(self, show: Show | None = None) -> None:
         self._show = show
@@ -28,7 +28,7 @@ class PlainVoice:
         self._verb, self._since_s, self._state = "", time.monotonic(), None  # type: str, float, State | None
 
     def begin(self, verb: str) -> None:
-        """Show the live line until `end`."""
+        """Show the live line of `verb` until `end`, on a terminal only."""
         self._verb, self._since_s = verb, time.monotonic()
         if self._out.is_terminal and self._live is None:
             self._live = Live(
@@ -38,7 +38,7 @@ class PlainVoice:
             show_cursor(self._out)
 
     def say(self, said: Said) -> None:
-        """What is accepted and how it goes on, faults, and what became of the connection."""
+        """Print accepted commands, progress, faults and connection changes."""
         if isinstance(said, State):
             self._state = said
         elif isinstance(said, Link):
@@ -55,14 +55,14 @@ class PlainVoice:
                 self._show(said, self._out)
 
     def note(self, text: str) -> None:
-        """Beside the command's own words: on standard error."""
+        """Print a sentence above the live line, or on standard error without one."""
         if self._live is not None:
             self._out.print(Text(f"  {text}", style="yellow"))
         else:
             typer.echo(text, err=True)
 
     def end(self, code: int, text: str) -> None:
-        """What was done on standard output; what was not, on standard error."""
+        """Print success on standard output, failure on standard error."""
         self._stop()
         if code:
             typer.echo(f"companion: {text}", err=True)
@@ -91,13 +91,13 @@ class PlainVoice:
 
 
 def phase_of(state: State) -> str:
-    """Return the flight's phase for people: the phase of a vehicle on its way to a place is hold, too."""
+    """Return the flight's phase for people; hold on the way to a goal is marked as such."""
     verb = state.doing.verb if state.doing is not None and state.phase == "hold" else ""
     return f"{state.phase}{_ON_THE_WAY.get(verb, '')}"
 
 
 def words_of(happened: Happened) -> str:
-    """Return an event for people, without its time: its kind first, as a phase and a verb may have one name."""
+    """Return an event for people, without its time; its kind comes first, as a phase and a verb may share a name."""
     if happened.kind is Kind.FAULT:
         led = f" -> {happened.reaction}" if happened.reaction else ""
         return f"fault: {happened.name}{': ' if happened.name else ''}{happened.text}{led}"

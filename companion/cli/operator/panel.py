@@ -23,13 +23,13 @@ _STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.
 
 
 def show_once(console: client.Console) -> None:
-    """Print the panel."""
+    """Print the panel with the newest state once."""
     Console(highlight=False).print(panel(console))
 
 
 @contextmanager
 def live_panel(console: client.Console) -> Iterator[None]:
-    """Show the panel, drawn again and again."""
+    """Show the panel live until the block ends."""
     out = Console(highlight=False)
     with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
         show_cursor(out)
@@ -37,7 +37,7 @@ def live_panel(console: client.Console) -> Iterator[None]:
 
 
 def show_event(said: Said) -> None:
-    """Print one line."""
+    """Print an event as one line with its time of day."""
     Console(highlight=False, soft_wrap=True).print(_event(said))
 
 
@@ -56,7 +56,7 @@ def _clock(time_s: float) -> str:
 
 
 def panel(console: client.Console) -> RenderableType:
-    """The newest state, and whether it is new."""
+    """Return the newest state as a table, with a warning when it is old."""
     state = console.state
     assert state is not None
     age_s = console.state_age_s()
@@ -64,7 +64,7 @@ def panel(console: client.Console) -> RenderableType:
     head = f"{console.where}"
     if not console.linked:
         warning = f"no connection to the broker for {age_s:.0f} s"
-    elif age_s > _SILENT_S:  # a status alone may be anybody's
+    elif age_s > _SILENT_S:  # any client could have published a status
         gone = presence is not None and not presence.online
         warning = (
             f"the service does not run; last heard {age_s:.0f} s ago" if gone else f"nothing heard for {age_s:.0f} s"

@@ -1,4 +1,4 @@
-"""`companion preflight`: by the service where one runs, else by looking at the devices from here."""
+"""`companion preflight`: by the running service, else directly from the devices."""
 
 import asyncio
 from dataclasses import fields
@@ -29,7 +29,7 @@ def preflight(
     trajectory: Annotated[
         str | None,
         typer.Option(
-            help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?",
+            help="Check that ellipse, figure8 or a CSV file stays inside the fence.",
             autocompletion=trajectories,
             rich_help_panel=_PANEL,
         ),
@@ -38,19 +38,20 @@ def preflight(
         bool,
         typer.Option(
             "--by-hand",
-            help="Carry the vehicle, disarmed: do mocap and autopilot see the same?",
+            help="Carry the vehicle, disarmed, to compare mocap with the autopilot.",
             rich_help_panel=_PANEL,
         ),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder of the records.  [default: as configured]", rich_help_panel=_PANEL)
+        Path | None,
+        typer.Option(help="Write the record into this folder.  [default: as configured]", rich_help_panel=_PANEL),
     ] = None,
 ) -> None:
-    """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
+    """Check everything that must be right before arming, on the ground and disarmed, and print the remedies.
 
-    The running service is asked. Where none is, and none was named by --broker or --vehicle, motion capture, autopilot
-    and arms are looked at from here, as --config (else the vehicle's own configuration) says; --json is one document
-    then. Nothing is commanded; only poses go to the autopilot's estimator.
+    The running service makes the checks. Without one, and without --broker and --vehicle, this command connects to
+    motion capture, autopilot and arms itself, by --config (else the vehicle's own configuration); --json then prints
+    one document. Nothing is commanded; only poses are sent, to the autopilot's estimator.
     """
     only_here = by_hand or trajectory is not None or out is not None
     if not only_here and _service_runs(asked.given):
@@ -61,13 +62,13 @@ def preflight(
 
 
 def _service_runs(given: Given) -> bool:
-    """True also where one was named: then that nobody is there is the answer."""
+    """Return true also when --broker or --vehicle names one: its absence is then the answer."""
     if given.of_a_broker:
         return True
     try:
         return asyncio.run(_is_there(given))
     except ConfigError:
-        return False  # whoever reads the whole file says better what is wrong with it
+        return False  # reading the whole file later gives a better message
 
 
 async def _is_there(given: Given) -> bool:
@@ -80,9 +81,9 @@ async def _is_there(given: Given) -> bool:
 
 
 def show_checks(reply: Reply, console: "Console") -> None:
-    """Print the list that came with a reply, whose own words say what it means.
+    """Print the list of checks in a reply, without a verdict: the reply's text has it.
 
-    What an older or newer service says otherwise is left out.
+    Fields that only an older or newer service knows are left out.
     """
     from companion.cli.vehicle.preflight import show  # noqa: PLC0415 - as above
 

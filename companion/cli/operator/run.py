@@ -1,4 +1,4 @@
-"""One operator's command from the command line to its exit code."""
+"""Execution of one operator command, from the options to the exit code."""
 
 import asyncio
 import signal
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
 _SAFE_S = 15.0
-"""A hold takes a few seconds to stand still."""
+"""Time limit for the command after Ctrl-C; a hold takes a few seconds to stop."""
 T = TypeVar("T")
 
 _HOLD, _ABORT = ({"verb": "hold"},), ({"verb": "abort"},)
@@ -35,15 +35,15 @@ _AFTER_CTRL_C: dict[str, tuple[dict[str, Any], ...]] = {
     "track": _HOLD,
     "arms": ({"verb": "arms", "do": "hold"},),
 }
-"""What makes it safe, by verb; the next one where one is refused. All else goes on or is over."""
+"""Commands that make it safe, by verb; the next one is sent when one is refused."""
 
 
 class _PressedError(Exception):
-    """Ctrl-C."""
+    """Ctrl-C was pressed while something was being waited for."""
 
 
 def operate(asked: Asked, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
-    """Command it, wait for its end, and exit with the code that docs/commands.md gives it."""
+    """Send `verb`, wait for its end, and exit with the code that docs/commands.md lists."""
     raise typer.Exit(asyncio.run(_Run(asked, _voice_of(asked, show)).code(verb, fields)))
 
 
@@ -61,7 +61,7 @@ class _Run:
         self._presses: asyncio.Queue[None] = asyncio.Queue()
 
     async def code(self, verb: str, fields: dict[str, object]) -> int:
-        """Of its end, which is told."""
+        """Run the command, print its end, and return its exit code."""
         asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._presses.put_nowait, None)
         try:
             code, text = await self._carried_out(CommandDraft(verb, **fields))
@@ -87,7 +87,7 @@ class _Run:
             return _CODES[reply.answer], text if reply.answer in _GOOD else f"{draft.verb} {reply.answer}: {text}"
 
     async def _followed(self, errand: PendingCommand, draft: CommandDraft) -> Reply:
-        """The reply that ends it, or is enough."""
+        """Print what the service says; return the last reply, or the acceptance with --no-wait."""
         last: Reply | None = None
         async for said in errand.said():
             self._voice.say(said)
@@ -99,12 +99,12 @@ class _Run:
         return last
 
     async def _made_safe(self, console: Console, errand: PendingCommand, draft: CommandDraft) -> str:
-        """What Ctrl-C does, and the sentence of what came of it."""
+        """Send the commands that make it safe after Ctrl-C; return the sentence about their result."""
         if errand.sent is Sent.NO:
             return "interrupted, nothing was sent"
         remedies = _AFTER_CTRL_C.get(draft.verb, ())
         if not remedies:
-            return f"interrupted: {draft.verb} was sent, its end is not waited for"
+            return f"interrupted: {draft.verb} was sent and continues; not waiting for its end"
         said = ""
         for remedy in remedies:
             safe = CommandDraft(**remedy)
@@ -113,16 +113,16 @@ class _Run:
             try:
                 reply = await self._unless_pressed(self._followed(PendingCommand(console, safe, _SAFE_S), safe))
             except _PressedError:
-                return f"interrupted: {what} was sent, its end is not waited for"
+                return f"interrupted: {what} was sent and continues; not waiting for its end"
             except CompanionError as error:
-                return f"interrupted, but it is not known whether {what} was carried out: {error}"
+                return f"interrupted, but it is not known whether {what} was executed: {error}"
             said = f"{what} {reply.answer}: {reply.text}"
             if reply.answer is not Answer.REFUSED:
                 break
         return f"interrupted; {said}"
 
     async def _unless_pressed(self, work: Coroutine[Any, Any, T]) -> T:
-        """Its result; _PressedError when Ctrl-C comes first, and then it is cancelled."""
+        """Return the result of `work`; cancel it and raise _PressedError when Ctrl-C comes first."""
         doing, pressed = asyncio.ensure_future(work), asyncio.ensure_future(self._presses.get())
         try:
             await asyncio.wait({doing, pressed}, return_when=asyncio.FIRST_COMPLETED)

@@ -1,6 +1,6 @@
-"""`companion status` and `companion watch`: what the service says, without a command.
+"""`companion status` and `companion watch`: the service's telemetry and events.
 
-What draws on a terminal is imported when there is something to draw: an answer such as "nobody there" comes at once.
+Modules that draw are imported only when there is something to draw, so that errors appear at once.
 """
 
 import asyncio
@@ -25,9 +25,10 @@ _SILENT_S = 1.0
 
 @looking
 def status(
-    asked: Asked, once: Annotated[bool, typer.Option("--once", help="Print it once; so without a terminal.")] = False
+    asked: Asked,
+    once: Annotated[bool, typer.Option("--once", help="Print the state once; the default without a terminal.")] = False,
 ) -> None:
-    """Show phase, place, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
+    """Show phase, position, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
     if asked.as_json:
         _end(asked, _print_states(asked, once))
     _end(asked, _show_live(asked) if sys.stdout.isatty() and not once else _show_once(asked))
@@ -35,7 +36,7 @@ def status(
 
 @looking
 def watch(asked: Asked) -> None:
-    """Print what happens as it happens: phases, faults, commands and replies; until Ctrl-C."""
+    """Print phases, faults, commands and replies as they happen, until Ctrl-C."""
     _end(asked, _print_events(asked))
 
 
@@ -55,7 +56,7 @@ def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
 
 
 async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
-    """For ever; None when nothing was said for a while. NobodyThereError when there is nobody at the beginning."""
+    """Yield messages for ever, None after a second of silence; NobodyThereError when no service answers."""
     await console.find()
     while True:
         yield await console.next(_SILENT_S)
