@@ -160,7 +160,7 @@ def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(typed: Type, sh
         (("--experiments", ","), "--experiments ',': give at least one name or TOML file"),
         (("--controllers", "nonesuch"), "unknown controller 'nonesuch': give a TOML file"),
         (("--controllers", "paper"), "the loop of command filter and compensation is unstable"),
-        (("--controllers", f"practical,{PRACTICAL}"), "practical is there 2 times, every name may be there once"),
+        (("--controllers", f"practical,{PRACTICAL}"), "practical is given 2 times, give each name once"),
         (("--controllers", "pid", "--summary", "/proc/none/s.json"), "cannot write to /proc/none"),
         (("--controllers", "pid", "--summary", "."), "--summary . is a folder"),
         (("--controllers", "pid", "--summary", "/proc/s.json"), "cannot write to /proc/s.json"),

@@ -47,7 +47,7 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--weights", "0.5,-1"], "--weights 0.5,-1: must be numbers from 0.05 to 20 with commas between"),
+        (["--weights", "0.5,-1"], "--weights 0.5,-1: must be comma-separated numbers from 0.05 to 20"),
         (["--bandwidths", "ten"], "--bandwidths ten: must be numbers from 2 to 40"),
         (["--start", "pid"], "law = 'pid': must be 'etnn' here"),
         (["--experiments", "elipse"], "unknown experiment 'elipse'"),

@@ -1,4 +1,4 @@
-"""One flight of the demo: the mocks, the service, the verbs in their order, and whatever happens, down again."""
+"""One flight of the demo: start the mocks and the service, run the commands in order, land in any case."""
 
 import asyncio
 import re
@@ -33,58 +33,58 @@ from companion.trajectories.reference import Trajectory
 
 _POLL_S = 0.02
 _THEIRS_S = 30.0
-"""So long somebody else's flight is watched."""
+"""Time for which a flight under the pilot's or PX4's control is watched."""
 _STOPPED_S = 1.0
 _ENDED = "the flight was ended: "
 
 
 @dataclass(frozen=True)
 class DemoFlight:
-    """One flight to be flown."""
+    """Description of one demo flight."""
 
     config: CompanionConfig
     controller: LoadedController
     trajectory_name: str
     trajectory: Trajectory
     arms: str
-    """What they do meanwhile, as in --arms."""
+    """Motion of the arms, as in --arms."""
     notes: tuple[str, ...]
-    """What is to be known of that."""
+    """Notes about the arms' motion for the user."""
     mock_config: Path
     ports: MockPorts
     seed: int
     start_mocks: bool
     faults: tuple[str, ...]
-    """What the mocks let go wrong, in their words."""
+    """Faults to inject, as sentences."""
     records: Path
-    """Where the record goes."""
+    """Folder of the record."""
 
     @property
     def name(self) -> str:
-        """What is flown, as a part of a file's name."""
+        """Trajectory, law and seed as a part of a file's name."""
         name = f"{Path(self.trajectory_name).stem}-{Path(self.controller.name).stem}-seed{self.seed}"
         return re.sub(r"[^A-Za-z0-9_-]", "_", name)
 
 
 @dataclass
 class Flown:
-    """What came of it."""
+    """Result of a demo flight."""
 
     recorder: Recorder
-    """For the summary and the picture."""
+    """Ticks of the flight, for the summary and the picture."""
     story: FlightStory
     interrupted: bool = False
     failure: str = ""
-    """Why it did not go as planned; empty when it did."""
+    """Reason why the flight did not go as planned; empty when it did."""
     begun: list[str] = field(default_factory=list)
-    """Faults that the mocks let go wrong."""
+    """Injected faults that began."""
     never: list[str] = field(default_factory=list)
-    """Faults that should have been, and were not."""
+    """Requested faults that never began."""
     summary: Summary | None = None
     record: Path | None = None
     """The flight's file; None where there is none."""
     record_trouble: str = ""
-    """Why it is not whole."""
+    """Reason why the record is incomplete; empty when it is complete."""
 
 
 async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
@@ -123,7 +123,7 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
 
 
 def _kept(flight: DemoFlight) -> RecordSink:
-    """The record, named after what is flown."""
+    """Return the sink of the record, named after trajectory, law and seed."""
     records = flight.config.records.model_copy(update={"folder": str(flight.records)})
     if flight.ports.client is not None:  # so that demos run beside each other
         records = records.model_copy(update={"live_port": 0})
@@ -145,12 +145,12 @@ def _kept(flight: DemoFlight) -> RecordSink:
 
 
 def _vehicle(flight: DemoFlight) -> str:
-    """The vehicle's own name; the mock's where the configuration gives none."""
+    """Return the configured name of the vehicle, else `mock`."""
     return flight.config.operator.vehicle if flight.config.operator else "mock"
 
 
 async def _close(kept: RecordSink, flown: Flown) -> None:
-    """The record is whole; of what never flew there is none."""
+    """Complete the record; delete that of a vehicle that never flew."""
     await asyncio.to_thread(kept.close)
     path = Path(kept.file) if kept.file else None
     if path is not None and not flown.recorder.flew:
@@ -186,7 +186,7 @@ async def _service(flight: DemoFlight, sinks: Sequence[TickSink]) -> AsyncIterat
 
 
 async def _mission(flight: DemoFlight, service: FlightActions, display: FlightDisplay, flown: Flown) -> None:
-    """The flight itself; whatever goes wrong or is interrupted, it lands."""
+    """Fly; land after every error and interrupt."""
     work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
 
     def on_interrupt() -> None:
@@ -214,7 +214,7 @@ async def _mission(flight: DemoFlight, service: FlightActions, display: FlightDi
 
 
 async def _fly(flight: DemoFlight, service: FlightActions, display: FlightDisplay) -> None:
-    """The verbs; an operator's hold ends them, and lasts until the operator or a fault ends it."""
+    """Run the commands; an operator's hold ends them, and lasts until the operator or a fault ends it."""
     verbs = asyncio.create_task(_verbs(flight, service, display), name="companion.demo_verbs")
     try:
         while not (verbs.done() or display.story.held):
@@ -246,7 +246,7 @@ async def _verbs(flight: DemoFlight, service: FlightActions, display: FlightDisp
 
 
 async def _land_anyway(service: FlightActions, story: FlightStory, flown: Flown) -> str:
-    """Come down, or wait for whoever has it; what is not over after that, empty when all is."""
+    """Land, or wait for a pilot or PX4 to land; return what is still going on, empty when the flight is over."""
     landing = asyncio.create_task(_down(service, story, flown), name="companion.demo_landing")
     try:
         await asyncio.shield(landing)
@@ -256,7 +256,7 @@ async def _land_anyway(service: FlightActions, story: FlightStory, flown: Flown)
 
 
 async def _down(service: FlightActions, story: FlightStory, flown: Flown) -> None:
-    """Only Ctrl-C tells an autopilot or a pilot who has the vehicle to land it; the operator may take it back."""
+    """Land; wait while a pilot or PX4 has the vehicle, as the operator may resume, but not after Ctrl-C."""
     loop, hovering = asyncio.get_running_loop(), frozenset({Phase.RESUME})
     end_s = loop.time() + _THEIRS_S
     while service.phase in hovering | {Phase.HANDED_OVER} and not flown.interrupted and _goes_on(story):
@@ -265,14 +265,14 @@ async def _down(service: FlightActions, story: FlightStory, flown: Flown) -> Non
         if service.phase is not Phase.HANDED_OVER:
             end_s = loop.time() + _THEIRS_S
         if story.last is not None and not story.last.status.connected:
-            raise FlightError("the autopilot is not heard any more: look at the vehicle")
+            raise FlightError("the autopilot has gone silent: look at the vehicle")
         if loop.time() > end_s:
             raise FlightError("the autopilot is still armed")
         await asyncio.sleep(_POLL_S)
-    story.ours = service.phase not in {Phase.STOW, Phase.LAND}  # else it was ordered before
+    story.ours = service.phase not in {Phase.STOW, Phase.LAND}  # else it was commanded before
     await service.land()
 
 
 def _goes_on(story: FlightStory) -> bool:
-    """The flight loop, which no phase changes without."""
+    """Return whether the flight loop still ticks."""
     return story.last is not None and time.monotonic() - story.last.time_s < _STOPPED_S

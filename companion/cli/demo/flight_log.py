@@ -1,4 +1,4 @@
-"""What happens in a flight, told once as it happens, and in a sentence at its end. Pure: ticks in, lines out."""
+"""Log of a flight: each event once as a line, and a sentence at the end. Pure: ticks in, lines out."""
 
 import math
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ _OPERATOR = "the operator "
 
 @dataclass(frozen=True)
 class Reacted:
-    """One step of the escalation."""
+    """One failsafe action of the flight, with its cause."""
 
     name: str
-    """The fault's, or what was wrong in words."""
+    """Name of the fault, or the reason in words."""
     cause: Fault | None
     level: FailsafeAction
     mode: FlightMode
@@ -31,14 +31,14 @@ class Reacted:
 
 
 class FlightStory:
-    """Give it every tick; it gives back what is new, as lines for a terminal."""
+    """Log that takes every tick and returns new events as lines for a terminal."""
 
     def __init__(self) -> None:
         self.reactions: list[Reacted] = []
         self.held = False
         """The operator ordered a hold."""
         self.ours = False
-        """The landing that comes now is the plan's; set by whoever asks for it."""
+        """The next landing is the planned one; set by the caller of `land`."""
         self.last: Tick | None = None
         self._before = FlightState()
         self._started_s = math.nan
@@ -51,7 +51,7 @@ class FlightStory:
 
     @property
     def phase(self) -> Phase:
-        """Of the last tick."""
+        """The phase of the last tick."""
         return self._before.phase
 
     @property
@@ -60,11 +60,11 @@ class FlightStory:
         return self._tracked_s >= self._to_track_s
 
     def clock(self, time_s: float) -> str:
-        """A time of our monotonic clock, since the motors' start; empty before."""
+        """Return a monotonic time as seconds since the motors' start; empty before."""
         return "" if math.isnan(self._started_s) else f"{time_s - self._started_s:.1f} s"
 
     def take(self, tick: Tick) -> list[Text]:
-        """What is new in this cycle."""
+        """Take a tick; return its new events as lines."""
         before, flight = self._before, tick.flight
         if flight.phase is Phase.TAKEOFF and math.isnan(self._started_s):
             self._started_s = tick.time_s
@@ -79,7 +79,7 @@ class FlightStory:
         return lines
 
     def line(self, time_s: float, head: str, style: str, rest: str) -> Text:
-        """As all lines are laid out."""
+        """Return a line: the time, a styled head, the rest."""
         return Text.assemble(f"{self.clock(time_s):>8}  ", (head, style), rest)
 
     def _reaction(self, tick: Tick, before: FlightState) -> Text:
@@ -92,7 +92,7 @@ class FlightStory:
         return self.line(tick.time_s, name, "bold red", f"{what} -> {begun(flight, tick.status.mode)}")
 
     def _faults(self, tick: Tick, told: Fault | None) -> list[Text]:
-        """Those that are new, in every phase with a vehicle to mind."""
+        """Return lines for new faults, in phases that stream setpoints or watch a vehicle."""
         known, self._told = self._told, {event.fault for event in tick.events}
         if tick.flight.phase not in STREAMING and tick.flight.phase is not Phase.HANDED_OVER:
             return []
@@ -141,7 +141,7 @@ class FlightStory:
         return [self.line(tick.time_s, "arms: fault", "red", f": {shorter(tick.arms.reason)}")]
 
     def ending(self, still: str = "") -> str:
-        """Why and how it did not go as planned; empty when nothing here says so. `still`: what is not over yet."""
+        """Return why and how the flight left its plan, empty if it did not. `still`: what is not over yet."""
         if self.reactions:
             said = self._of_reactions(still)
         elif (self.held or self._ordered) and not self.completed:
@@ -168,13 +168,13 @@ class FlightStory:
         return f" at {self.clock(time_s)}" if self.clock(time_s) else ""
 
     def over_at(self) -> str:
-        """When the flight was over, or the last that is known of it; empty when there was none."""
+        """Return the time when the flight was over, or its last tick; empty when there was none."""
         last_s = self.last.time_s if self.last is not None else math.nan
         return self.clock(last_s if math.isnan(self._ended_s) else self._ended_s)
 
 
 def _is_operators_hold(before: FlightState, flight: FlightState) -> bool:
-    """Another hold than the one that was planned at the end of what was flown."""
+    """Return whether a hold began that is not the planned one at a trajectory's end."""
     if before.phase is Phase.RESUME and flight.phase is Phase.HOLD:
         return True
     flying = before.airborne and before.phase in IN_THE_AIR and flight.phase is Phase.HOLD

@@ -14,14 +14,14 @@ from companion.config.controller_config import ErrorLimits, LoadedController
 
 
 def within_limits(summary: Summary | None, limits: ErrorLimits) -> bool:
-    """Landed, disarmed, and every axis inside the error limits."""
+    """Return whether the vehicle landed, disarmed and stayed inside the error limits on every axis."""
     if summary is None or not (summary.landed and summary.disarmed):
         return False
     return max(summary.mean_error_m) <= limits.mean_m and max(summary.max_error_m) <= limits.max_m
 
 
 def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> dict[str, Any]:
-    """For --summary: always the names, the numbers when there are any."""
+    """Return the content of --summary: the names, and the numbers of a flight that flew."""
     names: dict[str, Any] = {"trajectory": trajectory, "controller": controller}
     if summary is None:
         return names | {"landed": False, "disarmed": False}
@@ -44,7 +44,7 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
 def print_report(
     console: Console, controller: LoadedController, summary: Summary | None, failure: str, interrupted: bool
 ) -> None:
-    """What the controller says of itself, tables of errors and timing, and the verdict in a sentence."""
+    """Print tables of errors and timing, the controller's description and the verdict."""
     if summary is not None:
         console.print(_error_table(controller, summary))
         if controller.description:
@@ -57,7 +57,7 @@ def print_report(
 
 
 def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]) -> None:
-    """Several controllers on the same trajectory, with what each saved against the last."""
+    """Print a table of several controllers on one trajectory, with the first one's reduction against the last."""
     table = Table(title="side by side, errors in cm", title_justify="left")
     for name in ("controller", "mean x", "y", "z", "max x", "y", "z", "updates"):
         table.add_column(name, justify="left" if name == "controller" else "right")

@@ -1,4 +1,4 @@
-"""The mocks as a process of their own, for as long as a demo needs them."""
+"""The mocks as a child process for the duration of a demo."""
 
 import asyncio
 import re
@@ -20,19 +20,19 @@ _WHEN = re.compile(r" (?:at [\d.e+]+ s|(?:on the ground|armed|in the air|landing
 
 
 class MockError(CompanionError):
-    """The mocks did not start; says why in their own words."""
+    """Error of mocks that did not start, with their message."""
 
 
 @dataclass(frozen=True)
 class FaultTold:
-    """What the mocks say of a fault."""
+    """Notice of the mocks about an injected fault."""
 
     turn: str
     """begins, ends, or never began."""
     sentence: str
     """The fault; without its time when that has come."""
     at_s: float
-    """On our monotonic clock; 0 for one that never began."""
+    """Monotonic time; 0 for a fault that never began."""
 
 
 def _fault_told(line: str) -> FaultTold | None:
@@ -44,21 +44,21 @@ def _fault_told(line: str) -> FaultTold | None:
 
 
 def _unheard(_: FaultTold) -> None:
-    """Nobody wants to know."""
+    """Ignore a notice about a fault."""
 
 
 @dataclass(frozen=True)
 class MockPorts:
-    """Where the mocks speak; None leaves it to their configuration."""
+    """Ports of the mocks; None leaves one to their configuration."""
 
     client: int | None = None
     autopilot: int | None = None
     qualisys: int | None = None
     servo_link: str | None = None
-    """Path under which the servo bus is found."""
+    """Path of the servo bus's device link."""
 
     def arguments(self) -> list[str]:
-        """For the mocks' command line."""
+        """Return the arguments for the mocks' command line."""
         named = (
             ("--port", self.client),
             ("--listen", self.autopilot),
@@ -69,7 +69,7 @@ class MockPorts:
 
 
 def free_ports() -> MockPorts:
-    """Ports that nobody uses at this moment, so that several demos can fly beside each other."""
+    """Return ports that are free at this moment, so that several demos can run at the same time."""
     udp = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
     tcp = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     try:
@@ -93,7 +93,7 @@ async def mock_process(
 ) -> AsyncIterator[asyncio.subprocess.Process]:
     """Start the mocks, wait until they are ready, stop them at the end; MockError with what they said.
 
-    `faults` are sentences, see docs/faults.md; `hear` is told when one begins, ends, or did not begin at all.
+    `faults` are sentences, see docs/faults.md; `hear` is called when one begins, ends, or never began.
     """
     command = [sys.executable, "-m", "mock_autopilot", "--config", str(config), "--seed", str(seed)]
     process = await asyncio.create_subprocess_exec(
@@ -104,7 +104,7 @@ async def mock_process(
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,
-        start_new_session=True,  # Ctrl-C is for the companion, which still has to land
+        start_new_session=True,  # Ctrl-C must reach only the companion, which still has to land
     )
     listening: list[asyncio.Task[None]] = []
     try:
@@ -120,7 +120,7 @@ async def mock_process(
 
 
 async def _listen(stream: asyncio.StreamReader | None, hear: Callable[[FaultTold], None]) -> None:
-    """To the end: a pipe that nobody empties would stop them."""
+    """Read to the end: a full pipe would stop the mocks."""
     while stream is not None and (line := await stream.readline()):
         told = _fault_told(line.decode(errors="replace").strip())
         if told is not None:

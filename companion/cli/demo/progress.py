@@ -1,4 +1,4 @@
-"""What an operator sees while the vehicle flies."""
+"""Display of a demo flight while the vehicle flies."""
 
 import math
 import queue
@@ -23,17 +23,17 @@ _PATIENCE_S = 2.0
 
 
 class FlightDisplay:
-    """A live line (phase, time, error, update share) on a terminal, what is new above it; only that without a terminal.
+    """Display of new events, with a live line (phase, time, error, update share) below them on a terminal.
 
-    All printing is done on a thread of its own: a terminal that is stopped (Ctrl-S, a stalled ssh session) or gone must
-    not stop the control loop.
+    A separate thread prints: a terminal that is stopped (Ctrl-S, a stalled ssh session) or gone must not stop the
+    control loop.
     """
 
     def __init__(self, console: Console, trajectory: str, controller: str) -> None:
         self._console = console
         self._title = f"{trajectory}, {controller}"
         self.story = FlightStory()
-        """Of the flight that is shown."""
+        """Log of the flight that is shown."""
         self._doing, self._since_s = "", time.monotonic()
         self._sent: deque[bool] = deque(maxlen=_WINDOW)
         self._lines: queue.SimpleQueue[Text | None] = queue.SimpleQueue()
@@ -49,12 +49,12 @@ class FlightDisplay:
         self._printer.join(_PATIENCE_S)
 
     def say(self, note: str, doing: str = "") -> None:
-        """One line above the live one; `doing` is shown in that one until the flight begins."""
+        """Print a line; the live line shows `doing` (else the note) until the flight begins."""
         self._doing, self._since_s = doing or note, time.monotonic()
         self._lines.put(Text(f"  {note}", style="dim"))
 
     def say_fault(self, told: FaultTold) -> None:
-        """What the mocks let go wrong."""
+        """Print a line about an injected fault."""
         head, rest = f"fault {told.turn}", f": {told.sentence}"
         self._lines.put(self.story.line(told.at_s, head, "bold magenta", rest))
 
@@ -69,7 +69,7 @@ class FlightDisplay:
             self._live.stop()
 
     def take(self, tick: Tick) -> None:
-        """A TickSink: remembers, and announces what is new."""
+        """Take a tick, as a TickSink, and print its new events."""
         self._sent.append(math.isfinite(tick.sent_s))
         for line in self.story.take(tick):
             self._lines.put(line)

@@ -1,4 +1,4 @@
-"""`companion calibrate`: what a hover flight says about vehicle and room."""
+"""`companion calibrate`: parameters of vehicle and room from a hover flight."""
 
 import json
 from pathlib import Path
@@ -19,21 +19,21 @@ _FAR_SD = 3.0
 _WHAT_NOW = """
 differs: by more than three standard deviations from the configuration that the flight was flown with.
 Set setpoint_delay_s, attitude_bandwidth_radps and attitude_damping together: they are one fit, and another set of
-the three can describe the same vehicle about as well (of the mock's demo.toml they always differ: docs/reports.md,
+the three can describe the same vehicle about as well (for the mock's demo.toml they always differ: docs/reports.md,
 "How good it is"). After a change of the delays by more than a few ms, fly the law in simulation with them
 (companion simulate --demo --config FILE), and tune it again where it is worse (companion tune)."""
 
 
 def calibrate_command(
     flight: Annotated[
-        Path, typer.Argument(metavar="FLIGHT", help="A record: a hover, better with climbs and descents.")
+        Path, typer.Argument(metavar="FLIGHT", help="Record of a hover, better with climbs and descents.")
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Hover thrust, thrust curve, attitude response and delays out of a flight, as lines for the configuration.
+    """Identify hover thrust, thrust curve, attitude response and delays, as lines for the configuration.
 
-    Each with its standard deviation and beside what was configured; what the flight does not show is said to be so.
-    Changes nothing. Exit code 0, 1 if the flight shows nothing, 2 for a file that is no record of a flight.
+    Prints each value with its standard deviation and the configured value, and which values the flight cannot show.
+    Changes nothing. Exit codes: 0 found, 1 the flight shows nothing, 2 the file is no record of a flight.
     """
     from rich.console import Console  # noqa: PLC0415 - nothing that --help would wait for
 
@@ -65,7 +65,7 @@ def _calibrated(flight: Path) -> "Calibrated":
 
 
 def summary_of(found: "Calibrated") -> dict[str, object]:
-    """For a script."""
+    """Return the findings for --json: found values, values left out, TOML lines."""
     return {
         "found": {
             one.name: {"value": one.value, "sd": one.sd, "configured": one.configured, "says": one.says}
@@ -100,7 +100,7 @@ def _show(found: "Calibrated", console: "Console") -> None:
 
 
 def _far(one: "Finding") -> str:
-    """Say that the configured value is another one."""
+    """Return a mark for a finding that differs from the configured value, else nothing."""
     return "[yellow]differs[/]: " if _differs(one) else ""
 
 

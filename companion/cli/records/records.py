@@ -1,4 +1,4 @@
-"""`companion records`: which flights there are, and their numbers for other programs."""
+"""`companion records`: the list of flights, and their data for other programs."""
 
 import json
 import math
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from companion.records.flight_summary import FlightSummary
 
 _ANY = 100_000
-"""Columns of a file or a pipe."""
+"""Width of a file or a pipe, in columns."""
 _NARROWEST = 16
-"""Columns in which a reason can be read; with fewer it goes on at the line's begin, as the terminal has it."""
+"""Fewest columns for a wrapped reason; with fewer, the terminal wraps it."""
 
 
 def records(
@@ -31,7 +31,7 @@ def records(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """List flights, newest last; or write one as CSV. Exit code 2 for what is no record.
+    """List flights, newest last; or write one as CSV. Exit code 2 for a file that is no record.
 
     Files that are no records are listed as unreadable; the reasons follow the list.
     """
@@ -50,7 +50,7 @@ def records(
 
 
 def _configured_folder() -> Path:
-    """Where this computer's service keeps its records; ./flights where none is installed."""
+    """Return the records folder of this computer's service; ./flights where none is installed."""
     from companion.config.locations import INSTALLED, is_installed  # noqa: PLC0415
     from companion.config.records_config import RecordsConfig  # noqa: PLC0415
     from companion.config.toml_files import read_toml, validate  # noqa: PLC0415 - nothing that --help would wait for
@@ -76,15 +76,15 @@ def _write_csv(where: Path, folder: Path) -> None:
 
 
 def _flight_summaries(where: Path) -> list["FlightSummary"]:
-    """All records, newest last."""
+    """Return the summaries of all records in a folder, newest last, or of one record."""
     from companion.records.flight_summary import summarize_flight  # noqa: PLC0415
     from companion.records.index import flight_summaries  # noqa: PLC0415
 
     if where.is_dir():
-        with Counted("records looked into") as progress:
+        with Counted("records read") as progress:
             return flight_summaries(where, progress)
     if not where.exists():
-        raise ConfigError(f"{where}: there is no such folder, and no such record")
+        raise ConfigError(f"{where}: no such folder or record")
     return [summarize_flight(where)]
 
 

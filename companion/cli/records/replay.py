@@ -1,4 +1,4 @@
-"""`companion replay`: a recorded flight through the controller again."""
+"""`companion replay`: feed a recorded flight through the controller again."""
 
 import json
 from pathlib import Path
@@ -20,23 +20,22 @@ if TYPE_CHECKING:
 
 
 def replay_command(
-    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", help="A record, an MCAP file.")],
+    flight: Annotated[Path, typer.Argument(metavar="FLIGHT", help="Record, an MCAP file.")],
     controller: Annotated[
         str | None,
         typer.Option(
-            help="Give another law what the recorded one was given: a name in config/controllers/ or a file.",
+            help="Feed the record to this law instead: a name in config/controllers/ or a file.",
             autocompletion=complete.controllers,
         ),
     ] = None,
     allow_unstable: AllowUnstable = False,
-    plot: Annotated[Path | None, typer.Option(help="Draw both commands, as PNG or PDF.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw both commands into this PNG or PDF file.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Feed a record's inputs through estimator and control law again, and compare to the last bit.
 
-    With --controller, or with other gains in that file: what another law would have wanted in each cycle, given what
-    the vehicle did. Exit code 0 if all is identical (or another law was asked for), 1 if something differs, 2 for a
-    file that is no record.
+    With --controller: show what another law, or other gains, would have commanded in each cycle of this flight.
+    Exit codes: 0 identical or another law was given, 1 something differs, 2 the file is no record.
     """
     from rich.console import Console  # noqa: PLC0415 - nothing that --help would wait for
 
@@ -73,7 +72,7 @@ def _replayed(record: "FlightRecord", controller: str | None, allow_unstable: bo
 
 
 def summary_of(done: "Replayed", dropped: int) -> dict[str, object]:
-    """The numbers, for a file or a script."""
+    """Return the numbers of a replay for --json."""
     return {
         "ticks": done.ticks,
         "flown": done.flown,
@@ -121,7 +120,7 @@ def _show(done: "Replayed", dropped: int, controller: str | None, console: "Cons
         f"updates: {was:.1f} % of the cycles in the record, {now:.1f} % by {what}", markup=False, highlight=False
     )
     if dropped:
-        console.print(f"{dropped} ticks are missing in the record: what the law remembered of them is not known")
+        console.print(f"{dropped} ticks are missing in the record: their effect on the law's state is not known")
 
 
 def _draw(done: "Replayed", flown: str, controller: str | None, path: Path, console: "Console") -> None:

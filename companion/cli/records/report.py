@@ -1,4 +1,4 @@
-"""`companion report`: flights as one page, as figures for a paper, as numbers."""
+"""`companion report`: a page of flights, figures for a paper, numbers as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ _MOST = 26
 
 
 class Format(StrEnum):
-    """Of a figure's file."""
+    """File format of a figure."""
 
     PDF = "pdf"
     PNG = "png"
@@ -27,16 +27,18 @@ class Format(StrEnum):
 def report(
     flights: Annotated[list[Path], typer.Argument(metavar="FLIGHT...", help="Records, MCAP or NPZ files.")],
     out: Annotated[
-        Path | None, typer.Option(help="The page; beside the first flight, with its name, if not given.")
+        Path | None, typer.Option(help="Write the page here.  [default: FLIGHT.html beside the first flight]")
     ] = None,
-    figures: Annotated[Path | None, typer.Option(help="Folder for each figure in a file of its own.")] = None,
-    file_format: Annotated[Format, typer.Option("--format", help="With --figures.")] = Format.PDF,
+    figures: Annotated[
+        Path | None, typer.Option(help="Write each figure into this folder, sized for a paper's column.")
+    ] = None,
+    file_format: Annotated[Format, typer.Option("--format", help="Format of the files of --figures.")] = Format.PDF,
     as_json: Annotated[bool, typer.Option("--json", help="Print the numbers as JSON.")] = False,
 ) -> None:
     """Make a page of one or several recorded flights: errors, figures, triggers, latencies, faults and reactions.
 
-    The page is one HTML file that needs nothing else, also of a flight whose record was cut off. With --figures each
-    figure is also drawn for a paper's column. Exit code 0, or 2 for a file that is no record.
+    The page is one self-contained HTML file; records that were cut off work, too. Exit code 2 for a file that is no
+    record.
     """
     if len(flights) > _MOST:
         raise ConfigError(f"{len(flights)} flights: at most {_MOST} fit on a page")
@@ -50,7 +52,7 @@ def report(
 
 
 class _Work:
-    """What is asked for, with a bar on a terminal."""
+    """Writer of the page and the figures, with a progress bar on a terminal."""
 
     def __init__(
         self, flights: Sequence[Path], into: Path, figures: Path | None, file_format: Format, as_json: bool
@@ -62,7 +64,7 @@ class _Work:
         self._console = Console(stderr=as_json)
 
     def do(self) -> None:
-        """Read, draw, write."""
+        """Read the flights, draw the figures, write the page; ConfigError when a file cannot be written."""
         from rich.progress import BarColumn, Progress, TextColumn  # noqa: PLC0415
 
         columns = (TextColumn("{task.description}"), BarColumn())
@@ -85,7 +87,7 @@ class _Work:
         self._bar.update(self._task, description=what, advance=1)
 
     def _made(self) -> tuple[str, list[dict[str, object]], int]:
-        """Page, numbers, and how many figures were written."""
+        """Return the page, the numbers of each flight, and the count of figures written."""
         from companion.analysis.report.page import chapter_of, page  # noqa: PLC0415
         from companion.analysis.report.recorded_flight import Flown  # noqa: PLC0415 - drawing takes a second to import
         from companion.records.read import read_flight  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""`companion experiments`: the paper's two experiments in virtual time, beside the paper's numbers."""
+"""`companion experiments`: the paper's two experiments in virtual time, with the paper's numbers."""
 
 import json
 import os
@@ -41,7 +41,7 @@ _TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
 
 @dataclass(frozen=True)
 class Campaign:
-    """What was asked for, checked."""
+    """Checked request: the experiments, laws and seeds to fly."""
 
     experiments: tuple[str, ...]
     controllers: tuple[str, ...]
@@ -54,7 +54,7 @@ class Campaign:
 
     @property
     def command(self) -> str:
-        """What flies it again."""
+        """The command line that repeats this campaign."""
         bandwidth = [] if self.bandwidth_radps is None else ["--bandwidth", f"{self.bandwidth_radps:g}"]
         bandwidth += [] if self.horizon is None else ["--horizon", self.horizon]
         lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
@@ -68,37 +68,41 @@ def experiments(
         str,
         typer.Option(
             "--experiments",
-            help="Names in config/experiments/ or TOML files, between commas.",
+            help="Names in config/experiments/ or TOML files, comma-separated.",
             autocompletion=complete.listed(complete.experiments),
         ),
     ] = "ellipse,figure8",
     controllers: Annotated[
         str,
         typer.Option(
-            help="Names in config/controllers/ or TOML files, between commas; pid is always flown.",
+            help="Names in config/controllers/ or TOML files, comma-separated; pid is always flown.",
             autocompletion=complete.listed(complete.controllers),
         ),
     ] = "practical,paper-repaired,pid",
     allow_unstable: AllowUnstable = False,
-    seeds: Annotated[str, typer.Option(help="FIRST:LAST, both flown: one vehicle a seed; or one seed.")] = "1:5",
+    seeds: Annotated[str, typer.Option(help="One seed, or FIRST:LAST (inclusive): one vehicle for each seed.")] = "1:5",
     bandwidth: Annotated[
         float | None,
-        typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the recorded PX4 has 6.3."),
+        typer.Option(min=2.0, max=40.0, help="Bandwidth of roll and pitch, rad/s; the recorded PX4 has 6.3."),
     ] = None,
     horizon: Annotated[
         HorizonError | None,
-        typer.Option(help="Error of the autopilot's horizon instead of the experiments' own; px4-...: as recorded."),
+        typer.Option(help="Replace the experiments' error of the autopilot's horizon; px4-...: as recorded."),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for the report and its figures.")] = Path("flights/experiments"),
+    out: Annotated[Path, typer.Option(help="Write the report and its figures into this folder.")] = Path(
+        "flights/experiments"
+    ),
     summary: SummaryFile = None,
-    ablations: Annotated[bool, typer.Option(help="Fly each law also with one of its parts left out.")] = True,
+    ablations: Annotated[bool, typer.Option(help="Also fly each law without one of its parts.")] = True,
     report: Annotated[bool, typer.Option(help="Draw the figures and write the report.")] = True,
-    jobs: Annotated[int | None, typer.Option(min=1, max=256, help="Processes; one a CPU if not given.")] = None,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Number of processes.  [default: one per CPU]")
+    ] = None,
 ) -> None:
-    """Fly the paper's experiments in virtual time, both arms swinging, and put the errors beside the paper's.
+    """Fly the paper's experiments in virtual time with both arms swinging; compare the errors with the paper's.
 
-    Exit code 0 only if no vehicle was lost and every flight of every whole law stayed inside the law's error limits; 1
-    if not, 2 for what could not be flown, 130 after Ctrl-C, which keeps what was flown.
+    Exit codes: 0 no vehicle lost and every flight of every complete law inside its error limits; 1 not so; 2 could
+    not be flown; 130 after Ctrl-C, which keeps the finished flights.
     """
     console = Console()
     try:
@@ -129,16 +133,16 @@ def _run(campaign: Campaign, console: Console, jobs: int, out: Path | None, summ
 
 
 def _listed(text: str, option: str) -> tuple[str, ...]:
-    """Names between commas, each once; two files of one name would be one in the summary."""
+    """Split a list of names; ConfigError for a name given twice: the summary could not tell them apart."""
     names = names_of(text, option)
     (label, count), *_ = Counter(map(label_of, names)).most_common(1)
     if count > 1:
-        raise ConfigError(f"--{option} {text}: {label} is there {count} times, every name may be there once")
+        raise ConfigError(f"--{option} {text}: {label} is given {count} times, give each name once")
     return names
 
 
 def _baseline_or_own(name: str) -> str:
-    """The baseline's file is the baseline; a file of one's own may not go by its name, beside which it would stand."""
+    """Return the name; BASELINE for the baseline's file, ConfigError for another file of that name."""
     if label_of(name) != BASELINE or name == BASELINE:
         return name
     if controller_path(name).samefile(controller_path(BASELINE)):
@@ -157,7 +161,7 @@ def _checked(
     allow_unstable: bool,
     ablations: bool,
 ) -> Campaign:
-    """Whatever cannot be flown is refused before anything flies."""
+    """Check everything before anything flies; ConfigError for what cannot be flown."""
     wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable, horizon))
     variants = tuple(variant for item in wholes for variant in variants_of(item))
     return Campaign(
@@ -168,7 +172,7 @@ def _checked(
 def _each(
     work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, console: Console, doing: str
 ) -> tuple[dict[int, Result], bool]:
-    """Results by the number of their task, behind a progress bar; and whether Ctrl-C ended it."""
+    """Run the tasks with a progress bar; return results by task number, and whether Ctrl-C ended it."""
     done: dict[int, Result] = {}
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
@@ -217,7 +221,7 @@ def _print(grid: Grid, console: Console) -> None:
 
 
 def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, jobs: int, out: Path) -> bool:
-    """Figures and page; whether Ctrl-C came in between."""
+    """Write figures and page; return whether Ctrl-C ended it."""
     from companion.studies.paper.campaign_detail import look_closely  # noqa: PLC0415
     from companion.studies.paper.campaign_plots import draw_experiment  # noqa: PLC0415
     from companion.studies.paper.campaign_report import Chapter, Source, page  # noqa: PLC0415
@@ -248,14 +252,14 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
 
 
 def _files(campaign: Campaign) -> list[Path]:
-    """Experiments and controllers as they were read."""
+    """Return the files of the experiments and controllers."""
     folder, known = project_root() / "config" / "experiments", experiment_names()
     flown = [folder / f"{name}.toml" if name in known else Path(name) for name in campaign.experiments]
     return [*flown, *dict.fromkeys(controller_path(item.controller) for item in campaign.wholes)]
 
 
 def _verdict(wholes: Sequence[Flown], console: Console) -> int:
-    """The exit code, and a sentence for each law that did badly."""
+    """Print a sentence for each law outside its limits; return the exit code."""
     bad = [flown for flown in wholes if not flown.good]
     for flown in bad:
         count = len(flown.item.seeds)

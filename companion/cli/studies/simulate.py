@@ -32,7 +32,7 @@ from companion.trajectories.room_check import check_trajectory
 
 _DEMO_ONLY = ("trajectory", "laps", "period", "size", "arms", "config", "mock_config")
 _SHOWN_CYCLES = 50
-"""The bar moves once in so many."""
+"""Cycles between updates of the progress bar."""
 
 
 def simulate(
@@ -48,29 +48,27 @@ def simulate(
     ablate: Annotated[Ablation | None, typer.Option(help="Fly the ET-NN law without this part.")] = None,
     feedforward: ArmsFeedforward = None,
     bandwidth: Annotated[
-        float | None, typer.Option(min=2.0, max=40.0, help="Attitude loop in roll and pitch, rad/s; the law knows.")
+        float | None, typer.Option(min=2.0, max=40.0, help="Bandwidth of roll and pitch, rad/s; the law is told.")
     ] = None,
     horizon: Annotated[
         HorizonError | None,
-        typer.Option(help="Error of the autopilot's horizon instead of the configured one; px4-...: as recorded."),
+        typer.Option(help="Replace the configured error of the autopilot's horizon; px4-...: as recorded."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of noise and disturbance.")] = 1,
     seeds: Annotated[
-        str | None, typer.Option(metavar="FIRST:LAST", help="A flight for each of these seeds, side by side.")
+        str | None, typer.Option(metavar="FIRST:LAST", help="Fly each of these seeds, all at once.")
     ] = None,
-    demo: Annotated[
-        bool, typer.Option("--demo", help="The flight of `companion demo` instead of an experiment.")
-    ] = False,
+    demo: Annotated[bool, typer.Option("--demo", help="Fly `companion demo` instead of an experiment.")] = False,
     trajectory: Annotated[
         str,
         typer.Option(help="With --demo: ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories),
     ] = "ellipse",
     laps: Annotated[int, typer.Option(min=1, max=100, help="With --demo: laps of ellipse or figure8.")] = 2,
     period: Annotated[
-        float, typer.Option(min=4.0, max=120.0, help="With --demo: seconds a lap, at full speed.")
+        float, typer.Option(min=4.0, max=120.0, help="With --demo: time for one lap at full speed, s.")
     ] = 15.0,
     size: Annotated[
-        float, typer.Option(min=0.1, max=3.0, help="With --demo: size of the curve; 1 is 2 m across.")
+        float, typer.Option(min=0.1, max=3.0, help="With --demo: scale of ellipse or figure8; 1 is 2 m long.")
     ] = 1.0,
     arms: Annotated[
         str,
@@ -80,21 +78,21 @@ def simulate(
         ),
     ] = "swing",
     config: Annotated[
-        Path | None, typer.Option(help="With --demo: companion configuration; config/demo.toml if not given.")
+        Path | None, typer.Option(help="With --demo: companion configuration.  [default: config/demo.toml]")
     ] = None,
     mock_config: Annotated[
-        Path | None, typer.Option(help="With --demo: mock configuration; config/mock.toml if not given.")
+        Path | None, typer.Option(help="With --demo: mock configuration.  [default: config/mock.toml]")
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for a picture and a record of every signal, of each flight.")
+        Path | None, typer.Option(help="Write a picture and a record of each flight into this folder.")
     ] = None,
     summary: SummaryFile = None,
 ) -> None:
-    """Fly an experiment in virtual time, as fast as this computer can, and say how good it was.
+    """Fly an experiment in virtual time, as fast as this computer can, and print the errors.
 
-    The control, estimation and limits are those that fly; vehicle and room are the mock's. The same seed gives the
-    same flight. Exit code 0 only if every flight stayed inside the controller's error limits; 1 if not, 2 for what
-    could not be started, 130 after Ctrl-C.
+    Control, estimation and limits are the flight software's; vehicle and room are the mock's. The same seed gives the
+    same flight. Exit codes: 0 every flight inside the controller's error limits, 1 not so, 2 could not be started,
+    130 after Ctrl-C.
     """
     begun_s = time.perf_counter()
     console = Console()
@@ -133,7 +131,7 @@ def _refuse_mixtures(context: typer.Context, demo: bool) -> None:
     strays = [name for name in _DEMO_ONLY if name in given]
     if strays and not demo:
         option = strays[0].replace("_", "-")
-        raise ConfigError(f"--{option} is for --demo: what an experiment flies is in its file")
+        raise ConfigError(f"--{option} is only for --demo: an experiment's file defines its flight")
     if {"seed", "seeds"} <= given:
         raise ConfigError("--seed and --seeds: give one of them")
 
@@ -149,7 +147,7 @@ def _controller(scene: Scene, name: str | None, allow_unstable: bool, ablation: 
 
 @dataclass(frozen=True)
 class _Asked:
-    """What is to be flown."""
+    """Request of a simulation: scene, law, seeds."""
 
     scene: Scene
     controller: LoadedController
@@ -159,7 +157,7 @@ class _Asked:
 
 
 def _fly(asked: _Asked, begun_s: float, console: Console) -> Flights:
-    """All flights side by side, with a bar on a terminal; `begun_s` is when the work began."""
+    """Fly all seeds as one batch with a progress bar; `begun_s` is when the command began."""
     scene, law, seeds = asked.scene, asked.controller.law, asked.seeds
     pilot, vehicle = scene.pilot(asked.controller, asked.feedforward), scene.vehicle()
     mission = scene.mission(law.preview_s)

@@ -1,4 +1,4 @@
-"""The end of virtual flights: numbers for people and for programs, pictures and records."""
+"""Results of virtual flights: tables, JSON, pictures and records."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,35 +22,35 @@ from companion.simulation.virtual_world import STEP_S
 
 @dataclass(frozen=True)
 class Flights:
-    """What was flown, one flight a seed."""
+    """Results of virtual flights, one for each seed."""
 
     scene: Scene
     controller: LoadedController
     seeds: list[int]
     traces: list[Trace]
     loop_s: float
-    """How long the computer was at it."""
+    """Computing time of the flights."""
     total_s: float
-    """With all that was prepared."""
+    """Computing time including preparation."""
 
     @property
     def scores(self) -> list[Score]:
-        """Of each flight."""
+        """The score of each flight."""
         return [score(trace) for trace in self.traces]
 
     @property
     def flown_s(self) -> float:
-        """All flights together, in virtual time."""
+        """The virtual time of all flights together."""
         return sum(len(trace.time_s) for trace in self.traces) * self.scene.period_s
 
     @property
     def diverged(self) -> int:
-        """How many did."""
+        """The number of flights that diverged."""
         return sum(bool(one.diverged) for one in self.scores)
 
     @property
     def good(self) -> bool:
-        """Whether every flight stayed inside the controller's error limits."""
+        """True if every flight stayed inside the controller's error limits."""
         limits = self.controller.error_limits
         small = all(
             (one.mean_error_m <= limits.mean_m).all() and (one.max_error_m <= limits.max_m).all() for one in self.scores
@@ -61,20 +61,20 @@ class Flights:
 def flights_of(
     scene: Scene, controller: LoadedController, seeds: list[int], trace: Trace, loop_s: float, total_s: float
 ) -> Flights:
-    """A batch taken apart; `trace` has the seeds' axis after that of the cycles, unless there is only one."""
+    """Split a batch into flights; `trace` has axes (cycles, seeds), or (cycles,) for one seed."""
     traces = [one_of(trace, number) for number in range(len(seeds))] if len(seeds) > 1 else [trace]
     return Flights(scene, controller, seeds, traces, loop_s, total_s)
 
 
 def print_flights(flights: Flights, console: Console) -> None:
-    """Errors, updates, speed, and the verdict in a sentence."""
+    """Print errors, updates, computing speed and the verdict."""
     scores, times = flights.scores, flights.flown_s / flights.loop_s
     sent, events = (float(np.mean([getattr(one, name) for one in scores])) for name in ("update_share", "event_share"))
     console.print(_table(flights))
     for line in (
         f"updates in {sent:.1%} of the cycles; the law's trigger fired in {events:.1%}",
         f"{flights.flown_s:.0f} s of flight in {flights.loop_s:.2f} s: {times:.0f} times faster than real time, "
-        f"{flights.flown_s / flights.total_s:.0f} times with all preparation",
+        f"{flights.flown_s / flights.total_s:.0f} times including preparation",
         _verdict(flights),
     ):
         console.print(line, highlight=False, soft_wrap=True)
@@ -109,7 +109,7 @@ def _table(flights: Flights) -> Table:
 
 
 def summary_of(flights: Flights) -> dict[str, Any]:
-    """For --summary: averages over the flights (of their largest errors, too), and the same numbers of each flight."""
+    """Return the content of --summary: averages over the flights, and each flight's numbers."""
     each = [_numbers_of(one) for one in flights.scores]
     names = {"experiment": flights.scene.name, "controller": flights.controller.name}
     averages = {name: np.mean([numbers[name] for numbers in each], axis=0) for name in each[0]}
@@ -133,7 +133,7 @@ def _numbers_of(one: Score) -> dict[str, Array]:
 
 
 def _plain(numbers: dict[str, Array]) -> dict[str, Any]:
-    """For JSON, which has no infinity: null for what is no number."""
+    """Convert arrays for JSON, with null for values that are not finite."""
     with_nulls = {name: np.asarray(value, dtype=object) for name, value in numbers.items()}
     for name, value in numbers.items():
         with_nulls[name][~np.isfinite(value)] = None
@@ -141,7 +141,7 @@ def _plain(numbers: dict[str, Array]) -> dict[str, Any]:
 
 
 def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
-    """A picture and a record of each flight, in the columns of a recorded one."""
+    """Write a picture and a record of each flight, with the columns of a real flight's record."""
     from companion.analysis.plots import plot_flight  # noqa: PLC0415 - matplotlib takes a second to import
 
     controller = Path(flights.controller.name).stem.replace(" ", "-")
@@ -158,7 +158,7 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
 
 
 def _joints_rad(flights: Flights) -> Array | None:
-    """Where the joints really are in each cycle, (n, 8); None without arms."""
+    """Return the true joint angles of each cycle, (n, 8); None without arms."""
     arms = flights.scene.vehicle().arms
     if arms is None:
         return None

@@ -1,4 +1,4 @@
-"""`companion sweep`: how robust a controller is, by many vehicles that differ from what it is told."""
+"""`companion sweep`: robustness of a controller over many vehicles that differ from its model."""
 
 import hashlib
 import json
@@ -43,15 +43,17 @@ def sweep(
             help="etnn, pid, another name in config/controllers/, or a TOML file.", autocompletion=complete.controllers
         ),
     ] = "practical",
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; as many as there are cores if not given.")] = None,
-    out: Annotated[Path, typer.Option(help="Folder for parts, table and picture.")] = Path("flights/sweep"),
+    jobs: Annotated[int | None, typer.Option(min=1, help="Number of processes.  [default: one per CPU]")] = None,
+    out: Annotated[Path, typer.Option(help="Write parts, table and picture into this folder.")] = Path("flights/sweep"),
     summary: SummaryFile = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Fly everything again, whatever is there already.")] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Fly everything again instead of reusing finished parts.")
+    ] = False,
 ) -> None:
-    """Fly vehicles that differ from what the companion believes, in virtual time, and say what the errors depend on.
+    """Fly vehicles that differ from the companion's model, in virtual time, and print what the errors depend on.
 
-    What is flown is kept at once: after Ctrl-C (exit code 130) the same command goes on, and more --vehicles add to
-    what is there. Exit code 1 if any vehicle diverged, 2 for what could not be flown.
+    Finished parts are kept: after Ctrl-C (exit code 130) the same command continues, and more --vehicles add to them.
+    Exit code 1 if any vehicle diverged, 2 if the sweep could not be flown.
     """
     console = Console()
     check_output(out / "parts", summary)
@@ -134,7 +136,7 @@ def _value(value: Any) -> str:
 
 
 def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
-    """The table of all vehicles, and the picture."""
+    """Write the table of all vehicles and the picture."""
     from companion.studies.sweep.sweep_plots import plot_sweep  # noqa: PLC0415 - matplotlib takes a second to import
 
     name = f"{_label(wanted.controller)}-seed{wanted.seed}"
@@ -148,7 +150,7 @@ def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
 
 
 def _label(controller: str) -> str:
-    """For names of files: a file of one's own has some digits of its path, as two of one name may be swept."""
+    """Return a controller's name for file names; a user's file gets a hash of its path, as names may repeat."""
     path = controller_path(controller).resolve()
     if path.parent == (project_root() / "config" / "controllers").resolve():
         return path.stem
@@ -170,6 +172,6 @@ def _summary(wanted: Sweep, swept: Swept) -> dict[str, Any]:
 
 
 def _by_nominal(groups: dict[str, Group], name: str) -> dict[str, float | None]:
-    """One number of each group; None where it is infinite because vehicles diverged."""
+    """Return one number of each group; None where it is infinite because vehicles diverged."""
     values = {nominal: float(getattr(of, name)) for nominal, of in groups.items()}
     return {nominal: value if math.isfinite(value) else None for nominal, value in values.items()}

@@ -1,4 +1,4 @@
-"""`companion tune`: searches gains for few updates and small errors, and checks the winners where they never were."""
+"""`companion tune`: search gains for few updates and small errors, and check them on flights outside of the search."""
 
 import json
 import os
@@ -46,12 +46,12 @@ from companion.trajectories.reference import Ellipse, FigureEight, LapTiming
 
 _CHECK_VEHICLES = (2, 6)
 _YARDSTICK = "practical"
-"""What a search is compared with unless --start names another law: the one that flies."""
+"""Law that a search is compared with unless --start names another: the default of a flight."""
 
 
 @dataclass(frozen=True)
 class Checked:
-    """A centre, rounded as it would be written, where no search was: mean over loops, curves and vehicles."""
+    """Check of a rounded centre outside of the search: means over loops, curves and vehicles."""
 
     centre: Centre
     values: dict[str, float]
@@ -62,50 +62,52 @@ class Checked:
 
     @property
     def point(self) -> Point:
-        """Of the front of error against updates."""
+        """The point (update share, error) for the Pareto front."""
         return self.update_share, self.error_m
 
     @property
     def flies(self) -> bool:
-        """Whether it held every vehicle, and would be loaded."""
+        """True if it held every vehicle and passes the stability check of the loader."""
         damping, needed = gain_fields(self.values).filter_loop()
         return self.worst_m < WORST_M and damping > needed
 
     @property
     def distance(self) -> float:
-        """How far from what is reached for: error as told, updates, and a third of the others' error."""
+        """Distance to the target: error as configured, updates, and a third of the other vehicles' error."""
         return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
 
 
 def tune(
-    write: Annotated[Path | None, typer.Option(help="Write the best one as a controller file.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write the best gains into this controller file.")] = None,
     generations: Annotated[int, typer.Option(min=1, max=2000, help="Generations of each search.")] = 60,
     population: Annotated[int, typer.Option(min=4, max=200, help="Sets of gains in a generation.")] = 20,
     weights: Annotated[
-        str, typer.Option(help="Weights of updates against errors, between commas; each is a search of its own.")
+        str, typer.Option(help="Weights of updates against errors, comma-separated; one search for each.")
     ] = "0.8,1.2",
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the searches, and of the noise they train on.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the searches and of their noise.")] = 1,
     start: Annotated[
         str | None,
         typer.Option(
-            help="ET-NN controller to begin from: a name or a TOML file.", autocompletion=complete.controllers
+            help="Start from this ET-NN controller: a name or a TOML file.", autocompletion=complete.controllers
         ),
     ] = None,
     experiments: Annotated[
         str,
         typer.Option(
-            help="Experiments to train on, between commas.", autocompletion=complete.listed(complete.experiments)
+            help="Train on these experiments, comma-separated.", autocompletion=complete.listed(complete.experiments)
         ),
     ] = "ellipse,figure8",
-    bandwidths: Annotated[str, typer.Option(help="Attitude loops to train on, rad/s.")] = "6.3,10,12",
+    bandwidths: Annotated[
+        str, typer.Option(help="Train on these attitude bandwidths, rad/s, comma-separated.")
+    ] = "6.3,10,12",
     jobs: Annotated[int, typer.Option(min=1, help="Number of processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Folder for the search's progress and picture.")] = Path("flights/tune"),
+    out: Annotated[Path, typer.Option(help="Write progress and picture into this folder.")] = Path("flights/tune"),
     summary: SummaryFile = None,
 ) -> None:
-    """Search gains by CMA-ES on swinging arms, several attitude loops and vehicles that are not as configured.
+    """Search gains by CMA-ES with swinging arms, several attitude loops and vehicles that differ from their model.
 
-    Every generation flies new seeds. The centres of the search are then checked on seeds and curves that no search
-    flew, beside the law that they are to be better than (--start, else practical), and the best of them is written.
+    Every generation flies new seeds. The centres are then checked on seeds and curves that no search flew, and compared
+    with the law to beat (--start, else practical); --write keeps the best.
     """
     console = Console()
     plan = _plan(generations, population, weights, seed, experiments, bandwidths)
@@ -185,7 +187,7 @@ def _from_file(name: str) -> dict[str, float]:
 
 
 def _command(asked: dict[str, object]) -> str:
-    """What to type for the same search again; where it writes and on how many processes makes no difference."""
+    """Return the command line that repeats the search; output and number of processes make no difference."""
     given = [(f"--{name}", str(value)) for name, value in asked.items() if value is not None]
     return shlex.join(["companion", "tune", *(part for pair in given for part in pair)])
 
@@ -196,7 +198,7 @@ def _numbers(option: str, text: str, least: float, most: float) -> tuple[float, 
     except ValueError:
         values = ()
     if not values or any(not least <= value <= most for value in values):
-        raise ConfigError(f"--{option} {text}: must be numbers from {least:g} to {most:g} with commas between")
+        raise ConfigError(f"--{option} {text}: must be comma-separated numbers from {least:g} to {most:g}")
     return values
 
 
@@ -214,7 +216,7 @@ def _progress(console: Console, plan: Plan) -> Iterator[Any]:
 
 
 def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checked]:
-    """On curves and seeds that no search flew."""
+    """Fly the centres on curves and seeds that no search flew; return their checks."""
     values = [rounded(one.shares) for one in centres]
     points = np.array([shares_of(value) for value in values])
     marks = marks_of([elsewhere(scene) for scene in plan.scenes], points, CHECK_SEED, _CHECK_VEHICLES, pool)
@@ -229,12 +231,12 @@ def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checke
 
 
 def best_of(checked: Sequence[Checked]) -> Checked | None:
-    """The nearest to what is reached for, of those that fly."""
+    """Return the one nearest to the target among those that fly; None if none does."""
     return min((one for one in checked if one.flies), key=lambda one: one.distance, default=None)
 
 
 def elsewhere(scene: Scene) -> Scene:
-    """Another curve at another pace, in the same room: across where the trained one lies along."""
+    """Return the scene with a curve of other size, orientation and period in the same room."""
     centre = np.asarray(scene.trajectory.at(0.0).position_w_m * [0.0, 0.0, 1.0])
     kind, axes, period_s = (
         (FigureEight, (0.6, 0.6), 18.0) if isinstance(scene.trajectory, FigureEight) else (Ellipse, (0.7, 1.0), 12.0)
@@ -243,7 +245,7 @@ def elsewhere(scene: Scene) -> Scene:
 
 
 def verdict(best: Checked, known: Checked, name: str) -> str:
-    """Return whether the best of a search is better than a law that is known, `name`."""
+    """Return in words whether the best of a search is better than the known law `name`."""
     numbers = f"(worst case {best.worst_m * 1e3:.0f} mm, {name} {known.worst_m * 1e3:.0f} mm)"
     if best.distance < known.distance:
         return f"the best of this search is better than {name} {numbers}"
@@ -276,7 +278,7 @@ def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked 
 
 
 def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:
-    """After every generation, so that nothing is lost."""
+    """Write all generations so far, so that an interrupt loses none."""
     rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in told]
     (out / "generations.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 

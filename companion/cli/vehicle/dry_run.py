@@ -1,4 +1,4 @@
-"""`companion dry-run`: everything live on the real room, disarmed, and nothing sent."""
+"""`companion dry-run`: everything live in the real room, disarmed, with nothing sent."""
 
 import asyncio
 import math
@@ -50,19 +50,21 @@ def dry_run(
     trajectory: Annotated[
         str | None,
         typer.Option(
-            help="Compute as if it flew this: ellipse, figure8, or a CSV file.  [default: hold where it stands]",
+            help="Compute setpoints for ellipse, figure8, or a CSV file.  [default: hold in place]",
             autocompletion=trajectories,
         ),
     ] = None,
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
-    out: Annotated[Path | None, typer.Option(help="Folder for the record.  [default: as configured]")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write the record into this folder.  [default: as configured]")
+    ] = None,
 ) -> None:
-    """Read the real room and show what would be sent, disarmed: no setpoint, pose, mode, torque or goal leaves.
+    """Read the real room and show the setpoints, disarmed; no setpoint, pose, mode, torque or goal is sent.
 
-    Exit code 0 if a flight would have gone on, 1 if something would have failed, 2 for what could not be started or a
-    vehicle that is armed, 130 after Ctrl-C, which ends it early and keeps the record.
+    Exit codes: 0 nothing would have ended a flight, 1 something would have, 2 could not be started or the vehicle is
+    armed, 130 after Ctrl-C, which ends it early and keeps the record.
     """
     settings = vehicle_settings(config)
     out = out or Path(settings.records.folder)
@@ -108,7 +110,7 @@ class _DryRun:
         self.interrupted = False
 
     async def run(self, seconds: float) -> tuple[Check, ...]:
-        """Look on for so long; what would have failed."""
+        """Observe for `seconds`; return the checks."""
         async with AsyncExitStack() as devices:
             with self._console.status("connecting") as waiting:
                 show_cursor(self._console)
@@ -121,7 +123,7 @@ class _DryRun:
             dry = DryRun(running, self._config, self._law, self._trajectory, self._take)
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
-            self._console.print(f"looking on for {seconds:g} s, sending nothing", highlight=False)
+            self._console.print(f"observing for {seconds:g} s, sending nothing", highlight=False)
             onlooker.each = dry
             self._end_s = running.clock.now_s() + seconds
             mocap = self._config.mocap
@@ -142,7 +144,7 @@ class _DryRun:
         self.recorder(tick)
 
     def _judge(self, facts: Facts, seen: DrySeen) -> tuple[Check, ...]:
-        """Of the preflight's checks those that can be made without sending anything; the EKF has no poses here."""
+        """Return the preflight checks that need nothing sent; the EKF gets no poses here."""
         config, wanted = self._config, self._config.preflight
         tilts = agreement.check_tilts(facts.apart, wanted.tilt_apart_rad)
         arms = vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf)
@@ -159,7 +161,7 @@ class _DryRun:
         )
 
     def _table(self) -> Table:
-        """What is seen, and what would be sent."""
+        """Return the table of present measurements and of the setpoint that would be sent."""
         table = Table(box=None, pad_edge=False, show_header=False)
         tick = self._tick
         if tick is None or tick.vehicle is None:
@@ -193,7 +195,7 @@ def _setpoint(tick: Tick) -> str:
 
 
 async def _disarmed(running: Running, timeout_s: float) -> None:
-    """Wait until the autopilot has said what it does; FlightError when the vehicle is armed or in the air."""
+    """Wait for the autopilot's state; FlightError when the vehicle is armed or in the air, AutopilotError if silent."""
     clock = running.clock
     begun_s = clock.now_s()
     while not math.isfinite((status := running.autopilot.status()).heartbeat_s) or status.in_air is None:

@@ -1,4 +1,4 @@
-"""Carrying the vehicle by hand, move by move, while both estimates are watched."""
+"""The hand test: the vehicle is carried move by move while both estimates are compared."""
 
 import asyncio
 import math
@@ -26,17 +26,17 @@ from companion.preflight.service_facts import Running
 
 _SAMPLE_S = 0.02
 _PATIENCE_S = 60.0
-"""For each thing that the hand is asked to do."""
+"""Time limit of each move."""
 _FOLLOWS_S = 5.0
-"""For the autopilot's estimate to come to rest, too."""
+"""Time for the autopilot's estimate to come to rest."""
 _TELL_S = 0.5
 _BACK_M = 0.15
 _BEFORE = 60
-"""Samples that are kept while it still stands: the track begins at rest."""
+"""Samples kept before a move: the track begins at rest."""
 
 
 async def carry(running: Running, console: Console) -> tuple[Check, ...]:
-    """Ask for the moves, tell at once what is wrong with each; the checks, one a move and one of all together."""
+    """Ask for each move and print its result; return one check for each move and one for all together."""
     seen: dict[Move, Moved] = {}
     checks: list[Check] = []
     for move in Move:
@@ -63,7 +63,7 @@ def _tell(console: Console, check: Check) -> None:
 
 
 async def _one_move(running: Running, move: Move, console: Console) -> Track | str:
-    """From rest to rest; what was seen instead when it was not done in time."""
+    """Return the track of a move from rest to rest, or what was seen when it was not done in time."""
     samples = _Samples(running)
     with _Wanted(console, "hold it still", samples) as wanted:
         if not await _until(samples, lambda: at_rest(samples.track(_BEFORE)), wanted):
@@ -89,7 +89,7 @@ async def _put_down(running: Running, where_w_m: Array, console: Console) -> Non
 
 
 class _Samples:
-    """What both say, 50 times a second while motion capture sees the body."""
+    """Samples of both estimates at 50 Hz while motion capture tracks the body."""
 
     def __init__(self, running: Running) -> None:
         self._running = running
@@ -108,20 +108,20 @@ class _Samples:
         self._rows = self._rows[-count:]
 
     def seen(self) -> str:
-        """Where the body is by now, from where it was first seen, in words."""
+        """Return in words how far the body is from its first sample."""
         if not self._rows:
             return "its body was not seen by motion capture"
         moved_m = self._rows[-1][1:4] - self._rows[0][1:4]
         return f"motion capture saw it move {' '.join(f'{value:+.2f}' for value in moved_m.tolist())} m"
 
     def track(self, last: int = 0) -> Track:
-        """All of it, or its end."""
+        """Return the samples as a track; only the `last` ones if given."""
         rows = np.array(self._rows[-last:]).reshape(-1, 15)
         return Track(rows[:, 0], rows[:, 1:4], rows[:, 4:8], rows[:, 8:11], rows[:, 11:15])
 
 
 class _Wanted:
-    """A line that says what the hand should do now, how long it may take, and what was seen so far."""
+    """Live line with the requested move, the time left and the motion seen so far."""
 
     def __init__(self, console: Console, asks: str, samples: _Samples, patience_s: float | None = None) -> None:
         self._console, self._asks, self._samples = console, asks, samples
@@ -138,7 +138,7 @@ class _Wanted:
         self._status.stop()
 
     def tell(self, left_s: float) -> None:
-        """Every so often; costs nothing in between."""
+        """Update the line at most every half second."""
         if self.patience_s - left_s >= self._next_s:
             self._next_s = self.patience_s - left_s + _TELL_S
             self._status.update(Text(f"{self._asks}: {left_s:.0f} s left; {self._samples.seen()}"))

@@ -28,7 +28,7 @@ from companion.preflight.mocap_watch import MocapWatch
 
 _REFRESH_HZ = 4.0
 _RATE_S = 2.0
-"""The rate that is shown is that of the last seconds."""
+"""Window over which the frame rate is counted."""
 _WITHOUT_TERMINAL_S = 5.0
 
 
@@ -42,13 +42,13 @@ def mocap(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the checks as JSON.")] = False,
 ) -> None:
-    """Show place and heading of the vehicle's body, live, with rate, age and residual of motion capture.
+    """Show position and heading of the vehicle's body, live, with rate, age and residual of motion capture.
 
-    Needs neither autopilot nor servos, and sends nothing. Carry the vehicle: the place follows your hand, z grows when
-    you lift it, the heading grows when you turn it to the left.
+    Needs neither autopilot nor servos, and sends nothing. Carry the vehicle: the position follows your hand, z grows
+    when you lift it, the heading grows when you turn it to the left.
 
-    Exit code 0 if motion capture is good enough for a flight, 1 if not, 2 for what could not be started, 130 after
-    Ctrl-C before the first frame; later, Ctrl-C ends the look and shows the checks.
+    Exit codes: 0 good enough for a flight, 1 not so, 2 could not be started, 130 after Ctrl-C before the first frame;
+    later, Ctrl-C ends the display and prints the checks.
     """
     settings = vehicle_settings(config)
     console = Console(stderr=as_json)
@@ -64,7 +64,7 @@ def mocap(
 
 
 async def _look(config: CompanionConfig, for_s: float, console: Console) -> tuple[Check, ...]:
-    """Look for so long, or until Ctrl-C; the checks of what was seen."""
+    """Observe for `for_s` or until Ctrl-C; return the checks."""
     loop, pressed = asyncio.get_running_loop(), asyncio.Event()
     with console.status(Text(f"connecting to motion capture {mocap_place(config)}")) as waiting:
         show_cursor(console)
@@ -87,7 +87,7 @@ async def _look(config: CompanionConfig, for_s: float, console: Console) -> tupl
 
 
 class _Shown:
-    """What is on the screen; called once a cycle, as `Onlooker.each` is."""
+    """Live table, updated once a cycle as the observer's `each`."""
 
     def __init__(self, body: str, onlooker: LiveObserver, watch: MocapWatch) -> None:
         self._body, self._onlooker, self._watch = body, onlooker, watch
@@ -103,7 +103,7 @@ class _Shown:
             self._arrivals_s.popleft()
 
     def table(self) -> Table:
-        """A line each of stream, body, place, heading and residual."""
+        """Return a table with stream, body, position, heading and residual."""
         table = Table(box=None, pad_edge=False, show_header=False)
         for name, value in (("frames", self._stream()), ("body", self._tracked()), *self._pose()):
             table.add_row(Text(name, style="dim"), Text(value))

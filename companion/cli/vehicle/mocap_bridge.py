@@ -1,4 +1,4 @@
-"""`companion mocap-bridge`: QTM's frames to the broker, on the room's workstation."""
+"""`companion mocap-bridge`: forward QTM's frames to the broker, on the room's workstation."""
 
 import asyncio
 import logging
@@ -22,20 +22,20 @@ from companion.service.mocap_bridge import Bridge, Glance
 LOG = logging.getLogger("companion.mocap_bridge")
 _SHOWN_S = 1.0
 _LOGGED = 60
-"""So many seconds a line has to be worth, where lines are kept."""
+"""Seconds between lines without news in a log."""
 _OLD_S = 1.0
 _CLEAR = "\r\x1b[K"
 
 
 def mocap_bridge(
     config: VehicleConfigFile = None,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Log everything the parts say.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Log all messages.")] = False,
 ) -> None:
     """Forward motion capture: read QTM and send every frame to the broker at once, until Ctrl-C.
 
     For the room's workstation, when the vehicle takes its frames over MQTT (mocap.source = mqtt). Waits for QTM and
-    broker while they are not there. Exit code 0 after Ctrl-C or SIGTERM, 2 for a configuration that cannot be used or
-    when another bridge forwards this vehicle.
+    the broker. Exit codes: 0 after Ctrl-C or SIGTERM, 2 for a configuration that cannot be used, or when another
+    bridge forwards this vehicle.
     """
     settings = vehicle_settings(config, logs=True)
     if settings.mocap.source != "mqtt":
@@ -72,7 +72,7 @@ async def _until_told(bridge: Bridge) -> None:
 
 
 async def _show(bridge: Bridge, write: Callable[[str, str], None]) -> None:
-    """Once a second."""
+    """Write the bridge's state once a second."""
     loop, before, before_s = asyncio.get_running_loop(), bridge.glance(), asyncio.get_running_loop().time()
     while True:
         await asyncio.sleep(_SHOWN_S)
@@ -82,7 +82,7 @@ async def _show(bridge: Bridge, write: Callable[[str, str], None]) -> None:
 
 
 def line_of(now: Glance, rate_hz: float) -> str:
-    """Return in one line how it goes, the reason before what a narrow terminal may cut; `rate_hz` of frames sent."""
+    """Return the bridge's state as one line, the reason early as terminals cut the end; `rate_hz` of sent frames."""
     if math.isinf(now.age_s):
         age = "none yet"
     else:
@@ -94,7 +94,7 @@ def line_of(now: Glance, rate_hz: float) -> str:
 
 
 class _Writer:
-    """On a terminal one line that changes; elsewhere, where lines are kept, one for news, and one a minute."""
+    """Writer of one changing line on a terminal, else of a line for news and one a minute."""
 
     def __init__(self) -> None:
         self._trouble: str | None = None

@@ -1,4 +1,4 @@
-"""`companion preflight`: the list of what must be right before a vehicle may arm."""
+"""`companion preflight`: the checks before a vehicle may arm, made from this computer."""
 
 import asyncio
 import json
@@ -39,32 +39,32 @@ from companion.trajectories.reference import Trajectory
 from companion.trajectories.room_check import check_trajectory
 
 _PARAMETER = re.compile(r"[A-Z0-9]+(?:_[A-Z0-9]+)+")
-"""Names of checks that are one parameter each."""
+"""Pattern of checks that are named after a PX4 parameter."""
 CARRIED = "carried by hand: passed. Nothing else was looked at: `companion preflight` says whether it may arm"
 _LISTEN_S = 3.0
-"""The broker is waited for so long: its link first listens for another service of this vehicle's name."""
+"""Time limit of the broker's link, which first listens for another service of this vehicle's name."""
 _FEW = 3
 _GLANCE = 12
-"""A longer list says at its end once more what is wrong."""
-Records = Annotated[Path | None, typer.Option(help="Folder of the records.  [default: as configured]")]
+"""Length above which a list repeats the failed checks at its end."""
+Records = Annotated[Path | None, typer.Option(help="Write the record here.  [default: as configured]")]
 
 
 def preflight(
     config: VehicleConfigFile = None,
     trajectory: Annotated[
         str | None,
-        typer.Option(help="ellipse, figure8, or a CSV file of waypoints: does it stay in the fence?"),
+        typer.Option(help="Check that ellipse, figure8 or a CSV file stays inside the fence."),
     ] = None,
     by_hand: Annotated[
-        bool, typer.Option("--by-hand", help="Carry the vehicle, disarmed: do mocap and autopilot see the same?")
+        bool, typer.Option("--by-hand", help="Carry the vehicle, disarmed, to compare mocap with the autopilot.")
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
     out: Records = None,
 ) -> None:
-    """Check, on the ground and disarmed, all that must be right before the vehicle may arm, and say what to do.
+    """Check everything that must be right before arming, on the ground and disarmed, and print the remedies.
 
-    Nothing is commanded; only poses go to the autopilot's estimator, and the operator's broker hears that we are there.
-    Exit code 0 if the vehicle may arm, 1 if not, 2 for what could not be started, 130 after Ctrl-C.
+    Nothing is commanded; only poses are sent to the autopilot's estimator, and the operator's broker sees a client.
+    Exit codes: 0 the vehicle may arm, 1 not so, 2 could not be started, 130 after Ctrl-C.
     """
     settings = vehicle_settings(config)
     out = out or Path(settings.records.folder)
@@ -89,7 +89,7 @@ def preflight(
 
 
 def trajectory_of(name: str | None, config: CompanionConfig) -> Trajectory | None:
-    """What `--trajectory` names; ConfigError when it cannot be flown in this room."""
+    """Return the trajectory that `--trajectory` names; ConfigError when it leaves the room or does not exist."""
     if name is None:
         return None
     trajectory = trajectory_named(name, Curve(height_m=config.flight.takeoff_height_m))
@@ -117,9 +117,9 @@ async def _look(
 
 @asynccontextmanager
 async def _broker(config: CompanionConfig) -> AsyncIterator[tuple[Callable[[], float], Callable[[], Awaitable[None]]]]:
-    """Yield the age of the operator's broker, s, and what waits until it is met or has had the time for it.
+    """Yield a function for the age of the operator's broker, s, and one that waits until it answers or times out.
 
-    One that the service starts itself is not there yet, which is no fault.
+    The service's embedded broker does not run yet, which is no fault.
     """
     if config.operator is None or config.operator.embedded:
         yield (lambda: 0.0), partial(asyncio.sleep, 0)
@@ -138,9 +138,9 @@ def _refuse(command: Command, _: object) -> None:
 
 
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:
-    """Have the vehicle carried, and keep that it was if all is right.
+    """Run the hand test, and store that it passed if all checks pass.
 
-    `check_can_keep` comes before. FlightError while it is armed.
+    Call `check_can_keep` first. FlightError while the vehicle is armed.
     """
     async with open_onlooker(config, out, forward_vision=True) as (running, _):
         await settle(running, config.preflight)
@@ -163,7 +163,7 @@ def show(
     bad: str = "fail: arming is refused",
     with_verdict: bool = True,
 ) -> None:
-    """Print the table, what failed once more at its end, and what it means; or JSON on standard output."""
+    """Print the checks, the failed ones again at the end, and the verdict; or JSON on standard output."""
     if as_json:
         told = (replace(check, todo="") if check.passed else check for check in checks)
         typer.echo(json.dumps([asdict(check) for check in told], indent=2))
@@ -183,7 +183,7 @@ def show(
 
 
 def _gathered(checks: Sequence[Check]) -> list[Check]:
-    """PX4's parameters that are right on one line, in front of those that are not."""
+    """Return the checks with passed PX4 parameters merged into one, before the failed ones."""
     of_px4 = [check for check in checks if _PARAMETER.fullmatch(check.name)]
     right = [check for check in of_px4 if check.passed]
     if len(right) < _FEW:

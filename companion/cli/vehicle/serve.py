@@ -32,12 +32,12 @@ def serve_command(
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     record: Annotated[bool, typer.Option(help="Write a record of every flight.")] = True,
-    verbose: Annotated[bool, typer.Option("--verbose", help="Log everything the parts say.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Log all messages.")] = False,
 ) -> None:
-    """Fly the vehicle: take commands over MQTT, tell what happens, record every flight; until Ctrl-C, which lands.
+    """Fly the vehicle: take commands over MQTT, publish telemetry, record every flight; until Ctrl-C, which lands.
 
-    Waits for motion capture and autopilot while they are not there. Exit code 0 after SIGTERM or Ctrl-C, 2 for a
-    configuration or broker that cannot be used.
+    Waits for motion capture and autopilot. Exit codes: 0 after SIGTERM or Ctrl-C, 2 for a configuration or broker that
+    cannot be used.
     """
     settings = vehicle_settings(config, logs=True)
     name = controller or settings.control.controller
@@ -68,7 +68,7 @@ def serve_command(
 
 
 def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
-    """Every law that flies stands in the record with its file, as a replay needs it."""
+    """Return a function that adds a law's file to the record, as a replay needs it."""
     texts: dict[str, str] = {}
 
     def note(name: str) -> None:
