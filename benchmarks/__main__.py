@@ -25,7 +25,7 @@ RATES_HZ = (100.0, 250.0)
 
 
 class Part(StrEnum):
-    """What can be measured by itself."""
+    """Parts of the benchmark that can run alone."""
 
     LATENCY = "latency"
     STEPS = "steps"

@@ -41,7 +41,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True)
 class ArmsCost:
-    """What the bus takes, and what it does to the tick."""
+    """Cost of the servo bus, and its effect on the tick."""
 
     cycle_ms: Spread
     """Goals out, state of all in."""
@@ -64,7 +64,7 @@ class ArmsCost:
 
 @dataclass
 class _Turn:
-    """What was noted with the bus, or without."""
+    """Measurements of a flight with or without the bus."""
 
     late_s: list[float] = field(default_factory=list)
     done_s: list[float] = field(default_factory=list)
@@ -87,7 +87,7 @@ class _Ticking(asyncio.DatagramProtocol):
         self._last_cycle = 0
 
     def datagram_received(self, data: bytes, addr: object) -> None:  # noqa: ARG002
-        """A frame has come."""
+        """Take a datagram as a frame and run one tick."""
         (sent_s,) = STAMP.unpack(data)
         self.turn.late_s.append(time.monotonic() - sent_s)
         if self.stage is not None:

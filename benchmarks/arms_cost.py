@@ -1,4 +1,4 @@
-"""What moving arms cost a flight, and what feed-forward saves: demo flights in real time, over the real protocols.
+"""Effect of moving arms and of feed-forward on a flight: demo flights in real time, over the real protocols.
 
 python -m benchmarks.arms_cost              # writes benchmarks/ARMS.md; about a quarter of an hour
 python -m benchmarks.arms_cost --seeds 1    # one seed only

@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Spread:
-    """What many measurements of one thing come to, all in the unit of the measurements."""
+    """Statistics of repeated measurements, in their unit."""
 
     count: int
     median: float

@@ -43,7 +43,7 @@ class FlightPlan:
 
 @dataclass(frozen=True)
 class Latency:
-    """From a frame leaving motion capture to the setpoint's arrival at the autopilot, microseconds."""
+    """Latency from a frame leaving motion capture to the setpoint's arrival at the autopilot, us."""
 
     rate_hz: float
     service_us: Spread
@@ -62,7 +62,7 @@ class Latency:
 
 @dataclass(frozen=True)
 class Footprint:
-    """What the service's process takes while it flies."""
+    """Resources that the service's process uses while it flies."""
 
     rate_hz: float
     cpu_share: float

@@ -14,7 +14,7 @@ PACKAGES = ("numpy", "mavsdk", "qtm-rt", "uvloop", "pymavlink", "pydantic")
 
 @dataclass(frozen=True)
 class Machine:
-    """What the numbers depend on."""
+    """Machine and versions that the numbers depend on."""
 
     date: str
     cpu: str
@@ -28,7 +28,7 @@ class Machine:
 
 
 def this_machine() -> Machine:
-    """Look them up."""
+    """Return the description of this computer and its software versions."""
     return Machine(
         date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         cpu=_cpu(),

@@ -1,4 +1,4 @@
-"""What the record and the telemetry cost the tick: a flight in which they look on by turns."""
+"""Cost of record and telemetry for the tick: a flight in which they are switched on in turns."""
 
 import asyncio
 import json
@@ -25,12 +25,12 @@ class OnlookersCost:
 
     @property
     def record_share(self) -> float:
-        """What the record adds to the median, as a share of it."""
+        """The time that the record adds to the median tick, as a share of it."""
         return self.record_us.median / self.alone_us.median - 1.0
 
     @property
     def all_share(self) -> float:
-        """What record and telemetry add."""
+        """The time that record and telemetry add to the median tick."""
         return self.all_us.median / self.alone_us.median - 1.0
 
 

@@ -25,7 +25,7 @@ _MAVLINK_2 = 0xFD
 
 
 def is_setpoint(frame: bytes) -> bool:
-    """Whether these bytes begin with a MAVLink 2 SET_ATTITUDE_TARGET."""
+    """Return true for bytes that begin with a MAVLink 2 SET_ATTITUDE_TARGET."""
     return len(frame) >= 10 and frame[0] == _MAVLINK_2 and int.from_bytes(frame[7:10], "little") == SET_ATTITUDE_TARGET
 
 
@@ -45,7 +45,7 @@ class StampingLink(MavlinkLink):
         self._stamps = stamps
 
     def receive(self) -> list[Datagram]:
-        """Pass on what waits."""
+        """Pass on all waiting datagrams, with their stamps noted."""
         waiting = super().receive()
         self._stamps.setpoints_s += [datagram.arrived_s for datagram in waiting if is_setpoint(datagram.payload)]
         return waiting
@@ -80,7 +80,7 @@ class StampingServer(QualisysServer):
 
 
 class RelayEnd:
-    """Where the relay listens, and the socket on which its setpoints are stamped."""
+    """The relay's port, and the socket on which its setpoints are stamped."""
 
     def __init__(self, receiver: MavlinkLink, stamps: Stamps) -> None:
         self.address = (LOOPBACK, 0)
@@ -89,11 +89,11 @@ class RelayEnd:
 
     @property
     def port(self) -> int:
-        """Where the relay has to send its setpoints."""
+        """The port to which the relay sends its setpoints."""
         return self._receiver.local_port
 
     def take(self) -> None:
-        """Stamp what has come."""
+        """Note the arrival stamps of all waiting setpoints."""
         self._receiver.receive()
 
 

@@ -17,7 +17,7 @@ _BODY_AT = 8 + 16 + 8 + 8
 
 
 def main() -> None:
-    """Relay until killed."""
+    """Answer every frame with a setpoint until the process is killed."""
     target = ("127.0.0.1", int(sys.argv[1]))
     codec = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inward:

@@ -49,13 +49,13 @@ class Results:
         ]
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the results as a dictionary for JSON."""
         targets = [asdict(target) | {"met": target.met} for target in self.targets()]
         ratios = [latency.ratio for latency in self.latencies]
         return asdict(self) | {"targets": targets, "latency_over_relay": ratios}
 
     def sections(self) -> list[Section]:
-        """The tables, as text."""
+        """Return the tables of all sections as text."""
         measured = (self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
         tables = (self._targets(), *measured, self._onlookers())
         return [table for table in tables if table[2]]
@@ -129,7 +129,7 @@ def _number(value: float, unit: str) -> str:
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Tables for the terminal."""
+    """Return the results as tables for the terminal."""
     for title, heads, rows in results.sections():
         table = Table(title=title, title_justify="left")
         for place, head in enumerate(heads):
@@ -141,7 +141,7 @@ def print_results(results: Results, console: Console) -> None:
 
 
 def as_markdown(results: Results) -> str:
-    """RESULTS.md."""
+    """Return the results as the text of RESULTS.md."""
     m = results.machine
     packages = ", ".join(f"{name} {version}" for name, version in m.packages.items())
     load = ", ".join(f"{value:.1f}" for value in m.load_at_start)

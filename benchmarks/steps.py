@@ -1,4 +1,4 @@
-"""What the pure stages cost: one control step of each law, for one vehicle and for batches, and each stage alone."""
+"""Cost of the pure stages: one control step of each law, for one vehicle and for batches, and each stage alone."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class StepCost:
 
     @property
     def vehicle_us(self) -> float:
-        """Share of one vehicle."""
+        """The time of one vehicle in the batch, us."""
         return self.step_us / self.vehicles
 
 

@@ -23,7 +23,7 @@ from companion.service.vehicle_service import open_service
 
 
 class Task(BaseModel):
-    """What to fly."""
+    """Flight that the child process flies, read from its arguments."""
 
     config: CompanionConfig
     controller: str

@@ -15,13 +15,13 @@ _TRAJECTORY = Ellipse(np.array([0.0, 0.0, 1.2]))
 
 @dataclass(frozen=True)
 class Motion:
-    """How the made-up vehicles move; `phase_rad` (*lead, 3) makes each one different."""
+    """Motion of synthetic vehicles; `phase_rad` (*lead, 3) makes each one different."""
 
     phase_rad: Array
     period_s: float
 
     def input(self, cycle: int) -> ControlInput:
-        """What the law sees in one cycle."""
+        """Return the inputs of the law in one cycle."""
         vehicle, reference = self.vehicle(cycle), self.reference(cycle)
         asked = np.asarray(0.5 * np.sin(2.0 * cycle * self.period_s + self.phase_rad))
         return ControlInput(
@@ -55,7 +55,7 @@ class Motion:
         )
 
     def frame(self, cycle: int) -> MocapFrame:
-        """What motion capture would send of it, with 0.3 mm of noise; one vehicle only."""
+        """Return the motion-capture frame of one vehicle, with 0.3 mm of noise."""
         vehicle = self.vehicle(cycle)
         noise_m = np.random.default_rng(cycle).normal(0.0, 3e-4, 3)
         rotation = matrix_from_quat(vehicle.q_w_flu_wxyz)

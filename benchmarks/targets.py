@@ -1,4 +1,4 @@
-"""What the numbers have to be, and whether they are. Pure."""
+"""Targets of the benchmark, compared with the measurements. Pure."""
 
 from dataclasses import dataclass
 
@@ -34,12 +34,12 @@ class Target:
 
     @property
     def met(self) -> bool:
-        """Whether the number is on the right side; the bound itself is."""
+        """True if the number is on the right side of the bound, or equal to it."""
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
     @property
     def wanted(self) -> str:
-        """The bound in words."""
+        """The bound in words, with its unit."""
         return f"{'at least' if self.at_least else 'at most'} {self.bound:g} {self.unit}".strip()
 
 
@@ -84,6 +84,6 @@ def arms_targets(cost: ArmsCost) -> list[Target]:
 
 
 def onlookers_targets(cost: OnlookersCost) -> list[Target]:
-    """What the median grows by."""
+    """Return the targets for the growth of the median tick."""
     what = f"record and telemetry at {cost.rate_hz:g} Hz, of the tick's median"
     return [Target(what, 100.0 * cost.all_share, 100.0 * ONLOOKERS_SHARE, "%")]

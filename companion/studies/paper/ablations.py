@@ -42,7 +42,7 @@ def load_ablated(name: str, vehicle: VehicleModel, period_s: float, ablation: Ab
 
 
 def _gains(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
-    """What changes in the file's [gains]."""
+    """Changes in the file's [gains] for this ablation."""
     match ablation:
         case Ablation.NETWORK:
             return {"gamma_v0": 0.0 * gains.gamma_v0, "gamma_v1": 0.0 * gains.gamma_v1}
@@ -59,7 +59,7 @@ def _gains(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
 
 
 def _prediction(ablation: Ablation) -> dict[str, object]:
-    """What changes in the file's [prediction]."""
+    """Changes in the file's [prediction] for this ablation."""
     match ablation:
         case Ablation.PREDICTION:
             return {"enabled": False}

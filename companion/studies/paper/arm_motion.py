@@ -1,4 +1,4 @@
-"""What a planned motion of the arms is like in numbers: how fast, how sharp, how near to what. Pure."""
+"""Numbers of a planned arm motion: speeds, accelerations, least clearance. Pure."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -42,7 +42,7 @@ class MotionNumbers:
 
     @property
     def duration_s(self) -> float:
-        """All of it."""
+        """The duration of the motion, s."""
         return float(self.time_s[-1])
 
     @cached_property

@@ -1,4 +1,4 @@
-"""How strong the experiments' disturbances have to be for PID to err as the paper's PID did.
+"""Calibration of the experiments' disturbances: PID's mean errors shall be those of the paper's PID.
 
 `python -m companion.studies.paper.calibration ellipse figure8` flies PID alone and rewrites the disturbances
 of config/experiments/: constant, noise and sinusoid of each axis by one factor, until its mean error over the seeds is
@@ -83,7 +83,7 @@ def scaled(forces: Forces, factor: Array) -> Forces:
 
 
 def disturbance_toml(found: Calibrated) -> str:
-    """The file's last part."""
+    """Return the text of the experiment file's last part."""
     f = found.forces
     error = ", ".join(f"{value:.4f}" for value in found.error_m)
     lines = [

@@ -45,7 +45,7 @@ class Item:
 
     @property
     def variant(self) -> str:
-        """What is different from the whole law; empty for the whole."""
+        """The difference from the complete law; empty for the complete law."""
         if self.without is not None:
             return f"without_{self.without}"
         if not self.corrected:
@@ -55,7 +55,7 @@ class Item:
 
 @dataclass(frozen=True)
 class Flown:
-    """What came of an item, over the cycles that fly the trajectory; B vehicles, in the order of the seeds."""
+    """Result of an item, over the cycles that fly the trajectory; B vehicles, in the order of the seeds."""
 
     item: Item
     score: Score
@@ -97,12 +97,12 @@ class Flown:
 
     @property
     def diverged(self) -> int:
-        """How many vehicles were lost."""
+        """The number of vehicles that were lost."""
         return int(self.score.diverged.sum())
 
     @property
     def outside(self) -> int:
-        """How many vehicles did not stay inside the error limits of the controller's file."""
+        """The number of vehicles outside the error limits of the controller's file."""
         small = (self.score.mean_error_m <= self.limits.mean_m) & (self.score.max_error_m <= self.limits.max_m)
         return int((~small.all(axis=-1)).sum())
 

@@ -27,7 +27,7 @@ _OMEGA = 0.5
 
 @dataclass(frozen=True)
 class Proof:
-    """What the paper's theorem says of one flight."""
+    """Values of the paper's theorem for one flight."""
 
     lyapunov: Lyapunov
     bound: FixedTimeBound
@@ -52,12 +52,12 @@ class Detail:
 
     @property
     def lost(self) -> bool:
-        """Whether the vehicle was."""
+        """True if the vehicle was lost."""
         return is_lost(self.trace)
 
     @property
     def signals(self) -> Mapping[str, Array]:
-        """The law's inner values."""
+        """The law's internal signals, by name."""
         return self.trace.signals
 
 
@@ -92,7 +92,7 @@ def _room_w_mps2(scene: Scene, vehicle: VirtualVehicle, trace: Trace, seed: int)
 
 
 def is_lost(trace: Trace) -> bool:
-    """Whether a flight of one vehicle diverged."""
+    """Return true if a flight of one vehicle diverged."""
     with np.errstate(over="ignore", invalid="ignore"):
         return bool(score(trace).diverged)
 
@@ -142,7 +142,7 @@ def _steepest_per_s(plant: PlantParams, fastest_mps: float) -> float:
 
 @dataclass(frozen=True)
 class Learnt:
-    """How much of something a signal takes away: 1 - |it - signal|^2 / |it|^2, per axis (3,); NaN of nothing."""
+    """Return the share that a signal explains: 1 - |it - signal|^2 / |it|^2, per axis (3,); NaN of zero."""
 
     of_friction: Array
     of_friction_and_room: Array
@@ -151,7 +151,7 @@ class Learnt:
 
 
 def learnt(detail: Detail, signal: str = "f_hat") -> Learnt:
-    """What the network, or another of the law's `signals`, knows in the trajectory's second half, having learnt."""
+    """Return the share that the network, or another of the `signals`, explains in the trajectory's second half."""
     time_s, seen = detail.trace.time_s, detail.signals[signal]
     late = time_s >= 0.5 * time_s[-1]
     total = detail.friction_w_mps2 + detail.room_w_mps2

@@ -89,13 +89,13 @@ def _reduction(mine: float, wanted: float) -> Cell:
 
 
 def reductions(flown: Flown, baseline: Flown) -> Array:
-    """Of the means and of the largest errors, against the baseline, per cent (6,)."""
+    """Return the reduction of mean and largest errors against the baseline, per cent (6,)."""
     means = reduced_percent(flown.mean_error_m, baseline.mean_error_m)
     return np.concatenate((means, reduced_percent(flown.max_error_m, baseline.max_error_m)))
 
 
 def _beside_words(baseline: Flown, paper: PaperExperiment | None) -> str:
-    """How near our baseline is to the paper's."""
+    """Return a sentence that compares this baseline with the paper's."""
     if paper is None:
         return "The paper has no such experiment: the reductions are against our own PID."
     off = beside_paper(baseline.mean_error_m, paper)
@@ -106,7 +106,7 @@ def _beside_words(baseline: Flown, paper: PaperExperiment | None) -> str:
 
 
 def events(flights: Sequence[Flown]) -> Grid:
-    """How often each law sends, and how far apart."""
+    """Return the table of update shares and times between events of each law."""
     columns = ("", "events", "of cycles", "sent", "least gap", "mean", "largest", "1 cycle")
     rows = tuple(_event_row(flown) for flown in flights)
     note = (
@@ -131,7 +131,7 @@ def _event_row(flown: Flown) -> tuple[Cell, ...]:
 
 
 def ablation_grid(whole: Flown, variants: Sequence[Flown]) -> Grid:
-    """What each part of a law is worth."""
+    """Return the table of ablations: the errors without each part of a law."""
     columns = ("", "error (m)", "times", "largest (m)", "updates", "what it means")
     rows = tuple(_ablation_row(flown, whole) for flown in (whole, *variants))
     name, experiment = label_of(whole.item.controller), label_of(whole.item.experiment)
@@ -152,7 +152,7 @@ def _ablation_row(flown: Flown, whole: Flown) -> tuple[Cell, ...]:
 
 
 def _outcome(flown: Flown, whole: Flown) -> str:
-    """What it came to, in a sentence."""
+    """Return the result in a sentence."""
     if flown.diverged:
         return f"It diverges: {_lost(flown)}."
     if whole.diverged:

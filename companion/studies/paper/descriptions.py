@@ -1,4 +1,4 @@
-"""What was flown, in words: sizes, speeds, arms, room and vehicle of an experiment."""
+"""Descriptions of an experiment in words: sizes, speeds, arms, room and vehicle."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What one flight of each law says of its network and of the paper's proof, as grids of words."""
+"""Tables of the network and of the paper's proof, from one flight of each law."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -28,7 +28,7 @@ _PROOF_NOTE = (
 
 
 def closer(details: Sequence[Detail]) -> list[Grid]:
-    """Of one experiment; empty where no law is the paper's."""
+    """Return the tables of one experiment; empty where no law is the paper's."""
     thinking = [detail for detail in details if "f_hat" in detail.signals and not detail.lost]
     proved = [(detail, detail.proof) for detail in details if detail.proof is not None]
     grids = []

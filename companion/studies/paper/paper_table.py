@@ -48,7 +48,7 @@ PID_WITHIN = 0.2
 
 
 def reduced_percent(error_m: Array, baseline_m: Array) -> Array:
-    """How much smaller an error is than the baseline's, in per cent of the latter, axis by axis (...,)."""
+    """Return the reduction of an error against the baseline's, per cent of the latter, axis by axis (...,)."""
     return np.asarray(100.0 * (1.0 - np.asarray(error_m) / np.asarray(baseline_m)))
 
 

@@ -40,7 +40,7 @@ class Batch:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What is swept."""
+    """Description of a sweep: vehicles, seed, controller."""
 
     vehicles: int
     seed: int
@@ -105,7 +105,7 @@ def _parameters(batch: Batch, drawn: Drawn, true: VirtualVehicle, scene: Scene) 
 
 
 def results(trace: Trace) -> Columns:
-    """How well each vehicle of a flight flew: errors (m), share of cycles with an update, whether it diverged."""
+    """Return columns for each vehicle of a flight: errors (m), share of cycles with an update, divergence."""
     whole, flown = score(trace, float(trace.time_s[0])), score(trace)
     return {
         "error_whole_m": whole.error_m,

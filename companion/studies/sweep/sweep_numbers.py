@@ -1,4 +1,4 @@
-"""What a sweep says: errors by nominal bandwidth, and which parameter they depend on. Pure."""
+"""Numbers of a sweep: errors by nominal bandwidth, and the parameters they depend on. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -61,7 +61,7 @@ def of_nominal(columns: Columns, nominal_radps: float) -> Columns:
 
 
 def group(columns: Columns) -> Group:
-    """Of all these vehicles."""
+    """Return the statistics of all these vehicles."""
     p50_m, p95_m, max_m = np.quantile(errors_m(columns), (0.5, 0.95, 1.0), method="inverted_cdf")
     lost = columns["diverged"]
     updates = float(columns["update_share"].mean())
@@ -80,7 +80,7 @@ class Blame:
 
 
 def blames(columns: Columns) -> list[Blame]:
-    """Of every parameter, in the order of PARAMETERS. For one nominal bandwidth: the others' effect would be noise."""
+    """Return the effect of every parameter of PARAMETERS, for vehicles of one nominal bandwidth."""
     place = ranks(errors_m(columns))
     found = []
     for name in PARAMETERS:
@@ -116,7 +116,7 @@ def explained(values: Array, bins: NDArray[np.int64]) -> float:
 
 
 def correlation(a: Array, b: Array) -> float:
-    """Of two series (N,); NaN if one does not vary."""
+    """Return the rank correlation of two series (N,); NaN if one does not vary."""
     a, b = a - a.mean(), b - b.mean()
     scale = math.sqrt(float((a * a).sum() * (b * b).sum()))
     return float((a * b).sum()) / scale if scale > 0.0 else math.nan

@@ -32,7 +32,7 @@ _ADVICE = "what is flown is kept, the same command goes on from there; try fewer
 
 @dataclass(frozen=True)
 class Swept:
-    """What a run gave."""
+    """Result of a sweep's run."""
 
     columns: Columns
     taken_over: int
@@ -104,7 +104,7 @@ def _wait(pending: set[Future[Columns]], progress: Callable[[], None]) -> None:
 
 
 class _Worker:
-    """What a worker process has of its parent."""
+    """Data that a worker process receives from its parent."""
 
     flown: "Synchronized[float]"
 
@@ -155,7 +155,7 @@ def _digest(*pieces: str | bytes) -> str:
 
 
 def _digest_of_files(sweep: Sweep) -> str:
-    """Of everything a part's numbers depend on but the batch; files by content, wherever they lie."""
+    """Return a digest of all inputs of a part but the batch; files count by content, not by path."""
     packages = [Path(package.__file__).parent for package in (companion, mock_autopilot) if package.__file__]
     files = [file for package in packages for file in sorted(package.rglob("*.py"))]
     files += [file for file in sorted((project_root() / "config").rglob("*")) if file.is_file()]

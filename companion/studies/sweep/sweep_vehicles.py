@@ -46,7 +46,7 @@ _SINGLE = 11
 
 @dataclass(frozen=True)
 class Drawn:
-    """What is random of N vehicles, each array (N, ...)."""
+    """Random parameters of N vehicles, each array (N, ...)."""
 
     flight_seed: NDArray[np.uint64]
     """Of motion capture's noise and of the disturbance."""
@@ -107,7 +107,7 @@ def _offset_w_m(u: Array) -> Array:
 
 
 def unseen(drawn: Drawn, cycles: int, period_s: float) -> NDArray[np.bool_]:
-    """Which frames are lost, (cycles, N): not the first one, and no two drop-outs join to a longer one.
+    """Return the lost frames, (cycles, N): not the first one, and no two drop-outs join to a longer one.
 
     Each drop-out has its own part of the flight, from `cycles` / DROPOUTS cycles a part to the next.
     """

@@ -35,7 +35,7 @@ class Condition:
 
     @property
     def holds(self) -> bool:
-        """Whether it is met."""
+        """True if the condition holds."""
         return self.value > self.limit or (self.enough and self.value == self.limit)
 
     def __str__(self) -> str:
@@ -46,7 +46,7 @@ class Condition:
 
 @dataclass(frozen=True)
 class Free:
-    """What the proof leaves open, all positive: eta_1 .. eta_4 of eq. y2S-Young1, a of eq. NB-bound, and two more."""
+    """Open constants of the proof, all positive: eta_1 .. eta_4 of eq. y2S-Young1, a of eq. NB-bound, and two more."""
 
     eta1: float
     eta2: float
@@ -78,12 +78,12 @@ class FixedTimeBound:
 
     @property
     def applies(self) -> bool:
-        """Whether every condition of the theorem holds."""
+        """True if every condition of the theorem holds."""
         return all(condition.holds for condition in self.conditions)
 
     @property
     def position_m(self) -> float:
-        """What |p - p_d| is at most then: |x_1| <= |y_1| + |iota_1| <= 2 sqrt(V)."""
+        """The largest |p - p_d| then: |x_1| <= |y_1| + |iota_1| <= 2 sqrt(V)."""
         return 2.0 * math.sqrt(self.v_bound)
 
 

@@ -87,7 +87,7 @@ class Lyapunov:
 
     @property
     def total(self) -> Array:
-        """V of eq. V-comp."""
+        """Return V of eq. V-comp for each cycle."""
         return np.asarray(self.states + self.weights0 + self.weights1)
 
 
@@ -116,7 +116,7 @@ def _weight_part(error: Array, gamma: Array) -> Array:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What the proof takes for known and bounded."""
+    """Bounds that the proof assumes."""
 
     delta_mps2: float = 0.0
     """Bar Delta of assumption 1; dry friction belongs here, as its slope at rest has no useful L_f."""

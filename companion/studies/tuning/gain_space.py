@@ -1,4 +1,4 @@
-"""What `companion tune` may change of the ET-NN law; points of that space as laws that fly as one batch. Pure."""
+"""Search space of `companion tune`: gains of the ET-NN law, and points of it as one batch of laws. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -24,13 +24,13 @@ class Knob:
     linear: bool = False
 
     def value(self, share: Array) -> Array:
-        """From 0..1."""
+        """Convert a share 0..1 into a value of the gain."""
         if self.linear:
             return np.asarray(self.low + share * (self.high - self.low))
         return np.asarray(self.low * (self.high / self.low) ** share)
 
     def share(self, value: float) -> float:
-        """Back to 0..1."""
+        """Convert a value of the gain into a share 0..1."""
         if self.linear:
             return (value - self.low) / (self.high - self.low)
         return math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)

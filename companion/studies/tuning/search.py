@@ -33,7 +33,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Plan:
-    """What is searched, on what, and how long."""
+    """Plan of a search: scenes, weights, generations, population."""
 
     scenes: tuple[Scene, ...]
     """Every experiment on every attitude loop; those of one loop follow each other."""
@@ -50,14 +50,14 @@ class Plan:
     """Vehicles that differ from it; new ones in every generation, all of them."""
 
     def turn(self, generation: int) -> tuple[Scene, ...]:
-        """What a generation flies: one experiment on each loop, in turn."""
+        """Return the scenes of a generation: one experiment on each loop, in turn."""
         each = len(self.scenes) // self.loops
         return tuple(self.scenes[loop * each + (generation + loop) % each] for loop in range(self.loops))
 
 
 @dataclass(frozen=True)
 class Centre:
-    """Where a search stood: the mean of what it would try next, in the gain space."""
+    """Centre of a search: the mean of its next candidates, in the gain space."""
 
     shares: Array
     weight: float
@@ -67,7 +67,7 @@ class Centre:
 
 @dataclass(frozen=True)
 class Generation:
-    """What became of one: medians over its sets of gains, of means over scenes and vehicles."""
+    """Result of a generation: medians over its sets of gains, of means over scenes and vehicles."""
 
     weight: float
     number: int
@@ -135,7 +135,7 @@ def cost(marks: Sequence[Marks], weight: float) -> Array:
 
 
 def penalty(points: Array) -> Array:
-    """What a set costs that the stability check of the filter loop would refuse, or nearly, (P,)."""
+    """Return the penalty (P,) of sets that fail, or nearly fail, the stability check of the filter loop."""
     short = _LEAST_MARGIN - damping_margin(points)
     return np.where(short > 0.0, 1.0 + 5.0 * short, 0.0)
 

@@ -1,4 +1,4 @@
-"""How good many sets of gains are at once: every set on several vehicles, all of them side by side."""
+"""Evaluation of many sets of gains as one batch: every set on several vehicles."""
 
 import math
 from dataclasses import dataclass, replace
@@ -45,7 +45,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Marks:
-    """Of each set of gains, (P,), means over the trial's vehicles. Errors are norms of the axis means."""
+    """Marks of each set of gains, (P,): means over the trial's vehicles. Errors are norms of the axis means."""
 
     error_m: Array
     """Of the vehicles as told, from the trajectory's beginning."""
