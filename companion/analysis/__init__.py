@@ -1,1 +1,1 @@
-"""From records to numbers, figures and pages."""
+"""Numbers, figures and pages computed from records."""

@@ -21,7 +21,7 @@ _PHASE_SHADES = {"takeoff": "#e8f1fa", "hold": "#f7f7f7", "track": "#fff3d9", "s
 
 
 def plot_flight(columns: Columns, summary: Summary | None, title: str, path: Path) -> None:
-    """One page: path from above, position and error over time, thrust and updates. Written as PNG (or by suffix)."""
+    """Write one page: path from above, position and error over time, thrust and updates; format by suffix."""
     panels = [_positions, _errors, _setpoints, _updates, *([_arms] if "joint_position_rad" in columns else [])]
     figure = Figure(figsize=(12.0, 2.0 * len(panels)), layout="constrained")
     left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=(1.0, 1.35))[0]
@@ -119,7 +119,7 @@ def _updates(axes: Axes, time: Array, columns: Columns) -> None:
 
 
 def _arms(axes: Axes, time: Array, columns: Columns) -> None:
-    """Pitches and rolls in degrees: right arm as lines, left one dashed."""
+    """Draw the pitches and rolls in degrees: right arm solid, left arm dashed."""
     joints = np.degrees(_floats(columns, "joint_position_rad"))
     for first, style in ((0, "-"), (JOINTS_PER_ARM, "--")):
         for joint, colour in enumerate(_COLOURS):
@@ -130,7 +130,7 @@ def _arms(axes: Axes, time: Array, columns: Columns) -> None:
 
 
 def _stretches(columns: Columns) -> list[tuple[int, int, str]]:
-    """First and last row of every phase, and its name."""
+    """Return first row, last row and name of every phase."""
     phase = columns["phase"]
     edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1), len(phase) - 1]
     return [(begin, end, str(phase[begin])) for begin, end in pairwise(edges)]
@@ -143,7 +143,7 @@ def _shade_phases(axes: Axes, time: Array, columns: Columns) -> None:
 
 
 def _name_phases(axes: Axes, time: Array, columns: Columns) -> None:
-    """Above the topmost panel, where there is room for the word."""
+    """Write the names above the topmost panel, where there is room for the word."""
     room_s = 0.05 * (time[-1] - time[0])
     for begin, end, phase in _stretches(columns):
         if phase in _PHASE_SHADES and time[end] - time[begin] > room_s:

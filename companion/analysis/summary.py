@@ -20,19 +20,19 @@ class Spread:
     p99: float
 
     def as_dict(self) -> dict[str, float]:
-        """For JSON."""
+        """Return the values by name, for JSON."""
         return {"median": self.median, "p99": self.p99}
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a flight is judged by. Errors per axis x, y, z in W, over the cycles that track the trajectory."""
+    """Key numbers of a flight. Errors per axis x, y, z in W, over the cycles that track the trajectory."""
 
     mean_error_m: tuple[float, float, float]
     max_error_m: tuple[float, float, float]
     rms_error_m: tuple[float, float, float]
     update_share: float
-    """Cycles that sent a new setpoint, while tracking."""
+    """Share of the tracking cycles that sent a new setpoint."""
     control_cycles: int
     """Cycles while tracking."""
     tick_late_ms: Spread
@@ -50,19 +50,19 @@ class Summary:
 
 @dataclass(frozen=True)
 class ArmSummary:
-    """How the arms and their bus did, over the same cycles."""
+    """Key numbers of the arms and their bus, over the same cycles."""
 
     moving_share: float
-    """Cycles in which a motion was run."""
+    """Share of the cycles in which a motion ran."""
     largest_off_goal_rad: float
-    """Largest distance of a joint from where it was asked to be."""
+    """Largest difference between a joint's angle and its goal."""
     bus_cycle_ms: Spread
     bad_packets: int
-    """Late, broken or missing answers that were asked for again."""
+    """Late, broken or missing answers that were requested again."""
 
 
 def summarise(columns: Columns) -> Summary | None:
-    """The summary of a recorded flight, or None when it never tracked anything."""
+    """Return the summary of a recorded flight, or None when it never tracked anything."""
     phase = columns["phase"]
     tracking = phase == str(Phase.TRACK)
     if not tracking.any():
@@ -103,13 +103,13 @@ def _summarise_arms(columns: Columns, tracking: NDArray[np.bool_]) -> ArmSummary
 
 
 def tracking_error_w_m(columns: Columns) -> Array:
-    """Estimated position, carried to the instant of the cycle, less the reference, (n, 3) in W."""
+    """Return the estimated position, extrapolated to the instant of the cycle, minus the reference, (n, 3) in W, m."""
     carried = _floats(columns["age_s"])[:, None] * _floats(columns["velocity_w_mps"])
     return np.asarray(_floats(columns["position_w_m"]) + carried - _floats(columns["reference_position_w_m"]))
 
 
 def spread_ms(values_s: Array) -> Spread:
-    """Median and 99th percentile; NaN for nothing."""
+    """Return median and 99th percentile in ms; NaN for no values."""
     if values_s.size == 0:
         return Spread(float("nan"), float("nan"))
     median, p99 = np.percentile(values_s, [50.0, 99.0]) * 1e3

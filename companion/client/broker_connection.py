@@ -17,16 +17,16 @@ from companion.protocol.topics import Topics
 
 _WAITING = 1000
 _KEPT_S = 60
-"""So long a broker of MQTT 5 keeps replies for a client whose connection broke."""
+"""Time an MQTT 5 broker keeps replies for a client whose connection broke."""
 _NOT_ALLOWED_WORDS = ("bad user name or password", "not authorized", "bad username or password", "not authorised")
 
 
 class ForbiddenError(ConfigError):
-    """The broker does not let this user."""
+    """Rejection by the broker because this user lacks the right."""
 
 
 class BrokerConnection(Connection):
-    """Unlike the service's, it has no last will, says farewell, and notices that a command is not let through."""
+    """Connection without a last will that ends its session and notices when the broker rejects a command."""
 
     def __init__(self, place: OperatorConfig, client: str, version: aiomqtt.ProtocolVersion, again: bool) -> None:
         """`again`: what the broker has kept for `client` since the connection before is wanted."""
@@ -40,7 +40,7 @@ class BrokerConnection(Connection):
             self._properties = bounds
 
     async def follow(self, topics: Topics, client: str) -> None:
-        """Subscribe to all that the service says, what is retained too; ForbiddenError when that is not granted."""
+        """Subscribe to all topics of the service, retained ones too; raise ForbiddenError when one is not granted."""
         wanted = [(topics.reply(client), 1), (topics.event, 1), (topics.state, 0), (topics.status, 1)]
         for topic, qos in wanted:
             granted = await self.subscribe(topic, qos=qos)
@@ -48,9 +48,9 @@ class BrokerConnection(Connection):
                 raise ForbiddenError(f"does not let us read {topic}")
 
     async def command(self, topics: Topics, client: str, draft_id: str, payload: bytes) -> None:
-        """Publish it; returns when the broker has it.
+        """Publish a command; return when the broker has it.
 
-        ForbiddenError when the broker says that we must not; NotSentError when it surely did not leave; MqttError when
+        Raises ForbiddenError when the broker rejects it, NotSentError when it certainly was not sent, MqttError when
         that is not known.
         """
         properties = None
@@ -77,7 +77,7 @@ class BrokerConnection(Connection):
             raise ForbiddenError(f"does not let us command: {said[0].getName().lower()}")
 
     def farewell(self) -> None:
-        """End the session as well: the broker keeps nothing for us."""
+        """Disconnect and end the session, so that the broker keeps no replies for this client."""
         with contextlib.suppress(Exception):
             if self.version is V5:
                 ends = Properties(PacketTypes.DISCONNECT)  # type: ignore[no-untyped-call]
@@ -89,11 +89,11 @@ class BrokerConnection(Connection):
 
 
 class NotSentError(aiomqtt.MqttError):
-    """It did not leave this machine."""
+    """Failure to send: the message did not leave this computer."""
 
 
 def is_forbidden(error: BaseException) -> bool:
-    """Whether the broker refuses the connection because of user or password."""
+    """Return whether the broker refuses the connection because of user or password."""
     if not isinstance(error, MqttConnectError):
         return False
     return any(words in str(error).lower() for words in _NOT_ALLOWED_WORDS)

@@ -1,4 +1,4 @@
-"""One operator's client: follows the service over a broker that may be gone for a while."""
+"""Operator's client: follows and commands the service over a broker that may be unreachable for a while."""
 
 import asyncio
 import contextlib
@@ -28,24 +28,24 @@ if TYPE_CHECKING:
     from companion.client.command_draft import CommandDraft
 
 _CONNECTED_S = 15.0
-"""For all attempts to connect, name service included."""
+"""Timeout of all attempts of the first connection, name resolution included."""
 _STATUS_S = 1.5
-"""A retained status comes at once; a broker that just begins has it with the service's next beat."""
+"""Time to wait for a status: a retained one comes at once, a new broker has it with the service's next one."""
 _STATE_S = 2.0
-"""States come ten times a second."""
+"""Time to wait for a state; they are published ten times a second."""
 _CATCH_UP_S = 5.0
-"""After a flood so long at most is waited for a state that has not waited in the broker."""
+"""Longest wait for a state that was not queued in the broker, after a backlog."""
 _HERE = frozenset({"127.0.0.1", "::1", "localhost"})
-"""There the service's embedded broker is, which knows no MQTT 5; whichever broker it is, a connection to it does not
-break without it, so that nothing need be kept for us.
+"""Hosts of the embedded broker, which knows no MQTT 5. A local connection breaks only when the broker ends, so no
+broker on these hosts needs to keep replies for this client.
 """
 _TRIES = 3
-"""Of the first connection."""
+"""Attempts of the first connection."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """The connection to the broker broke, or is there again."""
+    """Event: the connection to the broker broke or was restored."""
 
     there: bool
     why: str = ""
@@ -56,9 +56,9 @@ Said = Presence | State | Happened | Reply | Link
 
 @asynccontextmanager
 async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
-    """Connected, and connected again whenever that breaks.
+    """Connect to the broker, and reconnect whenever the connection breaks.
 
-    NobodyThereError when there is no broker, ConfigError when it does not let us in.
+    Raises NobodyThereError when there is no broker, ConfigError when it refuses the user.
     """
     console = Console(place)
     keeping = asyncio.create_task(console.keep(), name="companion.console")
@@ -70,7 +70,7 @@ async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
 
 
 class Console:
-    """Made by `open_console`. `next` must be called again and again: what is said waits until then."""
+    """Connected client of one operator, from `open_console`; messages are queued until `next` is called."""
 
     def __init__(self, place: OperatorConfig) -> None:
         self._place, self._topics = place, place.topics
@@ -82,44 +82,44 @@ class Console:
         self._line: BrokerConnection | None = None
         self._runs = Runs()
         self._heard: tuple[Presence | None, Reply | None] = (None, None)
-        """The last of each, to know one that comes again."""
+        """Newest presence and newest reply, to drop repetitions."""
 
     @property
     def where(self) -> str:
-        """Vehicle and broker, for a sentence."""
+        """Vehicle and broker, as part of a sentence."""
         return f"{self._place.vehicle!r} at {url_of(self._place)}"
 
     @property
     def linked(self) -> bool:
-        """Whether there is a connection to the broker now."""
+        """True while there is a connection to the broker."""
         return self._line is not None
 
     @property
     def presence(self) -> Presence | None:
-        """Of the run of the service that is followed, or the newest; None before the first."""
+        """Presence of the followed run of the service, or else the newest one; None before the first."""
         return self._runs.newest_presence
 
     @property
     def state(self) -> State | None:
-        """The newest of the run that is followed; None before the first."""
+        """Newest state of the followed run; None before the first."""
         return self._runs.followed.state if self._runs.followed is not None else None
 
     def state_age_s(self) -> float:
-        """Return how old the newest state is; on any thread."""
+        """Return the age of the newest state, s; infinite before the first. Callable from any thread."""
         run = self._runs.followed
         return float("inf") if run is None else run.age_s(time.monotonic())
 
     def state_waited_s(self) -> float:
-        """Return how long the newest state was on its way, if the two computers' clocks agree; 0 where it was not."""
+        """Return the time the newest state was queued on its way, s; 0 when it was not, or the clocks disagree."""
         run = self._runs.followed
         return 0.0 if run is None else run.waited_s
 
     def replaced(self, session: str) -> bool:
-        """Return whether another run of the service is heard, and this one no more."""
+        """Return whether another run of the service has replaced this one."""
         return self._runs.replaced(session, time.monotonic())
 
     async def connected(self, keeping: "asyncio.Task[None]") -> None:
-        """Wait for the first connection; raise what it failed with, NobodyThereError when it takes too long."""
+        """Wait for the first connection; raise its error, or NobodyThereError when it takes too long."""
         waited: set[asyncio.Future[None]] = {self._first, keeping}
         await asyncio.wait(waited, timeout=_CONNECTED_S, return_when=asyncio.FIRST_COMPLETED)
         if self._first.done():
@@ -132,7 +132,7 @@ class Console:
         )
 
     async def next(self, timeout_s: float) -> Said | None:
-        """What was said next; None if nothing within that time."""
+        """Return the next message; None after the timeout."""
         try:
             async with asyncio.timeout(timeout_s):
                 return await self._said.get()
@@ -140,9 +140,9 @@ class Console:
             return None
 
     async def find(self) -> State:
-        """Wait for a service and its state; NobodyThereError when there is none.
+        """Wait for a service and return its state; raise NobodyThereError when there is none.
 
-        A state proves that a service is there; a status alone does not: anybody may have left one at the broker.
+        Only a state proves that a service runs: a retained status may have been left by anybody.
         """
         loop = asyncio.get_running_loop()
         begun_s = loop.time()
@@ -162,13 +162,13 @@ class Console:
 
     @property
     def _seems_there(self) -> bool:
-        """Whether the broker has, or has kept, its word that it is."""
+        """True when the newest status, which may be a retained one, says that the service is online."""
         return self.presence is not None and self.presence.online
 
     async def send(self, draft: "CommandDraft") -> bool:
-        """Send it now, to the run of the service that is followed; return whether the broker surely has it.
+        """Send a command to the followed run of the service; return whether the broker certainly has it.
 
-        NotSentError when it surely did not leave, ConfigError when the broker does not let us command.
+        Raises NotSentError when it certainly was not sent, ConfigError when the broker rejects commands of this user.
         """
         line, run = self._line, self._runs.followed
         if line is None or run is None:
@@ -185,11 +185,11 @@ class Console:
         return True
 
     async def keep(self) -> None:
-        """Connect, again and again, until cancelled; what the first connection fails with is told by `connected`."""
+        """Keep the connection until cancelled; `connected` raises the error of the first attempt."""
         await self._reconnector.keep(self._follow)
 
     async def _follow(self, version: aiomqtt.ProtocolVersion) -> None:
-        """One connection, until it breaks; raises whatever broke it."""
+        """Run one connection until it breaks; raise what broke it."""
         async with BrokerConnection(self._place, self._client, version, self._first.done()) as line:
             await line.follow(self._topics, self._client)
             self._reconnector.heard()
@@ -206,7 +206,7 @@ class Console:
                 raise
 
     def _lost(self, error: Exception) -> None:
-        """Raise what the first connection fails with, as a sentence; tell of one that broke later."""
+        """Raise the error of the first connection as a sentence; report a later one that broke as an event."""
         self._tries += 1
         if not self._first.done() and (self._tries == _TRIES or not may_be_chance(error)):
             raise refused_connection(error, self._place)
@@ -215,7 +215,7 @@ class Console:
             self._said.put_nowait(Link(False, f"no connection to {url_of(self._place)} any more: {reason_of(error)}"))
 
     def _read(self, message: aiomqtt.Message) -> None:
-        """What is none of the service's words is nothing to us."""
+        """Take one message of the service; ignore anything that is not valid."""
         models: dict[str, type[Reply | Happened | State | Presence]] = {
             self._topics.reply(self._client): Reply,
             self._topics.event: Happened,
@@ -230,7 +230,7 @@ class Console:
 
     def _note(self, said: BaseModel) -> None:
         if said in self._heard:
-            return  # the service says again that it is there; the broker, what we could not acknowledge
+            return  # a repeated status of the service, or a reply sent twice because it was not acknowledged
         presence, reply = self._heard
         if isinstance(said, Presence):
             self._heard = said, reply
@@ -238,6 +238,6 @@ class Console:
         if isinstance(said, Reply):
             self._heard = presence, said
         if isinstance(said, State) and not self._runs.note_state(said, time.monotonic(), time.time()):
-            return  # of another run: two services have this vehicle's name
+            return  # from another run: two services use this vehicle's name
         if isinstance(said, Presence | State | Happened | Reply):
             self._said.put_nowait(said)

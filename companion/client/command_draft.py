@@ -1,4 +1,4 @@
-"""A command before it is sent: checked here by the same models, so that what cannot be is said at once."""
+"""Commands before they are sent, validated by the service's own models."""
 
 import json
 import secrets
@@ -12,7 +12,7 @@ from companion.protocol.commands import COMMAND
 
 
 class CommandDraft:
-    """A command without session and time. ConfigError, one sentence, where the service would not read it."""
+    """Command without session and time; raises ConfigError with one sentence when the service would not accept it."""
 
     def __init__(self, verb: str, **fields: object) -> None:
         self.verb = verb
@@ -24,7 +24,7 @@ class CommandDraft:
             raise ConfigError(_sentence(verb, error)) from error
 
     def payload(self, session: str, sent_s: float, reply_to: str) -> bytes:
-        """The command's JSON."""
+        """Return the JSON of the command, UTF-8."""
         said: dict[str, Any] = {
             "verb": self.verb,
             "id": self.id,

@@ -1,4 +1,4 @@
-"""Sentences for a first connection to a broker that fails."""
+"""Error messages for a failed first connection to the broker."""
 
 import socket
 import ssl
@@ -16,12 +16,12 @@ from companion.core.errors import ConfigError
 
 
 def may_be_chance(error: Exception) -> bool:
-    """Return whether the next attempt may succeed: the broker accepted the connection, and then was silent."""
+    """Return whether the next attempt may succeed: the broker accepted the connection but did not answer."""
     return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
 
 
 def refused_connection(error: Exception, place: OperatorConfig) -> Exception:
-    """Return what to raise for the operator: a sentence, or the error itself where it is a defect."""
+    """Return the exception for the operator: one sentence, or the error itself when it is a defect."""
     url = url_of(place)
     if isinstance(error, ForbiddenError):
         return ConfigError(f"{url} {error}")

@@ -1,4 +1,4 @@
-"""Where the broker is, and which vehicle is meant: from options, environment or a file."""
+"""Address of the broker and name of the vehicle, from options, a file or the environment."""
 
 import os
 from dataclasses import dataclass
@@ -16,17 +16,17 @@ BROKER, VEHICLE, PASSWORD_FILE, CA_FILE = (
     "COMPANION_PASSWORD_FILE",
     "COMPANION_CA_FILE",
 )
-"""The environment, for what is not given as an option."""
+"""Environment variables for values that are not given as options."""
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _URL = "mqtt://HOST, mqtts://USER@HOST:PORT or the like"
 
 _OF_THE_SERVICE = frozenset({"mocap", "fence", "room"})
-"""Tables of a companion's configuration that the mock's has not."""
+"""Tables that a companion's configuration has and the mock's does not."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """What an operator gave; None where nothing."""
+    """Options of the command line; None for each that is not given."""
 
     broker: str | None = None
     vehicle: str | None = None
@@ -36,14 +36,14 @@ class Given:
 
     @property
     def of_a_broker(self) -> bool:
-        """Whether somebody, or the environment, says where the service is to be looked for."""
+        """True when options or environment name a broker or a vehicle."""
         return bool(self.broker or self.vehicle or os.environ.get(BROKER) or os.environ.get(VEHICLE))
 
 
 def place_of(given: Given) -> OperatorConfig:
-    """Options go before a file's [operator], that before the environment; else this machine's broker.
+    """Return the endpoint: options override a file's [operator] or else the environment; default is this computer.
 
-    ConfigError with a sentence for what cannot be.
+    Raises ConfigError with one sentence for an invalid value.
     """
     data: dict[str, Any] = {}
     if given.config is None:
@@ -62,7 +62,7 @@ def place_of(given: Given) -> OperatorConfig:
 
 
 def url_of(place: OperatorConfig) -> str:
-    """As an operator would give it, and without a secret."""
+    """Return the broker's URL with the user but without a password."""
     user = f"{place.user}@" if place.user else ""
     host = f"[{place.host}]" if ":" in place.host else place.host
     return f"mqtt{'s' if place.tls else ''}://{user}{host}:{place.port}"
@@ -71,8 +71,8 @@ def url_of(place: OperatorConfig) -> str:
 def _table(path: Path) -> dict[str, Any]:
     tables = read_toml(path)
     if "operator" not in tables and not _OF_THE_SERVICE & tables.keys():
-        raise ConfigError(f"{path}: has no table [operator], which says where the broker is")
-    table = tables.get("operator", {})  # without one the service begins a broker beside itself
+        raise ConfigError(f"{path}: has no table [operator] with the broker's address")
+    table = tables.get("operator", {})  # without one the service starts an embedded broker
     return validate(OperatorConfig, table, path, "operator").model_dump(exclude_none=True, exclude={"embedded"})
 
 
@@ -86,11 +86,11 @@ def _broker(url: str, where: str) -> dict[str, Any]:
 
 def _reached(parts: SplitResult, where: str) -> dict[str, Any]:
     if parts.scheme not in _PORTS:
-        raise ValueError(f"{parts.scheme} is not spoken here")
+        raise ValueError(f"scheme {parts.scheme} is not supported")
     if parts.password is not None:
-        raise ConfigError(f"{where}: a password in an address is there for all to read: give --password-file")
+        raise ConfigError(f"{where}: a password in an address is visible to others: give --password-file")
     if not parts.hostname or parts.path not in {"", "/"} or parts.query or parts.fragment:
-        raise ValueError("is no broker's address")
+        raise ValueError("not the address of a broker")
     data: dict[str, Any] = {"host": parts.hostname, "port": parts.port or _PORTS[parts.scheme]}
     data["tls"] = parts.scheme == "mqtts"
     return data | ({"user": parts.username} if parts.username else {})

@@ -1,11 +1,11 @@
-"""What can be wrong between an operator and the service, as sentences."""
+"""Errors between an operator and the service."""
 
 from companion.core.errors import CompanionError
 
 
 class NobodyThereError(CompanionError):
-    """No broker, or no service on it."""
+    """Failure to find a broker, or a service on it."""
 
 
 class LostError(CompanionError):
-    """A command may have been carried out, and it is not known how it ended."""
+    """Loss of the replies to a command: it may have been carried out, and its end is not known."""

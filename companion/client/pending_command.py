@@ -1,4 +1,4 @@
-"""One command from its sending to its end."""
+"""One command of an operator, from sending to its end."""
 
 import asyncio
 import math
@@ -12,28 +12,28 @@ from companion.client.errors import LostError, NobodyThereError
 from companion.protocol.telemetry import ENDS, Answer, Reply, State
 
 _ANSWER_S = 8.0
-"""The service accepts or refuses at once, or after its checks of a trajectory."""
+"""Time to wait for an answer: the service replies at once, or after its checks of a trajectory."""
 _GONE_S = 15.0
-"""So long neither broker nor service is heard, and nobody will hear how it ended."""
+"""Time without broker or service after which the end of a command counts as lost."""
 _UNSEEN_S = 2.0
-"""After a broken connection, and after the end of what was commanded: a reply has come by then."""
+"""Time to wait for a reply after a broken connection, and after the state shows that the command ended."""
 _AT_ONCE_S = 15.0
-"""What no state names while it is carried out (hold, resume and the like) has ended within this."""
+"""Longest duration of a command that no state shows while it is under way, such as hold and resume."""
 _LOOK_S = 0.2
 _OVER = frozenset({"standby", "disarmed"})
-"""Phases in which the service flies nothing."""
+"""Phases in which the service does not fly."""
 _DOWN = frozenset({"land", "abort", "kill", "disarm"})
 
 
 def armed_of(state: State) -> str:
-    """Return whether the motors may turn: the autopilot may still be about to disarm, or be armed by its pilot."""
+    """Return the arming state in words: the autopilot may be about to disarm, or armed by its pilot."""
     if state.armed and state.phase in _OVER:
         return "the autopilot is armed, although the service flies nothing"
     return "armed" if state.armed else "disarmed"
 
 
 class Sent(Enum):
-    """What is known of the way to the broker."""
+    """Knowledge of whether the command reached the broker."""
 
     NO = "nothing was sent"
     PERHAPS = "it may have been sent"
@@ -41,7 +41,7 @@ class Sent(Enum):
 
 
 class PendingCommand:
-    """A command under way. `said` yields all that is heard meanwhile and ends with the reply that ends it."""
+    """Command under way; `said` yields every message until the reply that ends it."""
 
     def __init__(self, console: Console, draft: CommandDraft, timeout_s: float = math.inf) -> None:
         self._console, self._draft, self._timeout_s = console, draft, timeout_s
@@ -50,17 +50,17 @@ class PendingCommand:
         self._session = ""
         self._begun_s = self._heard_s = self._back_s = 0.0
         self._broke = False
-        """Since the command was sent: then its end may have been said without us."""
+        """True when the connection broke after sending: the final reply may have been missed."""
         self._over_s = math.inf
-        """Since when the states say that it is carried out no longer."""
+        """Instant from which the states show that it is not under way any more."""
         self._named = False
-        """A state has said that it is carried out."""
+        """True once a state has shown it under way."""
 
     async def said(self) -> AsyncIterator[Said]:
-        """Send it and yield until the reply that ends it.
+        """Send the command and yield every message until the reply that ends it.
 
-        NobodyThereError when nothing was sent because nobody is there; LostError when its end is not known;
-        ConfigError when the broker does not let us command.
+        Raises NobodyThereError when no service was found and nothing was sent, LostError when the end is not known,
+        ConfigError when the broker rejects commands of this user.
         """
         await self._send()
         loop = asyncio.get_running_loop()
@@ -77,7 +77,7 @@ class PendingCommand:
                 raise LostError(f"{self._draft.verb}: {why}; {self.known()}")
 
     def known(self) -> str:
-        """What is known of the vehicle, for a sentence."""
+        """Return the newest knowledge of the vehicle as part of a sentence."""
         state = self._console.state
         if state is None:
             return "nothing is known of the vehicle"
@@ -87,7 +87,7 @@ class PendingCommand:
         return f"{when}: phase {state.phase}, {armed_of(state)}{place}"
 
     async def _send(self) -> None:
-        """Once. What surely never left is sent when there is a connection again."""
+        """Send the command once; retry only while it certainly was not sent."""
         end_s = asyncio.get_running_loop().time() + _ANSWER_S
         while True:
             state = await self._console.find()
@@ -105,7 +105,7 @@ class PendingCommand:
                 return
 
     def _is_of_another(self, said: Said) -> bool:
-        """Return whether it is the refusal of a second service, which was not meant."""
+        """Return whether it is the reply of a second service that was not addressed."""
         return isinstance(said, Reply) and said.session not in {"", self._session}
 
     def _note(self, said: Said, now_s: float) -> None:
@@ -119,7 +119,7 @@ class PendingCommand:
             self.accepted = self.accepted or said.answer is not Answer.REFUSED
 
     def _lost(self, now_s: float) -> str:
-        """Why its end will not be heard; empty while it may."""
+        """Return why the final reply will not arrive; empty while it may."""
         if self._console.replaced(self._session):
             return "the service was restarted meanwhile, and it is not known how this ended"
         if now_s - self._heard_s > _GONE_S:
@@ -130,7 +130,7 @@ class PendingCommand:
         return self._unheard(now_s) if self._console.linked else ""
 
     def _unheard(self, now_s: float) -> str:
-        """As `_lost`, while there is a connection."""
+        """Return why the final reply will not arrive although there is a connection; empty while it may."""
         if not self.accepted and now_s - max(self._begun_s, self._back_s) > _ANSWER_S:
             return f"no answer within {_ANSWER_S:g} s, {self._reached()}"
         if not self.accepted or not self._over():
@@ -150,7 +150,7 @@ class PendingCommand:
         return "although the broker has it: does the broker let this user command, and the service read it?"
 
     def _over(self) -> bool:
-        """Whether the newest state says that it is carried out no longer."""
+        """Return whether the newest state shows that the command is not under way any more."""
         state = self._console.state
         if state is None or self._console.state_age_s() > _UNSEEN_S:
             return False

@@ -1,4 +1,4 @@
-"""Tasks that are to end."""
+"""Cancellation of asyncio tasks that also survives a lost cancellation."""
 
 import asyncio
 from typing import Any
@@ -7,8 +7,9 @@ _AGAIN_S = 0.1
 
 
 async def end(task: "asyncio.Task[Any]") -> None:
-    """Cancel it until it has ended: Python 3.11's wait_for, which aiomqtt waits with, loses a cancellation that comes
-    together with what it waits for.
+    """Cancel a task repeatedly until it has ended.
+
+    Python 3.11's wait_for, which aiomqtt uses, loses a cancellation that coincides with the awaited result.
     """
     while not task.done():
         task.cancel()

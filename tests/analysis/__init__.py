@@ -1,1 +1,1 @@
-"""Tests of companion.analysis."""
+"""Tests of reports, calibration and replay, package companion.analysis."""

@@ -70,7 +70,7 @@ def _fly(folder: Path, **how: Any) -> tuple[Flown, list[Tick]]:
 
 @pytest.fixture(scope="module")
 def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flown, list[Tick]]:
-    """The demo's vehicle."""
+    """Return the configuration of the demo's vehicle."""
     return _fly(tmp_path_factory.mktemp("usual"))
 
 

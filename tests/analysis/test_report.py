@@ -120,7 +120,7 @@ def _chart(flown: Flown, name: str) -> Chart:
 
 
 class _Refers(HTMLParser):
-    """What a page wants from elsewhere, and what it says."""
+    """Collector of a page's external references and of its text."""
 
     def __init__(self) -> None:
         super().__init__()

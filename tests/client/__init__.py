@@ -1,1 +1,1 @@
-"""Tests of companion.client."""
+"""Tests of the operator's side of the protocol, package companion.client."""

@@ -1,4 +1,4 @@
-"""Where the broker is: options, a file, the environment, this computer, in this order."""
+"""Tests of the endpoint: options, a file, the environment, this computer, in this order."""
 
 from pathlib import Path
 
@@ -47,10 +47,10 @@ def test_a_password_comes_from_a_file_that_is_its_owners(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (Given(broker="http://near"), "--broker 'http://near': http is not spoken here: give mqtt://HOST"),
+        (Given(broker="http://near"), "--broker 'http://near': scheme http is not supported: give mqtt://HOST"),
         (Given(broker="mqtt://near:port"), "--broker 'mqtt://near:port': Port could not be cast"),
-        (Given(broker="mqtt://near/topic"), "--broker 'mqtt://near/topic': is no broker's address"),
-        (Given(broker="mqtt://ann:secret@near"), "--broker: a password in an address is there for all to read"),
+        (Given(broker="mqtt://near/topic"), "--broker 'mqtt://near/topic': not the address of a broker"),
+        (Given(broker="mqtt://ann:secret@near"), "--broker: a password in an address is visible to others"),
         (Given(broker="near", ca_file="no.pem"), "the broker's options: ca_file = 'no.pem': there is no such file"),
         (Given(vehicle="a/b/c"), "the broker's options: prefix = 'a/b': must be 1 to 32 letters"),
         (Given(vehicle="/c"), "--vehicle '/c': give VEHICLE, or PREFIX/VEHICLE"),

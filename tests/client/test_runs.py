@@ -1,4 +1,4 @@
-"""Which run of the service is spoken with, and how old what it says is; no clock and no broker."""
+"""Tests of the run of the service that is followed, and of the age of its states; no clock, no broker."""
 
 import pytest
 
@@ -52,7 +52,7 @@ def test_a_state_that_waited_in_a_flooded_broker_is_old() -> None:
 
 
 def test_the_first_state_after_a_flood_is_not_taken_for_the_newest() -> None:
-    """Of a client that has just come: nothing quicker was heard, but this computer's clock and the next states tell."""
+    """Estimate the age for a client that has just connected, from this computer's clock and the next states."""
     run = Run("a")
     run.note(state("a", 0.0), 4.0, CLOCKS_APART_S + 4.0)
     assert run.waited_s == pytest.approx(4.0)

@@ -1,1 +1,1 @@
-"""Tests of companion.service."""
+"""Tests of the daemon and its commands, package companion.service."""

@@ -1,4 +1,4 @@
-"""What operators are told of a flight: events at once, and states that say what the tick says."""
+"""Tests of telemetry: events at once, and states that agree with the tick."""
 
 import asyncio
 import math

@@ -36,13 +36,13 @@ class Finding:
 
     @property
     def name(self) -> str:
-        """As in the configuration."""
+        """Key as written in the configuration, with its table."""
         return f"{self.table}.{self.key}"
 
 
 @dataclass(frozen=True)
 class Left:
-    """What the flight does not show, and why."""
+    """Parameter that the flight does not determine, with the reason."""
 
     name: str
     why: str
@@ -50,13 +50,13 @@ class Left:
 
 @dataclass(frozen=True)
 class Calibrated:
-    """What came out."""
+    """Result of a calibration: findings, and parameters left as they are."""
 
     findings: tuple[Finding, ...]
     left: tuple[Left, ...]
 
     def toml(self) -> str:
-        """The lines to set."""
+        """Return the lines to set in the configuration, as TOML."""
         lines = []
         for table in dict.fromkeys(finding.table for finding in self.findings):
             lines.append(f"[{table}]")

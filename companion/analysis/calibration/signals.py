@@ -1,4 +1,4 @@
-"""What was asked of the vehicle and what it did, out of a record and on one clock."""
+"""Commands to the vehicle and its response, from a record and on one clock."""
 
 from dataclasses import dataclass
 
@@ -116,7 +116,7 @@ def _arms_at_rest(flown: Flown) -> Mask:
 
 
 def _autopilots(flown: Flown) -> tuple[Array, Array]:
-    """Its attitudes, each once."""
+    """Return times and values of the autopilot's attitudes, each once."""
     heard, boot = flown.column("attitude_s"), flown.column("boot_s")
     fresh = np.isfinite(heard) & np.isfinite(boot) & np.append(True, np.diff(heard) > 0.0)
     up_w = up_axis(flown.column("autopilot_q_w_flu_wxyz", 4)[fresh])
@@ -136,7 +136,7 @@ def without_waiting(stamp_s: Array, came_s: Array) -> Array:
 
 
 def held(at_s: Array, sent_s: Array, values: Array) -> Array:
-    """What was asked for at each of these instants; the first value before the first one was sent."""
+    """Return the value in force at each instant; the first one before anything was sent."""
     return values[np.clip(np.searchsorted(sent_s, at_s, side="right") - 1, 0, None)]
 
 
@@ -157,5 +157,5 @@ def smooth_held(grid_s: Array, sent_s: Array, values: Array) -> Array:
 
 
 def blocks(at_s: Array, for_s: float) -> NDArray[np.int_]:
-    """Which block of `for_s` each sample belongs to, (n,)."""
+    """Return the index of the block of length `for_s` that each sample belongs to, (n,)."""
     return np.asarray((at_s - at_s[0]) / for_s, dtype=np.int_)

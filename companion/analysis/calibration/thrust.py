@@ -1,4 +1,4 @@
-"""What carries the vehicle: hover thrust, the thrust curve, and how late the rotors are."""
+"""Identification of hover thrust, thrust curve and rotor delay."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ _LEAST_WINDOWS = 5
 
 @dataclass(frozen=True)
 class Hover:
-    """Of the seconds without much vertical speed."""
+    """Hover thrust from the blocks of time with little vertical speed."""
 
     thrust: float
     sd: float
@@ -91,7 +91,7 @@ def _band(values: Array) -> Array:
 
 @dataclass(frozen=True)
 class Rotors:
-    """What a flight with vertical motion says."""
+    """Thrust parameters identified from a flight with vertical motion."""
 
     fit: Fit
     """(5,): from setpoint sent to the frame's arrival, rotors' lag and all (s); the lag alone (s); the curve's f; drag

@@ -1,6 +1,6 @@
 """Recorded inputs through the controller again.
 
-What the estimator makes of the frames, and what law and guard make of what they were given, is worked out anew, each
+The estimates from the frames, and the outputs of law and guard from their recorded inputs, are computed again, each
 from its recorded input, so that one difference does not hide behind another. On the ground the law sleeps: there is
 nothing to compare but the estimate.
 """
@@ -25,7 +25,7 @@ from companion.records.read import FlightRecord, RecordedTick
 
 @dataclass
 class Apart:
-    """How far one quantity of the replay is from the record."""
+    """Difference of one quantity between the replay and the record."""
 
     name: str
     compared: int = 0
@@ -40,7 +40,7 @@ class Apart:
 
     @property
     def rms(self) -> float:
-        """Of the difference's norm."""
+        """Root mean square of the difference's norm."""
         return float(np.sqrt(self.square_sum / self.compared)) if self.compared else 0.0
 
     def take(self, recorded: Array, again: Array, at_s: float) -> None:
@@ -57,7 +57,7 @@ class Apart:
 
 @dataclass
 class Replayed:
-    """What a replay came to."""
+    """Result of a replay: one comparison for each quantity, and the ticks replayed."""
 
     law: str
     """That was replayed; the record's own where empty."""
@@ -108,7 +108,7 @@ def replay(
 
 
 class _Estimating:
-    """Frames to estimates."""
+    """Replay of the estimator: frames to estimates."""
 
     def __init__(self, record: FlightRecord, params: EstimatorParams) -> None:
         self._state: EstimatorState | None = record.first_estimate
@@ -131,7 +131,7 @@ class _Estimating:
 
 
 class _Sending:
-    """What the law wanted, after the gate, to what left: with the autopilot's horizon corrected."""
+    """Replay of the horizon correction: limited setpoints to the setpoints sent."""
 
     def __init__(self, config: CompanionConfig) -> None:
         rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
@@ -152,7 +152,7 @@ class _Sending:
 
 
 class _Flying:
-    """What the law was given to what goes out."""
+    """Replay of the control pipeline: the law's inputs to limited setpoints."""
 
     def __init__(
         self, path: Path, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None
@@ -187,7 +187,7 @@ class _Flying:
             self._stage.sent = tick.setpoint
 
     def _begin(self, tick: RecordedTick) -> None:
-        """The law begins anew where it did: with nothing learnt, or in another one's place."""
+        """Reset the law where the flight did: without memory, or when it took over from another law."""
         if not tick.begun:
             return
         switched = self._airborne and self._law is not None  # also to the law of the same name, loaded again

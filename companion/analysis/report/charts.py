@@ -1,4 +1,4 @@
-"""What all figures share: sizes, colours, time axes with the phases behind them."""
+"""Common parts of all figures: sizes, colours, time axes with the phases shaded behind them."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _MOST_BESIDE = 3
 
 
 class Medium(StrEnum):
-    """What a figure is drawn for."""
+    """Medium that a figure is drawn for."""
 
     PAGE = "page"
     PAPER = "paper"
@@ -75,10 +75,10 @@ class Chart:
     wide: bool = True
     """Takes the page's whole width; others stand two and two."""
     paper_height_in: float | None = None
-    """Where a column of a paper needs another height."""
+    """Height in a paper's column, inches, if it differs."""
 
     def figure(self, medium: Medium) -> Figure:
-        """Drawn."""
+        """Return the drawn figure in the size of its medium."""
         height_in = self.paper_height_in if medium is Medium.PAPER and self.paper_height_in else self.height_in
         with mpl.rc_context(_ALWAYS | _STYLES[medium]):
             figure = Figure(figsize=(_WIDTHS_IN[medium, self.wide], height_in), layout="constrained")
@@ -121,7 +121,7 @@ def rows_over_time(figure: Figure, labels: Sequence[str], flown: Flown) -> list[
 
 
 def _shown_s(flown: Flown) -> tuple[float, float]:
-    """From the first command shortly before lift-off until the motors stop; all of it when nothing flew."""
+    """Return the time shown: first command before lift-off until the motors stop; all of it without a flight."""
     if not flown.airborne.any():
         return float(flown.time_s[0]), max(float(flown.time_s[-1]), float(flown.time_s[0]) + 1.0)
     turning = flown.in_the_air | (flown.column("armed") > 0.0)
@@ -132,7 +132,7 @@ def _shown_s(flown: Flown) -> tuple[float, float]:
 
 
 def shade_phases(axes: Axes, flown: Flown) -> None:
-    """Colours behind the curves."""
+    """Shade the phases of the flight behind the curves."""
     for stretch in flown.phases:
         if stretch.name in PHASE_SHADES:
             axes.axvspan(stretch.begin_s, stretch.end_s, color=PHASE_SHADES[stretch.name], zorder=0, lw=0)

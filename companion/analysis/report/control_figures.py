@@ -57,7 +57,7 @@ def friction(figure: Figure, flown: Flown) -> None:
 
 
 def horizon(figure: Figure, flown: Flown) -> None:
-    """How far the autopilot's horizon is off motion capture's, and what of it is corrected."""
+    """Draw the error of the autopilot's horizon against motion capture, and its correction, in degrees."""
     rows = rows_over_time(figure, [f"{axis} (°)" for axis in ("roll", "pitch")], flown)
     for axes, axis in zip(rows, ("roll", "pitch"), strict=True):
         off, put_right = (np.degrees(flown.column(f"horizon_{part}{axis}_rad")) for part in ("off_", ""))
@@ -91,7 +91,7 @@ def events(figure: Figure, flown: Flown) -> None:
 
 
 def gaps(figure: Figure, flown: Flown) -> None:
-    """How often which time lay between two triggers."""
+    """Draw the histogram of the time between two triggers."""
     among = flown.tracked if flown.tracked.any() else flown.airborne
     gaps_ms = 1e3 * flown.gaps_s(among)[1]
     axes = figure.subplots()

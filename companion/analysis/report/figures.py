@@ -1,4 +1,4 @@
-"""Which figures a flight has."""
+"""Selection of the figures of a flight."""
 
 from collections.abc import Callable
 from functools import partial

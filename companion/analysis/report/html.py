@@ -8,7 +8,7 @@ from companion.analysis.report.tables import WORDS, Cell, Grid
 
 
 def whole(title: str, body: str) -> str:
-    """The document; `title` is HTML of ours."""
+    """Return the document; `title` is trusted HTML."""
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<title>{title}</title>\n'
@@ -35,7 +35,7 @@ def swatches(colours: Iterable[tuple[str, str]]) -> str:
 
 
 def tables(grids: Iterable[Grid]) -> str:
-    """One after the other."""
+    """Return the HTML of several tables, one after the other."""
     return "\n".join(table(grid) for grid in grids)
 
 

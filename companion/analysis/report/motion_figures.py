@@ -51,7 +51,7 @@ def above_height_in(flown: Flown, width_in: float, least_in: float, most_in: flo
 
 
 def _limits(values: Array) -> tuple[float, float]:
-    """Of an axis; a hover shall look like one."""
+    """Return the limits of an axis, wide enough that a hover looks like one, m."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     room = max(0.05 * (high - low), 0.25 - 0.5 * (high - low))
     return low - room, high + room
@@ -97,7 +97,7 @@ def errors(figure: Figure, flown: Flown) -> None:
 
 
 def command(figure: Figure, flown: Flown) -> None:
-    """What the law wanted and, held between events, what the vehicle was given."""
+    """Draw the law's command and the command applied, which is held between events."""
     rows = rows_over_time(figure, [f"$u_{axis}$ (m/s²)" for axis in AXES], flown)
     number = flown.runs(flown.free)
     wanted = flown.column("accel_w_mps2", 3)
@@ -110,7 +110,7 @@ def command(figure: Figure, flown: Flown) -> None:
 
 
 def thrust(figure: Figure, flown: Flown) -> None:
-    """Of the setpoints in the air, and the battery that gave it."""
+    """Draw the thrust of the setpoints in the air and the battery voltage."""
     labels = ["thrust", *(["battery (V)"] if flown.has("battery_v") else [])]
     rows = rows_over_time(figure, labels, flown)
     time, value = thinned(flown.time_s, flown.column("setpoint_thrust"))

@@ -15,7 +15,7 @@ _ALSO_S = 1.0
 
 
 def head(numbers: Numbers) -> list[tuple[str, str]]:
-    """What flight this is."""
+    """Return the facts on top of a report: date, vehicle, duration, law, end, record, versions."""
     facts = [("when", _when(numbers.started_unix_s))] if numbers.started_unix_s is not None else []
     if numbers.vehicle:
         facts.append(("vehicle", numbers.vehicle))
@@ -31,7 +31,7 @@ def head(numbers: Numbers) -> list[tuple[str, str]]:
 
 
 def in_the_air(numbers: Numbers) -> str:
-    """How long; and for how long of it our law flew, where something else did, too."""
+    """Return the time in the air, and the law's share of it when the autopilot flew the rest."""
     if not numbers.duration_s:
         return "never"
     text = f"{numbers.duration_s:.1f} s"
@@ -41,7 +41,7 @@ def in_the_air(numbers: Numbers) -> str:
 
 
 def _when(unix_s: float) -> str:
-    """Of this computer's time zone."""
+    """Return date and time in this computer's time zone."""
     return f"{datetime.fromtimestamp(unix_s, UTC).astimezone():%Y-%m-%d %H:%M:%S %Z}"
 
 
@@ -54,7 +54,7 @@ def laws(numbers: Numbers) -> str:
 
 
 def _state(numbers: Numbers) -> str:
-    """Whether all of the flight is there, in one line."""
+    """Return one line on whether the record is complete."""
     says = []
     if numbers.damage:
         says.append(f"damaged: {numbers.damage}; shown is what can be read")
@@ -133,7 +133,7 @@ def _cm(value_m: float) -> Cell:
 
 
 def trigger_table(numbers: Numbers) -> Grid | None:
-    """How often something was sent."""
+    """Return the table of updates sent."""
     all_of_it = [*_named(numbers, "triggers"), ("in the air", numbers.triggers_whole)]
     found: list[tuple[str, Triggers]] = [(name, triggers) for name, triggers in all_of_it if triggers is not None]
     if not found:
@@ -214,7 +214,7 @@ def _from_to(begin_s: float, end_s: float | None) -> str:
 
 
 def reaction_table(numbers: Numbers) -> Grid | None:
-    """What was done about them."""
+    """Return the table of failsafe actions; None without any."""
     if not numbers.story.reactions:
         return None
     rows = tuple(
@@ -225,7 +225,7 @@ def reaction_table(numbers: Numbers) -> Grid | None:
 
 
 def said_table(numbers: Numbers) -> Grid | None:
-    """Commands and replies."""
+    """Return the table of commands and replies; None without any."""
     if not numbers.story.said:
         return None
     rows = tuple(

@@ -50,7 +50,7 @@ class TrajectoryNumbers:
 
 @dataclass(frozen=True)
 class Spread:
-    """Of a latency, s."""
+    """Distribution of a latency, s."""
 
     count: int
     median_s: float
@@ -60,7 +60,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class HorizonNumbers:
-    """How far the autopilot's horizon was off motion capture's while the law flew; size of the slow part, rad."""
+    """Error of the autopilot's horizon against motion capture while the law flew: norm of its slow part, rad."""
 
     rms_rad: float
     max_rad: float

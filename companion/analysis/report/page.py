@@ -35,7 +35,7 @@ class Chapter:
 
 
 def chapter_of(flown: Flown) -> Chapter:
-    """All but the drawing."""
+    """Return the chapter of a flight without drawing its figures."""
     numbers = numbers_of(flown)
     return Chapter(flown, numbers, charts_of(flown, numbers.story))
 

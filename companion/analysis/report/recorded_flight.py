@@ -62,7 +62,7 @@ class Flown:
         return np.full(len(self.record.columns["time_s"]), "") if found is None else found.astype(str)
 
     def has(self, name: str) -> bool:
-        """Whether the column has a number anywhere."""
+        """Return whether the column exists and has a finite value."""
         return name in self.record.columns and bool(np.isfinite(self.column(name)).any())
 
     @cached_property
@@ -72,7 +72,7 @@ class Flown:
 
     @cached_property
     def time_s(self) -> Array:
-        """Since lift-off, (n,)."""
+        """Time since lift-off, (n,), s."""
         return self.column("time_s") - self.zero_s
 
     @cached_property
@@ -123,13 +123,13 @@ class Flown:
 
     @cached_property
     def position_w_m(self) -> Array:
-        """Where the vehicle was, (n, 3) in W; NaN where that was not known, for want of a fresh pose."""
+        """Position of the vehicle, (n, 3) in W, m; NaN while there is no fresh pose."""
         stale = self.column("age_s") > STALE_S
         return np.where(stale[:, None], np.nan, self.column("position_w_m", 3))
 
     @cached_property
     def reference_w_m(self) -> Array:
-        """Where the vehicle should be, (n, 3) in W; NaN where that is below the floor, at the end of a landing."""
+        """Reference position, (n, 3) in W, m; NaN where it is below the floor, at the end of a landing."""
         reference = self.column("reference_position_w_m", 3)
         return np.where(reference[:, 2:] < 0.0, np.nan, reference)
 
@@ -187,12 +187,12 @@ class Flown:
 
     @cached_property
     def phases(self) -> tuple[Stretch, ...]:
-        """In order."""
+        """Phases of the flight in order of time."""
         return self._stretches(self.words("phase"))
 
     @cached_property
     def laws(self) -> tuple[Stretch, ...]:
-        """That flew, in order."""
+        """Laws that flew, in order of time."""
         labels = [law_label(name) for name in self.words("law_name").tolist()]
         names = np.where(self.airborne, np.array(labels, dtype=str), "")
         if not (names != "").any():

@@ -1,4 +1,4 @@
-"""What happened in a flight: phases, faults and what followed, commands and replies, and how it ended. Pure."""
+"""Events of a flight: phases, faults and failsafe actions, commands and replies, and its end. Pure."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _SAID = ("command", "reply", "log")
 
 @dataclass(frozen=True)
 class FaultSeen:
-    """From begin to end, s since lift-off; the end None when it was there to the last."""
+    """Fault with its begin and end, s since lift-off; the end is None when it lasted to the end of the record."""
 
     fault: str
     text: str
@@ -47,7 +47,7 @@ class Said:
 
 @dataclass(frozen=True)
 class Story:
-    """In order of time."""
+    """Events of a flight, each kind in order of time."""
 
     phases: tuple[Stretch, ...]
     laws: tuple[Stretch, ...]
@@ -68,7 +68,7 @@ def story_of(flown: Flown) -> Story:
 
 
 def _faults(flown: Flown, reactions: tuple[Reacted, ...]) -> tuple[FaultSeen, ...]:
-    """What was done about a fault goes before what the table says to it at the stage that it led to."""
+    """Return the faults; a recorded failsafe action takes precedence over the table of failsafe actions."""
     done = {one.cause: one.reaction for one in reactions}
     return tuple(
         FaultSeen(

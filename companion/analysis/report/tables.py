@@ -26,7 +26,7 @@ class Grid:
 
     @property
     def narrow(self) -> "Grid":
-        """Without the sentences."""
+        """Table without the columns of sentences."""
         kept = [index for index, cell in enumerate(self.rows[0]) if cell.tone != WORDS]
         rows = tuple(tuple(row[index] for index in kept) for row in self.rows)
         return replace(self, columns=tuple(self.columns[index] for index in kept), rows=rows)

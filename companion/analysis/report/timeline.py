@@ -28,12 +28,12 @@ class _Lane:
 
 
 def height_in(story: Story) -> float:
-    """What `timeline` needs."""
+    """Return the height that `timeline` needs, inches."""
     return _CURVES_IN + 0.55 + _LANE_IN * _rows(story)
 
 
 def _rows(story: Story) -> int:
-    """Of the lowest part: phases, laws where one followed another, faults, reactions, and what was said."""
+    """Return the rows of the lowest part: phases, laws if several, faults, failsafe actions, commands."""
     return 1 + _switched(story) + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_told(story))
 
 
@@ -42,7 +42,7 @@ def _switched(story: Story) -> bool:
 
 
 def timeline(figure: Figure, flown: Flown, story: Story) -> None:
-    """Draw it."""
+    """Draw height, error and the events of a flight over time."""
     lanes = _lanes(story)
     told = _told(story)
     below = _rows(story)
@@ -91,7 +91,7 @@ def _curves(height: Axes, error: Axes, flown: Flown) -> None:
 
 
 def _letter_s(axes: Axes) -> float:
-    """How much of the time axis a letter takes: more of a paper's column than of a page."""
+    """Return the time that one letter spans on the axis, s: more in a paper's column than on a page."""
     low, high = axes.get_xlim()
     wide_in = axes.get_window_extent().width / axes.figure.dpi
     return 0.65 * (high - low) * float(rcParams["font.size"]) / (72.0 * float(wide_in))
