@@ -16,7 +16,7 @@ from companion.core.errors import ConfigError
 from companion.protocol.topics import Topics
 
 _WAITING = 1000
-_KEPT_S = 60
+_SESSION_EXPIRY_S = 60
 """Time an MQTT 5 broker keeps replies for a client whose connection broke."""
 _NOT_ALLOWED_WORDS = ("bad user name or password", "not authorized", "bad username or password", "not authorised")
 
@@ -36,13 +36,13 @@ class BrokerConnection(Connection):
         if version is V5:
             self._clean_start = not again
             bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-            bounds.MaximumPacketSize, bounds.SessionExpiryInterval = MAX_PACKET_BYTES, _KEPT_S
+            bounds.MaximumPacketSize, bounds.SessionExpiryInterval = MAX_PACKET_BYTES, _SESSION_EXPIRY_S
             self._properties = bounds
 
     async def follow(self, topics: Topics, client: str) -> None:
         """Subscribe to all topics of the service, retained ones too; raise ForbiddenError when one is not granted."""
-        wanted = [(topics.reply(client), 1), (topics.event, 1), (topics.state, 0), (topics.status, 1)]
-        for topic, qos in wanted:
+        subscriptions = [(topics.reply(client), 1), (topics.event, 1), (topics.state, 0), (topics.status, 1)]
+        for topic, qos in subscriptions:
             granted = await self.subscribe(topic, qos=qos)
             if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
                 raise ForbiddenError(f"does not let us read {topic}")
@@ -59,22 +59,22 @@ class BrokerConnection(Connection):
             properties.ResponseTopic, properties.CorrelationData = topics.reply(client), draft_id.encode()
         if self._disconnected.done() or not self._client.is_connected():
             raise NotSentError("the connection is broken")
-        said: list[ReasonCode] = []
-        before = self._client.on_publish
+        reasons: list[ReasonCode] = []
+        previous = self._client.on_publish
 
-        def noted(
+        def note_reason(
             of: paho.Client, data: object, number: int, reason: ReasonCode, more: Properties
         ) -> None:  # aiomqtt leaves the broker's reason aside
-            said.append(reason)
+            reasons.append(reason)
             self._on_publish(of, data, number, reason, more)
 
-        self._client.on_publish = noted
+        self._client.on_publish = note_reason
         try:
             await self.publish(topics.command, payload, qos=1, properties=properties, timeout=3.0 * ANSWER_S)
         finally:
-            self._client.on_publish = before
-        if said and said[0].is_failure:
-            raise ForbiddenError(f"does not let us command: {said[0].getName().lower()}")
+            self._client.on_publish = previous
+        if reasons and reasons[0].is_failure:
+            raise ForbiddenError(f"does not let us command: {reasons[0].getName().lower()}")
 
     def farewell(self) -> None:
         """Disconnect and end the session, so that the broker keeps no replies for this client."""
@@ -99,10 +99,10 @@ def is_forbidden(error: BaseException) -> bool:
     return any(words in str(error).lower() for words in _NOT_ALLOWED_WORDS)
 
 
-def _tls_of(place: OperatorConfig) -> ssl.SSLContext | None:
-    if not place.tls:
+def _tls_of(endpoint: OperatorConfig) -> ssl.SSLContext | None:
+    if not endpoint.tls:
         return None
     try:
-        return ssl.create_default_context(cafile=place.ca_file)
+        return ssl.create_default_context(cafile=endpoint.ca_file)
     except (OSError, ssl.SSLError) as error:
-        raise ConfigError(f"{place.ca_file}: holds no certificates that can be read: {error}") from error
+        raise ConfigError(f"{endpoint.ca_file}: holds no certificates that can be read: {error}") from error

@@ -27,7 +27,7 @@ from companion.protocol.telemetry import Happened, Presence, Reply, State
 if TYPE_CHECKING:
     from companion.client.command_draft import CommandDraft
 
-_CONNECTED_S = 15.0
+_CONNECT_TIMEOUT_S = 15.0
 """Timeout of all attempts of the first connection, name resolution included."""
 _STATUS_S = 1.5
 """Time to wait for a status: a retained one comes at once, a new broker has it with the service's next one."""
@@ -35,7 +35,7 @@ _STATE_S = 2.0
 """Time to wait for a state; they are published ten times a second."""
 _CATCH_UP_S = 5.0
 """Longest wait for a state that was not queued in the broker, after a backlog."""
-_HERE = frozenset({"127.0.0.1", "::1", "localhost"})
+_LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
 """Hosts of the embedded broker, which knows no MQTT 5. A local connection breaks only when the broker ends, so no
 broker on these hosts needs to keep replies for this client.
 """
@@ -55,44 +55,44 @@ Said = Presence | State | Happened | Reply | Link
 
 
 @asynccontextmanager
-async def open_console(place: OperatorConfig) -> AsyncIterator["Console"]:
+async def open_console(endpoint: OperatorConfig) -> AsyncIterator["Console"]:
     """Connect to the broker, and reconnect whenever the connection breaks.
 
     Raises NobodyThereError when there is no broker, ConfigError when it refuses the user.
     """
-    console = Console(place)
-    keeping = asyncio.create_task(console.keep(), name="companion.console")
+    console = Console(endpoint)
+    connecting = asyncio.create_task(console.keep(), name="companion.console")
     try:
-        await console.connected(keeping)
+        await console.connected(connecting)
         yield console
     finally:
-        await end(keeping)
+        await end(connecting)
 
 
 class Console:
     """Connected client of one operator, from `open_console`; messages are queued until `next` is called."""
 
-    def __init__(self, place: OperatorConfig) -> None:
-        self._place, self._topics = place, place.topics
+    def __init__(self, endpoint: OperatorConfig) -> None:
+        self._endpoint, self._topics = endpoint, endpoint.topics
         self._client = f"console-{secrets.token_hex(6)}"
-        self._reconnector = Reconnector(V311 if place.host in _HERE else V5, self._lost)
+        self._reconnector = Reconnector(V311 if endpoint.host in _LOCAL_HOSTS else V5, self._lost)
         self._tries = 0
-        self._said: asyncio.Queue[Said] = asyncio.Queue()
+        self._messages: asyncio.Queue[Said] = asyncio.Queue()
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._line: BrokerConnection | None = None
+        self._connection: BrokerConnection | None = None
         self._runs = Runs()
-        self._heard: tuple[Presence | None, Reply | None] = (None, None)
+        self._newest: tuple[Presence | None, Reply | None] = (None, None)
         """Newest presence and newest reply, to drop repetitions."""
 
     @property
     def where(self) -> str:
         """Vehicle and broker, as part of a sentence."""
-        return f"{self._place.vehicle!r} at {url_of(self._place)}"
+        return f"{self._endpoint.vehicle!r} at {url_of(self._endpoint)}"
 
     @property
     def linked(self) -> bool:
         """True while there is a connection to the broker."""
-        return self._line is not None
+        return self._connection is not None
 
     @property
     def presence(self) -> Presence | None:
@@ -118,24 +118,24 @@ class Console:
         """Return whether another run of the service has replaced this one."""
         return self._runs.replaced(session, time.monotonic())
 
-    async def connected(self, keeping: "asyncio.Task[None]") -> None:
+    async def connected(self, connecting: "asyncio.Task[None]") -> None:
         """Wait for the first connection; raise its error, or NobodyThereError when it takes too long."""
-        waited: set[asyncio.Future[None]] = {self._first, keeping}
-        await asyncio.wait(waited, timeout=_CONNECTED_S, return_when=asyncio.FIRST_COMPLETED)
+        waited: set[asyncio.Future[None]] = {self._first, connecting}
+        await asyncio.wait(waited, timeout=_CONNECT_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
         if self._first.done():
             return self._first.result()
-        if keeping.done():
-            keeping.result()
+        if connecting.done():
+            connecting.result()
         raise NobodyThereError(
-            f"no connection to the broker at {url_of(self._place)} within {_CONNECTED_S:g} s, so it is not known "
-            "whether the service runs"
+            f"no connection to the broker at {url_of(self._endpoint)} within {_CONNECT_TIMEOUT_S:g} s, so it is not "
+            "known whether the service runs"
         )
 
     async def next(self, timeout_s: float) -> Said | None:
         """Return the next message; None after the timeout."""
         try:
             async with asyncio.timeout(timeout_s):
-                return await self._said.get()
+                return await self._messages.get()
         except TimeoutError:
             return None
 
@@ -151,7 +151,7 @@ class Console:
             if run is not None and run.state is not None and run.lives(time.monotonic()):
                 if run.caught_up or waited_s > _CATCH_UP_S:
                     return run.state
-            elif not self._seems_there and waited_s > _STATUS_S:
+            elif not self._seems_online and waited_s > _STATUS_S:
                 raise NobodyThereError(f"nobody there: the service of {self.where} does not run")
             elif waited_s > _STATE_S:
                 raise NobodyThereError(
@@ -161,7 +161,7 @@ class Console:
             await asyncio.sleep(0.01)
 
     @property
-    def _seems_there(self) -> bool:
+    def _seems_online(self) -> bool:
         """True when the newest status, which may be a retained one, says that the service is online."""
         return self.presence is not None and self.presence.online
 
@@ -170,14 +170,14 @@ class Console:
 
         Raises NotSentError when it certainly was not sent, ConfigError when the broker rejects commands of this user.
         """
-        line, run = self._line, self._runs.followed
-        if line is None or run is None:
+        connection, run = self._connection, self._runs.followed
+        if connection is None or run is None:
             raise NotSentError("the connection is broken")
         payload = draft.payload(run.session, run.service_time_s(time.monotonic()), self._client)
         try:
-            await line.command(self._topics, self._client, draft.id, payload)
+            await connection.command(self._topics, self._client, draft.id, payload)
         except ForbiddenError as error:
-            raise ConfigError(f"{url_of(self._place)} {error}") from error
+            raise ConfigError(f"{url_of(self._endpoint)} {error}") from error
         except NotSentError:
             raise
         except (aiomqtt.MqttError, OSError):
@@ -190,29 +190,31 @@ class Console:
 
     async def _follow(self, version: aiomqtt.ProtocolVersion) -> None:
         """Run one connection until it breaks; raise what broke it."""
-        async with BrokerConnection(self._place, self._client, version, self._first.done()) as line:
-            await line.follow(self._topics, self._client)
+        async with BrokerConnection(self._endpoint, self._client, version, self._first.done()) as connection:
+            await connection.follow(self._topics, self._client)
             self._reconnector.heard()
-            self._line = line
+            self._connection = connection
             if self._first.done():
-                self._said.put_nowait(Link(True))
+                self._messages.put_nowait(Link(True))
             else:
                 self._first.set_result(None)
             try:
-                async for message in line.messages:
+                async for message in connection.messages:
                     self._read(message)
             except asyncio.CancelledError:
-                line.farewell()
+                connection.farewell()
                 raise
 
     def _lost(self, error: Exception) -> None:
         """Raise the error of the first connection as a sentence; report a later one that broke as an event."""
         self._tries += 1
         if not self._first.done() and (self._tries == _TRIES or not may_be_chance(error)):
-            raise refused_connection(error, self._place)
-        if self._line is not None:
-            self._line = None
-            self._said.put_nowait(Link(False, f"no connection to {url_of(self._place)} any more: {reason_of(error)}"))
+            raise refused_connection(error, self._endpoint)
+        if self._connection is not None:
+            self._connection = None
+            self._messages.put_nowait(
+                Link(False, f"no connection to {url_of(self._endpoint)} any more: {reason_of(error)}")
+            )
 
     def _read(self, message: aiomqtt.Message) -> None:
         """Take one message of the service; ignore anything that is not valid."""
@@ -229,15 +231,15 @@ class Console:
             self._note(model.model_validate_json(message.payload))
 
     def _note(self, said: BaseModel) -> None:
-        if said in self._heard:
+        if said in self._newest:
             return  # a repeated status of the service, or a reply sent twice because it was not acknowledged
-        presence, reply = self._heard
+        presence, reply = self._newest
         if isinstance(said, Presence):
-            self._heard = said, reply
+            self._newest = said, reply
             self._runs.note_presence(said)
         if isinstance(said, Reply):
-            self._heard = presence, said
+            self._newest = presence, said
         if isinstance(said, State) and not self._runs.note_state(said, time.monotonic(), time.time()):
             return  # from another run: two services use this vehicle's name
         if isinstance(said, Presence | State | Happened | Reply):
-            self._said.put_nowait(said)
+            self._messages.put_nowait(said)

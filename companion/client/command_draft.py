@@ -25,18 +25,18 @@ class CommandDraft:
 
     def payload(self, session: str, sent_s: float, reply_to: str) -> bytes:
         """Return the JSON of the command, UTF-8."""
-        said: dict[str, Any] = {
+        header: dict[str, Any] = {
             "verb": self.verb,
             "id": self.id,
             "session": session,
             "sent_s": sent_s,
             "reply_to": reply_to,
         }
-        return COMMAND.validate_json(json.dumps(said | self._fields)).model_dump_json(exclude_none=True).encode()
+        return COMMAND.validate_json(json.dumps(header | self._fields)).model_dump_json(exclude_none=True).encode()
 
 
 def _sentence(verb: str, error: ValidationError) -> str:
     detail = error.errors(include_url=False)[0]
-    place = [str(part) for part in detail["loc"][1:]]
-    said = plain(detail)
-    return f"{verb}: {'.'.join(place)} = {detail['input']!r}: {said}" if place else f"{verb}: {said}"
+    path = [str(part) for part in detail["loc"][1:]]
+    reason = plain(detail)
+    return f"{verb}: {'.'.join(path)} = {detail['input']!r}: {reason}" if path else f"{verb}: {reason}"

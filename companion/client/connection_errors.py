@@ -20,9 +20,9 @@ def may_be_chance(error: Exception) -> bool:
     return isinstance(error, aiomqtt.MqttError) and not isinstance(error, MqttConnectError)
 
 
-def refused_connection(error: Exception, place: OperatorConfig) -> Exception:
+def refused_connection(error: Exception, endpoint: OperatorConfig) -> Exception:
     """Return the exception for the operator: one sentence, or the error itself when it is a defect."""
-    url = url_of(place)
+    url = url_of(endpoint)
     if isinstance(error, ForbiddenError):
         return ConfigError(f"{url} {error}")
     if isinstance(error, ConfigError) or not isinstance(error, aiomqtt.MqttError | OSError | ValueError):

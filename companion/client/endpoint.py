@@ -20,7 +20,7 @@ BROKER, VEHICLE, PASSWORD_FILE, CA_FILE = (
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
 _URL = "mqtt://HOST, mqtts://USER@HOST:PORT or the like"
 
-_OF_THE_SERVICE = frozenset({"mocap", "fence", "room"})
+_SERVICE_TABLES = frozenset({"mocap", "fence", "room"})
 """Tables that a companion's configuration has and the mock's does not."""
 
 
@@ -40,7 +40,7 @@ class Given:
         return bool(self.broker or self.vehicle or os.environ.get(BROKER) or os.environ.get(VEHICLE))
 
 
-def place_of(given: Given) -> OperatorConfig:
+def endpoint_of(given: Given) -> OperatorConfig:
     """Return the endpoint: options override a file's [operator] or else the environment; default is this computer.
 
     Raises ConfigError with one sentence for an invalid value.
@@ -61,16 +61,16 @@ def place_of(given: Given) -> OperatorConfig:
     return validate(OperatorConfig, data, Path("the broker's options"))
 
 
-def url_of(place: OperatorConfig) -> str:
+def url_of(endpoint: OperatorConfig) -> str:
     """Return the broker's URL with the user but without a password."""
-    user = f"{place.user}@" if place.user else ""
-    host = f"[{place.host}]" if ":" in place.host else place.host
-    return f"mqtt{'s' if place.tls else ''}://{user}{host}:{place.port}"
+    user = f"{endpoint.user}@" if endpoint.user else ""
+    host = f"[{endpoint.host}]" if ":" in endpoint.host else endpoint.host
+    return f"mqtt{'s' if endpoint.tls else ''}://{user}{host}:{endpoint.port}"
 
 
 def _table(path: Path) -> dict[str, Any]:
     tables = read_toml(path)
-    if "operator" not in tables and not _OF_THE_SERVICE & tables.keys():
+    if "operator" not in tables and not _SERVICE_TABLES & tables.keys():
         raise ConfigError(f"{path}: has no table [operator] with the broker's address")
     table = tables.get("operator", {})  # without one the service starts an embedded broker
     return validate(OperatorConfig, table, path, "operator").model_dump(exclude_none=True, exclude={"embedded"})
@@ -79,12 +79,12 @@ def _table(path: Path) -> dict[str, Any]:
 def _broker(url: str, where: str) -> dict[str, Any]:
     try:
         parts = urlsplit(url if "://" in url else f"mqtt://{url}")
-        return _reached(parts, where)
+        return _broker_fields(parts, where)
     except ValueError as error:
         raise ConfigError(f"{where} {url!r}: {error}: give {_URL}") from error
 
 
-def _reached(parts: SplitResult, where: str) -> dict[str, Any]:
+def _broker_fields(parts: SplitResult, where: str) -> dict[str, Any]:
     if parts.scheme not in _PORTS:
         raise ValueError(f"scheme {parts.scheme} is not supported")
     if parts.password is not None:

@@ -20,14 +20,14 @@ _UNSEEN_S = 2.0
 _AT_ONCE_S = 15.0
 """Longest duration of a command that no state shows while it is under way, such as hold and resume."""
 _LOOK_S = 0.2
-_OVER = frozenset({"standby", "disarmed"})
+_NOT_FLYING = frozenset({"standby", "disarmed"})
 """Phases in which the service does not fly."""
-_DOWN = frozenset({"land", "abort", "kill", "disarm"})
+_ENDS_DISARMED = frozenset({"land", "abort", "kill", "disarm"})
 
 
 def armed_of(state: State) -> str:
     """Return the arming state in words: the autopilot may be about to disarm, or armed by its pilot."""
-    if state.armed and state.phase in _OVER:
+    if state.armed and state.phase in _NOT_FLYING:
         return "the autopilot is armed, although the service flies nothing"
     return "armed" if state.armed else "disarmed"
 
@@ -48,12 +48,12 @@ class PendingCommand:
         self.sent = Sent.NO
         self.accepted = False
         self._session = ""
-        self._begun_s = self._heard_s = self._back_s = 0.0
+        self._begun_s = self._heard_s = self._restored_s = 0.0
         self._broke = False
         """True when the connection broke after sending: the final reply may have been missed."""
-        self._over_s = math.inf
+        self._ended_s = math.inf
         """Instant from which the states show that it is not under way any more."""
-        self._named = False
+        self._seen_in_state = False
         """True once a state has shown it under way."""
 
     async def said(self) -> AsyncIterator[Said]:
@@ -72,7 +72,7 @@ class PendingCommand:
                 yield said
                 if isinstance(said, Reply) and said.id == self._draft.id and said.answer in ENDS:
                     return
-            why = self._lost(loop.time())
+            why = self._loss(loop.time())
             if why:
                 raise LostError(f"{self._draft.verb}: {why}; {self.known()}")
 
@@ -110,15 +110,15 @@ class PendingCommand:
 
     def _note(self, said: Said, now_s: float) -> None:
         if isinstance(said, Link):
-            self._broke, self._back_s = True, now_s
+            self._broke, self._restored_s = True, now_s
         elif isinstance(said, State) and said.session == self._session:
             self._heard_s = now_s
-            self._named = self._named or (said.doing is not None and said.doing.id == self._draft.id)
+            self._seen_in_state = self._seen_in_state or (said.doing is not None and said.doing.id == self._draft.id)
         elif isinstance(said, Reply) and said.id == self._draft.id:
             self._heard_s, self.sent = now_s, Sent.YES
             self.accepted = self.accepted or said.answer is not Answer.REFUSED
 
-    def _lost(self, now_s: float) -> str:
+    def _loss(self, now_s: float) -> str:
         """Return why the final reply will not arrive; empty while it may."""
         if self._console.replaced(self._session):
             return "the service was restarted meanwhile, and it is not known how this ended"
@@ -127,36 +127,36 @@ class PendingCommand:
             return f"{who} not heard any more for {_GONE_S:g} s, and it is not known how this ends"
         if now_s - self._begun_s > self._timeout_s:
             return f"not over after {self._timeout_s:g} s (--timeout); it goes on"
-        return self._unheard(now_s) if self._console.linked else ""
+        return self._loss_while_connected(now_s) if self._console.linked else ""
 
-    def _unheard(self, now_s: float) -> str:
+    def _loss_while_connected(self, now_s: float) -> str:
         """Return why the final reply will not arrive although there is a connection; empty while it may."""
-        if not self.accepted and now_s - max(self._begun_s, self._back_s) > _ANSWER_S:
-            return f"no answer within {_ANSWER_S:g} s, {self._reached()}"
-        if not self.accepted or not self._over():
-            self._over_s = math.inf
+        if not self.accepted and now_s - max(self._begun_s, self._restored_s) > _ANSWER_S:
+            return f"no answer within {_ANSWER_S:g} s, {self._delivery()}"
+        if not self.accepted or not self._has_ended():
+            self._ended_s = math.inf
             return ""
-        if self._broke and now_s - self._back_s > _UNSEEN_S:
+        if self._broke and now_s - self._restored_s > _UNSEEN_S:
             return "it ended while the connection was broken, and it is not known how"
-        self._over_s = min(self._over_s, now_s)
-        shown = self._named or self._draft.verb in _DOWN
-        if now_s - self._over_s > (_UNSEEN_S if shown else _AT_ONCE_S):
+        self._ended_s = min(self._ended_s, now_s)
+        shown = self._seen_in_state or self._draft.verb in _ENDS_DISARMED
+        if now_s - self._ended_s > (_UNSEEN_S if shown else _AT_ONCE_S):
             return "it is not carried out any more, and how it ended was not heard"
         return ""
 
-    def _reached(self) -> str:
+    def _delivery(self) -> str:
         if self.sent is Sent.PERHAPS:
             return "and it is not known whether it has reached the service, because the connection broke just then"
         return "although the broker has it: does the broker let this user command, and the service read it?"
 
-    def _over(self) -> bool:
+    def _has_ended(self) -> bool:
         """Return whether the newest state shows that the command is not under way any more."""
         state = self._console.state
         if state is None or self._console.state_age_s() > _UNSEEN_S:
             return False
-        if self._draft.verb in _DOWN:
+        if self._draft.verb in _ENDS_DISARMED:
             return not state.armed
         if state.doing is None:
             return True
-        beside = self._draft.verb == "arms" and state.doing.verb != "arms"  # a state names the flight's command first
-        return not beside and state.doing.id != self._draft.id
+        hidden = self._draft.verb == "arms" and state.doing.verb != "arms"  # a state names the flight's command first
+        return not hidden and state.doing.id != self._draft.id

@@ -5,20 +5,20 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from companion.protocol import commands as asked
+from companion.protocol import commands
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Reply
 
-Say = Callable[[Reply], None]
+SendReply = Callable[[Reply], None]
 """Receiver of the replies to one command; must neither block nor raise."""
-LANES = ("flight", "arms")
+CHANNELS = ("flight", "arms")
 
 
 class CommandJob:
     """A command under way: its replies, its task, and whether it was cancelled."""
 
-    def __init__(self, command: Command, say: Say) -> None:
-        self.command, self._say = command, say
+    def __init__(self, command: Command, send_reply: SendReply) -> None:
+        self.command, self._send_reply = command, send_reply
         self.accepted = False
         self.text = ""
         self.preparing = True
@@ -50,7 +50,7 @@ class CommandJob:
 
     def answer(self, answer: Answer, text: str = "", data: dict[str, Any] | None = None) -> None:
         """Send a reply to the sender of the command."""
-        self._say(Reply(id=self.command.id, answer=answer, time_s=time.time(), text=text, data=data or {}))
+        self._send_reply(Reply(id=self.command.id, answer=answer, time_s=time.time(), text=text, data=data or {}))
 
 
 def channels_of(command: Command) -> tuple[str, ...]:
@@ -58,9 +58,9 @@ def channels_of(command: Command) -> tuple[str, ...]:
 
     `arm`, and `track` with a motion of the arms, occupy both: nothing else moves the arms meanwhile.
     """
-    if isinstance(command, asked.Arms):
+    if isinstance(command, commands.Arms):
         return () if command.do == "hold" else ("arms",)
-    if isinstance(command, asked.Params):
+    if isinstance(command, commands.Params):
         return ()
-    both = isinstance(command, asked.Arm) or (isinstance(command, asked.Track) and command.arms is not None)
-    return LANES if both else ("flight",)
+    both = isinstance(command, commands.Arm) or (isinstance(command, commands.Track) and command.arms is not None)
+    return CHANNELS if both else ("flight",)

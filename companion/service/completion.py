@@ -11,7 +11,7 @@ WATCHED_S = 3.0
 """Time a flight is observed after a change of law before the change counts as done: oscillation shows by then."""
 
 
-async def stand_still(service: FlightActions) -> None:
+async def wait_until_hovering(service: FlightActions) -> None:
     """Wait after a hold request until the reference stands still."""
     loop = service.loop
     end = loop.flight.legs[-1]
@@ -28,28 +28,28 @@ async def stand_still(service: FlightActions) -> None:
         )
 
 
-async def resumed(service: FlightActions, timeout_s: float) -> None:
+async def wait_until_resumed(service: FlightActions, timeout_s: float) -> None:
     """Wait after a resume request until the autopilot reports OFFBOARD and the law flies."""
     await service.until(lambda: service.phase is not Phase.RESUME, timeout_s)
     _expect_hold(service)
 
 
-async def killed(service: FlightActions, timeout_s: float) -> None:
+async def wait_until_killed(service: FlightActions, timeout_s: float) -> None:
     """Wait after a kill request until the autopilot reports that the motors are off."""
     if not await service.until(lambda: not service.status.armed, timeout_s, although_failed=True):
         raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
 
 
-def nothing_follows(service: FlightActions, why: str) -> None:
+def cancel_preparation(service: FlightActions, why: str) -> None:
     """Stop what no change of phase stops: the checks before arming and, on the ground, a motion of the arms."""
     service.loop.arming.call_off(why)
     if service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} and service.loop.arms is not None:
         service.loop.arms.stop(why)
 
 
-async def disarmed(service: FlightActions, timeout_s: float) -> None:
+async def disarm_and_wait(service: FlightActions, timeout_s: float) -> None:
     """Stop the motors of a vehicle on the ground, also one armed elsewhere; raise FlightError when it stays armed."""
-    nothing_follows(service, "the operator disarmed")
+    cancel_preparation(service, "the operator disarmed")
     if service.phase in {Phase.PREFLIGHT, Phase.ARMED}:
         service.loop.ask(LandRequest("the operator disarmed"))
     elif service.status.armed and service.phase is not Phase.LAND:
@@ -58,7 +58,7 @@ async def disarmed(service: FlightActions, timeout_s: float) -> None:
         raise FlightError(f"the autopilot is still armed: {service.loop.action_failure or 'it does not answer'}")
 
 
-async def switched(service: FlightActions) -> None:
+async def watch_after_switch(service: FlightActions) -> None:
     """Wait WATCHED_S after a change of law; raise FlightError when the flight ends meanwhile."""
     if service.loop.flight.airborne:
         await service.until(lambda: not service.loop.flight.airborne, WATCHED_S)

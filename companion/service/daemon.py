@@ -37,16 +37,16 @@ from companion.supervisor.flight_state import STREAMING, Phase
 LOG = logging.getLogger(__name__)
 
 _STATE_S = 0.1
-_AGAIN_S = 2.0
+_RETRY_S = 2.0
 """Time between two attempts to connect to the devices."""
-_NAME_S = 3.0
+_RIVAL_TIMEOUT_S = 3.0
 """Time to wait for the broker's report of another service with this vehicle's name."""
-_TICKING_S = 0.5
+_TICK_TIMEOUT_S = 0.5
 """Age of the newest tick below which the control loop counts as alive."""
-_SWITCH_S = 0.0005
+_SWITCH_INTERVAL_S = 0.0005
 """Interval after which a computing thread yields to the control loop; Python's default is 5 ms."""
-_LANDED_S = 60.0
-_NOT_TOLD = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
+_LANDING_S = 60.0
+_NOT_PUBLISHED = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
 @dataclass(frozen=True)
@@ -68,50 +68,52 @@ class DaemonSettings:
         return self.config.operator or OperatorConfig(embedded=True)
 
 
-async def serve(what: DaemonSettings) -> None:
+async def serve(settings: DaemonSettings) -> None:
     """Run until SIGTERM or Ctrl-C, landing first; raise ConfigError for invalid settings of the broker."""
-    sys.setswitchinterval(_SWITCH_S)
+    sys.setswitchinterval(_SWITCH_INTERVAL_S)
     stop = asyncio.Event()
-    _end_on_signals(stop, what)
-    asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, what.last_resort))
-    session, desk = secrets.token_hex(8), CommandDispatcher(what.config, what.controller.name)
-    desk.note_law = what.note_law
+    _end_on_signals(stop, settings)
+    asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, settings.last_resort))
+    session, dispatcher = secrets.token_hex(8), CommandDispatcher(settings.config, settings.controller.name)
+    dispatcher.note_law = settings.note_law
     async with AsyncExitStack() as devices:
-        if what.operator.embedded:
-            await devices.enter_async_context(open_broker(what.operator))
-        heard = CommandLogger(desk)
-        link = await devices.enter_async_context(open_bus(what.operator, MonotonicClock(), session, heard))
+        if settings.operator.embedded:
+            await devices.enter_async_context(open_broker(settings.operator))
+        command_logger = CommandLogger(dispatcher)
+        link = await devices.enter_async_context(open_bus(settings.operator, MonotonicClock(), session, command_logger))
         await _require_only_service(link)
-        desk.rival = link.rival
-        heard.tell = told = EventPublisher(link, what.recorder)
-        telemetry, beat = Telemetry(session, told), LoopHeartbeat()
-        showing = asyncio.create_task(_show(link, telemetry, beat, desk, what), name="companion.state")
+        dispatcher.rival = link.rival
+        command_logger.tell = publisher = EventPublisher(link, settings.recorder)
+        telemetry, heartbeat = Telemetry(session, publisher), LoopHeartbeat()
+        publishing = asyncio.create_task(
+            _publish_state(link, telemetry, heartbeat, dispatcher, settings), name="companion.state"
+        )
         try:
-            what.notifier.ready("looking for the vehicle")
-            sinks: list[TickSink] = [beat, telemetry, *([what.recorder] if what.recorder else [])]
-            await _serve_vehicles(what, FanOutSink(sinks), link, desk, telemetry, stop)
+            settings.notifier.ready("looking for the vehicle")
+            sinks: list[TickSink] = [heartbeat, telemetry, *([settings.recorder] if settings.recorder else [])]
+            await _serve_vehicles(settings, FanOutSink(sinks), link, dispatcher, telemetry, stop)
         finally:
             if not stop.is_set():
-                what.notifier.stopping("ends")
-            showing.cancel()
-            await asyncio.gather(showing, return_exceptions=True)
+                settings.notifier.stopping("ends")
+            publishing.cancel()
+            await asyncio.gather(publishing, return_exceptions=True)
 
 
 async def _require_only_service(link: BusLink) -> None:
     """Raise ConfigError when another service uses this vehicle's name; without a broker this cannot be known."""
-    await link.listened(_NAME_S)
+    await link.listened(_RIVAL_TIMEOUT_S)
     if link.rival():
         raise ConfigError(link.rival())
 
 
-def _end_on_signals(stop: asyncio.Event, what: DaemonSettings) -> None:
+def _end_on_signals(stop: asyncio.Event, settings: DaemonSettings) -> None:
     def end() -> None:
-        what.last_resort.told_to_end()
+        settings.last_resort.told_to_end()
         again = stop.is_set()
         stop.set()  # first: the calls below need memory, which may be exhausted
         LOG.warning("told to end%s", ": already ending" if again else "")
         if not again:
-            what.notifier.stopping("told to end")
+            settings.notifier.stopping("told to end")
 
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, end)
@@ -124,23 +126,25 @@ def _failed_callback(last_resort: LastResort, loop: asyncio.AbstractEventLoop, c
 
 
 async def _serve_vehicles(
-    what: DaemonSettings,
+    settings: DaemonSettings,
     sink: TickSink,
     link: BusLink,
-    desk: CommandDispatcher,
+    dispatcher: CommandDispatcher,
     telemetry: Telemetry,
     stop: asyncio.Event,
 ) -> None:
     """Serve the vehicle; reconnect on the ground, or while its pilot flies, whenever its devices were lost."""
-    dead_man, said = KernelWatchdogTimer(what.config.safety.dead_man_s), ""
+    watchdog_timer, said = KernelWatchdogTimer(settings.config.safety.dead_man_s), ""
     while not stop.is_set():
         opened = asyncio.Event()
 
         async def one_vehicle(opened: asyncio.Event = opened) -> None:
-            async with open_service(what.config, what.controller.law, sink, dead_man, what.records, link) as service:
+            async with open_service(
+                settings.config, settings.controller.law, sink, watchdog_timer, settings.records, link
+            ) as service:
                 opened.set()
-                what.last_resort.flying = partial(_needs_us, service)
-                await _with_vehicle(service, desk, stop)
+                settings.last_resort.flying = partial(_depends_on_process, service)
+                await _with_vehicle(service, dispatcher, stop)
 
         try:
             await begun_unless(stop, opened, one_vehicle())
@@ -148,20 +152,20 @@ async def _serve_vehicles(
             first, said = not said or opened.is_set(), "" if opened.is_set() else said
             if str(error) != said:
                 said = str(error)
-                LOG.error("no vehicle: %s; next attempts every %g s", said, _AGAIN_S)  # noqa: TRY400 - for the operator
+                LOG.error("no vehicle: %s; next attempts every %g s", said, _RETRY_S)  # noqa: TRY400 - for the operator
             telemetry.forget(said)
-            desk.waiting = said
+            dispatcher.waiting = said
             if first and isinstance(error, MocapError | ArmError):
-                await begun_unless(stop, asyncio.Event(), _tell_what_else(what, said))
+                await begun_unless(stop, asyncio.Event(), _log_other_missing(settings, said))
         finally:
-            what.last_resort.flying = bool
-        await _sleep(stop, _AGAIN_S)
+            settings.last_resort.flying = bool
+        await _sleep(stop, _RETRY_S)
 
 
-async def _tell_what_else(what: DaemonSettings, said: str) -> None:
+async def _log_other_missing(settings: DaemonSettings, said: str) -> None:
     """Log once which other devices cannot be reached, as devices are opened one after the other."""
     try:
-        async with open_onlooker(what.config, what.records or Path(), forward_vision=False):
+        async with open_onlooker(settings.config, settings.records or Path(), forward_vision=False):
             return
     except DevicesMissingError as missing:
         for check in missing.checks:
@@ -188,12 +192,12 @@ async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Corouti
         task.result()
 
 
-async def _with_vehicle(service: FlightActions, desk: CommandDispatcher, stop: asyncio.Event) -> None:
+async def _with_vehicle(service: FlightActions, dispatcher: CommandDispatcher, stop: asyncio.Event) -> None:
     """Serve one vehicle until `stop` is set, then land; raise what ends the flight loop earlier."""
     for warning in service.warnings:
         LOG.warning("%s", warning)
     LOG.info("the vehicle is there: run `companion preflight`, then `companion arm`")
-    desk.open(service)
+    dispatcher.open(service)
     ending = asyncio.create_task(stop.wait(), name="companion.end")
     try:
         await asyncio.wait({ending, service.ticking}, return_when=asyncio.FIRST_COMPLETED)
@@ -202,19 +206,19 @@ async def _with_vehicle(service: FlightActions, desk: CommandDispatcher, stop: a
         await _land(service)
     finally:
         ending.cancel()
-        await desk.close()
+        await dispatcher.close()
 
 
 def _flies(service: FlightActions) -> bool:
     return service.phase in STREAMING | {Phase.HANDED_OVER}
 
 
-def _needs_us(service: FlightActions) -> bool:
+def _depends_on_process(service: FlightActions) -> bool:
     """Return whether the vehicle would fall or land blind without this process.
 
-    True while setpoints are sent, and for _LANDED_S after handing over, which is longer than a landing by PX4 takes.
+    True while setpoints are sent, and for _LANDING_S after handing over, which is longer than a landing by PX4 takes.
     """
-    landing = service.phase is Phase.HANDED_OVER and time.monotonic() - service.loop.flight.since_s < _LANDED_S
+    landing = service.phase is Phase.HANDED_OVER and time.monotonic() - service.loop.flight.since_s < _LANDING_S
     return service.phase in STREAMING or landing
 
 
@@ -229,22 +233,26 @@ async def _land(service: FlightActions) -> None:
         LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
 
 
-async def _show(
-    link: BusLink, telemetry: Telemetry, beat: LoopHeartbeat, desk: CommandDispatcher, what: DaemonSettings
+async def _publish_state(
+    link: BusLink,
+    telemetry: Telemetry,
+    heartbeat: LoopHeartbeat,
+    dispatcher: CommandDispatcher,
+    settings: DaemonSettings,
 ) -> None:
     """Publish the state ten times a second, and notify systemd while the control loop ticks or is not running."""
-    rate_hz = what.config.control.rate_hz
+    rate_hz = settings.config.control.rate_hz
     while True:
-        if lives(beat.ticked_s, desk.ticking, time.monotonic()):
-            what.notifier.alive()
+        if lives(heartbeat.ticked_s, dispatcher.ticking, time.monotonic()):
+            settings.notifier.alive()
         try:
-            telemetry.warn(_warnings(what.recorder, link))
-            ended = desk.ended_loop
+            telemetry.warn(_warnings(settings.recorder, link))
+            ended = dispatcher.ended_loop
             if ended is not None:
                 telemetry.note_ended_loop(*ended, time.monotonic())
-            state = telemetry.state(desk.doing, rate_hz)
+            state = telemetry.state(dispatcher.doing, rate_hz)
             link.show(state)
-            what.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
+            settings.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
         except Exception:
             LOG.exception("the state cannot be published")
         await asyncio.sleep(_STATE_S)
@@ -261,7 +269,7 @@ def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:
 
     A loop that has failed still sends poses to the autopilot, which lands; killed by systemd, it would land blind.
     """
-    return not ticking or now_s - ticked_s < _TICKING_S
+    return not ticking or now_s - ticked_s < _TICK_TIMEOUT_S
 
 
 async def _sleep(stop: asyncio.Event, for_s: float) -> None:
@@ -275,8 +283,8 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
 class CommandLogger:
     """Wrapper of the dispatcher that publishes and records every command and reply."""
 
-    def __init__(self, desk: CommandDispatcher) -> None:
-        self._desk = desk
+    def __init__(self, dispatcher: CommandDispatcher) -> None:
+        self._dispatcher = dispatcher
         self.tell: Callable[[Happened], None] | None = None
         """Publisher of events; None until there is one."""
 
@@ -288,10 +296,10 @@ class CommandLogger:
                 self._tell(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}", command.id)
             say(reply)
 
-        asked = command.model_dump(exclude=_NOT_TOLD, exclude_none=True)
+        asked = command.model_dump(exclude=_NOT_PUBLISHED, exclude_none=True)
         words = " ".join(f"{name}={value}" for name, value in asked.items())
         self._tell(Kind.COMMAND, words, command.verb, command.id)
-        self._desk.take(command, said)
+        self._dispatcher.take(command, said)
 
     def _tell(self, kind: Kind, text: str, name: str, id_: str) -> None:
         if self.tell is not None:

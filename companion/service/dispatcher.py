@@ -11,13 +11,20 @@ import numpy as np
 from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import CompanionError, FlightError
 from companion.core.types import AutopilotStatus
-from companion.protocol import commands as asked
+from companion.protocol import commands
 from companion.protocol.commands import AT_ONCE, Command
 from companion.protocol.telemetry import Answer, Doing
-from companion.service.command_job import LANES, CommandJob, Say, channels_of
-from companion.service.completion import disarmed, killed, nothing_follows, resumed, stand_still, switched
+from companion.service.command_job import CHANNELS, CommandJob, SendReply, channels_of
+from companion.service.completion import (
+    cancel_preparation,
+    disarm_and_wait,
+    wait_until_hovering,
+    wait_until_killed,
+    wait_until_resumed,
+    watch_after_switch,
+)
 from companion.service.flight_actions import FlightActions
-from companion.service.orders import wanted_by
+from companion.service.orders import request_of
 from companion.service.planning import Laws, Planned, params_of, planned_arms, planned_track, yaw_here_rad
 from companion.service.refusal_hints import remedy_for
 from companion.service.trajectory_space import check_climb
@@ -35,12 +42,12 @@ from companion.trajectories.reference import Hold
 
 LOG = logging.getLogger(__name__)
 
-_VERBS_IN_WORDS = {"arm": "arm", "takeoff": "take off"}
-_FLY = TrackRequest(Hold(np.zeros(3)), 0.0)
+_VERB_WORDS = {"arm": "arm", "takeoff": "take off"}
+_ANY_TRACK = TrackRequest(Hold(np.zeros(3)), 0.0)
 """Any trajectory: whether one may be flown depends on the phase alone."""
 
 
-def _nobody(_: str) -> None:
+def _ignore_law(_: str) -> None:
     """Ignore the name of the law."""
 
 
@@ -65,7 +72,7 @@ class CommandDispatcher:
         self._tasks: dict[asyncio.Task[None], CommandJob] = {}
         self.waiting = "the service starts"
         """Reason why no command can be carried out now."""
-        self.note_law: Callable[[str], None] = _nobody
+        self.note_law: Callable[[str], None] = _ignore_law
         """Called with the name of a law before that law takes over."""
         self.rival: Callable[[], str] = _no_rival
         """Returns the conflict when another service uses this vehicle's name; arming is refused then."""
@@ -101,9 +108,9 @@ class CommandDispatcher:
         job = self._jobs.get("flight") or self._jobs.get("arms")
         return None if job is None else Doing(id=job.command.id, verb=job.command.verb, text=job.text)
 
-    def take(self, command: Command, say: Say) -> None:
+    def take(self, command: Command, send_reply: SendReply) -> None:
         """Start a command or refuse it, without waiting."""
-        job = CommandJob(command, say)
+        job = CommandJob(command, send_reply)
         try:
             work = self._work(job)
         except CompanionError as error:
@@ -117,64 +124,64 @@ class CommandDispatcher:
         LOG.warning("%s (%s) is refused: %s", job.command.verb, job.command.id, reason)
         job.answer(Answer.REFUSED, reason)
 
-    def _work(self, job: CommandJob) -> Coroutine[Any, Any, "str | _Said"]:
+    def _work(self, job: CommandJob) -> Coroutine[Any, Any, "str | _Result"]:
         """Return the coroutine that carries it out, or raise CompanionError. Immediate verbs have started by then."""
         command, service = job.command, self._service
         if service is None:
             raise FlightError(f"cannot {command.verb}: there is no vehicle yet: {self.waiting}")
         if command.verb in AT_ONCE:
             work = ImmediateCommands(service, job, self._config.px4.answer_timeout_s).begin()
-            if not isinstance(command, asked.Resume):
-                self._call_off(LANES, f"{command.verb} was commanded")
+            if not isinstance(command, commands.Resume):
+                self._call_off(CHANNELS, f"{command.verb} was commanded")
             return work
-        if isinstance(command, asked.Arm | asked.TakeOff) and self.rival():
-            raise FlightError(f"cannot {_VERBS_IN_WORDS[command.verb]}: {self.rival()}")
-        lanes = channels_of(command)
-        for lane in lanes:
-            running = self._jobs.get(lane)
+        if isinstance(command, commands.Arm | commands.TakeOff) and self.rival():
+            raise FlightError(f"cannot {_VERB_WORDS[command.verb]}: {self.rival()}")
+        channels = channels_of(command)
+        for channel in channels:
+            running = self._jobs.get(channel)
             if running is not None:
                 raise FlightError(
                     f"{running.command.verb} ({running.command.id}) is still under way: wait, or run `companion hold`"
                 )
-        self._jobs |= dict.fromkeys(lanes, job)
-        if isinstance(command, asked.Arms) and command.do == "hold":
+        self._jobs |= dict.fromkeys(channels, job)
+        if isinstance(command, commands.Arms) and command.do == "hold":
             self._call_off(("arms",), "a hold of the arms was commanded")
         return QueuedCommands(service, self._config, self._laws, job, self.note_law).run()
 
-    def _call_off(self, lanes: Iterable[str], why: str) -> None:
+    def _call_off(self, channels: Iterable[str], why: str) -> None:
         """Cancel commands in preparation; those that have started are ended by the flight or by the arms."""
-        for lane in lanes:
-            job = self._jobs.get(lane)
+        for channel in channels:
+            job = self._jobs.get(channel)
             if job is not None and job.preparing:
                 job.call_off(why)
 
-    async def _carry_out(self, job: CommandJob, work: "Coroutine[Any, Any, str | _Said]") -> None:
+    async def _carry_out(self, job: CommandJob, work: "Coroutine[Any, Any, str | _Result]") -> None:
         job.begin()
         try:
             if job.called_off:
                 work.close()
-                self._end_badly(job, job.called_off)
+                self._fail(job, job.called_off)
                 return
-            said = await work
-            text, data = said if isinstance(said, tuple) else (said, {})
+            result = await work
+            text, data = result if isinstance(result, tuple) else (result, {})
             job.accept()
             job.answer(Answer.DONE, text, data)
         except asyncio.CancelledError:
-            self._end_badly(job, job.called_off or "the service ends")
+            self._fail(job, job.called_off or "the service ends")
             if not job.called_off:
                 raise
-        except _NotGoodError as error:
+        except _NegativeResultError as error:
             job.answer(Answer.FAILED, str(error), error.data)
         except CompanionError as error:
-            self._end_badly(job, str(error))
+            self._fail(job, str(error))
         except Exception as error:
             LOG.exception("%s (%s) failed", job.command.verb, job.command.id)
-            self._end_badly(job, f"{type(error).__name__}: {error}")
+            self._fail(job, f"{type(error).__name__}: {error}")
         finally:
-            for lane in [lane for lane, running in self._jobs.items() if running is job]:
-                del self._jobs[lane]
+            for channel in [channel for channel, running in self._jobs.items() if running is job]:
+                del self._jobs[channel]
 
-    def _end_badly(self, job: CommandJob, reason: str) -> None:
+    def _fail(self, job: CommandJob, reason: str) -> None:
         if not job.accepted:
             self._refuse(job, reason)
             return
@@ -182,11 +189,11 @@ class CommandDispatcher:
         job.answer(Answer.FAILED, reason)
 
 
-_Said = tuple[str, dict[str, Any]]
+_Result = tuple[str, dict[str, Any]]
 """A sentence for the operator, and the data that was requested."""
 
 
-class _NotGoodError(CompanionError):
+class _NegativeResultError(CompanionError):
     """A negative result that still has data to return."""
 
     def __init__(self, reason: str, data: dict[str, Any]) -> None:
@@ -194,10 +201,10 @@ class _NotGoodError(CompanionError):
         self.data = data
 
 
-def _does_not_fit(what: str, refused: str, wanted: Request, service: FlightActions) -> FlightError:
+def _refusal(what: str, refused: str, request: Request, service: FlightActions) -> FlightError:
     """Return the refusal as an error, with the remedy where the phase is the only reason."""
-    todo = remedy_for(wanted, service.phase) if refused.endswith(f"phase {service.phase}") else ""
-    return FlightError(f"cannot {what} in phase {service.phase}: {todo}" if todo else f"cannot {what}: {refused}")
+    remedy = remedy_for(request, service.phase) if refused.endswith(f"phase {service.phase}") else ""
+    return FlightError(f"cannot {what} in phase {service.phase}: {remedy}" if remedy else f"cannot {what}: {refused}")
 
 
 class ImmediateCommands:
@@ -209,36 +216,36 @@ class ImmediateCommands:
     def begin(self) -> Coroutine[Any, Any, str]:
         """Pass the request to the flight loop and return the wait for its end; raise FlightError when it is refused."""
         command, service = self._job.command, self._service
-        if isinstance(command, asked.Disarm):
+        if isinstance(command, commands.Disarm):
             return self._disarm()
-        wanted = wanted_by(command)
-        assert wanted is not None
-        refused = service.loop.refusal(wanted)
+        request = request_of(command)
+        assert request is not None
+        refused = service.loop.refusal(request)
         down = service.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
-        if down and isinstance(command, asked.Land | asked.Abort):
+        if down and isinstance(command, commands.Land | commands.Abort):
             if refused:
                 return self._on_ground()
             self._job.accept()
-            service.loop.ask(wanted)
-            nothing_follows(service, f"{command.verb} was ordered")
-            return _said("it stands, and what was being prepared has ended")
-        if refused or not service.loop.ask(wanted):
-            raise _does_not_fit(command.verb, refused, wanted, service)
+            service.loop.ask(request)
+            cancel_preparation(service, f"{command.verb} was ordered")
+            return _reply_now("it stands, and what was being prepared has ended")
+        if refused or not service.loop.ask(request):
+            raise _refusal(command.verb, refused, request, service)
         self._job.accept()
-        if not isinstance(command, asked.Hold | asked.Resume):
-            nothing_follows(service, f"{command.verb} was ordered")
+        if not isinstance(command, commands.Hold | commands.Resume):
+            cancel_preparation(service, f"{command.verb} was ordered")
         return self._end(command)
 
     async def _end(self, command: Command) -> str:
         service = self._service
-        if isinstance(command, asked.Hold):
-            await stand_still(service)
+        if isinstance(command, commands.Hold):
+            await wait_until_hovering(service)
             return "it hovers"
-        if isinstance(command, asked.Resume):
-            await resumed(service, self._answer_s)
+        if isinstance(command, commands.Resume):
+            await wait_until_resumed(service, self._answer_s)
             return "we have the vehicle, it hovers"
-        if isinstance(command, asked.Kill):
-            await killed(service, self._answer_s)
+        if isinstance(command, commands.Kill):
+            await wait_until_killed(service, self._answer_s)
             return "the motors are off"
         await service.land()
         return f"down and disarmed{f': {service.trouble}' if service.trouble else ''}"
@@ -251,8 +258,8 @@ class ImmediateCommands:
                 f"{'in the air' if service.status.in_air else 'armed'}: use the remote control, or run `companion kill`"
             )
         self._job.accept()
-        nothing_follows(service, f"{verb} was ordered")
-        return _said("it stands, nothing is under way")
+        cancel_preparation(service, f"{verb} was ordered")
+        return _reply_now("it stands, nothing is under way")
 
     def _disarm(self) -> Coroutine[Any, Any, str]:
         service, phase = self._service, self._service.phase
@@ -263,11 +270,11 @@ class ImmediateCommands:
         return self._disarmed()
 
     async def _disarmed(self) -> str:
-        await disarmed(self._service, self._answer_s)
+        await disarm_and_wait(self._service, self._answer_s)
         return "the motors are off"
 
 
-async def _said(text: str) -> str:
+async def _reply_now(text: str) -> str:
     """Return a reply that needs no waiting."""
     return text
 
@@ -286,44 +293,44 @@ class QueuedCommands:
         self._service, self._config, self._laws, self._job = service, config, laws, job
         self._note_law = note_law
 
-    def run(self) -> Coroutine[Any, Any, str | _Said]:
+    def run(self) -> Coroutine[Any, Any, str | _Result]:
         """Return the coroutine that carries out the command."""
-        how: dict[type, Callable[[Any], Coroutine[Any, Any, str | _Said]]] = {
-            asked.Preflight: self._preflight,
-            asked.Arm: self._arm,
-            asked.TakeOff: self._take_off,
-            asked.GoTo: self._go_to,
-            asked.Track: self._track,
-            asked.Arms: self._arms,
-            asked.SwitchController: self._controller,
-            asked.Params: self._params,
+        handlers: dict[type, Callable[[Any], Coroutine[Any, Any, str | _Result]]] = {
+            commands.Preflight: self._preflight,
+            commands.Arm: self._arm,
+            commands.TakeOff: self._take_off,
+            commands.GoTo: self._go_to,
+            commands.Track: self._track,
+            commands.Arms: self._arms,
+            commands.SwitchController: self._controller,
+            commands.Params: self._params,
         }
-        return how[type(self._job.command)](self._job.command)
+        return handlers[type(self._job.command)](self._job.command)
 
-    def _begun(self, text: str = "") -> None:
+    def _start(self, text: str = "") -> None:
         """Accept the command and end its preparation: from here on the flight, or the arms, end it."""
         self._job.preparing = False
         self._job.accept(text)
 
-    def _fits(self, wanted: Request, what: str) -> None:
-        refused = self._service.loop.refusal(wanted)
+    def _require_allowed(self, request: Request, what: str) -> None:
+        refused = self._service.loop.refusal(request)
         if refused:
-            raise _does_not_fit(what, refused, wanted, self._service)
+            raise _refusal(what, refused, request, self._service)
 
-    async def _preflight(self, _: asked.Preflight) -> _Said:
+    async def _preflight(self, _: commands.Preflight) -> _Result:
         self._job.preparing = False
         self._job.accept("looking at motion capture, autopilot and arms")
-        with self._service.waits_told_to(self._job.progress):
+        with self._service.report_waits_to(self._job.progress):
             checks = await self._service.checks(None)
         data = {"checks": [asdict(check) for check in checks]}
         refused = sum(check.refuses for check in checks)
         if refused:
-            raise _NotGoodError(f"{refused} of {len(checks)} checks fail: arming is refused", data)
+            raise _NegativeResultError(f"{refused} of {len(checks)} checks fail: arming is refused", data)
         warned = sum(not check.passed for check in checks)
         warnings = f", {warned} warning{'s' if warned > 1 else ''}" if warned else ""
         return f"it may arm{warnings}", data
 
-    async def _arm(self, _: asked.Arm) -> str:
+    async def _arm(self, _: commands.Arm) -> str:
         service = self._service
         await service.require_ground()
         self._job.accept("preparing")
@@ -333,29 +340,29 @@ class QueuedCommands:
             await service.arms.prepare()
         self._job.progress("preflight checks, offboard mode, then arming")
         self._job.preparing = False
-        with service.waits_told_to(self._job.progress):
+        with service.report_waits_to(self._job.progress):
             await service.arm()
         return "armed, the motors idle"
 
-    async def _take_off(self, command: asked.TakeOff) -> str:
+    async def _take_off(self, command: commands.TakeOff) -> str:
         height_m = command.height_m or self._config.flight.takeoff_height_m
-        self._fits(TakeoffRequest(height_m), "take off")
+        self._require_allowed(TakeoffRequest(height_m), "take off")
         vehicle = self._service.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
-        self._begun(f"climbing to {height_m:g} m")
+        self._start(f"climbing to {height_m:g} m")
         await self._service.take_off(height_m)
         return f"it hovers {height_m:g} m above where it stood"
 
-    async def _go_to(self, command: asked.GoTo) -> str:
-        service, place_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
-        self._fits(_FLY, "go there")
+    async def _go_to(self, command: commands.GoTo) -> str:
+        service, target_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
+        self._require_allowed(_ANY_TRACK, "go there")
         yaw_rad = yaw_here_rad(service) if command.yaw_rad is None else command.yaw_rad
-        await service.go_to(place_w_m, yaw_rad, self._begun)
+        await service.go_to(target_w_m, yaw_rad, self._start)
         return f"it hovers at {command.x_m:g} {command.y_m:g} {command.z_m:g} m"
 
-    async def _track(self, command: asked.Track) -> str:
+    async def _track(self, command: commands.Track) -> str:
         service = self._service
-        self._fits(_FLY, "fly a trajectory")  # before anything is worked out
+        self._require_allowed(_ANY_TRACK, "fly a trajectory")  # before anything is worked out
         plan: Planned = await planned_track(command, service, self._config)
         try:
             await service.fly(plan.trajectory, lambda: self._begin_track(plan))
@@ -365,7 +372,7 @@ class QueuedCommands:
         return f"{plan.name} is flown, it hovers at its end"
 
     def _begin_track(self, plan: Planned) -> None:
-        self._begun(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
+        self._start(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
         if plan.arms is None:
             return
         try:
@@ -374,7 +381,7 @@ class QueuedCommands:
             self._service.loop.ask(HoldRequest())
             raise
 
-    async def _arms(self, command: asked.Arms) -> str:
+    async def _arms(self, command: commands.Arms) -> str:
         arms = self._service.arms
         if command.do == "hold":
             arms.still("the operator stopped them")
@@ -382,14 +389,14 @@ class QueuedCommands:
         if command.do == "play":
             motion = await planned_arms(command.motion or "", self._service, self._config)
             await arms.move(motion)
-            self._begun(f"{command.motion} takes {motion.duration_s:.0f} s")
+            self._start(f"{command.motion} takes {motion.duration_s:.0f} s")
             await arms.at_rest(motion.duration_s)
             return f"{command.motion} is played"
         if command.do == "stow":
-            await arms.fold(self._begun)
+            await arms.fold(self._start)
             return "the arms are folded"
         if command.do == "clear":
-            self._begun()
+            self._start()
             await arms.clear_faults()
             return "forgotten; run `companion arms live ready` before they move again"
         await self._service.require_ground()
@@ -401,16 +408,16 @@ class QueuedCommands:
         await arms.prepare()
         return "the arms hold, folded"
 
-    async def _controller(self, command: asked.SwitchController) -> str:
+    async def _controller(self, command: commands.SwitchController) -> str:
         before = self._service.loop.law_name
         law = await self._laws.load(command.name)
         self._note_law(command.name)
-        self._begun(f"{before} hands over to {command.name}")
+        self._start(f"{before} hands over to {command.name}")
         self._service.loop.switch(law, command.name)
-        await switched(self._service)
+        await watch_after_switch(self._service)
         return f"{command.name} {'flies' if self._service.loop.flight.airborne else 'is to fly'}"
 
-    async def _params(self, _: asked.Params) -> _Said:
+    async def _params(self, _: commands.Params) -> _Result:
         self._job.accept()
         return "configuration, gains and the autopilot's parameters", await params_of(
             self._service, self._config, self._service.loop.law_name

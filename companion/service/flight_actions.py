@@ -46,7 +46,7 @@ _CLIMB_MARGIN_S = 15.0
 _APPROACH_MARGIN_S = 15.0
 """Margin on top of the planned duration of the approach."""
 _SAME_HEIGHT_M = 1e-6
-_OURS = frozenset(Phase) - {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
+_OWN_PHASES = frozenset(Phase) - {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
 """Phases of a flight that this service has begun."""
 
 
@@ -55,11 +55,11 @@ async def _no_params(_: Sequence[str]) -> dict[str, float]:
     return {}
 
 
-def _nothing() -> None:
+def _ignore_start() -> None:
     """Ignore the start of the motion."""
 
 
-def _tell_nobody(_: str) -> None:
+def _ignore_wait(_: str) -> None:
     """Ignore what the checks wait for."""
 
 
@@ -91,19 +91,19 @@ class FlightActions:
         """Remarks of the devices on their configuration, for the operator."""
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
         self.checks, self.params = checks, params
-        self.tell_waiting: Callable[[str], None] = _tell_nobody
+        self.report_wait: Callable[[str], None] = _ignore_wait
         """Called with what the checks wait for; see report_waits_to."""
         self.arms = ArmActions(loop, config.arms, self.until, self.require_ground)
         """Actions of the arms."""
 
     @contextmanager
-    def waits_told_to(self, tell: Callable[[str], None]) -> Iterator[None]:
+    def report_waits_to(self, tell: Callable[[str], None]) -> Iterator[None]:
         """Call `tell` with what the checks wait for while the context is open."""
-        self.tell_waiting = tell
+        self.report_wait = tell
         try:
             yield
         finally:
-            self.tell_waiting = _tell_nobody
+            self.report_wait = _ignore_wait
 
     @property
     def trouble(self) -> str:
@@ -137,7 +137,7 @@ class FlightActions:
                 f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
             )
 
-    async def _heard(self) -> None:
+    async def _wait_for_status(self) -> None:
         """Wait until the autopilot has reported its arming state, its mode and whether it is in the air."""
 
         def known() -> bool:
@@ -151,7 +151,7 @@ class FlightActions:
 
     async def require_ground(self) -> None:
         """Raise FlightError unless the autopilot reports the vehicle disarmed on the ground; wait for its report."""
-        await self._heard()
+        await self._wait_for_status()
         status = self._autopilot.status()
         if status.armed or status.in_air:
             raise FlightError(self._not_on_ground(bool(status.in_air)))
@@ -159,7 +159,7 @@ class FlightActions:
     def _not_on_ground(self, in_air: bool) -> str:
         """Return why an action for a disarmed vehicle on the ground is refused, and what to do."""
         where = "in the air" if in_air else "armed"
-        if self.phase not in _OURS:
+        if self.phase not in _OWN_PHASES:
             return (
                 f"the vehicle is already {where}: this service does not take control of what it did not start; "
                 "use the remote control"
@@ -177,17 +177,17 @@ class FlightActions:
         """
         await self._check(trajectory)
         self._ask(ArmRequest(), "arm")
-        asked = False
+        arm_requested = False
         try:
             await asyncio.sleep(_STREAM_FIRST_S)
             await self._while_preparing(self._autopilot.start_offboard)
-            asked = True
+            arm_requested = True
             await self._while_preparing(self._autopilot.arm)
             await self.until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
             self._expect(Phase.ARMED)
         except BaseException:
             self.loop.ask(LandRequest())
-            if asked and self.phase is not Phase.LAND:  # in LAND the loop disarms by itself
+            if arm_requested and self.phase is not Phase.LAND:  # in LAND the loop disarms by itself
                 await self._disarm_again()
             raise
 
@@ -260,24 +260,24 @@ class FlightActions:
         ground_m = 0.0 if flight.ground_w_m is None else float(flight.ground_w_m[2])
         return float(flight.legs[-1].trajectory.at(0.0).position_w_m[2]) - ground_m
 
-    async def go_to(self, position_w_m: Array, yaw_rad: float, taken: Callable[[], None] = _nothing) -> None:
+    async def go_to(self, position_w_m: Array, yaw_rad: float, accepted: Callable[[], None] = _ignore_start) -> None:
         """Fly straight to a position (3,) in W and a heading, and hold; `accepted` is called once it has started.
 
         Raises, before anything moves, ConfigError for a position outside the room and FlightError for one too near the
         geofence.
         """
-        place = Hold(position_w_m, yaw_rad)
-        await check_room_and_fence(place, self._config)
-        self._ask(TrackRequest(place, 0.0), "go there")
-        taken()
-        way, *_, end = self.loop.flight.legs
-        most_s = way.trajectory.duration_s + _APPROACH_MARGIN_S
-        if not await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), most_s):
-            raise FlightError(f"the position was not reached within {most_s:.0f} s")
+        target = Hold(position_w_m, yaw_rad)
+        await check_room_and_fence(target, self._config)
+        self._ask(TrackRequest(target, 0.0), "go there")
+        accepted()
+        approach, *_, end = self.loop.flight.legs
+        timeout_s = approach.trajectory.duration_s + _APPROACH_MARGIN_S
+        if not await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), timeout_s):
+            raise FlightError(f"the position was not reached within {timeout_s:.0f} s")
         await asyncio.sleep(self._config.flight.settle_s)
         self._expect(Phase.HOLD, end)
 
-    async def fly(self, trajectory: Trajectory, taken: Callable[[], None] = _nothing) -> None:
+    async def fly(self, trajectory: Trajectory, accepted: Callable[[], None] = _ignore_start) -> None:
         """Go to the trajectory's start, fly it, hold its end; `accepted` is called once it has started.
 
         Raises, before anything moves, ConfigError for a trajectory that leaves the room or is too fast and FlightError
@@ -286,9 +286,9 @@ class FlightActions:
         await check_room_and_fence(trajectory, self._config)
         settle_s = self._config.flight.settle_s
         self._ask(TrackRequest(trajectory, settle_s), "fly a trajectory")
-        taken()
-        way, *_, end = self.loop.flight.legs
-        await self._reach(Phase.TRACK, way.trajectory.duration_s + settle_s + _APPROACH_MARGIN_S, Phase.HOLD, end)
+        accepted()
+        approach, *_, end = self.loop.flight.legs
+        await self._reach(Phase.TRACK, approach.trajectory.duration_s + settle_s + _APPROACH_MARGIN_S, Phase.HOLD, end)
         await self._reach(Phase.HOLD, trajectory.duration_s + _CLIMB_MARGIN_S, end=end)
         await asyncio.sleep(settle_s)
         self._expect(Phase.HOLD, end)
@@ -342,9 +342,9 @@ class FlightActions:
                 f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
             )
 
-    def _ask(self, wanted: Request, what: str) -> None:
-        refusal = self.loop.refusal(wanted)
-        if refusal or not self.loop.ask(wanted):
+    def _ask(self, request: Request, what: str) -> None:
+        refusal = self.loop.refusal(request)
+        if refusal or not self.loop.ask(request):
             before = f" ({self.loop.flight.reason})" if self.loop.flight.reason else ""
             raise FlightError(f"cannot {what}: {refusal}{before}")
 
@@ -374,14 +374,14 @@ class FlightActions:
             raise FlightError(f"phase {phase} was not reached within {timeout_s:.0f} s, it is still {self.phase}")
         self._expect(phase, end)
 
-    async def until(self, true: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
+    async def until(self, condition: Callable[[], bool], timeout_s: float, although_failed: bool = False) -> bool:
         """Poll a condition; return False after the timeout.
 
         Raises what stopped the flight loop, unless `although_failed`.
         """
         clock = asyncio.get_running_loop()
         end_s = clock.time() + timeout_s
-        while not true():
+        while not condition():
             if self._ticking.done() and not although_failed:
                 self._ticking.result()
             if clock.time() > end_s:

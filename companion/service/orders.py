@@ -9,7 +9,7 @@ from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Reply
 from companion.supervisor.flight_state import HoldRequest, KillRequest, LandRequest, Request, ResumeRequest
 
-_WANTED: dict[str, Request] = {
+_REQUESTS: dict[str, Request] = {
     "abort": LandRequest("the operator aborted"),
     "land": LandRequest(),
     "hold": HoldRequest(),
@@ -18,18 +18,18 @@ _WANTED: dict[str, Request] = {
 }
 
 
-def wanted_by(command: Command) -> Request | None:
+def request_of(command: Command) -> Request | None:
     """Return the request that carries out this command; None for a verb that needs more steps."""
-    return _WANTED.get(command.verb)
+    return _REQUESTS.get(command.verb)
 
 
-def obey(loop: FlightLoop, command: Command, answer: Answering) -> None:
+def pass_to_loop(loop: FlightLoop, command: Command, answer: Answering) -> None:
     """Pass a command to the flight loop and reply at once; raise FlightError with the reason when it is refused."""
-    wanted = wanted_by(command)
-    if wanted is None:
-        raise FlightError(f"cannot {command.verb}: only {', '.join(_WANTED)} are taken here")
-    refusal = loop.refusal(wanted)
-    if refusal or not loop.ask(wanted):
+    request = request_of(command)
+    if request is None:
+        raise FlightError(f"cannot {command.verb}: only {', '.join(_REQUESTS)} are taken here")
+    refusal = loop.refusal(request)
+    if refusal or not loop.ask(request):
         raise FlightError(f"cannot {command.verb}: {refusal}")
-    for what in (Answer.ACCEPTED, Answer.DONE):
-        answer(Reply(id=command.id, answer=what, time_s=time.time()))
+    for outcome in (Answer.ACCEPTED, Answer.DONE):
+        answer(Reply(id=command.id, answer=outcome, time_s=time.time()))

@@ -20,15 +20,15 @@ from companion.control.pipeline import ControlPipeline
 from companion.core.interfaces import ConfigError, FlightError
 from companion.core.waypoint_limits import LONGEST_S, time_mistake
 from companion.geometry.frames import yaw_of
-from companion.protocol import commands as asked
+from companion.protocol import commands
 from companion.service.flight_actions import FlightActions
 from companion.service.margin_process import measure_apart
 from companion.trajectories.reference import Trajectory
 from companion.trajectories.waypoints import Waypoints
 
-_ALONE_S = 60.0
+_ENDLESS_MOTION_S = 60.0
 """Duration of an endless motion that is played without a trajectory."""
-_AROUND_S = 30.0
+_APPROACH_S = 30.0
 """Time for the approach to the trajectory's start and the pauses around it."""
 
 
@@ -63,12 +63,12 @@ class Laws:
         return law
 
 
-async def planned_track(command: asked.Track, service: FlightActions, config: CompanionConfig) -> Planned:
+async def planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
     """Return the trajectory and the motion of the arms; raise ConfigError, ArmError or FlightError with the reason."""
     return await asyncio.to_thread(_planned_track, command, service, config)
 
 
-def _planned_track(command: asked.Track, service: FlightActions, config: CompanionConfig) -> Planned:
+def _planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
     if command.waypoints is not None:
         name, trajectory = "the path", _waypoints(command.waypoints)
     else:
@@ -78,15 +78,15 @@ def _planned_track(command: asked.Track, service: FlightActions, config: Compani
         trajectory = trajectory_named(name, Curve(command.laps, command.period_s, command.size, height_m))
     arms = None
     if command.arms is not None:
-        arms = _planned_arms(command.arms, trajectory.duration_s + _AROUND_S, service, config)
+        arms = _planned_arms(command.arms, trajectory.duration_s + _APPROACH_S, service, config)
     return Planned(name, trajectory, arms)
 
 
-def _waypoints(rows: tuple[asked.Waypoint, ...]) -> Trajectory:
+def _waypoints(rows: tuple[commands.Waypoint, ...]) -> Trajectory:
     times_s = np.array([row.t_s for row in rows])
-    wrong = time_mistake(times_s.tolist(), LONGEST_S)
-    if wrong is not None:
-        raise ConfigError(f"waypoint {wrong[0] + 1}: {wrong[1]}")
+    mistake = time_mistake(times_s.tolist(), LONGEST_S)
+    if mistake is not None:
+        raise ConfigError(f"waypoint {mistake[0] + 1}: {mistake[1]}")
     positions = np.array([(row.x_m, row.y_m, row.z_m) for row in rows])
     path = Waypoints(times_s, positions, np.array([row.yaw_rad for row in rows]))
     path.at(0.0)  # solved here and not in the control loop's thread
@@ -103,7 +103,7 @@ def _height_m(service: FlightActions) -> float:
 
 async def planned_arms(name: str, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
     """Return a motion that starts at the held joint angles; raise ConfigError or ArmError when it cannot be run."""
-    return await asyncio.to_thread(_planned_arms, name, _ALONE_S, service, config)
+    return await asyncio.to_thread(_planned_arms, name, _ENDLESS_MOTION_S, service, config)
 
 
 def _planned_arms(name: str, duration_s: float, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
@@ -125,7 +125,7 @@ def yaw_here_rad(service: FlightActions) -> float:
 
 async def params_of(service: FlightActions, config: CompanionConfig, law: str) -> dict[str, Any]:
     """Return the active configuration, the law's file and the autopilot parameters that the preflight reads."""
-    names = sorted(wanted.name for wanted in load_recommended(config.preflight.parameters))
+    names = sorted(parameter.name for parameter in load_recommended(config.preflight.parameters))
     return {
         "config": config.model_dump(mode="json"),
         "controller": {"name": law, **read_toml(controller_path(law))},

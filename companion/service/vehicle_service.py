@@ -25,7 +25,7 @@ from companion.flight.tick import TickSink
 from companion.preflight.service_facts import Running, preflight
 from companion.protocol.commands import Command
 from companion.service.flight_actions import FlightActions
-from companion.service.orders import obey
+from companion.service.orders import pass_to_loop
 from companion.supervisor.flight_state import Phase
 
 __all__ = ["FlightActions", "open_service"]
@@ -38,7 +38,7 @@ async def open_service(
     config: CompanionConfig,
     law: Controller,
     sink: TickSink,
-    dead_man: WatchdogTimer,
+    watchdog_timer: WatchdogTimer,
     records: Path | None = None,
     operator: OperatorLink | None = None,
 ) -> AsyncIterator[FlightActions]:
@@ -50,7 +50,7 @@ async def open_service(
     Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
     autopilot, or when the first two devices fail later, and whatever the law raises.
     """
-    clock, obeying = MonotonicClock(), _Obeying()
+    clock, forwarder = MonotonicClock(), _CommandForwarder()
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
@@ -58,11 +58,11 @@ async def open_service(
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
         if operator is None and config.operator is not None:
-            listening = open_bus(config.operator, clock, secrets.token_hex(8), obeying.take)
+            listening = open_bus(config.operator, clock, secrets.token_hex(8), forwarder.take)
             operator = await devices.enter_async_context(listening)
         sides = Sides(operator, disk.free_mb)
-        loop = FlightLoop(Devices(mocap, autopilot, clock, dead_man, arms, sides), law, config, sink)
-        obeying.loop = loop
+        loop = FlightLoop(Devices(mocap, autopilot, clock, watchdog_timer, arms, sides), law, config, sink)
+        forwarder.loop = loop
         _spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
@@ -78,7 +78,7 @@ async def open_service(
                 operator_age_s,
                 remarks,
                 landed_age_s=partial(_landed_age_s, loop, clock),
-                tell=lambda text: service.tell_waiting(text),  # noqa: PLW0108 - who is told changes
+                tell=lambda text: service.report_wait(text),  # noqa: PLW0108 - who is told changes
                 law_loaded=True,
             )
             service = FlightActions(
@@ -97,7 +97,7 @@ def _landed_age_s(loop: FlightLoop, clock: Clock) -> float:
     return clock.now_s() - loop.flight.since_s if loop.flight.phase is Phase.DISARMED else math.inf
 
 
-class _Obeying:
+class _CommandForwarder:
     """Forwarder of commands from the operator's link, which is opened first, to the flight loop."""
 
     loop: FlightLoop | None = None
@@ -106,7 +106,7 @@ class _Obeying:
         """Pass on a command; raise FlightError with the reason when it is refused."""
         if self.loop is None:
             raise FlightError("the service is not ready yet")
-        obey(self.loop, command, answer)
+        pass_to_loop(self.loop, command, answer)
 
 
 def _spare_the_collector() -> None:

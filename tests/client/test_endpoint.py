@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.client.endpoint import BROKER, PASSWORD_FILE, VEHICLE, Given, place_of, url_of
+from companion.client.endpoint import BROKER, PASSWORD_FILE, VEHICLE, Given, endpoint_of, url_of
 from companion.core.interfaces import ConfigError
 
 
@@ -15,8 +15,8 @@ def _plain_environment(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_without_a_word_it_is_this_computer() -> None:
-    place = place_of(Given())
-    assert (url_of(place), place.topics.command) == ("mqtt://127.0.0.1:1883", "dauam/v1/vehicle/command")
+    endpoint = endpoint_of(Given())
+    assert (url_of(endpoint), endpoint.topics.command) == ("mqtt://127.0.0.1:1883", "dauam/v1/vehicle/command")
 
 
 def test_options_go_before_a_file_and_that_before_the_environment(
@@ -24,24 +24,24 @@ def test_options_go_before_a_file_and_that_before_the_environment(
 ) -> None:
     monkeypatch.setenv(BROKER, "mqtts://ann@far")
     monkeypatch.setenv(VEHICLE, "lab/two")
-    place = place_of(Given())
-    assert (url_of(place), place.topics.root) == ("mqtts://ann@far:8883", "lab/v1/two")
+    endpoint = endpoint_of(Given())
+    assert (url_of(endpoint), endpoint.topics.root) == ("mqtts://ann@far:8883", "lab/v1/two")
     file = tmp_path / "my.toml"
     file.write_text('[operator]\nhost = "near"\nvehicle = "three"\n[whatever]\n')
-    place = place_of(Given(vehicle="four", config=file))
-    assert (url_of(place), place.topics.root) == ("mqtt://near:1883", "dauam/v1/four")
+    endpoint = endpoint_of(Given(vehicle="four", config=file))
+    assert (url_of(endpoint), endpoint.topics.root) == ("mqtt://near:1883", "dauam/v1/four")
 
 
 def test_a_password_comes_from_a_file_that_is_its_owners(tmp_path: Path) -> None:
     file = tmp_path / "password"
     file.write_text("secret\n")
     file.chmod(0o600)
-    place = place_of(Given(broker="mqtt://ann@near", password_file=str(file)))
-    assert place.password() == "secret"
-    assert "secret" not in url_of(place)
+    endpoint = endpoint_of(Given(broker="mqtt://ann@near", password_file=str(file)))
+    assert endpoint.password() == "secret"
+    assert "secret" not in url_of(endpoint)
     file.chmod(0o644)
     with pytest.raises(ConfigError, match="chmod 600"):
-        place_of(Given(broker="mqtt://ann@near", password_file=str(file)))
+        endpoint_of(Given(broker="mqtt://ann@near", password_file=str(file)))
 
 
 @pytest.mark.parametrize(
@@ -60,6 +60,6 @@ def test_a_password_comes_from_a_file_that_is_its_owners(tmp_path: Path) -> None
 )
 def test_what_cannot_be_is_one_sentence_without_a_secret(given: Given, sentence: str) -> None:
     with pytest.raises(ConfigError) as error:
-        place_of(given)
+        endpoint_of(given)
     assert str(error.value).startswith(sentence)
     assert "secret" not in str(error.value)

@@ -11,7 +11,7 @@ from companion.cli.complete import trajectories
 from companion.cli.operator.options import Asked, commanding
 from companion.cli.operator.run import operate
 from companion.client.client import open_console
-from companion.client.endpoint import Given, place_of
+from companion.client.endpoint import Given, endpoint_of
 from companion.client.errors import NobodyThereError
 from companion.core.errors import ConfigError
 from companion.preflight.checks.check import Check
@@ -73,7 +73,7 @@ def _service_runs(given: Given) -> bool:
 
 async def _is_there(given: Given) -> bool:
     try:
-        async with open_console(place_of(given)) as console:
+        async with open_console(endpoint_of(given)) as console:
             await console.find()
     except NobodyThereError:
         return False

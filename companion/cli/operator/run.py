@@ -13,7 +13,7 @@ from companion.cli.operator.json_output import JsonVoice, Voice
 from companion.cli.operator.options import Asked
 from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
-from companion.client.endpoint import place_of
+from companion.client.endpoint import endpoint_of
 from companion.client.pending_command import PendingCommand, Sent
 from companion.client.tasks import end
 from companion.core.errors import CompanionError
@@ -72,7 +72,7 @@ class _Run:
 
     async def _carried_out(self, draft: CommandDraft) -> tuple[int, str]:
         async with AsyncExitStack() as stack:
-            place = place_of(self._asked.given)
+            place = endpoint_of(self._asked.given)
             try:
                 console = await self._unless_pressed(stack.enter_async_context(open_console(place)))
             except _PressedError:

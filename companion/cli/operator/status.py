@@ -16,7 +16,7 @@ from companion.cli.operator.json_output import line_of
 from companion.cli.operator.options import Asked, looking
 from companion.client import client
 from companion.client.client import Said, open_console
-from companion.client.endpoint import place_of
+from companion.client.endpoint import endpoint_of
 from companion.core.errors import CompanionError
 from companion.protocol.telemetry import Happened, State
 
@@ -63,7 +63,7 @@ async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
 
 
 async def _print_states(asked: Asked, once: bool) -> None:
-    async with open_console(place_of(asked.given)) as console:
+    async with open_console(endpoint_of(asked.given)) as console:
         async for said in _heard(console):
             if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
                 typer.echo(line_of(said))
@@ -72,7 +72,7 @@ async def _print_states(asked: Asked, once: bool) -> None:
 
 
 async def _show_once(asked: Asked) -> None:
-    async with open_console(place_of(asked.given)) as console:
+    async with open_console(endpoint_of(asked.given)) as console:
         await console.find()
         from companion.cli.operator.panel import show_once  # noqa: PLC0415 - see above
 
@@ -80,7 +80,7 @@ async def _show_once(asked: Asked) -> None:
 
 
 async def _show_live(asked: Asked) -> None:
-    async with open_console(place_of(asked.given)) as console:
+    async with open_console(endpoint_of(asked.given)) as console:
         await console.find()
         from companion.cli.operator.panel import live_panel  # noqa: PLC0415 - see above
 
@@ -90,7 +90,7 @@ async def _show_live(asked: Asked) -> None:
 
 
 async def _print_events(asked: Asked) -> None:
-    async with open_console(place_of(asked.given)) as console:
+    async with open_console(endpoint_of(asked.given)) as console:
         async for said in _heard(console):
             if said is None or isinstance(said, State):
                 continue
