@@ -132,7 +132,7 @@ class CommandDispatcher:
         if command.verb in AT_ONCE:
             work = ImmediateCommands(service, job, self._config.px4.answer_timeout_s).begin()
             if not isinstance(command, commands.Resume):
-                self._call_off(CHANNELS, f"{command.verb} was commanded")
+                self._call_off(CHANNELS, f"{command.verb} was ordered")
             return work
         if isinstance(command, commands.Arm | commands.TakeOff) and self.rival():
             raise FlightError(f"cannot {_VERB_WORDS[command.verb]}: {self.rival()}")
