@@ -83,7 +83,7 @@ ROWS = [
     ),
     one("every answer of a servo is broken", {"kind": "corrupt", "id": 7}, "left.elbow_roll", "not answered"),
     Row("the bus falls silent", {"kind": "silent_bus"}, LANDS, "not answered", JOINT_NAMES, 0),
-    Row("the adapter is pulled", {"kind": "port_gone"}, LANDS, r"^the arms. port .* is gone", (), 0, real=True),
+    Row("the adapter is unplugged", {"kind": "port_gone"}, LANDS, r"^the arms. port .* is gone", (), 0, real=True),
     Row("answers are late for a moment", {"kind": "late", "id": 5, "for_s": 0.1}, FLIES_ON, "", (), JOINT_COUNT),
     Row(
         "an answer now and then is broken",
@@ -261,6 +261,6 @@ async def test_a_fault_that_the_bus_gets_over_in_simulated_time(row: Row) -> Non
 
 def test_the_table_in_the_docs_has_these_rows_and_no_other() -> None:
     text = (ROOT / "docs" / "arms.md").read_text(encoding="utf-8")
-    section = text[text.index("| fault | how it is noticed") :].split("\n\n")[0]
+    section = text[text.index("| fault | how it is detected") :].split("\n\n")[0]
     printed = [[cell.strip() for cell in line.strip("|").split("|")] for line in section.splitlines()[2:]]
     assert [(line[0], line[-1]) for line in printed] == [(row.name, row.flight) for row in ROWS]

@@ -1,0 +1,42 @@
+"""The layout of docs/architecture.md, held against the tree."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PRODUCT = ("companion", "mock_autopilot")
+ENTRY_POINTS = {
+    "companion": {"__init__.py", "law_api.py"},
+    "mock_autopilot": {"__init__.py", "__main__.py", "config.py", "config_errors.py", "simulator.py", "world.py"},
+}
+MOST_FILES = 21
+
+
+def packages(root: str) -> set[str]:
+    """Return the packages directly in a root package."""
+    return {path.parent.name for path in (ROOT / root).glob("*/__init__.py")}
+
+
+def listed(root: str) -> set[str]:
+    """Return the packages that the table of docs/architecture.md gives for a root package."""
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    (table,) = re.findall(rf"\| package in `{root}/` \|.*\n\|[-| ]+\n((?:\|.*\n)+)", page)
+    return set(re.findall(r"^\| `(\w+)/?` \|", table, re.MULTILINE))
+
+
+@pytest.mark.parametrize("root", PRODUCT)
+def test_the_table_of_packages_is_the_tree(root: str) -> None:
+    assert listed(root) - {path.stem for path in (ROOT / root).glob("*.py")} == packages(root)
+
+
+@pytest.mark.parametrize("root", PRODUCT)
+def test_no_module_lies_flat_but_entry_points(root: str) -> None:
+    assert {path.name for path in (ROOT / root).glob("*.py")} == ENTRY_POINTS[root]
+
+
+@pytest.mark.parametrize("root", PRODUCT)
+def test_no_folder_is_crowded(root: str) -> None:
+    folders = {path.parent for path in (ROOT / root).rglob("*.py")}
+    assert [str(folder) for folder in folders if len(list(folder.glob("*.py"))) > MOST_FILES] == []
