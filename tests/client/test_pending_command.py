@@ -242,7 +242,7 @@ async def test_a_connection_that_is_never_made_or_that_fails_oddly_is_no_wait_fo
     async def odd(_: Console) -> None:
         raise KeyError("odd")
 
-    monkeypatch.setattr(client, "_CONNECTED_S", 0.1)
+    monkeypatch.setattr(client, "_CONNECT_TIMEOUT_S", 0.1)
     for keep, expected in ((lambda _: asyncio.sleep(60.0), NobodyThereError), (odd, KeyError)):
         monkeypatch.setattr(Console, "keep", keep)
         with pytest.raises(expected):
