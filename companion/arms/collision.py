@@ -1,4 +1,4 @@
-"""How near the arms come to each other, to the body, to the propellers and to the floor.
+"""Distances of the arms from each other, the body, the propellers and the floor.
 
 Links are capsules of `link_radius_m`, the body a box, propellers thin discs. An arm is not compared with itself: the
 elbow's limits keep its forearm off its upper arm, and the roll only swings it farther out. Nor is an upper arm with the

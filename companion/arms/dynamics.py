@@ -1,4 +1,4 @@
-"""What the links' masses do to the vehicle: centre of mass, momentum, reaction force and torque. Body FLU.
+"""Effects of the links' masses on the vehicle: centre of mass, momentum, reaction force and torque. Body FLU.
 
 Each link is a point mass at its centre of mass; claws move no mass. The vehicle itself does not turn: what its turning
 adds (Coriolis, Euler, centrifugal) is small beside this and left to the controller (docs/arms-geometry.md). With the
@@ -32,7 +32,7 @@ def arms_com_flu_m(model: ArmModel, joints_rad: Array) -> Array:
 
 
 def com_shift_flu_m(model: ArmModel, joints_rad: Array, total_mass_kg: float) -> Array:
-    """How far the arms pull the whole vehicle's centre of mass from the body's origin, (..., 3), m.
+    """Return the shift of the whole vehicle's centre of mass from the body's origin, (..., 3), m.
 
     `total_mass_kg` is the paper's m_t, arms included; without its arms the vehicle is balanced on the origin.
     """

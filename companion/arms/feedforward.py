@@ -1,4 +1,4 @@
-"""What the arms' commanded motion will do to the vehicle, as an acceleration the law can take off its command.
+"""Effect of the arms' commanded motion on the vehicle, as an acceleration the law can subtract from its command.
 
 Two things: the links' reaction force, and the tilt that their torque and the shifted centre of mass cause. The attitude
 loop answers a torque like a setpoint, so a tilt of d / omega_n^2 is to be expected from an angular acceleration d; the
@@ -18,7 +18,7 @@ from companion.geometry.array_math import stack, unstack
 
 @dataclass(frozen=True)
 class Airframe:
-    """What the vehicle makes of forces and torques."""
+    """Properties that set the vehicle's response to forces and torques."""
 
     mass_kg: float
     gravity_mps2: float
@@ -40,7 +40,7 @@ def turning_b_radps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -
 
 
 def trimmed_b_radps2(trimmed: Array, turning: Array, airframe: Airframe, dt_s: float) -> Array:
-    """What the autopilot's integrator has taken over of `turning` after another `dt_s`."""
+    """Return the part of `turning` that the autopilot's integrator trims out after another `dt_s`."""
     return np.asarray(trimmed + (turning - trimmed) * -np.expm1(-dt_s / airframe.integrator_s))
 
 
@@ -59,7 +59,7 @@ def force_accel_b_mps2(model: ArmModel, airframe: Airframe, across: JointMotion,
 
 @dataclass(frozen=True)
 class Leads:
-    """How much later than now a setpoint sent now acts, less what the servos are late themselves (s)."""
+    """Times after which a setpoint sent now acts, less the servos' own delay (s)."""
 
     across_s: float
     """Through the attitude loop, a second-order lag, late by 2 zeta / omega."""

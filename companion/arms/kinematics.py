@@ -1,4 +1,4 @@
-"""Where the arms' links are: forward kinematics and the Jacobian, in body FLU.
+"""Positions of the arms' links: forward kinematics and the Jacobian, in body FLU.
 
 The paper names the joints and gives L_1 to L_3 (section 5), but no axes; these are a human arm's, see
 docs/arms-geometry.md.
@@ -51,12 +51,15 @@ def points_flu_m(model: ArmModel, joints_rad: Array) -> Array:
 
 
 def tips_flu_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Where the claws are, (..., 2 arms, 3), body FLU, m."""
+    """Return the positions of the claws, (..., 2 arms, 3), body FLU, m."""
     return points_flu_m(model, joints_rad)[..., -1, :]
 
 
 def tip_jacobian_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Of each tip by its own arm's pitch, pitch and roll: (..., 2 arms, 3 axes of FLU, 3 joints), m/rad."""
+    """Return each tip's Jacobian by its own arm's pitch, pitch and roll.
+
+    (..., 2 arms, 3 axes of FLU, 3 joints), m/rad.
+    """
     l1, l2, l3 = (link.length_m for link in model.links)
     a, b, r = np.moveaxis(by_arm(joints_rad), -1, 0)
     s, below = a + b, l2 + l3 * np.cos(r)

@@ -1,4 +1,4 @@
-"""What the two arms are: joints, lengths, masses, limits and the shapes they must not touch. Plain values.
+"""Model of the two arms: joints, lengths, masses, limits and the shapes they must not touch. Plain values.
 
 Joint vectors are (..., 8): right shoulder pitch, elbow pitch, elbow roll, claw, then the same of the left arm.
 All zero is both arms hanging straight down, claws closed. Both arms have the same signs, so equal numbers are mirror
@@ -20,7 +20,7 @@ JOINT_COUNT = 8
 
 
 class Side(StrEnum):
-    """Which arm; the paper's j = 1 is the right one."""
+    """Side of an arm; the paper's j = 1 is the right one."""
 
     RIGHT = "right"
     LEFT = "left"
@@ -45,7 +45,7 @@ class Link:
 
 @dataclass(frozen=True)
 class JointLimit:
-    """What a joint may do."""
+    """Limits of a joint's angle, velocity and acceleration."""
 
     min_rad: float
     max_rad: float

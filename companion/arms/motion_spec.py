@@ -49,7 +49,7 @@ class Swing:
 
 @dataclass(frozen=True)
 class Tips:
-    """Where the tips are to be, in body FLU; an arm of NaN stays where it was."""
+    """Positions that the tips are to reach, in body FLU; an arm of NaN stays where it was."""
 
     times_s: Array
     """(n,), rising from 0."""

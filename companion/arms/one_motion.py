@@ -66,7 +66,7 @@ def _by_arm(motion: JointMotion) -> Iterator[tuple[float, _Three, _Three, _Three
 
 
 def _levers(model: ArmModel) -> tuple[tuple[float, float, float, float], ...]:
-    """Of each link: its mass, and how far its centre lies along upper arm, elbow and forearm."""
+    """Return each link's mass (kg) and the distances (m) of its centre along upper arm, elbow and forearm."""
     one, two, three = model.links
     return (
         (one.mass_kg, one.com_m, 0.0, 0.0),

@@ -1,4 +1,4 @@
-"""From a wish to a motion that may be run: limits kept, nothing touched; or ArmError with the reason, before a move."""
+"""Planning of motions that keep the limits and touch nothing; ArmError gives the reason before anything moves."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -73,7 +73,7 @@ def to_pose(
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
-    """From rest in one pose (8,) to another, straight in the joints, or through one of `via_rad` if that would collide.
+    """Plan from rest in one pose (8,) to another, straight in the joints, or by one of `via_rad` if that would collide.
 
     Raises ArmError when the pose is beyond a limit or touches something, or when no way to it is free.
     """

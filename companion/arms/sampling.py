@@ -50,7 +50,9 @@ def samples(trajectory: JointTrajectory) -> Samples:
 def first_too_near(
     model: ArmModel, trajectory: JointTrajectory, keep_m: float | Array, floor_z_m: float | None = None
 ) -> TooNear | None:
-    """Where some pair is first nearer than `keep_m`, one for all or by pair as `clearance.distances` has them; or None.
+    """Return the first moment at which some pair is nearer than `keep_m`; None if none is.
+
+    `keep_m` is one distance for all pairs, or one for each pair in the order of `clearance.distances`.
 
     The links travel at most half the margin between two looks, so nothing comes nearer than `keep_m` less a quarter of
     the margin. Where the distances at both ends of eight such steps leave no room for it, nobody looks between.
@@ -86,7 +88,7 @@ def _first(
 def _spare_m(
     model: ArmModel, trajectory: JointTrajectory, time_s: Array, keep_m: float | Array, floor_z_m: float | None
 ) -> Array:
-    """How much nearer the tightest pair might come, (n,)."""
+    """Return the least distance of any pair less its `keep_m` at each time, (n,), m."""
     parts = []
     for begin in range(0, len(time_s), _CHUNK):
         poses = trajectory.at(time_s[begin : begin + _CHUNK]).position_rad

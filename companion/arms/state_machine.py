@@ -19,7 +19,7 @@ from companion.supervisor.flight_state import Phase
 
 
 class ArmPhase(StrEnum):
-    """What the arms are doing."""
+    """Phase of the arms."""
 
     OFF = "off"
     """Limp, or holding by what an earlier program left: not ours to move."""
@@ -43,7 +43,7 @@ _SAME_RAD = 0.02
 
 
 class ArmAction(StrEnum):
-    """What the machine has to ask of the bus, apart from goals; set for one cycle."""
+    """Action that the machine asks of the bus, apart from goals; set for one cycle."""
 
     HOLD = "hold"
     TORQUE_OFF = "torque off"
@@ -60,7 +60,7 @@ class ArmRules:
 
 @dataclass(frozen=True)
 class ArmFacts:
-    """What is known at a cycle."""
+    """Inputs of the state machine at one cycle."""
 
     time_s: float
     held_rad: Array
@@ -103,7 +103,7 @@ def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
 
 
 def refusal(arms: ArmState, motion: JointTrajectory, flight: Phase) -> str:
-    """Why a motion may not begin now; empty when it may."""
+    """Return why a motion may not begin now; empty when it may."""
     if arms.hold_rad is None:
         return f"the arms must hold still first, they are {arms.phase}"
     if flight not in MAY_MOVE:

@@ -20,7 +20,7 @@ class JointTrajectory(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """When it stands still at its end."""
+        """Return the time at which it comes to rest at its end (s)."""
 
     @property
     def pieces_s(self) -> Array:
@@ -58,7 +58,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class MinimumJerk:
-    """From a motion (8,), at rest or not, to a pose (8,) at rest; Flash and Hogan, 1985."""
+    """Minimum-jerk motion from a motion (8,), at rest or not, to a pose (8,) at rest; Flash and Hogan, 1985."""
 
     start: JointMotion
     end_rad: Array
@@ -172,7 +172,7 @@ class Sinusoid:
         return min(self.fade_s, 0.5 * self.duration_s)
 
     def _fade(self, t: Times) -> tuple[Times, Times, Times]:
-        """How much of the swing there is at `t` (s), and its two derivatives."""
+        """Return the share (0..1) of the swing at `t` (s), and its first two derivatives."""
         x: Times
         sign: Times
         if isinstance(t, np.ndarray):

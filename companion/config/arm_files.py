@@ -108,7 +108,7 @@ class _Waypoints(Section):
 
 
 class _Swinging(Section):
-    """How one arm swings; one that is left out stays where it was."""
+    """Swing of one arm; one that is left out stays where it was."""
 
     centre: _Angles = Field(description="angles about which the joints swing, three or with the claw four")
     amplitude: _Angles = Field(description="largest angles from the centre")

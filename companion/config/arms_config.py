@@ -18,7 +18,7 @@ AX_FASTEST_BAUD = 1_000_000
 
 
 class Feedforward(StrEnum):
-    """What the law is told of the arms' commanded motion."""
+    """Part of the arms' commanded motion that the law is told of."""
 
     OFF = "off"
     FORCE = "force"
@@ -66,7 +66,7 @@ def _default_servos() -> dict[str, ServoConfig]:
 
 
 class JointLimitConfig(Section):
-    """What a joint may do; both arms alike."""
+    """Limits of a joint; the same for both arms."""
 
     min_rad: float = Field(ge=-math.pi, le=math.pi, description="least angle, rad")
     max_rad: float = Field(ge=-math.pi, le=math.pi, description="largest angle, rad")
@@ -108,7 +108,7 @@ def _default_links() -> tuple[LinkConfig, LinkConfig, LinkConfig]:
 
 
 class PropellerConfig(Section):
-    """Where the propellers are; the arms keep out of them."""
+    """Positions of the propellers; the arms keep out of them."""
 
     count: int = Field(4, ge=2, le=12, description="number of propellers, evenly around the body")
     radius_m: float = Field(0.17, gt=0.0, le=1.0, description="radius of one disc, m")
@@ -234,7 +234,7 @@ class ArmsConfig(Section):
 
 
 def _over(given: object, defaults: Mapping[str, Section], what: str) -> object:
-    """What a file says of some joints, over the defaults of all of them."""
+    """Merge what a file says of some joints into the defaults of all of them; ValueError for an unknown name."""
     if not isinstance(given, dict):
         return given
     for name in given:

@@ -27,7 +27,7 @@ _DEAD_MAN_CYCLES = 3
 
 
 class VehicleConfig(Section):
-    """What the vehicle is; the defaults are the paper's and the recorded PX4's."""
+    """Properties of the vehicle; the defaults are the paper's and the recorded PX4's."""
 
     mass_kg: float = Field(4.85, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
     gravity_mps2: float = Field(9.8, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
@@ -112,7 +112,7 @@ class ControlConfig(Section):
 
 
 class FlightConfig(Section):
-    """How it takes off and lands, and what ends a flight."""
+    """Take-off, landing, and what ends a flight."""
 
     takeoff_height_m: float = Field(
         1.2, ge=LEAST_CLIMB_M, le=5.0, description="height of the hover above the ground where it stands, m"
@@ -128,7 +128,7 @@ class FlightConfig(Section):
 
 
 class RoomConfig(Section):
-    """Where, and how fast, a trajectory may lead; checked before takeoff."""
+    """Bounds on a trajectory's position, speed, acceleration and heading; checked before takeoff."""
 
     x_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest x in W, m")
     y_m: tuple[float, float] = Field((-4.0, 4.0), description="least and largest y in W, m")
@@ -205,12 +205,12 @@ class CompanionConfig(Section):
         return Guard(limits, model, self.fence.fence(), safety.coast_s, safety.degraded_s)
 
     def airframe(self) -> Airframe:
-        """What the arms' forces and torques meet."""
+        """Return the vehicle's properties that set its response to the arms' forces and torques."""
         v = self.vehicle
         return Airframe(v.mass_kg, v.gravity_mps2, v.inertia_kgm2, v.attitude_bandwidth_radps, v.rate_integrator_s)
 
     def vehicle_model(self) -> VehicleModel:
-        """What a law may know of the vehicle."""
+        """Return the properties of the vehicle that a law may know."""
         v = self.vehicle
         return VehicleModel(
             v.mass_kg,
@@ -225,7 +225,7 @@ class CompanionConfig(Section):
 
 
 def _vehicle_and_limits(config: CompanionConfig) -> str:
-    """What the limits do not let the vehicle do; empty when they agree."""
+    """Return how the limits conflict with the vehicle; empty when they agree."""
     vehicle, limits, fence = config.vehicle, config.limits, config.fence
     if not limits.min_thrust < vehicle.hover_thrust < limits.max_thrust:
         return (
@@ -268,7 +268,7 @@ def _loop_and_safety(config: CompanionConfig) -> str:
 
 
 def _room_and_fence(config: CompanionConfig) -> str:
-    """What is allowed and would bring the vehicle near its fence; empty when nothing is."""
+    """Return which allowed value would bring the vehicle near its fence; empty when none would."""
     room, fence, margin_m = config.room, config.fence, config.fence.margin_m
     for name, inner, outer in (("x_m", room.x_m, fence.x_m), ("y_m", room.y_m, fence.y_m)):
         if inner[0] - margin_m < outer[0] or inner[1] + margin_m > outer[1]:

@@ -35,7 +35,7 @@ _LAW = '"etnn", "pid", or "FILE.py:NAME" for a law of your own'
 
 
 class ErrorLimits(Section):
-    """What a flight under this law must stay inside to count as good."""
+    """Error limits that a flight under this law must keep to count as good."""
 
     mean_m: float = Field(0.05, gt=0.0, description="mean position error per axis, m")
     max_m: float = Field(0.20, gt=0.0, description="largest position error per axis, m")

@@ -112,7 +112,7 @@ def _header_line(lines: list[str]) -> int | None:
 
 
 def _separator(before: list[str], header: str) -> str:
-    """What stands between columns: as Excel's `sep=` says, else as the header shows; a space when there is no other."""
+    """Return the column separator: as Excel's `sep=` says, else as the header shows; a space when there is no other."""
     said = [line.strip() for line in before if line.lower().startswith("sep=")]
     if said and said[0][4:5] in set(_SEPARATORS):
         return said[0][4]
@@ -144,7 +144,7 @@ def _without_empty_end(cells: list[str]) -> list[str]:
 
 
 def _number(cell: str) -> float:
-    """As `float`, but not for 1_000 or digits of other scripts."""
+    """Convert as `float` does; ValueError also for 1_000 and for digits of other scripts."""
     if not cell.isascii() or "_" in cell:
         raise ValueError(cell)
     return float(cell)

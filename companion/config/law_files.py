@@ -19,7 +19,7 @@ LAW_FORM = "'my_law.py:MyLaw', a Python file beside this one and the class or fu
 
 
 def is_law_file(law: object) -> bool:
-    """Whether a controller file's `law` means a Python file."""
+    """Return True if a controller file's `law` means a Python file."""
     return isinstance(law, str) and ".py" in law
 
 
@@ -71,7 +71,7 @@ def _imported(path: Path) -> ModuleType:
 
 
 def _made_by(module: ModuleType, file: LawFile) -> Callable[..., Any]:
-    """What makes the law: callable with three arguments."""
+    """Return the class or function that makes the law from three arguments; ConfigError when there is none."""
     make = getattr(module, file.name, None)
     if make is None:
         own = sorted(

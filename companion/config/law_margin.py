@@ -34,7 +34,7 @@ _KNOWN: dict[tuple[object, ...], "Margin | str"] = {}
 
 @dataclass(frozen=True)
 class LawMargin:
-    """What is to be said of a law on this vehicle."""
+    """Result of the check of a law's margin on this vehicle."""
 
     says: str
     """What was found, with numbers, or that and why it was not checked."""

@@ -1,4 +1,4 @@
-"""Where configurations are: of the installed vehicle, or of the checkout. Imports nothing that takes time."""
+"""Locations of configurations: of the installed vehicle, or of the checkout. Imports nothing that takes time."""
 
 from pathlib import Path
 

@@ -29,7 +29,7 @@ class MocapBrokerConfig(OperatorConfig):
 
 
 class MocapConfig(BaseModel):
-    """Where QTM is, which body is ours, and how its frames travel.
+    """Address of QTM, name of the vehicle's body, and transport of its frames.
 
     With source = "mqtt" it is the bridge that comes to QTM by host, port, body and transport.
     """
@@ -82,7 +82,7 @@ class MocapConfig(BaseModel):
 
 
 def mocap_and_operator(mocap: MocapConfig, operator: OperatorConfig | None) -> str:
-    """Why frames cannot come by way of MQTT; empty when they can, or come from QTM itself."""
+    """Return why frames cannot come by way of MQTT; empty when they can, or come from QTM itself."""
     if mocap.source != "mqtt":
         return ""
     if mocap.broker is None and operator is None:

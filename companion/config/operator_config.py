@@ -16,7 +16,7 @@ _MOST_PASSWORD_BYTES = 1024
 
 
 class OperatorConfig(Section):
-    """Where the broker is, how it knows us, and the vehicle's name on it."""
+    """Address of the broker, the service's login there, and the vehicle's name on it."""
 
     table: ClassVar[str] = "operator"
     """Where it stands in the file."""
@@ -69,11 +69,11 @@ class OperatorConfig(Section):
 
     @property
     def topics(self) -> Topics:
-        """Of this vehicle."""
+        """Return this vehicle's topics."""
         return Topics(self.prefix, self.vehicle)
 
     def password(self) -> str | None:
-        """What `password_file` holds, without its last line end; ConfigError when it cannot be read or is empty."""
+        """Return the line in `password_file`, None without one; ConfigError if it is unreadable or not one line."""
         if self.password_file is None:
             return None
         where = f"{self.table}.password_file = {self.password_file!r}"
@@ -90,7 +90,7 @@ class OperatorConfig(Section):
 
 
 def _mode_of(name: str) -> int:
-    """Of a file; ValueError when there is none."""
+    """Return the mode of a regular file; ValueError when there is none."""
     try:
         mode = Path(name).stat().st_mode
     except (OSError, ValueError) as error:

@@ -13,7 +13,7 @@ from companion.core.interfaces import ConfigError
 
 
 class PreflightConfig(Section):
-    """What arming asks for; the defaults are for a real room."""
+    """Requirements for arming; the defaults are for a real room."""
 
     realtime: bool = Field(True, description="arming needs a real-time priority; false: its lack is a warning")
     by_hand_within_h: float = Field(

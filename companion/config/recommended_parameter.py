@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Recommended:
-    """What one parameter should be; of the four conditions those count that are given."""
+    """Recommended value of one parameter; of the four conditions those count that are given."""
 
     name: str
     set_to: float
@@ -24,7 +24,7 @@ class Recommended:
     """A PX4 that does not have it (another release, or built without that sensor) is right as it is."""
 
     def accepts(self, value: float) -> bool:
-        """Whether the value meets every condition."""
+        """Return True if the value meets every condition."""
         listed = not self.one_of or any(math.isclose(value, one, abs_tol=1e-6) for one in self.one_of)
         return listed and int(value) & self.bits == self.bits and self._within(value)
 

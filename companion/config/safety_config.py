@@ -10,7 +10,7 @@ _RULES = SafetyRules()
 
 
 class SafetyConfig(Section):
-    """When a fault is one. The reactions are a table in code (docs/safety.md prints it), not a setting."""
+    """Thresholds of the faults. The reactions are a table in code (docs/safety.md prints it), not a setting."""
 
     coast_s: float = Field(_RULES.coast_s, gt=0.0, le=0.2, description="age of the pose up to which nothing is done, s")
     degraded_s: float = Field(_RULES.degraded_s, gt=0.0, le=0.3, description="age at which the vehicle is levelled, s")

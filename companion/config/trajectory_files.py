@@ -1,4 +1,4 @@
-"""What `--trajectory` means: the paper's two curves by name, or waypoints in a CSV file."""
+"""Values of `--trajectory`: the paper's two curves by name, or waypoints in a CSV file."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ _WANTED = f"{','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}"
 
 @dataclass(frozen=True)
 class Curve:
-    """How a named curve is flown; the sizes are those of the paper's look, about 1 m."""
+    """Parameters of a named curve; the sizes resemble the paper's, about 1 m."""
 
     laps: int = 2
     period_s: float = 15.0

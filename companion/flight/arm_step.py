@@ -36,7 +36,7 @@ _STALE_S = 0.3
 
 @dataclass(frozen=True)
 class ArmTick:
-    """What the arms did in one cycle; for the record and for whoever looks on."""
+    """State of the arms in one cycle, for recording and for observers."""
 
     phase: ArmPhase
     reason: str
@@ -73,7 +73,7 @@ class ArmStep:
 
     @property
     def status(self) -> ArmStatus:
-        """What the bus last said."""
+        """Return the bus's latest status."""
         return self._status
 
     @property
@@ -82,7 +82,7 @@ class ArmStep:
         return self._state.motion is None and not self.off_stow
 
     def is_busy(self, flight: FlightState) -> bool:
-        """Whether a motion is run, or a fold is due and possible."""
+        """Return True if a motion is running, or a fold is due and possible."""
         due = flight.phase in state_machine.MUST_STOW and bool(self.off_stow) and not self._state.no_way
         able = not self.fault and self._state.phase is not ArmPhase.OFF
         return able and (due or self._state.motion is not None)
@@ -94,7 +94,7 @@ class ArmStep:
 
     @property
     def fault(self) -> str:
-        """What is wrong with the arms, naming the joint; empty when nothing is."""
+        """Return the arms' faults in words, naming the joint; empty when there is none."""
         texts = [fault.text for fault in self._status.faults]
         return "; ".join([*texts, self._broken] if self._broken else texts)
 
@@ -125,7 +125,10 @@ class ArmStep:
         self._facts = ArmFacts(now_s, held_rad, obey, self.fault, self.stowed, flight.phase, flight.touched_down)
 
     def known_accel_w_mps2(self, q_w_flu_wxyz: Array) -> Array:
-        """What the commanded motion does to the vehicle when a setpoint sent now acts; (3,) in W, 0 unless told."""
+        """Return the acceleration that the arms' motion gives when a setpoint sent now acts, (3,) in W, m/s^2.
+
+        Zero on the ground, and where feedforward is off.
+        """
         self._known = np.asarray(matrix_from_quat(q_w_flu_wxyz) @ self._known_b)
         return self._known
 
@@ -186,7 +189,7 @@ class ArmStep:
         await asyncio.gather(*self._releasing, return_exceptions=True)
 
     def way_to_stow(self, held_rad: Array, floor_z_m: float | None = None) -> JointTrajectory | None:
-        """From where the joints are held (8,) to the stowed pose; None where the goals are there already.
+        """Plan from where the joints are held (8,) to the stowed pose; return None where the goals are there already.
 
         Claws keep what they hold. `floor_z_m` is the floor's height in the body frame, for a vehicle that stands.
         Raises ArmError when there is no way.
@@ -210,7 +213,7 @@ class ArmStep:
         return force + self._tilt(self._motion_at(time_s + self._leads.turning_s))
 
     def _motion_at(self, time_s: float) -> JointMotion:
-        """What is asked for; without a goal, standing where the joints are: what tilts the vehicle is still there."""
+        """Return the commanded motion; without a goal, rest at the present angles, which still tilts the vehicle."""
         goal = goal_at(self._state, time_s)
         return at_rest(self._status.position_rad) if goal is None else goal
 

@@ -1,4 +1,4 @@
-"""From the operator's wish to arm until the flight's first phase: all is looked at, and it can be called off."""
+"""Arming, from the operator's request until the flight's first phase: all is checked, and it can be called off."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,7 +11,7 @@ _UNKNOWN = "the autopilot does not say whether the vehicle stands or flies"
 
 
 def refused_for(wanted: Request, status: AutopilotStatus) -> str:
-    """What the autopilot says that is in the way of a request; empty when nothing is."""
+    """Return why the autopilot's status rules out a request; empty when it does not."""
     if isinstance(wanted, ArmRequest) and (status.armed or status.in_air is not False):
         # it would stream zero thrust, and PX4 takes OFFBOARD up by itself when a stream begins
         known = status.armed or status.in_air is not None

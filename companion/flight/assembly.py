@@ -1,4 +1,4 @@
-"""What the flight loop is made of: the devices it speaks to, and the stages of a tick, built from the configuration."""
+"""Parts of the flight loop, built from the configuration: the devices it speaks to, and the stages of a tick."""
 
 from dataclasses import dataclass, field
 

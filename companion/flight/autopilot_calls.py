@@ -1,4 +1,4 @@
-"""What the flight loop asks of the autopilot, apart from setpoints, without waiting for the answer."""
+"""Requests of the flight loop to the autopilot, apart from setpoints, without waiting for the answer."""
 
 import asyncio
 import logging
@@ -26,7 +26,7 @@ class AutopilotCalls:
 
     @property
     def pending(self) -> bool:
-        """Whether an answer is still awaited."""
+        """Return True if an answer is still awaited."""
         return bool(self._tasks)
 
     def forget(self) -> None:

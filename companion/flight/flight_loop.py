@@ -84,26 +84,26 @@ class FlightLoop:
 
     @property
     def estimate(self) -> EstimatorState:
-        """What is known of the vehicle's motion."""
+        """Return the latest estimate of the vehicle's motion."""
         return self._estimate
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """What is wrong now."""
+        """Return the faults that are present now."""
         return self._events
 
     @property
     def failed(self) -> bool:
-        """Whether it ticks no more, because a device or the law has raised; the autopilot was told to land."""
+        """Return True if it ticks no more, because a device or the law has raised; the autopilot was told to land."""
         return self._failed
 
     @property
     def action_failure(self) -> str:
-        """Why the autopilot did not do what the loop asked of it on its own; empty if it did."""
+        """Return why the autopilot did not do what the loop asked of it on its own; empty if it did."""
         return self._calls.failure
 
     def refusal(self, wanted: Request) -> str:
-        """Why an operator's request cannot be met now; empty when it can."""
+        """Return why an operator's request cannot be met now; empty when it can."""
         if self._failed and not isinstance(wanted, KillRequest):
             return _FAILED
         if isinstance(wanted, LandRequest) and self.arming.under_way:
@@ -237,7 +237,7 @@ class FlightLoop:
         return frame.frame != self._frame.frame or frame.stamp_s != self._frame.stamp_s
 
     def _look(self, now_s: float, late_s: float) -> None:
-        """What is wrong now, and whether the autopilot may see what we see."""
+        """Update the faults, and judge whether the autopilot may see what we see."""
         status = self._autopilot.status()
         cycle = Cycle(
             now_s,

@@ -27,7 +27,7 @@ LOG = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Sides:
-    """What is watched beside the flight itself."""
+    """Things that are watched beside the flight itself."""
 
     operator: OperatorLink | None = None
     """None: none is configured."""
@@ -37,7 +37,7 @@ class Sides:
 
 @value
 class Cycle:
-    """What the loop knows of the cycle before its setpoint; see Observed."""
+    """State of the cycle as the loop knows it before its setpoint; see Observed."""
 
     time_s: float
     late_s: float
@@ -106,7 +106,7 @@ class HealthStep:
 
 
 def _reference_w_m(flight: FlightState, cycle: Cycle) -> Array:
-    """Where the vehicle should be; one that seems to stand already cannot follow its descent into the ground."""
+    """Return where the vehicle should be; one that seems to stand already cannot follow its descent into the ground."""
     where, vehicle = reference_at(flight, cycle.time_s).position_w_m, cycle.estimate.vehicle
     if flight.still_since_s is None or vehicle is None:
         return where
@@ -129,7 +129,10 @@ def facts_of(
     events: tuple[Event, ...],
     thrust: float = math.nan,
 ) -> FlightInputs:
-    """What the phase machine goes by; nowhere, as NaN, before the first pose. `thrust` (0..1) is the last one sent."""
+    """Return the phase machine's inputs; position and velocity are NaN before the first pose.
+
+    `thrust` (0..1) is the last one sent.
+    """
     if vehicle is None:
         nowhere = np.full(3, np.nan)
         position, velocity, yaw_rad = nowhere, nowhere, 0.0

@@ -59,7 +59,7 @@ class LawStep:
         return asked, gated
 
     def settle(self) -> dict[str, Array]:
-        """What the law left for after the setpoint; its late inner values."""
+        """Do what the law left for after the setpoint, and return its late inner values; empty if it raises."""
         try:
             return self._stage.settle()
         except Exception as error:

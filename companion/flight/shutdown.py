@@ -1,4 +1,4 @@
-"""How the flight loop ends with a vehicle in the air: the autopilot lands, and gets what still helps it."""
+"""End of the flight loop with a vehicle in the air: the autopilot lands, and gets what still helps it."""
 
 import asyncio
 import logging
@@ -32,7 +32,7 @@ class Given(Protocol):
 
     @property
     def estimate(self) -> EstimatorState:
-        """What is known of the vehicle's motion."""
+        """Return the latest estimate of the vehicle's motion."""
 
     @property
     def arms(self) -> ArmStep | None:

@@ -1,4 +1,4 @@
-"""Who looks at every tick of the service, each on its own."""
+"""Sinks that take every tick of the service, each independent of the others."""
 
 import logging
 import math

@@ -1,4 +1,4 @@
-"""What one cycle of the flight loop was, for whoever looks on."""
+"""Record of one cycle of the flight loop, for observers."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -15,7 +15,7 @@ from companion.supervisor.flight_state import FlightState
 
 @dataclass(frozen=True)
 class Tick:
-    """What one cycle saw, decided and sent; for the record and for whoever looks on."""
+    """Inputs, decisions and outputs of one cycle, for recording and for observers."""
 
     time_s: float
     late_s: float

@@ -1,4 +1,4 @@
-"""When the next control cycle is due: started by a mocap frame, or by a deadline when none comes. Pure."""
+"""Timing of the next control cycle: started by a mocap frame, or by a deadline when none comes. Pure."""
 
 from dataclasses import dataclass
 
