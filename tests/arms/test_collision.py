@@ -40,7 +40,7 @@ def _agrees(found: float, sampled: float, known_to_m: float = SHORT_M) -> None:
 
 
 def _halved_m(start: Array, end: Array) -> float:
-    """How well the halving of a segment knows a distance."""
+    """Return the error allowed of a distance that is found by halving this segment, m."""
     return float(np.linalg.norm(end - start)) * 0.5**HALVINGS + SHORT_M
 
 

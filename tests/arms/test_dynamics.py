@@ -1,4 +1,4 @@
-"""What moving links do to the vehicle: by hand, and by differentiating places and momentum."""
+"""Effect of moving links on the vehicle: by hand, and by differentiating places and momentum."""
 
 import math
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What the law is told of the arms, against what a lever and a high-pass do."""
+"""Feedforward of the arms to the law, against what a lever and a high-pass do."""
 
 import math
 

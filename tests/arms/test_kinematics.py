@@ -1,4 +1,4 @@
-"""Where the links are: by hand, by turning matrices, and by differentiation."""
+"""Places of the links: by hand, by turning matrices, and by differentiation."""
 
 import math
 

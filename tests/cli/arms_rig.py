@@ -50,12 +50,12 @@ class ArmsRig:
 
     @property
     def stands_still(self) -> bool:
-        """Whether no joint really turns."""
+        """Return True if no joint really turns."""
         return bool((np.abs(self.alone.bus.servos.velocities_radps) < _STILL_RADPS).all())
 
     @property
     def powered(self) -> list[bool]:
-        """Which servos really have torque."""
+        """Return for each servo whether it really has torque."""
         return [servo.motor.powered for servo in self.alone.bus.servos.servos]
 
     def servo(self, servo_id: int) -> Servo:

@@ -32,7 +32,7 @@ async def _on_its_way(rig: ArmsRig, *command: str) -> Running:
 
 
 async def _ended(rig: ArmsRig, running: Running) -> tuple[Ran, Array]:
-    """How it ended, and where the arms hold: they stand still, and stay there."""
+    """Return how the command ended and the joint angles at which the arms then stand and stay, rad."""
     ran = await running.ended()
     await until(lambda: rig.stands_still)
     stand_rad = rig.joints_rad

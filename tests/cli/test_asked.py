@@ -1,4 +1,4 @@
-"""What several commands are asked, and where they are told to write."""
+"""Values that several commands are given: seeds, names, and the places where they are told to write."""
 
 from pathlib import Path
 

@@ -23,7 +23,7 @@ _HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE)
 
 
 def lines_of(page: Path) -> list[str]:
-    """What stands behind `companion` in a page, in blocks and in sentences."""
+    """Return the words behind `companion` in a page: those in blocks, then those in sentences."""
     text = page.read_text(encoding="utf-8")
     blocks = [line for block in _BLOCK.findall(text) for line in _TYPED.findall(block)]
     return [*blocks, *(line.replace("\n", " ") for line in _INLINE.findall(text))]

@@ -1,4 +1,4 @@
-"""What is told of a flight: simulated ones, tick by tick, and the words themselves."""
+"""Story told of a flight: simulated ones, tick by tick, and the words themselves."""
 
 from dataclasses import replace
 

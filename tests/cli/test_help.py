@@ -1,4 +1,4 @@
-"""What a newcomer sees first: --help, --version, words that are no commands, completion."""
+"""First things that a newcomer sees: --help, --version, words that are no commands, completion."""
 
 import re
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ ALL = [pytest.param(words, entry, id=" ".join(words)) for words, entry in every_
 
 
 def typed(*words: str) -> Result:
-    """What `companion WORDS` prints in a narrow terminal."""
+    """Return what `companion WORDS` prints in a narrow terminal."""
     return CliRunner(env={"COLUMNS": str(_WIDTH), "TERM": "dumb"}).invoke(app, words)
 
 

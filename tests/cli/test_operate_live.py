@@ -1,4 +1,4 @@
-"""What an operator sees on a terminal."""
+"""Output that an operator sees on a terminal."""
 
 import asyncio
 import os

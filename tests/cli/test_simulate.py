@@ -189,7 +189,7 @@ def test_a_law_of_ones_own_that_raises_in_flight_is_one_sentence(typed: Type, tm
 def test_a_file_that_turns_out_not_to_be_writable_is_one_sentence(
     typed: Type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As on a disk that has become full."""
+    """Fail while the flights are written, as on a disk that has become full."""
     monkeypatch.setattr(simulate, "keep_flights", lambda *_: (tmp_path / "gone" / "x.png").write_bytes(b""))
     ran = typed(short(tmp_path), "--out", tmp_path / "out")
     assert ran.code == 2

@@ -1,4 +1,4 @@
-"""How fast a command begins, as the modules it may load: names, not milliseconds."""
+"""Speed of a command's start, checked by the modules it may load: names, not milliseconds."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What a search's check decides: where it flies, and which centre is written."""
+"""Check at the end of a search: where it flies, and which centre is written."""
 
 import numpy as np
 

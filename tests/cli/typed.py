@@ -14,7 +14,7 @@ from companion.cli.main import main
 
 @dataclass(frozen=True)
 class Typed:
-    """What came of a command line."""
+    """Exit code and output of a command line."""
 
     code: object
     out: str

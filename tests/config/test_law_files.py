@@ -1,4 +1,4 @@
-"""What is wrong with a law of one's own is one sentence: which file, what, and what would be right."""
+"""Errors in a law of one's own, each told in one sentence: which file, what, and what would be right."""
 
 from pathlib import Path
 

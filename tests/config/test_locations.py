@@ -1,4 +1,4 @@
-"""Which configuration a command reads that was given none, and that it says so."""
+"""Configuration that a command reads when it is given none, and that it says so."""
 
 from pathlib import Path
 

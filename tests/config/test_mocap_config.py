@@ -1,4 +1,4 @@
-"""Which way frames come, and what of it does not fit together."""
+"""Sources of frames in the configuration, and settings that do not fit together."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the health checks are given of a flight: when it is commanded, and where the vehicle should be."""
+"""Inputs of the health checks from a flight: when it is commanded, and where the vehicle should be."""
 
 import math
 from dataclasses import replace

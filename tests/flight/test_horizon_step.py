@@ -1,4 +1,4 @@
-"""When the flight loop lets motion capture correct the horizon, and what it says when the two are far apart."""
+"""Correction of the horizon by motion capture: when the loop allows it, and what it says when the two are far apart."""
 
 import math
 from dataclasses import replace

@@ -40,7 +40,7 @@ def test_a_loop_whose_cycles_take_too_long_is_late_though_frames_flow() -> None:
 
 @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.0331])
 def test_slow_frames_make_no_late_cycles(period_s: float) -> None:
-    """As the loop waits: for a frame that is not early, until the deadline."""
+    """Wait as the loop does: for a frame that is not early, until the deadline."""
     timer, frames = TickTimer(PERIOD_S, 1.0), [1.0003 + k * period_s for k in range(100)]
     while frames:
         arrived_s = next((at_s for at_s in frames if not timer.frame_is_early(at_s)), frames[-1])

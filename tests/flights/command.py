@@ -18,7 +18,7 @@ PATIENCE_S = 150.0
 
 @dataclass(frozen=True)
 class Ran:
-    """What a finished command left."""
+    """Exit code and output of a finished command."""
 
     code: int
     out: str

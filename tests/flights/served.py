@@ -42,7 +42,7 @@ autopilot_silent_s = 2.0
 
 @dataclass(frozen=True)
 class Site:
-    """Where everything is: a folder, ports, the service's configuration, and how operators reach it."""
+    """Places of everything: a folder, ports, the service's configuration, and how operators reach it."""
 
     folder: Path
     ports: MockPorts
@@ -125,7 +125,7 @@ class Underway:
         return doing.result()
 
     def kill(self) -> None:
-        """As `kill -9`."""
+        """Kill the process as `kill -9` does."""
         self._running.send(signal.SIGKILL)
 
     async def ended(self) -> Ran:
@@ -141,7 +141,7 @@ class Served:
 
     @property
     def log(self) -> str:
-        """What it has said so far."""
+        """Return what the service has said so far."""
         return self._log.read_text(encoding="utf-8")
 
     async def says(self, wanted: str) -> None:
@@ -212,7 +212,7 @@ async def mocks(site: Site, *changes: tuple[str, str]) -> AsyncIterator[None]:
 
 @dataclass
 class Seen:
-    """What somebody who looks on has seen; the newest state is the last."""
+    """Record of what an onlooker has seen; the newest state is the last."""
 
     served: Served
     states: list[State] = field(default_factory=list)
@@ -280,5 +280,5 @@ async def looking_on(place: OperatorConfig, served: Served) -> AsyncIterator[See
 
 
 def kill(process: int) -> None:
-    """As `kill -9`."""
+    """Kill this process as `kill -9` does."""
     os.kill(process, signal.SIGKILL)

@@ -94,7 +94,7 @@ class Room:
 
     @property
     def truth_w_m(self) -> Array:
-        """Where the vehicle really is, W."""
+        """Return the true place of the vehicle, W, m."""
         return flip_yz(self.bench.world.truth.position_ned_m)
 
     def pass_time(self, for_s: float) -> None:

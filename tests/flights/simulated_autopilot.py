@@ -57,7 +57,7 @@ class SimulatedAutopilot:
         }
 
     def status(self) -> AutopilotStatus:
-        """As the messages that came last show it."""
+        """Return the status as the messages that came last show it."""
         now_s, fresh = self._bench.now_s, self._bench.sent[self._read :]
         self._read += len(fresh)
         news: dict[str, Any] = {}

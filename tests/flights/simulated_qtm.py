@@ -16,7 +16,7 @@ ANSWER_S = 0.01
 
 
 class SimulatedQtm:
-    """What the adapter makes of frames whose list of bodies changes.
+    """Adapter's view of frames whose list of bodies changes.
 
     Packing and reading cost as much as a cycle of the loop: until the list changes for the first time, frames are
     passed on as they are.

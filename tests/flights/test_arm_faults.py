@@ -98,7 +98,7 @@ ROWS = [
 
 
 def rows(ends: str, *, real: bool) -> list[Row]:
-    """Of the table."""
+    """Return the rows of the table with this end that are flown for real, or not."""
     return [row for row in ROWS if (row.flight, row.real) == (ends, real)]
 
 
@@ -149,7 +149,7 @@ async def up_and_swinging(flying: Stack) -> None:
 
 
 def break_it(flying: Stack, fault: dict[str, Any]) -> None:
-    """From now on."""
+    """Inject this servo fault at the mock from now on."""
     assert flying.mocks.stdin is not None
     flying.mocks.stdin.write(f"servo-fault {json.dumps(fault)}\n".encode())
 
@@ -161,7 +161,7 @@ async def until_phase(flying: Stack, phase: Phase, within_s: float) -> None:
 
 
 def driver_log(caplog: pytest.LogCaptureFixture) -> str:
-    """What the driver itself said."""
+    """Return what the driver itself logged, one message a line."""
     told = (record for record in caplog.records if record.name.startswith("companion.adapters.dynamixel"))
     return "\n".join(record.message for record in told)
 
@@ -219,7 +219,7 @@ async def test_a_fault_that_the_bus_gets_over(row: Row) -> None:
 
 
 def broken(fault: dict[str, Any]) -> Step:
-    """From now on, in simulated time."""
+    """Return a step that injects this servo fault from then on, in simulated time."""
 
     def step(flight: Flight) -> bool:
         servos = flight.room.bench.world.servos

@@ -1,4 +1,4 @@
-"""What is a user's to mend is one sentence, an exit code, and never a traceback or a hang."""
+"""Mistakes that a user can mend: one sentence and an exit code, and never a traceback or a hang."""
 
 import socket
 from collections.abc import Iterator

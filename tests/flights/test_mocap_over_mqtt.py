@@ -84,7 +84,7 @@ def stop_broker(_: Running, server: BrokerProcess) -> None:
 async def test_no_frames_any_more_is_px4s_landing_whoever_is_the_reason(
     tmp_path: Path, break_it: Callable[[Running, BrokerProcess], None]
 ) -> None:
-    """As when QTM itself is silent, and in the same time."""
+    """React as when QTM itself is silent, and in the same time."""
     row = Row(Fault.MOCAP_SILENT, break_it.__name__, (), End.HANDED_OVER, within(RULES.silent_s) + REAL_S)
     told = Told()
     with Relay() as relay, broker() as server:

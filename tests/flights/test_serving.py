@@ -27,7 +27,7 @@ SLOWLY = ("SYS_HAS_GPS = 0", "SYS_HAS_GPS = 0\nMPC_LAND_SPEED = 0.4\nMPC_LAND_CR
 
 
 class Listening:
-    """What systemd hears on its socket."""
+    """Socket of systemd, and what is heard on it."""
 
     def __init__(self, folder: Path) -> None:
         self.address, self.heard = str(folder / "notify"), [""]

@@ -34,7 +34,7 @@ STEP_RAD = 3.0 * 0.01
 
 
 def mock_arms() -> dict[str, Any]:
-    """As in config/mock.toml, stowed at boot, without a pseudo-terminal."""
+    """Return the arms of config/mock.toml, stowed at boot, without a pseudo-terminal."""
     table: dict[str, Any] = tomllib.loads((ROOT / "config" / "mock.toml").read_text(encoding="utf-8"))["arms"]
     del table["bus"]["link"]
     return table

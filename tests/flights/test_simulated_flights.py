@@ -43,7 +43,7 @@ def until(phase: Phase) -> Step:
 
 
 def wait(seconds: float) -> Step:
-    """From when it is first asked in a flight; the same step may be part of many flights."""
+    """Return a step that waits from when it is first asked in a flight; it may be part of many flights."""
     ends: list[tuple[Flight, float]] = []
 
     def step(flight: Flight) -> bool:

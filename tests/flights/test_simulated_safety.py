@@ -1,4 +1,4 @@
-"""What goes wrong around the law and the loop itself, in simulated time: the vehicle still comes down, and is seen to.
+"""Failures around the law and the loop in simulated time: the vehicle still comes down, and is seen to.
 
 The faults of the table are flown in faults/; here it is the loop's own reaction that must not fail.
 """
@@ -60,7 +60,7 @@ async def flown_to_its_failure(script: list[Step], error: type[Exception], **con
 
 
 def poses_of(flight: Flight) -> list[tuple[float, Array]]:
-    """What the autopilot is told of its place from now on, W, and when."""
+    """Return a list that fills with the times and places the autopilot is told from now on, s and m, W."""
     told: list[tuple[float, Array]] = []
     send = flight.autopilot.send_vision
 

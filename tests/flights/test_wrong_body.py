@@ -35,7 +35,7 @@ _PATIENCE_S = 10.0
 
 @asynccontextmanager
 async def mocap(way: str, folder: Path, qtm_port: int) -> AsyncIterator[MocapConfig]:
-    """What the vehicle is to have in [mocap], and what is needed for it."""
+    """Yield the [mocap] table that the vehicle is to have, while what it needs is running."""
     if way != "bridge":
         yield MocapConfig.model_validate({"port": qtm_port, "transport": way})
         return

@@ -33,7 +33,7 @@ def swaying(cycles: int = 60) -> Iterator[ControlInput]:
 
 
 def signals(file: EtnnFile) -> dict[str, Array]:
-    """What the law says inside, and its events and commands, one row a cycle."""
+    """Return the law's signals, its events and its commands, one row a cycle."""
     law, rows, memory = etnn_law(file, VEHICLE, 0.01), [], None
     for now in swaying():
         memory = law.initial(now) if memory is None else memory
@@ -79,7 +79,7 @@ def test_without_its_prediction_the_law_sees_the_state_as_it_is() -> None:
 
 
 def test_the_observer_goes_with_the_prediction() -> None:
-    """What is left of push_share has no effect then: the command is what it is without any."""
+    """Leave what remains of push_share without effect: the command is what it is without any."""
     bare = ablated(PREDICTING, Ablation.PREDICTION)
     none = bare.model_copy(update={"gains": bare.gains.model_copy(update={"push_share": 0.0})})
     assert bare.gains.push_share > 0.0

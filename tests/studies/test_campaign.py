@@ -29,7 +29,7 @@ def flown(
     share: float = 0.05,
     diverged: int = 0,
 ) -> Flown:
-    """What would come of flights with these errors, a row a vehicle."""
+    """Return what would come of flights with these errors, a row a vehicle."""
     mean: Array = np.array(mean_m)
     count = len(mean_m)
     lost = np.arange(count) < diverged

@@ -173,7 +173,7 @@ COMMANDED = IN_THE_AIR + ON_THE_GROUND
 
 
 def usual(state: str, later_s: float = DT_S) -> FlightInputs:
-    """What is seen in a state as long as nothing happens."""
+    """Return what is seen in a state as long as nothing happens."""
     flight, time_s = STATES[state]
     seen = on_reference(flight, time_s + later_s)
     if flight.phase in {Phase.HANDED_OVER, Phase.RESUME, Phase.TERMINATED}:

@@ -131,7 +131,7 @@ def faults(events: tuple[Event, ...]) -> list[Fault]:
 
 
 def text_of(events: tuple[Event, ...], fault: Fault) -> str:
-    """Of the one event of this fault."""
+    """Return the text of the one event of this fault."""
     (text,) = [event.text for event in events if event.fault is fault]
     return text
 

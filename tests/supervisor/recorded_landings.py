@@ -38,7 +38,7 @@ Message = Heartbeat | CurrentMode | Landed
 
 @dataclass(frozen=True)
 class Seen:
-    """What the newest messages say at a time."""
+    """Content of the newest messages at a time."""
 
     time_s: float
     armed: bool

@@ -204,7 +204,7 @@ def stage_of(state: str) -> Stage:
 
 
 def expected(state: str, flight: FlightState, reaction: FailsafeAction) -> tuple[Phase, Action | None] | None:
-    """Where it leads; None: as if nothing were wrong."""
+    """Return where the reaction leads; None: as if nothing were wrong."""
     if flight.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED} or reaction <= flight.level:
         return None
     if reaction is FailsafeAction.DISARM and state in {"touched down", "stopping"}:

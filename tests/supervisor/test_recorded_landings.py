@@ -24,7 +24,7 @@ def facts_of(seen: Seen, events: tuple[Event, ...] = ()) -> FlightInputs:
 
 
 def events_of(flight: FlightState, seen: Seen) -> tuple[Event, ...]:
-    """What the health checks say of the autopilot, which is heard all the time."""
+    """Return what the health checks say of the autopilot, which is heard all the time."""
     usual = healthy(0)
     status = replace(usual.autopilot, armed=seen.armed, mode=seen.mode, in_air=seen.in_air, heard_s=seen.time_s)
     asked_s = flight.landing_asked_s if seen.mode is FlightMode.OFFBOARD else float("inf")
@@ -54,7 +54,7 @@ def test_px4s_fall_back_to_offboard_when_it_disarms_is_no_refused_landing(landin
 
 
 def after(flight: FlightState, start_s: float, for_s: float, seen: FlightInputs) -> list[float]:
-    """When PX4 was told to land (s after `start_s`), while nothing changes."""
+    """Return when PX4 was told to land (s after `start_s`), while nothing changes."""
     asked_s = []
     for n in range(1, round(for_s / DT_S) + 1):
         flight = advance(flight, replace(seen, time_s=start_s + n * DT_S), RULES)

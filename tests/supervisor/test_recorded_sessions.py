@@ -1,4 +1,4 @@
-"""What the supervisor concludes from what a real PX4 v1.17 told it: who flies, why, and in which words."""
+"""Conclusions of the supervisor from what a real PX4 v1.17 told it: who flies, why, and in which words."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What is flown on the ways from phase to phase: no step in the reference, short stops, landings that end."""
+"""Flight between the phases: no step in the reference, short stops, landings that end."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What goes wrong although the mock has no word for it: acts of the operator, the computer, the law and the wind."""
+"""Faults that the mock has no word for: acts of the operator, the computer, the law and the wind."""
 
 import math
 from dataclasses import replace
@@ -75,7 +75,7 @@ def safety_line(flight: Flight) -> None:
 
 
 def one_servo(kind: FaultKind, servo_id: int, **more: float) -> Act:
-    """What the mock's words do not cover: a fault of one servo."""
+    """Return an act that injects a fault of one servo, which the mock's words do not cover."""
 
     def break_it(flight: Flight) -> None:
         servos = flight.room.bench.world.servos
@@ -97,12 +97,12 @@ class _GivesNan(Pid):
 
 
 def law_raises(flight: Flight) -> None:
-    """From now on; flown with "pid"."""
+    """Make the law raise from now on; flown with "pid"."""
     flight.loop._stage._controller = _Raises(PidGains())
 
 
 def law_gives_nan(flight: Flight) -> None:
-    """From now on; flown with "pid"."""
+    """Make the law give NaN from now on; flown with "pid"."""
     flight.loop._stage._controller = _GivesNan(PidGains())
 
 
@@ -155,7 +155,7 @@ def connect_broker(flight: Flight) -> None:
 
 
 def broker_gone(flight: Flight) -> None:
-    """From now on."""
+    """Connect a broker, and lose it from now on."""
     connect_broker(flight)
     flight.room.inject("broker off")
 

@@ -1,4 +1,4 @@
-"""What came of a fault flight, against what must."""
+"""Comparison of what came of a fault flight with what must."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def end_of(flown: Flown, planned_s: float | None, told: Told) -> End:
 
 
 def reaction_of(row: Row, flown: Flown, told: Told, planned_s: float | None) -> float | None:
-    """From the fault's begin at the mock to the reaction, s: at the mock where it shows there."""
+    """Return the time from the fault's begin at the mock to the reaction, s: at the mock where it shows there."""
     begin_s = flown.begin_s
     if begin_s is None or row.harmless:
         return None
@@ -142,7 +142,7 @@ def _late(row: Row, reaction_s: float | None) -> Iterable[str]:
 
 
 def _other_reaction(row: Row, told: Told) -> Iterable[str]:
-    """What the table says must be done for this fault, and before it nothing that is as strong."""
+    """Yield what differs from the table: its reaction must be done for this fault, and nothing as strong before it."""
     expected = FailsafeAction.WARN if row.fault in _BY_THE_SERVICE else row.reaction
     before = (
         FailsafeAction.RELEASE

@@ -109,7 +109,7 @@ async def _fly(row: Row) -> Result:
 
 @dataclass(frozen=True)
 class Scene:
-    """Where a flight takes place."""
+    """Surroundings of a flight: the relay, the mock, and what the companion tells."""
 
     relay: Relay
     mock: Mock

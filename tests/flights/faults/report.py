@@ -1,4 +1,4 @@
-"""What is printed and kept of the fault flights: a table, faults.json and docs/safety.md."""
+"""Output of the fault flights, printed and kept: a table, faults.json and docs/safety.md."""
 
 import json
 from collections.abc import Sequence
@@ -61,7 +61,7 @@ def recognised() -> str:
 
 
 def flown(rows: Sequence[Flown], results: Sequence[Result]) -> str:
-    """What was flown, as Markdown; a row that has no result has no measured reaction."""
+    """Return what was flown as a Markdown table; a row that has no result has no measured reaction."""
     by_name = {result.name: result for result in results}
     lines = ["| fault | what goes wrong | when | reaction | ends | limit s | measured s |", "|" + " --- |" * 7]
     for row in rows:
@@ -75,7 +75,7 @@ def flown(rows: Sequence[Flown], results: Sequence[Result]) -> str:
 
 
 def part(text: str, name: str) -> str:
-    """What stands between the marks of a printed part."""
+    """Return the text between the marks of a printed part."""
     begin, end = _marks(name)
     return text[text.index(begin) + len(begin) : text.index(end)].strip()
 

@@ -1,4 +1,4 @@
-"""What one fault flight is: how the fault is made, when, and what must come of it."""
+"""Description of one fault flight: how the fault is made, when, and what must come of it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -37,7 +37,7 @@ def within(recognised_s: float, extra_s: float = 0.0) -> float:
 
 
 class End(StrEnum):
-    """How a flight ends; by the mock's truth."""
+    """End of a flight, by the mock's truth."""
 
     LANDED = "landed"
     """Down and disarmed after a landing of ours that the fault began."""
@@ -88,7 +88,7 @@ Act = Callable[[Flight], None]
 
 @dataclass(frozen=True)
 class Conditions:
-    """What the flight is flown with; keywords of tests.flights.simulated.fly."""
+    """Conditions of the flight; keywords of tests.flights.simulated.fly."""
 
     config: CompanionConfig = CONFIG
     law: str = "etnn"
@@ -124,10 +124,10 @@ class Row:
 
     @property
     def name(self) -> str:
-        """As in the table."""
+        """Return the name of this row in the table."""
         return f"{self.fault}: {self.variant}, {self.when}"
 
     @property
     def reaction(self) -> FailsafeAction:
-        """What faults.TABLE says."""
+        """Return the reaction by faults.TABLE; WARN for a harmless row."""
         return FailsafeAction.WARN if self.harmless else reaction_to(self.fault, STAGES[self.when])

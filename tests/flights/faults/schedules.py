@@ -40,7 +40,7 @@ GOOD = frozenset({End.LANDED, End.HANDED_OVER, End.PILOT, End.TERMINATED, End.FL
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one schedule."""
+    """Outcome of one schedule."""
 
     seed: int
     faults: tuple[str, ...]
@@ -63,7 +63,7 @@ def faults_of(seed: int) -> tuple[str, ...]:
 
 
 def has_arms(seed: int) -> bool:
-    """Whether this one is flown with arms."""
+    """Return True if the schedule of this seed is flown with arms."""
     return seed % 2 == 1
 
 

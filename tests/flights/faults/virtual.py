@@ -99,7 +99,7 @@ def fly_named(name: str) -> Result:
 
 
 def told_in(flight: Flight) -> Told:
-    """What the companion made of it."""
+    """Return what the companion told in the ticks of this flight."""
     told = Told()
     for tick in flight.ticks:
         told(tick)

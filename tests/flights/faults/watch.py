@@ -1,4 +1,4 @@
-"""Who looks on: at the mock, where the vehicle really is and what it really gets; in the companion, what was said."""
+"""Observers: at the mock, where the vehicle really is and what it really gets; in the companion, what was said."""
 
 from dataclasses import dataclass, field
 
@@ -26,7 +26,7 @@ def fence_of(config: CompanionConfig) -> Box:
 
 @dataclass
 class Flown:
-    """What the mock saw; times by one clock, s."""
+    """Observations of a flight at the mock; times by one clock, s."""
 
     begin_s: float | None = None
     """When the fault began."""
@@ -126,7 +126,7 @@ class Said:
 
 
 class Told:
-    """What the companion made of it; a TickSink."""
+    """Record of what the companion says and which faults it finds; a TickSink."""
 
     def __init__(self) -> None:
         self.changes: list[Said] = []
@@ -139,7 +139,7 @@ class Told:
         self.take(tick.time_s, tick.flight, frozenset(event.fault for event in tick.events))
 
     def take(self, time_s: float, flight: FlightState, faults: frozenset[Fault]) -> None:
-        """What was there at a time."""
+        """Record the flight's state if it has changed, and the faults that are new at this time."""
         said = Said(time_s, flight.phase, flight.level, flight.cause, flight.reason)
         last = self.changes[-1] if self.changes else None
         if last is None or (last.phase, last.level, last.cause) != (said.phase, said.level, said.cause):

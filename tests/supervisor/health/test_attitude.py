@@ -286,7 +286,7 @@ def test_a_broken_answer_begins_anew() -> None:
 def test_sound_vehicles_follow_the_wildest_setpoints(
     bandwidth_radps: float, damping: float, delay_s: float, period_s: float
 ) -> None:
-    """From full tilt to full tilt the other way, with the real limits."""
+    """Command full tilt and then full tilt the other way, with the real limits."""
     wanted = [0.52 if k * 0.01 % period_s < 0.5 * period_s else -0.52 for k in range(300)]
     x = v = 0.0
     memory, events = AttitudeHealth(), []

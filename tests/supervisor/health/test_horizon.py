@@ -1,4 +1,4 @@
-"""Whose horizon is right: the vehicle's motion tells."""
+"""Judgement of the two horizons: the vehicle's motion tells which one is right."""
 
 import math
 from dataclasses import replace
@@ -45,7 +45,7 @@ def up(q: Array) -> Axis:
 
 
 def accel_of(q: Array, share: float = 1.0, push_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Array:
-    """Of a vehicle so tilted whose rotors give this share of its weight, and that is pushed, m/s^2."""
+    """Return the acceleration of a vehicle so tilted whose rotors give this share of its weight, with a push, m/s^2."""
     return np.asarray(share * G * np.array(up(q)) - np.array([0.0, 0.0, G]) + np.array(push_mps2))
 
 
@@ -118,7 +118,7 @@ def test_in_words() -> None:
 
 
 def test_once_it_has_lied_it_is_not_believed_until_both_agree() -> None:
-    """What bumps into it meanwhile proves nothing; and the next lie is judged anew."""
+    """Prove nothing by what bumps into it meanwhile, and judge the next lie anew."""
     true = tilted(-0.4)
     lies = flight(true, LEVEL, accel_of(true), 40)
     rests = flight(true, LEVEL, np.zeros(3), 200)

@@ -1,4 +1,4 @@
-"""What the checks remember."""
+"""Memory of the checks."""
 
 import math
 

@@ -134,7 +134,7 @@ def test_outside_is_outside_however_it_flies() -> None:
 
 
 def way_out(end_m: float = 6.0) -> list[HealthInputs]:
-    """From inside out over the fence, a frame every cycle."""
+    """Return a flight from inside out over the fence, a frame every cycle."""
     return [at(k, min(3.5 + k * 0.125, end_m)) for k in range(30)]
 
 

@@ -234,7 +234,7 @@ def test_the_middle_one_of_an_odd_number_is_told() -> None:
 
 @pytest.mark.parametrize(("count", "median"), [(33, "0.063"), (40, "0.117"), (64, "0.250")])
 def test_the_median_is_told(count: int, median: str) -> None:
-    """Of 64 delays, `count` above the limit and growing by 1/128 s: the lower one of the two in the middle."""
+    """Tell the lower one of the two in the middle of 64 delays, `count` of which are above the limit."""
     ages = [0.0] * (64 - count) + [0.0626 + i * (0.25 - 0.0626) / 64 for i in range(count)]
     if count == 64:
         ages = [0.25] * 64
