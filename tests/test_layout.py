@@ -1,6 +1,8 @@
 """The layout of docs/architecture.md, held against the tree."""
 
+import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ ENTRY_POINTS = {
     "mock_autopilot": {"__init__.py", "__main__.py", "config.py", "config_errors.py", "simulator.py", "world.py"},
 }
 MOST_FILES = 21
+RIDDLES = {"What", "Whether", "How", "Where", "Of", "From", "As"}
 
 
 def packages(root: str) -> set[str]:
@@ -40,3 +43,24 @@ def test_no_module_lies_flat_but_entry_points(root: str) -> None:
 def test_no_folder_is_crowded(root: str) -> None:
     folders = {path.parent for path in (ROOT / root).rglob("*.py")}
     assert [str(folder) for folder in folders if len(list(folder.glob("*.py"))) > MOST_FILES] == []
+
+
+def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Return line and text of each docstring of a module, its classes and its functions."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            text = ast.get_docstring(node)
+            if text:
+                yield getattr(node, "lineno", 1), text
+
+
+def test_no_docstring_begins_with_a_riddle() -> None:
+    folders = (*PRODUCT, "benchmarks", "tests", "examples")
+    files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {text.splitlines()[0]}"
+        for path in files
+        for line, text in docstrings(ast.parse(path.read_text(encoding="utf-8")))
+        if text.split()[0].strip(",:") in RIDDLES
+    ]
+    assert found == []

@@ -70,11 +70,11 @@ def group(columns: Columns) -> Group:
 
 @dataclass(frozen=True)
 class Blame:
-    """How far a vehicle's place in the order of errors depends on one parameter alone."""
+    """Dependence of a vehicle's rank by error on one parameter alone."""
 
     parameter: str
     explained: float
-    """Share of that place's variance that the parameter explains, whatever the dependence's form; NaN if too few."""
+    """Share of that rank's variance that the parameter explains, whatever the dependence's form; NaN if too few."""
     correlation: float
     """Spearman's rank correlation: positive where more of the parameter is worse; NaN if it does not vary."""
 
@@ -96,7 +96,7 @@ def ranks(values: NDArray[Any]) -> Array:
 
 
 def binned(values: NDArray[Any]) -> NDArray[np.int64]:
-    """Of each value the bin, (N,): as many as there are values, or about equally filled ones of at most MOST_BINS."""
+    """Return the bin of each value, (N,): one per value, or at most MOST_BINS about equally filled ones."""
     distinct, inverse = np.unique(values, return_inverse=True)
     count = max(min(MOST_BINS, len(values) // _LEAST_IN_BIN), 1)
     if len(distinct) <= count:

@@ -1,4 +1,4 @@
-"""What the paper's theorem promises, as numbers: l, m, n of eq. Vdot_ft, V_bound, T_bound, and whether they apply.
+"""Numbers of the paper's theorem: l, m, n of eq. Vdot_ft, V_bound, T_bound, and whether they apply.
 
 As printed the proof does not give what it says; the constants here are those it does give (docs/control.md):
 

@@ -232,8 +232,8 @@ def test_the_middle_one_of_an_odd_number_is_told() -> None:
     assert told.startswith(f"poses come {ages_s[31]:.3f} s late")
 
 
-@pytest.mark.parametrize(("count", "median"), [(33, "0.063"), (40, "0.117"), (64, "0.250")])
-def test_the_median_is_told(count: int, median: str) -> None:
+@pytest.mark.parametrize("count", [33, 40, 64])
+def test_the_median_is_told(count: int) -> None:
     """Tell the lower one of the two in the middle of 64 delays, `count` of which are above the limit."""
     ages = [0.0] * (64 - count) + [0.0626 + i * (0.25 - 0.0626) / 64 for i in range(count)]
     if count == 64:
