@@ -65,7 +65,7 @@ async def test_motion_capture_silent_before_takeoff_is_one_sentence_and_a_safe_v
     ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
     assert ran.code == 1, ran.said
     assert "body seen" in ran.out or "mocap silent" in ran.out, "the preflight's check, or a little later the flight's"
-    assert "The mocks run on this computer: was it too busy" in ran.out, "nobody asked for a fault"
+    assert "The mocks run on this computer: it may have been too busy" in ran.out, "nobody asked for a fault"
     assert "takeoff" not in ran.out
     assert "the flight was ended" not in ran.out, "it had not begun"
     assert "Traceback" not in ran.said
