@@ -121,7 +121,7 @@ def test_a_wrong_word_is_met_with_the_right_one(
         (("arm",), ["arm", "abort"], "interrupted; abort done: abort is done"),
         (("takeoff",), ["takeoff", "hold", "abort"], "interrupted; abort done: abort is done"),
         (("track", "ellipse"), ["track", "hold"], "interrupted; hold done: hold is done"),
-        (("land",), ["land"], "interrupted: land was sent and continues; not waiting"),
+        (("land",), ["land"], "interrupted: land was sent and continues; not waiting for its end"),
     ],
 )
 async def test_ctrl_c_makes_it_safe_and_says_how(

@@ -152,7 +152,7 @@ def test_the_demo_without_its_sockets(typed: Type, tmp_path: Path) -> None:
     [
         (("oval",), "unknown experiment 'oval'"),
         (("--laps", "3"), "--laps is only for --demo: an experiment's file defines its flight"),
-        (("--mock-config", "x.toml"), "--mock-config is for --demo"),
+        (("--mock-config", "x.toml"), "--mock-config is only for --demo"),
         (("ellipse", "--demo"), "ellipse: an experiment or --demo, not both"),
         (("--seed", "3", "--seeds", "1:2"), "--seed and --seeds: give one of them"),
         (("--seeds", "5:"), "--seeds 5:: must be FIRST:LAST"),

@@ -48,7 +48,7 @@ def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Pa
     ("arguments", "said"),
     [
         (["--weights", "0.5,-1"], "--weights 0.5,-1: must be comma-separated numbers from 0.05 to 20"),
-        (["--bandwidths", "ten"], "--bandwidths ten: must be numbers from 2 to 40"),
+        (["--bandwidths", "ten"], "--bandwidths ten: must be comma-separated numbers from 2 to 40"),
         (["--start", "pid"], "law = 'pid': must be 'etnn' here"),
         (["--experiments", "elipse"], "unknown experiment 'elipse'"),
         (["--write", "{folder}"], "is a folder: give the name of a file"),

@@ -68,7 +68,7 @@ def test_parts_of_another_configuration_are_not_taken(tmp_path: Path) -> None:
         replace(sweep, experiments=("ellipse",)),
     ):
         assert before.isdisjoint(Parts(other, folder).path.values()), other
-    controller.write_text(controller.read_text(encoding="utf-8").replace("8.0", "8.1"), encoding="utf-8")
+    controller.write_text(controller.read_text(encoding="utf-8").replace("1.6495", "1.6501"), encoding="utf-8")
     assert before.isdisjoint(paths())
     before = paths()
     experiment = Path(sweep.experiments[0])
