@@ -235,7 +235,7 @@ async def test_a_dry_run_reads_everything_and_sends_nothing(tmp_path: Path) -> N
             assert np.isnan(record["sent_s"]).all()
 
             endless = await start("dry-run", "--config", real.config, "--out", tmp_path / "cut", "--seconds", "600")
-            await endless.until_line("looking on")
+            await endless.until_line("observing for")
             await asyncio.sleep(0.3)
             endless.interrupt()
             cut = await endless.ended()
