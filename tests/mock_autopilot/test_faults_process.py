@@ -161,6 +161,6 @@ async def test_the_ground_stations_link_stays_whole_and_servos_fail_on_their_bus
         assert simulator.world.vehicle.mode is Mode.HOLD
         gcs.handle(frame)
         until_s = simulator.world.time_s + 0.2  # PX4's commander takes commands on its own passes
-        while simulator.world.vehicle.mode is Mode.HOLD and simulator.world.time_s < until_s:
+        while simulator.world.vehicle.mode is Mode.HOLD and simulator.world.time_s < until_s:  # noqa: ASYNC110 - simulated time follows the wall clock
             await asyncio.sleep(0.01)
         assert simulator.world.vehicle.mode.custom_mode == Mode.OFFBOARD.custom_mode
