@@ -10,6 +10,7 @@ from companion.control.wire_setpoint import Wire, WireSetpoint
 from companion.core.types import AttitudeThrust, AutopilotStatus
 from companion.estimation.estimator import EstimatorState, Verdict, age_s
 from companion.flight.setpoint_stream import SetpointStream
+from companion.flight.tick_timer import control_step_s
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight_state import FlightState
 from companion.supervisor.safety_rules import SafetyRules
@@ -71,7 +72,7 @@ class HorizonStep:
             trusted,
             flight.airborne,
         )
-        dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s
         try:
             wire = self._wire.put(

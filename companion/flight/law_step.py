@@ -7,6 +7,7 @@ from companion.control.pipeline import ControlPipeline, PipelineOutput
 from companion.core.types import Array
 from companion.estimation.estimator import EstimatorState, age_s
 from companion.flight.arm_step import ArmStep
+from companion.flight.tick_timer import control_step_s
 from companion.guard.limits import LimitedSetpoint
 from companion.supervisor import state_machine
 from companion.supervisor.flight_state import STREAMING, FlightRules, FlightState
@@ -73,7 +74,7 @@ class LawStep:
     def _control(
         self, flight: FlightState, estimate: EstimatorState, now_s: float
     ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
-        dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s
         vehicle = estimate.vehicle
         if vehicle is None or flight.phase not in STREAMING:

@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 
 
+def control_step_s(passed_s: float, period_s: float) -> float:
+    """Return the step (s) of law and corrections for the time since the last cycle: 0.2 to 5 control periods."""
+    return min(max(passed_s, 0.2 * period_s), 5.0 * period_s)
+
+
 @dataclass
 class TickTimer:
     """Keeps the control rate without drift and in step with the frames.

@@ -12,6 +12,7 @@ from companion.core.types import Reference, VehicleState
 from companion.flight.arm_step import ArmTick
 from companion.flight.health_step import Cycle, HealthStep, Sides
 from companion.flight.tick import Tick, TickSink
+from companion.flight.tick_timer import control_step_s
 from companion.geometry.frames import up_axis, yaw_of
 from companion.preflight.checks.dry_run_report import DrySeen
 from companion.preflight.service_facts import Running
@@ -44,7 +45,7 @@ class DryRun:
         """Run one cycle, at most as often as in flight."""
         if now_s - self._last_s < 0.75 * self._period_s:
             return
-        dt_s = min(max(now_s - self._last_s, 0.2 * self._period_s), 5.0 * self._period_s)
+        dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s
         estimate, status = self._running.estimate(), self._running.autopilot.status()
         vehicle = estimate.vehicle
