@@ -1,6 +1,6 @@
 """Public interface for a control law of your own: import from here alone, so that `control` may be rearranged."""
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, TwoHalves, VehicleModel
+from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves, VehicleModel
 from companion.control.delay_predictor import Predictor, PredictorMemory
 from companion.control.gains import Gains, Positive
 from companion.core.types import Array
@@ -14,6 +14,7 @@ __all__ = [
     "Positive",
     "Predictor",
     "PredictorMemory",
+    "SeededLaw",
     "TwoHalves",
     "VehicleModel",
 ]

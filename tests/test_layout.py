@@ -64,3 +64,18 @@ def test_no_docstring_begins_with_a_riddle() -> None:
         if text.split()[0].strip(",:") in RIDDLES
     ]
     assert found == []
+
+
+PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_module_that_a_page_names_is_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    files = set(re.findall(r"`((?:\w+/)*\w+\.py)`", text))
+    tree = [path.as_posix() for path in ROOT.glob("*/**/*.py") if ".venv" not in path.parts]
+    gone = {file for file in files if not any(path.endswith(f"/{file}") for path in tree)}
+    modules = set(re.findall(r"python -m ((?:companion|mock_autopilot|tests|benchmarks)[\w.]*)", text))
+    paths = {module: ROOT / module.rstrip(".").replace(".", "/") for module in modules}
+    gone |= {name for name, path in paths.items() if not (path.with_suffix(".py").is_file() or path.is_dir())}
+    assert not gone

@@ -20,7 +20,7 @@ FAR_S = 1e6
 
 
 class ManualClock:
-    """`ports.Clock` that stands still until told."""
+    """`interfaces.Clock` that stands still until told."""
 
     def __init__(self) -> None:
         self.time_s = 100.0

@@ -22,7 +22,7 @@ BOOTED_S = 50.0
 
 
 class FollowingClock:
-    """`ports.Clock` that shows the truth's time on our clock."""
+    """`interfaces.Clock` that shows the truth's time on our clock."""
 
     time_s = 0.0
 

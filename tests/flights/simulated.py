@@ -85,7 +85,7 @@ class Room:
         self.bench.world.observers.append(self._look)
 
     def now_s(self) -> float:
-        """ports.Clock: simulated time."""
+        """interfaces.Clock: simulated time."""
         return self.bench.now_s
 
     def inject(self, sentence: str) -> None:
@@ -126,7 +126,7 @@ class Room:
 
 
 class SimulatedMocap:
-    """ports.MocapSource."""
+    """interfaces.MocapSource."""
 
     def __init__(self, room: Room, every_tick: Callable[[], None]) -> None:
         self._room, self._every_tick = room, every_tick

@@ -32,7 +32,7 @@ _READ = frozenset({0, 1, 31, 245, CURRENT_MODE})
 
 
 class SimulatedAutopilot:
-    """ports.Autopilot."""
+    """interfaces.Autopilot."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class _BusClock:
-    """ports.Clock: simulated time, and ahead of it while the bus waits for an answer."""
+    """interfaces.Clock: simulated time, and ahead of it while the bus waits for an answer."""
 
     def __init__(self, room: "Room") -> None:
         self._room, self._ahead_s = room, 0.0

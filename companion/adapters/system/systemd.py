@@ -91,7 +91,7 @@ def _line(text: str) -> str:
 
 
 class JournalFormatter(logging.Formatter):
-    """`<4>health_stage: text`: the priority as sd-daemon(3) has it, and one line an event.
+    """`<4>health_step: text`: the priority as sd-daemon(3) has it, and one line an event.
 
     Of an exception the line names kind and text; its traceback follows with the priority of debugging.
     """
@@ -109,7 +109,7 @@ class JournalFormatter(logging.Formatter):
 
 
 class TerminalFormatter(logging.Formatter):
-    """`12:03:04 warning health_stage: text`, for a person who looks on."""
+    """`12:03:04 warning health_step: text`, for a person who looks on."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the record's line, and the traceback of its exception."""

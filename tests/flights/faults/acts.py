@@ -139,7 +139,7 @@ def told_by_another(command: int, *params: float) -> Act:
 
 
 class _Broker:
-    """ports.OperatorLink to a broker that is there but for the mock's `broker off`."""
+    """interfaces.OperatorLink to a broker that is there but for the mock's `broker off`."""
 
     def __init__(self, flight: Flight) -> None:
         self._faults, self._now_s = flight.room.bench.world.faults, flight.room.now_s
