@@ -19,8 +19,8 @@ from companion.control.controller import VehicleModel
 from companion.core.types import Reference
 from companion.records.recorder import Recorder
 from companion.supervisor.flight_state import Phase
-from tests.adapters.test_recorder import tick
 from tests.cli.typed import disk_full_after, typing
+from tests.records.test_recorder import tick
 
 TIMING = Spread(1.0, 2.0)
 FLOWN = Summary((0.01,) * 3, (0.02,) * 3, (0.01,) * 3, 0.1, 1000, TIMING, TIMING, TIMING, 0, True, True)

@@ -15,7 +15,7 @@ from companion.preflight.checks.check import Check
 from companion.preflight.live_observer import DevicesMissingError
 from companion.preflight.mocap_watch import MocapWatch
 from mock_autopilot.qtm.server import QualisysServer
-from tests.adapters.qualisys_rig import capturing, serving
+from tests.adapters.qualisys.rig import capturing, serving
 from tests.flights.command import run, start
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from companion.cli.vehicle import mocap_bridge
 from companion.cli.vehicle.mocap_bridge import line_of
 from companion.core.interfaces import ConfigError
 from companion.service.mocap_bridge import Glance
-from tests.adapters.qualisys_rig import capturing, serving
+from tests.adapters.qualisys.rig import capturing, serving
 from tests.broker import broker
 from tests.flights.command import run, start
 

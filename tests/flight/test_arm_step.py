@@ -13,7 +13,7 @@ from companion.core.interfaces import ArmError
 from companion.flight.arm_step import ArmStep
 from companion.supervisor.flight_state import FlightState, Phase
 from mock_autopilot.servos.config import FaultKind
-from tests.adapters.dynamixel_rig import CLOCK, BusRig, connected, mock_bus
+from tests.adapters.dynamixel.rig import CLOCK, BusRig, connected, mock_bus
 
 pytestmark = pytest.mark.realtime
 

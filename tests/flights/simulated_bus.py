@@ -14,7 +14,7 @@ from companion.adapters.dynamixel.joint import joints_of
 from companion.adapters.dynamixel.wire import Wire
 from companion.config.arms_config import ArmsConfig
 from mock_autopilot.physics.truth import Truth
-from tests.adapters.virtual_port import VirtualPort
+from tests.adapters.dynamixel.virtual_port import VirtualPort
 
 if TYPE_CHECKING:
     from tests.flights.simulated import Room

@@ -21,7 +21,7 @@ from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
 from companion.protocol.telemetry import Answer, Reply, State
 from companion.protocol.topics import Topics
-from tests.adapters.mqtt_rig import CLOCK, SESSION, V5, Vehicle, until
+from tests.adapters.mqtt.rig import CLOCK, SESSION, V5, Vehicle, until
 from tests.mosquitto import EXAMPLES, FAR, USERS, Lab, lab, make_certificates, mosquitto, needs_mosquitto
 from tests.packages import needs
 from tests.units.tools import said

@@ -17,7 +17,7 @@ from companion.supervisor.flight_state import STREAMING, Action, FlightRules, Fl
 from companion.supervisor.safety_rules import SafetyRules
 from companion.supervisor.state_machine import advance, apply_request
 from companion.trajectories.reference import Hold
-from tests.adapters.recorded_px4 import RecordedPx4
+from tests.adapters.px4.recorded_px4 import RecordedPx4
 from tests.mock_autopilot.reenact.known import CAPTURES, SAVED
 from tests.mock_autopilot.reenact.session import Pose, Session, load
 
