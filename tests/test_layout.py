@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -45,13 +46,15 @@ def test_no_folder_is_crowded(root: str) -> None:
     assert [str(folder) for folder in folders if len(list(folder.glob("*.py"))) > MOST_FILES] == []
 
 
-def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
+def docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
     """Return line and text of each docstring of a module, its classes and its functions."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            text = ast.get_docstring(node)
-            if text:
-                yield getattr(node, "lineno", 1), text
+    if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        text = ast.get_docstring(node)
+        if text:
+            yield getattr(node, "lineno", 1), text
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.stmt | ast.excepthandler):  # no expression holds a docstring
+            yield from docstrings(child)
 
 
 def test_no_docstring_begins_with_a_riddle() -> None:
@@ -66,6 +69,13 @@ def test_no_docstring_begins_with_a_riddle() -> None:
     assert found == []
 
 
+@cache
+def modules_of_the_tree() -> list[str]:
+    """Return the path of every Python file of the project."""
+    folders = (*PRODUCT, "benchmarks", "config", "examples", "tests")
+    return [path.as_posix() for folder in folders for path in (ROOT / folder).rglob("*.py")]
+
+
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 
@@ -73,8 +83,7 @@ PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md", ROOT / "CONT
 def test_every_module_that_a_page_names_is_there(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     files = set(re.findall(r"`((?:\w+/)*\w+\.py)`", text))
-    tree = [path.as_posix() for path in ROOT.glob("*/**/*.py") if ".venv" not in path.parts]
-    gone = {file for file in files if not any(path.endswith(f"/{file}") for path in tree)}
+    gone = {file for file in files if not any(path.endswith(f"/{file}") for path in modules_of_the_tree())}
     modules = set(re.findall(r"python -m ((?:companion|mock_autopilot|tests|benchmarks)[\w.]*)", text))
     paths = {module: ROOT / module.rstrip(".").replace(".", "/") for module in modules}
     gone |= {name for name, path in paths.items() if not (path.with_suffix(".py").is_file() or path.is_dir())}
