@@ -34,10 +34,6 @@ class Distances:
     distance_m: Array
     what: tuple[str, ...]
 
-    def nearest_m(self) -> Array:
-        """The least of the pairs, (...,)."""
-        return np.asarray(self.distance_m.min(-1))
-
 
 def clearance(model: ArmModel, joints_rad: Array, floor_z_m: float | None = None) -> Clearance:
     """The nearest pair at one pose (8,); `floor_z_m` is the floor's height in the body frame of a level vehicle."""

@@ -1,4 +1,4 @@
-"""Effects of the links' masses on the vehicle: centre of mass, momentum, reaction force and torque. Body FLU.
+"""Effects of the links' masses on the vehicle: centre of mass, reaction force and torque. Body FLU.
 
 Each link is a point mass at its centre of mass; claws move no mass. The vehicle itself does not turn: what its turning
 adds (Coriolis, Euler, centrifugal) is small beside this and left to the controller (docs/arms-geometry.md). With the
@@ -7,28 +7,28 @@ links' directions u, e, f of `kinematics`, an arm's first moment of mass is
     sum_i m_i r_i = (m_1 + m_2 + m_3) r_shoulder + k_1 u + k_2 e + k_3 f
     k_1 = m_1 c_1 + (m_2 + m_3) L_1,   k_2 = m_2 c_2 + m_3 L_2,   k_3 = m_3 c_3
 
-and its first and second derivatives are the momentum and minus the force on the vehicle.
+whose second derivative is minus the force on the vehicle. Force and torque are computed by components: on plain floats
+for the one motion of a tick, which numpy's vectors of three would cost 100 us, and on arrays for many motions.
 """
+
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
-from companion.arms.kinematics import OUTWARD, by_arm, link_directions
-from companion.arms.model import ArmModel
-from companion.arms.one_motion import one_force_b_n, one_torque_b_nm
+from companion.arms.kinematics import link_directions
+from companion.arms.model import JOINTS_PER_ARM, ArmModel
 from companion.core.types import Array, JointMotion
+from companion.geometry.array_math import math_module, stack, unstack
+
+_ARMS = ((0, -1.0), (JOINTS_PER_ARM, 1.0))
+"""First joint and outward direction along body y; right, left."""
 
 
 def link_com_flu_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Centres of mass of the links, (..., 2 arms, 3 links, 3), m; joints (..., 8)."""
-    return model.shoulders_flu_m()[:, None, :] + _levers(model) @ link_directions(joints_rad)
-
-
-def arms_com_flu_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Centre of mass of both arms together, (..., 3), m; ValueError when the model's arms have no mass."""
-    masses = _masses(model)
-    if masses.sum() <= 0.0:
-        raise ValueError("arms without mass have no centre of mass")
-    return np.asarray(_moment_kgm(model, joints_rad) / (2.0 * masses.sum()))
+    """Return the links' centres of mass, (..., 2 arms, 3 links, 3), m; joints (..., 8)."""
+    levers = np.array([along for _, *along in _levers(model)])
+    return model.shoulders_flu_m()[:, None, :] + levers @ link_directions(joints_rad)
 
 
 def com_shift_flu_m(model: ArmModel, joints_rad: Array, total_mass_kg: float) -> Array:
@@ -36,83 +36,84 @@ def com_shift_flu_m(model: ArmModel, joints_rad: Array, total_mass_kg: float) ->
 
     `total_mass_kg` is the paper's m_t, arms included; without its arms the vehicle is balanced on the origin.
     """
-    return np.asarray(_moment_kgm(model, joints_rad) / total_mass_kg)
-
-
-def momentum_b_ns(model: ArmModel, motion: JointMotion) -> Array:
-    """Linear momentum of the links relative to the body, (..., 3), N s."""
-    _, velocity, _ = link_com_motion(model, motion)
-    return np.asarray((_masses(model)[:, None] * velocity).sum((-3, -2)))
-
-
-def link_com_motion(model: ArmModel, motion: JointMotion) -> tuple[Array, Array, Array]:
-    """Place (m), velocity (m/s) and acceleration (m/s^2) of the links' centres, each (..., 2, 3, 3), from the body."""
-    rate, accel = _direction_rates(motion)
-    levers = _levers(model)
-    return link_com_flu_m(model, motion.position_rad), levers @ rate, levers @ accel
-
-
-def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
-    """Torque of the moving links on the vehicle about the body's origin, - sum m r x r'', (..., 3), N m.
-
-    Their weight is not in it: that is `com_shift_flu_m` times the thrust.
-    """
-    if motion.position_rad.ndim == 1:
-        return one_torque_b_nm(model, motion)
-    place, _, accel = link_com_motion(model, motion)
-    return np.asarray(-(_masses(model)[:, None] * np.cross(place, accel)).sum((-3, -2)))
+    masses = np.array([link.mass_kg for link in model.links])
+    return np.asarray((masses[:, None] * link_com_flu_m(model, joints_rad)).sum((-3, -2)) / total_mass_kg)
 
 
 def reaction_force_b_n(model: ArmModel, motion: JointMotion) -> Array:
-    """Force of the moving links on the vehicle, - d/dt of their momentum, (..., 3), N, body FLU.
+    """Return the force of the moving links on the vehicle, - d/dt of their momentum, (..., 3), N, body FLU.
 
-    Minus the paper's F_m in the body frame.
+    Minus the paper's F_m in the body frame: the second derivative of k_1 u + (k_2 + k_3 cos r) e + k_3 o sin r y.
     """
-    if motion.position_rad.ndim == 1:
-        return one_force_b_n(model, motion)
-    _, _, accel = link_com_motion(model, motion)
-    return np.asarray(-(_masses(model)[:, None] * accel).sum((-3, -2)))
-
-
-def _masses(model: ArmModel) -> Array:
-    return np.array([link.mass_kg for link in model.links])
-
-
-def _levers(model: ArmModel) -> Array:
-    """Row i times the directions is the way from the shoulder to link i's centre of mass."""
     one, two, three = model.links
-    return np.array([[one.com_m, 0.0, 0.0], [one.length_m, two.com_m, 0.0], [one.length_m, two.length_m, three.com_m]])
+    k1 = one.mass_kg * one.com_m + (two.mass_kg + three.mass_kg) * one.length_m
+    k2 = two.mass_kg * two.com_m + three.mass_kg * two.length_m
+    k3 = three.mass_kg * three.com_m
+    x = y = z = 0.0
+    for outward, (a, b, r), (a1, b1, r1), (a2, b2, r2) in _by_arm(motion):
+        m, s1, s2 = math_module(a), a1 + b1, a2 + b2
+        sin_a, cos_a, sin_s, cos_s = m.sin(a), m.cos(a), m.sin(a + b), m.cos(a + b)
+        sin_r, cos_r = m.sin(r), m.cos(r)
+        g, g1, g2 = k2 + k3 * cos_r, -k3 * sin_r * r1, -k3 * (cos_r * r1 * r1 + sin_r * r2)
+        along, across = g2 - g * s1 * s1, 2.0 * g1 * s1 + g * s2
+        x += k1 * (cos_a * a2 - sin_a * a1 * a1) + along * sin_s + across * cos_s
+        y += outward * k3 * (cos_r * r2 - sin_r * r1 * r1)
+        z += k1 * (sin_a * a2 + cos_a * a1 * a1) - along * cos_s + across * sin_s
+    return stack(-x, -y, -z)
 
 
-def _moment_kgm(model: ArmModel, joints_rad: Array) -> Array:
-    return np.asarray((_masses(model)[:, None] * link_com_flu_m(model, joints_rad)).sum((-3, -2)))
+def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
+    """Return the torque of the moving links on the vehicle about the body's origin, - sum m r x r'', (..., 3), N m.
+
+    Their weight is not in it: that is `com_shift_flu_m` times the thrust.
+    """
+    shoulder_x, shoulder_y, shoulder_z = model.shoulder_flu_m
+    x = y = z = 0.0
+    for outward, angle, rate, accel in _by_arm(motion):
+        m = math_module(angle[0])
+        (ux, uz), (ux2, uz2) = _turning(angle[0], rate[0], accel[0], 1.0, 0.0, 0.0)
+        roll = (m.cos(angle[2]), m.sin(angle[2]), rate[2], accel[2])
+        pitch = (angle[0] + angle[1], rate[0] + rate[1], accel[0] + accel[1])
+        for mass, upper, elbow, fore in _levers(model):
+            reach, reach1, reach2, side, side2 = _rolled(elbow, fore, outward, roll)
+            (ex, ez), (ex2, ez2) = _turning(*pitch, reach, reach1, reach2)
+            px, py, pz = shoulder_x + upper * ux + ex, outward * shoulder_y + side, shoulder_z + upper * uz + ez
+            qx, qy, qz = upper * ux2 + ex2, side2, upper * uz2 + ez2
+            x += mass * (py * qz - pz * qy)
+            y += mass * (pz * qx - px * qz)
+            z += mass * (px * qy - py * qx)
+    return stack(-x, -y, -z)
 
 
-def _direction_rates(motion: JointMotion) -> tuple[Array, Array]:
-    """First and second derivatives of the links' directions, (..., 2, 3, 3)."""
-    a, b, r = np.moveaxis(by_arm(motion.position_rad), -1, 0)
-    a1, b1, r1 = np.moveaxis(by_arm(motion.velocity_radps), -1, 0)
-    a2, b2, r2 = np.moveaxis(by_arm(motion.acceleration_radps2), -1, 0)
-    rate, accel = np.zeros((*a.shape, 3, 3)), np.zeros((*a.shape, 3, 3))
-    _, rate[..., 0, :], accel[..., 0, :] = _in_plane(a, a1, a2)
-    at, rate[..., 1, :], accel[..., 1, :] = _in_plane(a + b, a1 + b1, a2 + b2)
-    c, c1, c2 = _cosine(r, r1, r2)
-    rate[..., 2, :] = c1 * at + c * rate[..., 1, :]
-    accel[..., 2, :] = c2 * at + 2.0 * c1 * rate[..., 1, :] + c * accel[..., 1, :]
-    rate[..., 2, 1] = OUTWARD * np.cos(r) * r1
-    accel[..., 2, 1] = OUTWARD * (np.cos(r) * r2 - np.sin(r) * r1 * r1)
-    return rate, accel
+def _by_arm(motion: JointMotion) -> Iterator[tuple[float, Any, Any, Any]]:
+    """Yield each arm's outward direction, then angles, rates and accelerations of pitch, pitch and roll."""
+    rows = [unstack(part) for part in (motion.position_rad, motion.velocity_radps, motion.acceleration_radps2)]
+    for first, outward in _ARMS:
+        angle, rate, accel = (row[first : first + 3] for row in rows)
+        yield outward, angle, rate, accel
 
 
-def _in_plane(q: Array, q1: Array, q2: Array) -> tuple[Array, Array, Array]:
-    """The direction that is down at 0 and forward at a quarter turn, and its derivatives, (..., 3)."""
-    nothing = np.zeros_like(q)
-    at = np.stack((np.sin(q), nothing, -np.cos(q)), axis=-1)
-    along = np.stack((np.cos(q), nothing, np.sin(q)), axis=-1)
-    return at, q1[..., None] * along, q2[..., None] * along - (q1 * q1)[..., None] * at
+def _levers(model: ArmModel) -> tuple[tuple[float, float, float, float], ...]:
+    """Return each link's mass (kg) and the distances (m) of its centre along upper arm, elbow and forearm."""
+    one, two, three = model.links
+    return (
+        (one.mass_kg, one.com_m, 0.0, 0.0),
+        (two.mass_kg, one.length_m, two.com_m, 0.0),
+        (three.mass_kg, one.length_m, two.length_m, three.com_m),
+    )
 
 
-def _cosine(r: Array, r1: Array, r2: Array) -> tuple[Array, Array, Array]:
-    """cos r and its derivatives, (..., 1)."""
-    c, s = np.cos(r), np.sin(r)
-    return c[..., None], (-s * r1)[..., None], (-c * r1 * r1 - s * r2)[..., None]
+def _turning(q: Any, q1: Any, q2: Any, g: Any, g1: Any, g2: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+    """Return x and z of a length g in the arm's plane, down at q = 0, forward at a quarter turn, and of g''."""
+    m = math_module(q)
+    sine, cosine = m.sin(q), m.cos(q)
+    along, across = g2 - g * q1 * q1, 2.0 * g1 * q1 + g * q2
+    return (g * sine, -g * cosine), (along * sine + across * cosine, -along * cosine + across * sine)
+
+
+def _rolled(elbow: float, fore: float, outward: float, roll: tuple[Any, Any, Any, Any]) -> tuple[Any, ...]:
+    """Return the length in the arm's plane with two derivatives, and the offset along body y with its second."""
+    cosine, sine, r1, r2 = roll
+    length2 = -fore * (cosine * r1 * r1 + sine * r2)
+    side2 = outward * fore * (cosine * r2 - sine * r1 * r1)
+    return elbow + fore * cosine, -fore * sine * r1, length2, outward * fore * sine, side2

@@ -1,4 +1,4 @@
-"""Positions of the arms' links: forward kinematics and the Jacobian, in body FLU.
+"""Positions of the arms' links: forward kinematics, in body FLU.
 
 The paper names the joints and gives L_1 to L_3 (section 5), but no axes; these are a human arm's, see
 docs/arms-geometry.md.
@@ -53,21 +53,3 @@ def points_flu_m(model: ArmModel, joints_rad: Array) -> Array:
 def tips_flu_m(model: ArmModel, joints_rad: Array) -> Array:
     """Return the positions of the claws, (..., 2 arms, 3), body FLU, m."""
     return points_flu_m(model, joints_rad)[..., -1, :]
-
-
-def tip_jacobian_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Return each tip's Jacobian by its own arm's pitch, pitch and roll.
-
-    (..., 2 arms, 3 axes of FLU, 3 joints), m/rad.
-    """
-    l1, l2, l3 = (link.length_m for link in model.links)
-    a, b, r = np.moveaxis(by_arm(joints_rad), -1, 0)
-    s, below = a + b, l2 + l3 * np.cos(r)
-    out = np.zeros((*a.shape, 3, 3))
-    out[..., 0, 1], out[..., 2, 1] = below * np.cos(s), below * np.sin(s)
-    out[..., 0, 0] = l1 * np.cos(a) + out[..., 0, 1]
-    out[..., 2, 0] = l1 * np.sin(a) + out[..., 2, 1]
-    out[..., 0, 2] = -l3 * np.sin(r) * np.sin(s)
-    out[..., 1, 2] = OUTWARD * l3 * np.cos(r)
-    out[..., 2, 2] = l3 * np.sin(r) * np.cos(s)
-    return out

@@ -1,7 +1,6 @@
-"""Effect of moving links on the vehicle: by hand, and by differentiating places and momentum."""
+"""Effect of moving links on the vehicle: by hand, and by differentiating their places."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,17 +23,18 @@ def _later(motion: JointMotion, dt_s: float) -> JointMotion:
     return JointMotion(position, velocity, motion.acceleration_radps2)
 
 
-def _slope(of: Callable[[JointMotion], Array], motion: JointMotion) -> Array:
-    h = 1e-5
-    return np.asarray((of(_later(motion, h)) - of(_later(motion, -h))) / (2.0 * h))
+def _accelerations(motion: JointMotion) -> Array:
+    """The links' accelerations (2, 3, 3), m/s^2, by differences of their places; the error is of fourth order."""
+    h = 1e-3
+    weights = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
+    places = [w * dynamics.link_com_flu_m(MODEL, _later(motion, n * h).position_rad) for n, w in weights.items()]
+    return np.asarray(np.sum(places, axis=0) / (12.0 * h * h))
 
 
 def test_centres_of_mass_of_hanging_arms_by_hand() -> None:
     right, left = dynamics.link_com_flu_m(MODEL, np.zeros(8))
     np.testing.assert_allclose(right, [[0.0, -0.13, z] for z in (-0.19, -0.26, -0.37)], atol=1e-15)
     np.testing.assert_allclose(left, [[0.0, 0.13, z] for z in (-0.19, -0.26, -0.37)], atol=1e-15)
-    height = (0.14 * -0.19 + 0.10 * -0.26 + 0.16 * -0.37) / 0.40
-    np.testing.assert_allclose(dynamics.arms_com_flu_m(MODEL, np.zeros(8)), [0.0, 0.0, height], atol=1e-15)
 
 
 def test_the_shift_of_the_whole_vehicle_by_hand() -> None:
@@ -45,12 +45,10 @@ def test_the_shift_of_the_whole_vehicle_by_hand() -> None:
     assert shift[1] == pytest.approx(0.0, abs=1e-15)
 
 
-def test_arms_without_mass_push_nothing_and_have_no_centre() -> None:
+def test_arms_without_mass_push_nothing() -> None:
     empty = replace(MODEL, links=(Link(0.15, 0.0, 0.1), Link(0.05, 0.0, 0.03), Link(0.17, 0.0, 0.09)))
     motion = JointMotion(np.zeros(8), np.ones(8), np.ones(8))
     np.testing.assert_array_equal(dynamics.reaction_force_b_n(empty, motion), np.zeros(3))
-    with pytest.raises(ValueError, match="without mass"):
-        dynamics.arms_com_flu_m(empty, np.zeros(8))
 
 
 def test_the_reaction_of_a_hanging_arm_that_starts_to_swing_forward_pushes_back() -> None:
@@ -67,31 +65,16 @@ def test_an_arm_that_swings_past_its_lowest_point_pulls_the_vehicle_down() -> No
 
 
 @given(motion=MOTIONS)
-def test_velocity_and_acceleration_of_the_links_are_the_derivatives_of_their_places(motion: JointMotion) -> None:
-    _, velocity, accel = dynamics.link_com_motion(MODEL, motion)
-    np.testing.assert_allclose(velocity, _slope(lambda m: dynamics.link_com_motion(MODEL, m)[0], motion), atol=1e-6)
-    np.testing.assert_allclose(accel, _slope(lambda m: dynamics.link_com_motion(MODEL, m)[1], motion), atol=1e-5)
+def test_the_reaction_force_is_minus_the_masses_times_their_acceleration(motion: JointMotion) -> None:
+    force = -(MASSES[:, None] * _accelerations(motion)).sum((0, 1))
+    np.testing.assert_allclose(dynamics.reaction_force_b_n(MODEL, motion), force, atol=1e-6)
 
 
 @given(motion=MOTIONS)
-def test_momentum_is_the_masses_times_the_slope_of_their_places(motion: JointMotion) -> None:
-    slope = _slope(lambda m: dynamics.link_com_flu_m(MODEL, m.position_rad), motion)
-    np.testing.assert_allclose(dynamics.momentum_b_ns(MODEL, motion), (MASSES[:, None] * slope).sum((0, 1)), atol=1e-6)
-
-
-@given(motion=MOTIONS)
-def test_the_reaction_force_is_minus_the_change_of_momentum(motion: JointMotion) -> None:
-    change = _slope(lambda m: dynamics.momentum_b_ns(MODEL, m), motion)
-    np.testing.assert_allclose(dynamics.reaction_force_b_n(MODEL, motion), -change, atol=1e-5)
-
-
-@given(motion=MOTIONS)
-def test_the_reaction_torque_is_minus_the_change_of_angular_momentum(motion: JointMotion) -> None:
-    def spin(m: JointMotion) -> Array:
-        place, velocity, _ = dynamics.link_com_motion(MODEL, m)
-        return np.asarray((MASSES[:, None] * np.cross(place, velocity)).sum((0, 1)))
-
-    np.testing.assert_allclose(dynamics.reaction_torque_b_nm(MODEL, motion), -_slope(spin, motion), atol=1e-5)
+def test_the_reaction_torque_is_that_of_these_forces_about_the_origin(motion: JointMotion) -> None:
+    lever = dynamics.link_com_flu_m(MODEL, motion.position_rad)
+    torque = -(MASSES[:, None] * np.cross(lever, _accelerations(motion))).sum((0, 1))
+    np.testing.assert_allclose(dynamics.reaction_torque_b_nm(MODEL, motion), torque, atol=1e-6)
 
 
 @given(motion=MOTIONS)
