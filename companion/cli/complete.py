@@ -51,9 +51,9 @@ def listed(one: Completion) -> Completion:
 
 def _names(folder: str) -> list[str]:
     """Return the names in a folder of config/, without the ending."""
-    from companion.config.locations import project_root  # noqa: PLC0415 - only when TAB is pressed
+    from companion.config.locations import names_in  # noqa: PLC0415 - only when TAB is pressed
 
-    return sorted(path.stem for path in (project_root() / "config" / folder).glob("*.toml"))
+    return names_in(folder)
 
 
 def _matching(names: tuple[str, ...] | list[str], endings: tuple[str, ...], incomplete: str) -> list[str]:

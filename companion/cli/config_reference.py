@@ -19,7 +19,7 @@ from pydantic.fields import FieldInfo
 from companion.config.arm_files import MOTIONS
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
-from companion.config.preflight_config import RecommendedConfig
+from companion.config.preflight_config import Recommended
 from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
 
@@ -229,7 +229,7 @@ def page() -> str:
             for kind, model in MOTIONS.items()
         ),
         chapter("Experiments", "Files of `config/experiments/`, [experiments.md](experiments.md).", ExperimentFile),
-        chapter("PX4's parameters", "`config/px4/recommended.toml`: a table for each parameter.", RecommendedConfig),
+        chapter("PX4's parameters", "`config/px4/recommended.toml`: a table for each parameter.", Recommended),
         chapter("The mock", "`config/mock.toml` is the example. World NED, body FRD, as the autopilot's.", MockConfig),
     ]
     return "\n\n".join([HEAD.strip(), *chapters]) + "\n"

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 from companion.arms.model import CHAIN, JOINTS_PER_ARM
 from companion.arms.motion_spec import Described, Poses, Swing, Tips
 from companion.config.arm_csv import LONGEST_S, MAX_ROWS, read_csv
-from companion.config.locations import project_root
+from companion.config.locations import default_config_path, names_in
 from companion.config.toml_files import Section, read_toml, validate
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
@@ -36,10 +36,9 @@ def _path(name: str) -> Path:
     path = Path(name)
     if path.suffix.lower() in {".toml", ".csv"}:
         return path
-    folder = project_root() / "config" / "arms"
-    known = sorted(file.stem for file in folder.glob("*.toml"))
+    known = names_in("arms")
     if name in known:
-        return folder / f"{name}.toml"
+        return default_config_path("arms") / f"{name}.toml"
     raise ConfigError(f"unknown arm motion {name!r}: give {', '.join(known)}, or a file that ends in .toml or .csv")
 
 

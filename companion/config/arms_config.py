@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from enum import StrEnum
 
 import numpy as np
@@ -12,8 +13,9 @@ from companion.config.toml_files import Section
 from companion.core.types import Array
 
 MODELS = ("AX-12A", "XM430-W350", "XM430-W210")
-BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
-"""An XM's, https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#baud-rate; an AX has the first four of them."""
+XM_BAUDS = (9_600, 57_600, 115_200, 1_000_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000)
+"""Index is the code of the rate, https://emanual.robotis.com/docs/en/dxl/x/xm430-w350/#baud-rate; an AX has the first
+four of them."""
 AX_FASTEST_BAUD = 1_000_000
 
 
@@ -52,17 +54,14 @@ class ServoConfig(Section):
         return value
 
 
-_AX_CENTRE_RAD = math.radians(150.0)
-
-
 def _default_servos() -> dict[str, ServoConfig]:
     """IDs 1 to 4 right, 5 to 8 left; XM in the joints, AX in the claws, all assembled at their centre."""
-    claw = {"model": "AX-12A", "zero_rad": _AX_CENTRE_RAD}
-    joint = {"model": "XM430-W350", "zero_rad": math.pi}
-    return {
-        name: ServoConfig.model_validate({"id": number} | (claw if name.endswith("claw") else joint))
-        for number, name in enumerate(JOINT_NAMES, start=1)
-    }
+    claw, joint = ("AX-12A", math.radians(150.0)), ("XM430-W350", math.pi)
+    servos = {}
+    for number, name in enumerate(JOINT_NAMES, start=1):
+        model, zero_rad = claw if name.endswith("claw") else joint
+        servos[name] = ServoConfig(id=number, model=model, zero_rad=zero_rad)
+    return servos
 
 
 class JointLimitConfig(Section):
@@ -81,15 +80,7 @@ class JointLimitConfig(Section):
 
 
 def _default_limits() -> dict[str, JointLimitConfig]:
-    return {
-        kind: JointLimitConfig(
-            min_rad=limit.min_rad,
-            max_rad=limit.max_rad,
-            max_velocity_radps=limit.max_velocity_radps,
-            max_accel_radps2=limit.max_accel_radps2,
-        )
-        for kind, limit in zip(KINDS, ArmModel().limits, strict=True)
-    }
+    return {kind: JointLimitConfig(**asdict(limit)) for kind, limit in zip(KINDS, ArmModel().limits, strict=True)}
 
 
 class LinkConfig(Section):
@@ -101,9 +92,7 @@ class LinkConfig(Section):
 
 
 def _default_links() -> tuple[LinkConfig, LinkConfig, LinkConfig]:
-    upper, elbow, fore = (
-        LinkConfig(length_m=link.length_m, mass_kg=link.mass_kg, com_m=link.com_m) for link in ArmModel().links
-    )
+    upper, elbow, fore = (LinkConfig(**asdict(link)) for link in ArmModel().links)
     return upper, elbow, fore
 
 
@@ -199,7 +188,7 @@ class ArmsConfig(Section):
     @model_validator(mode="after")
     def _baud_of_all(self) -> "ArmsConfig":
         ax = any(servo.model.startswith("AX") for servo in self.servos.values())
-        known = [baud for baud in BAUDS if not ax or baud <= AX_FASTEST_BAUD]
+        known = [baud for baud in XM_BAUDS if not ax or baud <= AX_FASTEST_BAUD]
         if self.baud not in known:
             choice = ", ".join(map(str, known))
             raise ValueError(f"baud = {self.baud} is none that all these servos have; there are {choice}")
@@ -220,7 +209,7 @@ class ArmsConfig(Section):
 
     def model(self) -> ArmModel:
         """For the pure rooms."""
-        upper, elbow, fore = (Link(link.length_m, link.mass_kg, link.com_m) for link in self.links)
+        upper, elbow, fore = (Link(**link.model_dump()) for link in self.links)
         one, two, three, claw = (JointLimit(**self.limits[kind].model_dump()) for kind in KINDS)
         return ArmModel(
             links=(upper, elbow, fore),

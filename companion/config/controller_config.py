@@ -7,7 +7,7 @@ from typing import Any, Self
 from pydantic import Field, model_validator
 
 from companion.config.law_files import LAW_FORM, is_law_file, law_path, own_law
-from companion.config.locations import project_root
+from companion.config.locations import default_config_path, named_file, names_in
 from companion.config.text_files import read_text
 from companion.config.toml_files import Section, read_toml, validate
 from companion.control.controller import Controller, VehicleModel
@@ -31,9 +31,6 @@ class PredictionConfig(Section):
     )
 
 
-_LAW = '"etnn", "pid", or "FILE.py:NAME" for a law of your own'
-
-
 class ErrorLimits(Section):
     """Error limits that a flight under this law must keep to count as good."""
 
@@ -41,17 +38,22 @@ class ErrorLimits(Section):
     max_m: float = Field(0.20, gt=0.0, description="largest position error per axis, m")
 
 
-class EtnnFile(Section):
+class _LawFile(Section):
+    """Keys that every controller file has."""
+
+    law: str = Field(description='"etnn", "pid", or "FILE.py:NAME" for a law of your own')
+    description: str = Field("", description="what reports say of it")
+    error_limits: ErrorLimits = ErrorLimits()
+
+
+class EtnnFile(_LawFile):
     """A file with law = "etnn"."""
 
-    law: str = Field(description=_LAW)
-    description: str = Field("", description="what reports say of it")
     allow_unstable: bool = Field(
         False, description="load it although its filter loop is unstable, or its margin on the vehicle too small"
     )
     gains: EtnnGains = Field(default_factory=EtnnGains)
     prediction: PredictionConfig = PredictionConfig()
-    error_limits: ErrorLimits = ErrorLimits()
 
     @model_validator(mode="after")
     def _a_push_that_is_taken_off_is_observed(self) -> Self:
@@ -64,22 +66,16 @@ class EtnnFile(Section):
         return self
 
 
-class PidFile(Section):
+class PidFile(_LawFile):
     """A file with law = "pid"."""
 
-    law: str = Field(description=_LAW)
-    description: str = Field("", description="what reports say of it")
     gains: PidGains = Field(default_factory=PidGains)
-    error_limits: ErrorLimits = ErrorLimits()
 
 
-class OwnLawFile(Section):
+class OwnLawFile(_LawFile):
     """A file whose law is a Python file of one's own: law = "my_law.py:MyLaw"; its gains are checked by that file."""
 
-    law: str = Field(description=_LAW)
-    description: str = Field("", description="what reports say of it")
     gains: dict[str, Any] = Field(default_factory=dict, description="whatever the law's Python file asks for")
-    error_limits: ErrorLimits = ErrorLimits()
 
 
 @dataclass(frozen=True)
@@ -102,15 +98,13 @@ def controller_path(name: str) -> Path:
 
     Raises ConfigError naming the controllers there are.
     """
-    folder = project_root() / "config" / "controllers"
-    known = folder / f"{'practical' if name == 'etnn' else name}.toml"
-    for path in (known, Path(name)):
-        if path.is_file():
-            return path
+    path = named_file("controllers", "practical" if name == "etnn" else name)
+    if path is not None:
+        return path
     if name.endswith(".toml"):
         raise ConfigError(f"{name}: there is no such file")
-    names = sorted(path.stem for path in folder.glob("*.toml"))
-    raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {', '.join(names)} ({folder})")
+    known = f"{', '.join(names_in('controllers'))} ({default_config_path('controllers')})"
+    raise ConfigError(f"unknown controller {name!r}: give a TOML file, 'etnn', or one of {known}")
 
 
 def controller_text(name: str) -> str:

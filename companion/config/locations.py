@@ -17,6 +17,17 @@ def default_config_path(name: str) -> Path:
     return project_root() / "config" / name
 
 
+def names_in(folder: str) -> list[str]:
+    """Return the names, without .toml, of the files in a folder of config/, sorted."""
+    return sorted(path.stem for path in default_config_path(folder).glob("*.toml"))
+
+
+def named_file(folder: str, name: str) -> Path | None:
+    """Return config/FOLDER/NAME.toml, else the file at the path `name`; None when there is neither."""
+    paths = (default_config_path(folder) / f"{name}.toml", Path(name))
+    return next((path for path in paths if path.is_file()), None)
+
+
 def is_installed() -> bool:
     """Return whether this computer has a vehicle's configuration, be it readable for us or not."""
     try:

@@ -2,9 +2,10 @@
 
 from typing import ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from companion.config.operator_config import OperatorConfig
+from companion.config.toml_files import Section
 
 _OTHER_PORTS = {
     22221: "telnet",
@@ -28,13 +29,11 @@ class MocapBrokerConfig(OperatorConfig):
         return self
 
 
-class MocapConfig(BaseModel):
+class MocapConfig(Section):
     """Address of QTM, name of the vehicle's body, and transport of its frames.
 
     With source = "mqtt" it is the bridge that comes to QTM by host, port, body and transport.
     """
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
     source: Literal["qualisys", "mqtt"] = Field(
         default="qualisys",

@@ -1,13 +1,11 @@
 """The [preflight] table, and the recommended parameters of the autopilot."""
 
 import math
-from pathlib import Path
 from typing import Self
 
 from pydantic import Field, model_validator
 
-from companion.config.locations import project_root
-from companion.config.recommended_parameter import Recommended
+from companion.config.locations import default_config_path, named_file
 from companion.config.toml_files import Section, read_toml, validate
 from companion.core.interfaces import ConfigError
 
@@ -44,8 +42,8 @@ class PreflightConfig(Section):
     )
 
 
-class RecommendedConfig(Section):
-    """One parameter of a list; at least one condition."""
+class Recommended(Section):
+    """Recommended value of one parameter, and its conditions, at least one."""
 
     set_to: float = Field(description="value to set when the condition is not met")
     why: str = Field(min_length=1, description="reason, for the operator")
@@ -59,29 +57,38 @@ class RecommendedConfig(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if not self.recommended("").wanted:
+        if not self.wanted:
             raise ValueError("needs a condition: one_of, bits, at_least or at_most")
-        if not self.recommended("").accepts(self.set_to):
-            raise ValueError(f"set_to = {self.set_to:g} does not meet its own condition: {self.recommended('').wanted}")
+        if not self.accepts(self.set_to):
+            raise ValueError(f"set_to = {self.set_to:g} does not meet its own condition: {self.wanted}")
         return self
 
-    def recommended(self, name: str) -> Recommended:
-        """For the check."""
-        given = self.model_dump(exclude={"at_least", "at_most"})
-        least = -math.inf if self.at_least is None else self.at_least
-        most = math.inf if self.at_most is None else self.at_most
-        return Recommended(name=name, at_least=least, at_most=most, **given)
+    def accepts(self, value: float) -> bool:
+        """Return True if the value, which PX4 has as a 32 bit float, meets every condition."""
+        slack = 1e-6 * max(1.0, abs(value))
+        return (
+            (not self.one_of or any(math.isclose(value, listed, abs_tol=1e-6) for listed in self.one_of))
+            and int(value) & self.bits == self.bits
+            and (self.at_least is None or value >= self.at_least - slack)
+            and (self.at_most is None or value <= self.at_most + slack)
+        )
+
+    @property
+    def wanted(self) -> str:
+        """The conditions as text."""
+        bits = ", ".join(str(bit) for bit in range(32) if self.bits >> bit & 1)
+        conditions = (
+            " or ".join(f"{value:g}" for value in self.one_of),
+            f"bits {bits} set" if bits else "",
+            f"at least {self.at_least:g}" if self.at_least is not None else "",
+            f"at most {self.at_most:g}" if self.at_most is not None else "",
+        )
+        return " and ".join(filter(None, conditions))
 
 
-def load_recommended(name: str) -> tuple[Recommended, ...]:
-    """A list of parameters in config/px4/ by its name, or a TOML file; ConfigError with what is wrong."""
-    path = project_root() / "config" / "px4" / f"{name}.toml"
-    if not path.is_file():
-        path = Path(name)
-    if not path.is_file():
-        raise ConfigError(f"preflight.parameters = {name!r}: is no file, and no name in {project_root()}/config/px4")
-    tables = read_toml(path)
-    return tuple(
-        validate(RecommendedConfig, table, path, parameter).recommended(parameter)
-        for parameter, table in tables.items()
-    )
+def load_recommended(name: str) -> dict[str, Recommended]:
+    """Return parameters by name, from a list in config/px4/ or a TOML file; ConfigError for mistakes."""
+    path = named_file("px4", name)
+    if path is None:
+        raise ConfigError(f"preflight.parameters = {name!r}: is no file, and no name in {default_config_path('px4')}")
+    return {parameter: validate(Recommended, table, path, parameter) for parameter, table in read_toml(path).items()}

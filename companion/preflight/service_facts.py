@@ -107,7 +107,7 @@ async def preflight(
     """
     wanted = config.preflight
     recommended = load_recommended(wanted.parameters)
-    names = [*(one.name for one in recommended), DELAY, HOVER, CURVE]
+    names = [*recommended, DELAY, HOVER, CURVE]
     _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
     watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
     facts = facts_of(running, watched, parameters, wanted)

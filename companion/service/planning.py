@@ -125,7 +125,7 @@ def yaw_here_rad(service: FlightActions) -> float:
 
 async def params_of(service: FlightActions, config: CompanionConfig, law: str) -> dict[str, Any]:
     """Return the active configuration, the law's file and the autopilot parameters that the preflight reads."""
-    names = sorted(parameter.name for parameter in load_recommended(config.preflight.parameters))
+    names = sorted(load_recommended(config.preflight.parameters))
     return {
         "config": config.model_dump(mode="json"),
         "controller": {"name": law, **read_toml(controller_path(law))},

@@ -3,7 +3,6 @@
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -14,7 +13,7 @@ from companion.config.arm_files import motion_named
 from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
-from companion.config.locations import project_root
+from companion.config.locations import named_file, names_in
 from companion.config.toml_files import Section, read_toml, validate
 from companion.core.interfaces import ConfigError
 from companion.estimation.estimator import EstimatorParams
@@ -171,17 +170,14 @@ class Scene:
 
 def experiment_names() -> list[str]:
     """Return the names of the experiments in config/experiments/, sorted."""
-    return sorted(path.stem for path in (project_root() / "config" / "experiments").glob("*.toml"))
+    return names_in("experiments")
 
 
 def load_scene(name: str) -> Scene:
     """Return an experiment of config/experiments/, or of a TOML file; ConfigError with one sentence for any error."""
-    path = project_root() / "config" / "experiments" / f"{name}.toml"
-    if not path.is_file():
-        path = Path(name)
-    if not path.is_file():
-        known = ", ".join(experiment_names())
-        raise ConfigError(f"unknown experiment {name!r}: give a TOML file or one of {known}")
+    path = named_file("experiments", name)
+    if path is None:
+        raise ConfigError(f"unknown experiment {name!r}: give a TOML file or one of {', '.join(experiment_names())}")
     file = validate(ExperimentFile, read_toml(path), path)
     try:
         mock = MockConfig.from_dict(file.mock)

@@ -58,7 +58,7 @@ async def test_the_list_against_the_mock_names_the_one_parameter_that_is_wrong(t
 async def test_every_wrong_default_of_px4_is_named_with_the_value_to_set(tmp_path: Path) -> None:
     """A vehicle as it comes out of the box."""
     own = ParamTable()
-    wrong = {one.name: one for one in load_recommended("recommended") if not one.accepts(own[one.name])}
+    wrong = {name: one for name, one in load_recommended("recommended").items() if not one.accepts(own[name])}
     bare = room(tmp_path, params={param.name: param.value for param in own if param.name != "SIM_BAT_DRAIN"})
     async with bare.mock:
         ran = await run("preflight", "--json", "--config", bare.config, "--out", tmp_path)

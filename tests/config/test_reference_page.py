@@ -8,7 +8,7 @@ from companion.cli.config_reference import page, tables
 from companion.config.arm_files import MOTIONS
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
-from companion.config.preflight_config import RecommendedConfig
+from companion.config.preflight_config import Recommended
 from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
 
@@ -19,7 +19,7 @@ FILES = [
     PidFile,
     OwnLawFile,
     ExperimentFile,
-    RecommendedConfig,
+    Recommended,
     MockConfig,
     *MOTIONS.values(),
 ]

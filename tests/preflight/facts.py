@@ -41,7 +41,7 @@ STATUS = AutopilotStatus(
 def mock_parameters() -> dict[str, float]:
     """Return the parameters of the demo's vehicle."""
     table = ParamTable(MockConfig.load(ROOT / "config" / "mock.toml").px4.params)
-    return {name: table[name] for name in (*(one.name for one in RECOMMENDED), DELAY, HOVER, CURVE)}
+    return {name: table[name] for name in (*RECOMMENDED, DELAY, HOVER, CURVE)}
 
 
 def ready() -> Facts:

@@ -5,15 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from companion.config.preflight_config import load_recommended
-from companion.config.recommended_parameter import Recommended
+from companion.config.preflight_config import Recommended, load_recommended
 from companion.core.interfaces import ConfigError
 from companion.preflight.checks.parameters import check_parameters
 from mock_autopilot.config import MockConfig
 from mock_autopilot.px4.params import ParamTable
 
 ROOT = Path(__file__).resolve().parents[2]
-LIST = {one.name: one for one in load_recommended("recommended")}
+LIST = load_recommended("recommended")
 
 
 def of_the_mock(changed: dict[str, float]) -> dict[str, float]:
@@ -28,12 +27,12 @@ def test_every_parameter_of_the_list_is_one_of_the_recorded_px4() -> None:
 
 def test_the_demos_vehicle_has_all_that_is_recommended() -> None:
     changed = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
-    failed = [check for check in check_parameters(LIST.values(), of_the_mock(dict(changed))) if not check.passed]
+    failed = [check for check in check_parameters(LIST, of_the_mock(dict(changed))) if not check.passed]
     assert failed == []
 
 
 def test_a_px4_as_it_comes_out_of_the_box_is_refused_for_what_would_hurt_indoors() -> None:
-    checks = check_parameters(LIST.values(), of_the_mock({}))
+    checks = check_parameters(LIST, of_the_mock({}))
     assert {check.name for check in checks if check.refuses} == {
         "COM_OF_LOSS_T",
         "COM_OBL_RC_ACT",
@@ -63,31 +62,33 @@ def test_a_px4_as_it_comes_out_of_the_box_is_refused_for_what_would_hurt_indoors
     }
 
 
-def wrong_value(one: Recommended) -> float:
+def wrong_value(name: str) -> float:
     """Return PX4's own value where that is wrong, else one that its condition excludes."""
-    tried = (ParamTable()[one.name], one.at_most + 1.0, one.at_least - 1.0, max(one.one_of, default=0.0) + 1.0, 0.0)
-    return next(value for value in tried if math.isfinite(value) and not one.accepts(value))
+    one = LIST[name]
+    most, least = (0.0 if bound is None else bound for bound in (one.at_most, one.at_least))
+    tried = (ParamTable()[name], most + 1.0, least - 1.0, max(one.one_of, default=0.0) + 1.0, 0.0)
+    return next(value for value in tried if not one.accepts(value))
 
 
 @pytest.mark.parametrize("name", LIST)
 def test_each_wrong_value_is_named_with_the_value_to_set_and_why(name: str) -> None:
     one = LIST[name]
-    checks = check_parameters(LIST.values(), {wanted.name: wanted.set_to for wanted in LIST.values()} | {
-        name: wrong_value(one)
+    checks = check_parameters(LIST, {wanted: row.set_to for wanted, row in LIST.items()} | {
+        name: wrong_value(name)
     })  # fmt: skip
     [check] = [check for check in checks if not check.passed]
     assert (check.name, check.must) == (name, one.must)
-    assert check.says == f"is {wrong_value(one):g}, should be {one.wanted}"
+    assert check.says == f"is {wrong_value(name):g}, should be {one.wanted}"
     assert check.todo == f"set it to {one.set_to:g}{' and reboot PX4' if one.reboot else ''}: {one.why}"
 
 
 def test_a_px4_without_a_sensor_or_of_another_release_is_right_without_its_parameter() -> None:
-    found = {one.name: one.set_to for one in LIST.values() if not one.optional}
+    found = {name: one.set_to for name, one in LIST.items() if not one.optional}
     assert {"EKF2_RNG_CTRL", "EKF2_OF_CTRL", "EKF2_MAG_TYPE"} <= set(LIST) - set(found)
-    checks = check_parameters(LIST.values(), found)
+    checks = check_parameters(LIST, found)
     assert [check.name for check in checks if not check.passed] == []
     assert {check.says for check in checks if check.name not in found} == {"this PX4 does not have it"}
-    silent = check_parameters(LIST.values(), {})
+    silent = check_parameters(LIST, {})
     assert not any(check.passed for check in silent), "who tells nothing at all is not heard"
 
 
@@ -107,7 +108,7 @@ def test_values(name: str, good: tuple[float, ...], bad: tuple[float, ...]) -> N
 
 
 def test_a_failed_one_says_what_is_what_should_be_what_to_do_and_why() -> None:
-    [check] = check_parameters([LIST["EKF2_EV_CTRL"]], {"EKF2_EV_CTRL": 3.0})
+    [check] = check_parameters({"EKF2_EV_CTRL": LIST["EKF2_EV_CTRL"]}, {"EKF2_EV_CTRL": 3.0})
     assert check.refuses
     assert check.says == "is 3, should be bits 0, 1, 3 set"
     assert check.todo.startswith("set it to 15 and reboot PX4: ")
@@ -115,8 +116,8 @@ def test_a_failed_one_says_what_is_what_should_be_what_to_do_and_why() -> None:
 
 
 def test_what_the_autopilot_does_not_tell_fails() -> None:
-    untold, must_not = Recommended("A", 1.0, "why", one_of=(1.0,)), Recommended("B", 1.0, "why", False, one_of=(1.0,))
-    first, second = check_parameters([untold, must_not], {"A": math.nan})
+    wanted = {name: Recommended(set_to=1.0, why="why", must=name == "A", one_of=(1.0,)) for name in ("A", "B")}
+    first, second = check_parameters(wanted, {"A": math.nan})
     assert first.refuses
     assert not second.passed
     assert not second.refuses
@@ -143,14 +144,14 @@ def test_an_unknown_list_names_where_lists_are() -> None:
         load_recommended("nowhere")
 
 
-def row(one: Recommended) -> str:
+def row(name: str, one: Recommended) -> str:
     """Return the line of docs/preflight.md."""
     accepted = f"{one.wanted}{'; or missing' if one.optional else ''}{'; then reboot' if one.reboot else ''}"
-    before = f"| `{one.name}` | {ParamTable()[one.name]:.4g} | {one.set_to:g} | {accepted} "
+    before = f"| `{name}` | {ParamTable()[name]:.4g} | {one.set_to:g} | {accepted} "
     return f"{before}| {'must' if one.must else 'should'} | {one.why} |"
 
 
 def test_the_documentation_prints_this_very_list() -> None:
     text = (ROOT / "docs" / "preflight.md").read_text(encoding="utf-8")
     rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("|") == 7]
-    assert rows == [row(one) for one in LIST.values()]
+    assert rows == [row(name, one) for name, one in LIST.items()]

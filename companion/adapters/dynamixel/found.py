@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from companion.adapters.dynamixel.registers import POSITION_MODE, XM_BAUDS, Ax, Xm, ax_baud
+from companion.adapters.dynamixel.registers import POSITION_MODE, Ax, Xm, ax_baud
+from companion.config.arms_config import XM_BAUDS
 
 FACTORY_GAINS = (800, 0, 0, 0, 0)
 """XM430: Position P, I, D Gain, Feedforward 1st and 2nd Gain."""

@@ -1,13 +1,12 @@
 """The whole list, from facts and configuration."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
 from companion.config.companion_config import CompanionConfig
-from companion.config.preflight_config import PreflightConfig
-from companion.config.recommended_parameter import Recommended
+from companion.config.preflight_config import PreflightConfig, Recommended
 from companion.core.types import Array, AutopilotStatus
 from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle
 from companion.preflight.checks.agreement import Apart, VisionSeen
@@ -55,7 +54,7 @@ def check_all(
     facts: Facts,
     config: CompanionConfig,
     wanted: PreflightConfig,
-    recommended: Iterable[Recommended],
+    recommended: Mapping[str, Recommended],
     trajectory: Trajectory | None = None,
 ) -> tuple[Check, ...]:
     """Run every check, in the order in which an operator would work through them."""
