@@ -10,8 +10,8 @@ from enum import Enum
 
 from companion.adapters.dynamixel.faults import FaultLog
 from companion.adapters.dynamixel.joint import Joint
-from companion.adapters.dynamixel.registers import ALERT, Xm
-from companion.adapters.dynamixel.wire import Answer, Wire
+from companion.adapters.dynamixel.registers import ALERT, Answer, Block, Xm
+from companion.adapters.dynamixel.wire import Wire
 from companion.config.arms_config import ArmsConfig
 from companion.core.interfaces import Clock
 from companion.core.types import ArmFaultKind
@@ -71,11 +71,16 @@ class BusCycle:
             driven = [joint for joint in joints if joint.driven and not joint.faults]
             counts = {joint.servo_id: joint.scale.counts(joint.advance(dt_s)) for joint in driven}
             if counts:
-                self.wire.sync_write(protocol, joints[0].scale.model.goal, counts)
+                self.wire.sync_write(protocol, joints[0].table.GOAL_POSITION, counts)
+
+    def ask(self, joint: Joint, block: Block, times: int = 1) -> Answer | None:
+        """Read a block of one servo, again up to `times` times; None when it does not answer."""
+        answers = (self.wire.read(joint.protocol, joint.servo_id, block) for _ in range(times))
+        return next((answer for answer in answers if answer is not None), None)
 
     def read_joint(self, joint: Joint) -> bool:
         """Read one servo's state; True when it answered."""
-        answer = self.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
+        answer = self.ask(joint, joint.table.STATE)
         if answer is None:
             return False
         self._take(joint, answer)
@@ -85,24 +90,24 @@ class BusCycle:
         """Read and judge one servo's torque and errors; True when it answered."""
         if joint.protocol == 1:
             return self.read_joint(joint)
-        answer = self.wire.read(2, joint.servo_id, Xm.HEALTH)
+        answer = self.ask(joint, Xm.HEALTH)
         if answer is None:
             return False
-        self.faults.judge(joint, joint.health_of(answer.data, answer.error))
+        self.faults.judge(joint, joint.health_of(answer))
         return True
 
-    def insist(self, question: Callable[[], bool], times: int = ATTEMPTS) -> bool:
+    def insist(self, question: Callable[[], bool]) -> bool:
         """Repeat a read until it is answered, a few times; `wire` counts the failures."""
-        return any(question() for _ in range(times))
+        return any(question() for _ in range(ATTEMPTS))
 
     def first_look(self, joint: Joint) -> bool:
         """Read state and health of a servo that has not answered lately; True when it answered both."""
         return self.insist(lambda: self.read_joint(joint)) and self.insist(lambda: self.read_health(joint))
 
     def _take(self, joint: Joint, answer: Answer) -> None:
-        joint.hear(answer.data, self._clock.now_s())
+        joint.hear(answer, self._clock.now_s())
         if joint.protocol == 1:
-            self.faults.judge(joint, joint.health_of(answer.data, answer.error))
+            self.faults.judge(joint, joint.health_of(answer))
         elif answer.error & ALERT and joint not in self._alerted:
             self._alerted.append(joint)
 

@@ -7,11 +7,8 @@ counter-clockwise as the manuals draw it.
 import math
 from dataclasses import dataclass
 
-from companion.adapters.dynamixel.registers import MODELS, OVERLOAD, XM_RATED_CURRENT_A, Ax, Model, Register, Xm
+from companion.adapters.dynamixel.registers import MODELS, OVERLOAD, Answer, Ax, Model, Register
 from companion.config.arms_config import ServoConfig
-
-_SIGN_BIT = 0x400
-"""AX: bit 10 of speed and load, "0: CCW, 1: CW"."""
 
 
 @dataclass(frozen=True)
@@ -61,46 +58,24 @@ class JointScale:
 
     def joint_rad(self, counts: int) -> float:
         """Return the joint angle, rad, of a position in counts."""
-        return self.direction * (counts * self.model.position.unit - self.zero_rad)
+        return self.direction * (counts * self.model.table.PRESENT_POSITION.unit - self.zero_rad)
 
     def counts(self, joint_rad: float) -> int:
         """Return the nearest position in counts, limited to the servo's range."""
-        nearest = round((self.direction * joint_rad + self.zero_rad) / self.model.goal.unit)
-        return min(max(nearest, 0), self.model.last_position)
+        nearest = round((self.direction * joint_rad + self.zero_rad) / self.model.table.GOAL_POSITION.unit)
+        return min(max(nearest, 0), self.model.table.LAST_POSITION)
 
-    def reading(self, state: bytes) -> Reading:
-        """Return the state decoded from the model's `state` block; ValueError when it is too short."""
-        return self._ax_reading(state) if self.model.protocol == 1 else self._xm_reading(state)
-
-    def _xm_reading(self, state: bytes) -> Reading:
-        start = Xm.STATE.start
-        counts = Xm.PRESENT_POSITION.raw(state, start)
+    def reading(self, state: Answer) -> Reading:
+        """Return the joint's state from the table's STATE block; ValueError when it is too short."""
+        table, counts = self.model.table, state.raw(self.model.table.PRESENT_POSITION)
         return Reading(
-            counts,
-            self.joint_rad(counts),
-            self.direction * Xm.PRESENT_VELOCITY.value(state, start),
-            self.direction * Xm.PRESENT_CURRENT.value(state, start) / XM_RATED_CURRENT_A,
-            Xm.PRESENT_TEMPERATURE.value(state, start),
-            Xm.PRESENT_VOLTAGE.value(state, start),
+            counts=counts,
+            position_rad=self.joint_rad(counts),
+            velocity_radps=self.direction * state.value(table.PRESENT_VELOCITY),
+            effort=self.direction * state.value(table.PRESENT_EFFORT),
+            temperature_c=state.value(table.PRESENT_TEMPERATURE),
+            voltage_v=state.value(table.PRESENT_VOLTAGE),
         )
-
-    def _ax_reading(self, state: bytes) -> Reading:
-        start = Ax.STATE.start
-        counts = Ax.PRESENT_POSITION.raw(state, start)
-        return Reading(
-            counts,
-            self.joint_rad(counts),
-            self.direction * _signed(Ax.PRESENT_SPEED, state),
-            self.direction * _signed(Ax.PRESENT_LOAD, state),
-            Ax.PRESENT_TEMPERATURE.value(state, start),
-            Ax.PRESENT_VOLTAGE.value(state, start),
-        )
-
-
-def _signed(register: Register, state: bytes) -> float:
-    raw = register.raw(state, Ax.STATE.start)
-    magnitude = (raw & (_SIGN_BIT - 1)) * register.unit
-    return -magnitude if raw & _SIGN_BIT else magnitude
 
 
 def at_least_one(value: float, register: Register) -> int:

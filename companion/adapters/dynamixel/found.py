@@ -1,8 +1,8 @@
 """Settings and state of one servo as its registers say them at connect. Pure."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from companion.adapters.dynamixel.registers import POSITION_MODE, Ax, Xm, ax_baud
+from companion.adapters.dynamixel.registers import POSITION_MODE, Answer, Ax, Xm, ax_baud
 from companion.config.arms_config import XM_BAUDS
 
 FACTORY_GAINS = (800, 0, 0, 0, 0)
@@ -47,52 +47,47 @@ class Found:
     """20 ms each; below 0 it has struck, and goals are refused."""
 
 
-def found_xm(identity: bytes, tuning: bytes, health: bytes, state: bytes) -> Found:
+def found_ax(identity: Answer, state: Answer, errors: int) -> Found:
+    """Return what the two blocks of an AX say, and the errors that came with them."""
+    level = identity.raw(Ax.STATUS_RETURN_LEVEL)
+    return _found(Ax, identity, state, ax_baud(identity.raw(Ax.BAUD_CODE)), level, errors)
+
+
+def found_xm(identity: Answer, tuning: Answer, health: Answer, state: Answer) -> Found:
     """Return what the four blocks of an XM say."""
-    code = Xm.BAUD_CODE.raw(identity, 0)
+    code, level = identity.raw(Xm.BAUD_CODE), health.raw(Xm.STATUS_RETURN_LEVEL)
+    baud = XM_BAUDS[code] if code < len(XM_BAUDS) else 0.0
     gains = (
         Xm.POSITION_P_GAIN, Xm.POSITION_I_GAIN, Xm.POSITION_D_GAIN, Xm.FEEDFORWARD_1ST_GAIN, Xm.FEEDFORWARD_2ND_GAIN,
     )  # fmt: skip
-    return Found(
-        model_number=Xm.MODEL_NUMBER.raw(identity, 0),
-        firmware=Xm.FIRMWARE.raw(identity, 0),
-        baud=XM_BAUDS[code] if code < len(XM_BAUDS) else 0.0,
-        return_delay_us=1e6 * Xm.RETURN_DELAY.value(identity, 0),
-        status_return_level=Xm.STATUS_RETURN_LEVEL.raw(health, Xm.HEALTH.start),
-        voltage_v=Xm.PRESENT_VOLTAGE.value(state, Xm.STATE.start),
-        temperature_c=Xm.PRESENT_TEMPERATURE.value(state, Xm.STATE.start),
-        temperature_limit_c=Xm.TEMPERATURE_LIMIT.value(identity, 0),
-        errors=Xm.HARDWARE_ERROR.raw(health, Xm.HEALTH.start),
-        shutdown=Xm.SHUTDOWN.raw(identity, 0),
-        counts=Xm.PRESENT_POSITION.raw(state, Xm.STATE.start),
-        lowest=Xm.MIN_POSITION.raw(identity, 0),
-        highest=Xm.MAX_POSITION.raw(identity, 0),
-        operating_mode=Xm.OPERATING_MODE.raw(identity, 0),
-        drive_mode=Xm.DRIVE_MODE.raw(identity, 0),
-        secondary_id=Xm.SECONDARY_ID.raw(identity, 0),
-        homing_offset=Xm.HOMING_OFFSET.raw(identity, 0),
-        starts_with_torque=bool(Xm.STARTUP_CONFIGURATION.raw(identity, 0) & 1),
-        velocity_limit_radps=Xm.VELOCITY_LIMIT.value(identity, 0),
-        pwm_share=min(Xm.PWM_LIMIT.value(identity, 0), abs(Xm.GOAL_PWM.value(tuning, Xm.TUNING.start))),
-        gains=tuple(gain.raw(tuning, Xm.TUNING.start) for gain in gains),
-        bus_watchdog=Xm.BUS_WATCHDOG.raw(tuning, Xm.TUNING.start),
+    return replace(
+        _found(Xm, identity, state, baud, level, health.raw(Xm.HARDWARE_ERROR)),
+        operating_mode=identity.raw(Xm.OPERATING_MODE),
+        drive_mode=identity.raw(Xm.DRIVE_MODE),
+        secondary_id=identity.raw(Xm.SECONDARY_ID),
+        homing_offset=identity.raw(Xm.HOMING_OFFSET),
+        starts_with_torque=bool(identity.raw(Xm.STARTUP_CONFIGURATION) & 1),
+        velocity_limit_radps=identity.value(Xm.VELOCITY_LIMIT),
+        pwm_share=min(identity.value(Xm.PWM_LIMIT), abs(tuning.value(Xm.GOAL_PWM))),
+        gains=tuple(map(tuning.raw, gains)),
+        bus_watchdog=tuning.raw(Xm.BUS_WATCHDOG),
     )
 
 
-def found_ax(identity: bytes, state: bytes, errors: int) -> Found:
-    """Return what the two blocks of an AX say, and the errors that came with them."""
+def _found(table: type[Ax] | type[Xm], identity: Answer, state: Answer, baud: float, level: int, errors: int) -> Found:
+    """Return what both kinds of servo say."""
     return Found(
-        model_number=Ax.MODEL_NUMBER.raw(identity, 0),
-        firmware=Ax.FIRMWARE.raw(identity, 0),
-        baud=ax_baud(Ax.BAUD_CODE.raw(identity, 0)),
-        return_delay_us=1e6 * Ax.RETURN_DELAY.value(identity, 0),
-        status_return_level=Ax.STATUS_RETURN_LEVEL.raw(identity, 0),
-        voltage_v=Ax.PRESENT_VOLTAGE.value(state, Ax.STATE.start),
-        temperature_c=Ax.PRESENT_TEMPERATURE.value(state, Ax.STATE.start),
-        temperature_limit_c=Ax.TEMPERATURE_LIMIT.value(identity, 0),
+        model_number=identity.raw(table.MODEL_NUMBER),
+        firmware=identity.raw(table.FIRMWARE),
+        baud=baud,
+        return_delay_us=1e6 * identity.value(table.RETURN_DELAY),
+        status_return_level=level,
+        voltage_v=state.value(table.PRESENT_VOLTAGE),
+        temperature_c=state.value(table.PRESENT_TEMPERATURE),
+        temperature_limit_c=identity.value(table.TEMPERATURE_LIMIT),
         errors=errors,
-        shutdown=Ax.SHUTDOWN.raw(identity, 0),
-        counts=Ax.PRESENT_POSITION.raw(state, Ax.STATE.start),
-        lowest=Ax.MIN_POSITION.raw(identity, 0),
-        highest=Ax.MAX_POSITION.raw(identity, 0),
+        shutdown=identity.raw(table.SHUTDOWN),
+        counts=state.raw(table.PRESENT_POSITION),
+        lowest=identity.raw(table.MIN_POSITION),
+        highest=identity.raw(table.MAX_POSITION),
     )

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from companion.adapters.dynamixel.bus_cycle import BusCycle
-from companion.adapters.dynamixel.checks import complaints
+from companion.adapters.dynamixel.checks import complaints, remarks
 from companion.adapters.dynamixel.found import Found, found_ax, found_xm
 from companion.adapters.dynamixel.joint import Joint
-from companion.adapters.dynamixel.registers import Ax, Block, Xm
-from companion.adapters.dynamixel.remarks import remarks
+from companion.adapters.dynamixel.registers import Ax, Xm
 from companion.adapters.dynamixel.search import ATTEMPTS, absent, partly_heard, ping
 from companion.config.arms_config import ArmsConfig
 from companion.core.interfaces import ArmError
@@ -74,18 +73,11 @@ def _found(bus_cycle: BusCycle, joint: Joint) -> Found | None:
     if number != joint.scale.model.number:
         return Found(model_number=number)
     answers = bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id)
+    blocks = (Xm.IDENTITY, Xm.TUNING, Xm.HEALTH, Xm.STATE) if joint.protocol == 2 else (Ax.IDENTITY, Ax.STATE)
+    said = [answer for block in blocks if (answer := bus_cycle.ask(joint, block, ATTEMPTS)) is not None]
+    if len(said) < len(blocks):
+        return None
     if joint.protocol == 2:
-        blocks = [_read(bus_cycle, joint, block) for block in (Xm.IDENTITY, Xm.TUNING, Xm.HEALTH, Xm.STATE)]
-        one = None if None in blocks else found_xm(*(data for data, _ in filter(None, blocks)))
-    else:
-        identity, state = _read(bus_cycle, joint, Ax.IDENTITY), _read(bus_cycle, joint, Ax.STATE)
-        one = found_ax(identity[0], state[0], joint.health_of(*state).trouble) if identity and state else None
-    return one and replace(one, answers=answers)
-
-
-def _read(bus_cycle: BusCycle, joint: Joint, block: Block) -> tuple[bytes, int] | None:
-    for _ in range(ATTEMPTS):
-        answer = bus_cycle.wire.read(joint.protocol, joint.servo_id, block)
-        if answer is not None:
-            return answer.data, answer.error
-    return None
+        return replace(found_xm(*said), answers=answers)
+    identity, state = said
+    return replace(found_ax(identity, state, joint.health_of(state).trouble), answers=answers)

@@ -1,12 +1,12 @@
-"""State of one joint and its servo; used by the bus thread only."""
+"""State of one joint and its servo, and the rate limit of its goals; used by the bus thread only."""
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from companion.adapters.dynamixel.conversion import Health, JointScale, Reading, at_least_one
-from companion.adapters.dynamixel.limiter import braking_velocity, goal_velocity, next_goal, stopping_point
-from companion.adapters.dynamixel.registers import AX_ALARMS, Ax, Xm
+from companion.adapters.dynamixel.registers import AX_ALARMS, Answer, Ax, Xm
 from companion.arms.model import JOINT_NAMES, KINDS, JointLimit
 from companion.config.arms_config import ArmsConfig
 from companion.core.types import ArmFaultKind
@@ -60,6 +60,11 @@ class Joint:
         return self.scale.model.protocol
 
     @property
+    def table(self) -> type[Ax] | type[Xm]:
+        """Control table of the servo."""
+        return self.scale.model.table
+
+    @property
     def label(self) -> str:
         """Joint name and servo ID for messages, such as "left_shoulder (ID 1)"."""
         return f"{self.name} (ID {self.servo_id})"
@@ -80,23 +85,18 @@ class Joint:
             at_least_one(accel_radps2, Xm.PROFILE_ACCELERATION)
         ) + Xm.PROFILE_VELOCITY.encoded(at_least_one(velocity_radps, Xm.PROFILE_VELOCITY))
 
-    def hear(self, state: bytes, now_s: float) -> None:
+    def hear(self, state: Answer, now_s: float) -> None:
         """Store a newly received state block and mark the servo as answering."""
         self.reading = self.scale.reading(state)
         self.heard_s, self.missed, self.missed_s, self.in_group = now_s, 0, math.inf, True
 
-    def health_of(self, data: bytes, error: int) -> Health:
-        """Return torque state and errors from XM's health block or AX's state block."""
+    def health_of(self, health: Answer) -> Health:
+        """Return torque state and errors from the table's HEALTH block."""
+        torque_on = bool(health.raw(self.table.TORQUE_ENABLE))
         if self.protocol == 2:
-            start = Xm.HEALTH.start
-            return Health(bool(Xm.TORQUE_ENABLE.raw(data, start)), Xm.HARDWARE_ERROR.raw(data, start))
-        start = Ax.STATE.start
-        return Health(
-            bool(Ax.TORQUE_ENABLE.raw(data, start)),
-            error & sum(AX_ALARMS),
-            Ax.MOVING_SPEED.raw(data, start),
-            not Ax.TORQUE_LIMIT.raw(data, start),
-        )
+            return Health(torque_on, health.raw(Xm.HARDWARE_ERROR))
+        errors = health.error & sum(AX_ALARMS)
+        return Health(torque_on, errors, health.raw(Ax.MOVING_SPEED), not health.raw(Ax.TORQUE_LIMIT))
 
     def begin_driving(self, goal_rad: float) -> None:
         """Start sending goals, beginning with the goal that the servo has."""
@@ -144,3 +144,36 @@ def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:
         )
         for index, name in enumerate(JOINT_NAMES)
     )
+
+
+def next_goal(sent_rad: float, wanted_rad: float, max_velocity_radps: float, dt_s: float) -> float:
+    """Return the next goal, rad: the last one moved towards the wanted one, no faster than the limit."""
+    step_rad = max_velocity_radps * max(dt_s, 0.0)
+    return sent_rad + min(max(wanted_rad - sent_rad, -step_rad), step_rad)
+
+
+def goal_velocity(steps: Sequence[tuple[float, float]]) -> float:
+    """Return the velocity, rad/s, of goals whose last `steps` were (s, rad), newest last; 0 after a reversal.
+
+    Two clocks beat against each other, so that now and then a cycle finds no new goal and the next one finds two: one
+    step says little. Of all steps and the last two the slower is taken, so that no stop is longer than needed.
+    """
+    newest, all_of_them = _mean_velocity(steps[-2:]), _mean_velocity(steps)
+    if newest * all_of_them <= 0.0 or newest * steps[-1][1] < 0.0:
+        return 0.0
+    return min(newest, all_of_them, key=abs)
+
+
+def _mean_velocity(steps: Sequence[tuple[float, float]]) -> float:
+    took_s = math.fsum(dt_s for dt_s, _ in steps)
+    return math.fsum(step_rad for _, step_rad in steps) / took_s if took_s > 0.0 else 0.0
+
+
+def stopping_point(goal_rad: float, velocity_radps: float, max_accel_radps2: float) -> float:
+    """Return the angle, rad, at which a moving goal stops with maximum deceleration, v^2 / 2a ahead."""
+    return goal_rad + math.copysign(velocity_radps**2 / (2.0 * max_accel_radps2), velocity_radps)
+
+
+def braking_velocity(left_rad: float, max_accel_radps2: float) -> float:
+    """Return the highest speed, rad/s, from which a goal stops within `left_rad`: v = sqrt(2 a s)."""
+    return math.sqrt(2.0 * max_accel_radps2 * abs(left_rad))

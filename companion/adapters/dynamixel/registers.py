@@ -21,18 +21,9 @@ class Register:
     unit: float = 1.0
     """SI value of one count."""
     signed: bool = False
-    """Two's complement; the AX's sign bit is another thing, see `conversion`."""
-
-    def raw(self, block: bytes, start: int) -> int:
-        """Return the counts from `block`, which was read from address `start`; ValueError when it is not in there."""
-        offset = self.address - start
-        if offset < 0 or offset + self.size > len(block):
-            raise ValueError(f"register {self.address} is not in the {len(block)} bytes from address {start}")
-        return int.from_bytes(block[offset : offset + self.size], "little", signed=self.signed)
-
-    def value(self, block: bytes, start: int) -> float:
-        """Return the register's value in SI units; arguments and errors as in `raw`."""
-        return self.raw(block, start) * self.unit
+    """Two's complement."""
+    sign_bit: int = 0
+    """AX: this bit set means clockwise, a negative value; 0: none."""
 
     def encoded(self, counts: int) -> bytes:
         """Return the bytes to write; OverflowError when `counts` does not fit."""
@@ -53,6 +44,35 @@ class Block:
         return self.end - self.start
 
 
+@dataclass(frozen=True)
+class Answer:
+    """Registers of one servo from address `start` on, and the error byte that came with them."""
+
+    start: int
+    data: bytes
+    error: int
+
+    def raw(self, register: Register) -> int:
+        """Return the register's counts; ValueError when it is not among those that were read."""
+        offset = register.address - self.start
+        if offset < 0 or offset + register.size > len(self.data):
+            raise ValueError(
+                f"register {register.address} is not in the {len(self.data)} bytes from address {self.start}"
+            )
+        raw = int.from_bytes(self.data[offset : offset + register.size], "little", signed=register.signed)
+        if not register.sign_bit:
+            return raw
+        magnitude = raw & (register.sign_bit - 1)
+        return -magnitude if raw & register.sign_bit else magnitude
+
+    def value(self, register: Register) -> float:
+        """Return the register's value in SI units; ValueError as `raw`."""
+        return self.raw(register) * register.unit
+
+
+XM_RATED_CURRENT_A = 2.3
+"""Stall current at 12 V, "Specifications"; the whole of what `effort` is a share of."""
+
 MODEL_NUMBER = Block(0, 2)
 """The same in both."""
 
@@ -67,7 +87,6 @@ class Xm:
     DRIVE_MODE = Register(10, 1)
     OPERATING_MODE = Register(11, 1)
     SECONDARY_ID = Register(12, 1)
-    PROTOCOL_TYPE = Register(13, 1)
     HOMING_OFFSET = Register(20, 4, 2.0 * math.pi / 4096.0, signed=True)
     TEMPERATURE_LIMIT = Register(31, 1)
     PWM_LIMIT = Register(36, 2, 1.0 / 885.0)
@@ -90,7 +109,8 @@ class Xm:
     """rad/s^2; the manual's 214.577 rev/min^2."""
     PROFILE_VELOCITY = Register(112, 4, 0.229 * _RPM)
     GOAL_POSITION = Register(116, 4, 2.0 * math.pi / 4096.0, signed=True)
-    PRESENT_CURRENT = Register(126, 2, 2.69e-3, signed=True)
+    PRESENT_EFFORT = Register(126, 2, 2.69e-3 / XM_RATED_CURRENT_A, signed=True)
+    """Present Current, 2.69 mA a count."""
     PRESENT_VELOCITY = Register(128, 4, 0.229 * _RPM, signed=True)
     PRESENT_POSITION = Register(132, 4, 2.0 * math.pi / 4096.0, signed=True)
     PRESENT_VOLTAGE = Register(144, 2, 0.1)
@@ -128,38 +148,36 @@ class Ax:
     TORQUE_LIMIT = Register(34, 2, 1.0 / 1023.0)
     PRESENT_POSITION = Register(36, 2, math.radians(300.0 / 1023.0))
     """The manual rounds the unit to 0.29 degrees; position 1023 is 300 degrees."""
-    PRESENT_SPEED = Register(38, 2, 0.111 * _RPM)
-    PRESENT_LOAD = Register(40, 2, 1.0 / 1023.0)
+    PRESENT_VELOCITY = Register(38, 2, 0.111 * _RPM, sign_bit=0x400)
+    """Present Speed."""
+    PRESENT_EFFORT = Register(40, 2, 1.0 / 1023.0, sign_bit=0x400)
+    """Present Load."""
     PRESENT_VOLTAGE = Register(42, 1, 0.1)
     PRESENT_TEMPERATURE = Register(43, 1)
 
     IDENTITY = Block(0, 19)
-    STATE = Block(24, 44)
+    STATE = HEALTH = Block(24, 44)
     """Torque Enable to Present Temperature: state and health in one."""
     LAST_POSITION = 1023
 
 
 @dataclass(frozen=True)
 class Model:
-    """Properties of one servo model: protocol, registers, units and ranges."""
+    """Properties of one servo model."""
 
     name: str
     number: int
     """Model Number, register 0."""
     protocol: int
-    goal: Register
-    position: Register
-    last_position: int
-    state: Block
+    table: type[Ax] | type[Xm]
     lowest_firmware: int
     """0: any. XM: Drive Mode (10), which must be looked at, is there from 38."""
 
 
-_XM = (2, Xm.GOAL_POSITION, Xm.PRESENT_POSITION, Xm.LAST_POSITION, Xm.STATE, 38)
 MODELS = {
-    "AX-12A": Model("AX-12A", 12, 1, Ax.GOAL_POSITION, Ax.PRESENT_POSITION, Ax.LAST_POSITION, Ax.STATE, 0),
-    "XM430-W350": Model("XM430-W350", 1020, *_XM),
-    "XM430-W210": Model("XM430-W210", 1030, *_XM),
+    "AX-12A": Model("AX-12A", 12, 1, Ax, 0),
+    "XM430-W350": Model("XM430-W350", 1020, 2, Xm, 38),
+    "XM430-W210": Model("XM430-W210", 1030, 2, Xm, 38),
 }
 
 OTHER_MODELS = {
@@ -185,9 +203,6 @@ LIKELY_BAUDS = {
     2: (57_600, 1_000_000, 115_200, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 9_600),
 }
 """By protocol: all rates of an AX and of an XM, from the factory's own on, to look for a servo that is not found."""
-
-XM_RATED_CURRENT_A = 2.3
-"""Stall current at 12 V, "Specifications"; the whole of what `effort` is a share of."""
 
 OVERHEATING, OVERLOAD = 0x04, 0x20
 """The same bits in the XM's Hardware Error Status (70) and Shutdown (63), in the AX's error byte and Shutdown (18)."""

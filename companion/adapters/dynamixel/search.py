@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from companion.adapters.dynamixel.bus_cycle import BusCycle
-from companion.adapters.dynamixel.checks import answer_all, model_name
+from companion.adapters.dynamixel.checks import WIZARD, answer_all, model_name
 from companion.adapters.dynamixel.joint import Joint
 from companion.adapters.dynamixel.port import PortGoneError
 from companion.adapters.dynamixel.registers import LIKELY_BAUDS
@@ -14,20 +14,19 @@ _PATIENCE_MS = 5.0
 """Where a missing servo may be is only a hint: eight of them at seven other baud rates must not take long."""
 _LOW_IDS = range(1, 21)
 """Where to look for a stranger of Protocol 1.0, which cannot be asked for all at once; 1 is the factory's."""
-_WIZARD = "with DYNAMIXEL Wizard 2.0"
 
 
 def partly_heard(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """Return why a servo cannot be read though bytes come from it; None when it is silent."""
     if any(bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id) for _ in range(2)):
-        bus_cycle.wire.read(joint.protocol, joint.servo_id, joint.scale.model.state)
+        bus_cycle.ask(joint, joint.table.STATE)
         if not bus_cycle.wire.garbled:
             return f"answers pings but no reads: Status Return Level 0, and should be 2: {answer_all(joint)}"
     elif not bus_cycle.wire.garbled:
         return None
     return (
         f"answers in broken packets: two servos have ID {joint.servo_id}, so take all others off the bus and give one "
-        f"of them another {_WIZARD}; or its cable is bad"
+        f"of them another {WIZARD}; or its cable is bad"
     )
 
 
@@ -82,7 +81,7 @@ def _other_protocol(bus_cycle: BusCycle, joint: Joint) -> str | None:
     if number is None:
         return None
     if number == model.number:
-        return f"it speaks Protocol {other}.0, so set its Protocol Type to {joint.protocol} {_WIZARD}"
+        return f"it speaks Protocol {other}.0, so set its Protocol Type to {joint.protocol} {WIZARD}"
     return (
         f"{model_name(number)} answers there by Protocol {other}.0, and it should be {model.name} by "
         f"Protocol {joint.protocol}.0: exchange it, or correct its protocol or arms.servos.{joint.name}.model"
@@ -103,7 +102,7 @@ def _other_bauds(
                 continue
             for joint in lost:
                 if bus_cycle.wire.ping_answers(joint.protocol, joint.servo_id):
-                    hints[joint.index] = f"it answers at {baud}, so set its Baud Rate {_WIZARD}"
+                    hints[joint.index] = f"it answers at {baud}, so set its Baud Rate {WIZARD}"
     finally:
         bus_cycle.wire.port.change_baud(config.baud)
     return hints

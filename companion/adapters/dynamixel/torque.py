@@ -85,7 +85,7 @@ def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
     if outside:
         return outside
     counts = _first_goal(bus_cycle, joint)
-    goal = joint.scale.model.goal.encoded(counts)
+    goal = joint.table.GOAL_POSITION.encoded(counts)
     problem = next(filter(None, (_write(bus_cycle, joint, *order) for order in _switching_on(joint, goal))), None)
     problem = problem or _not_shown(bus_cycle, joint, on=True)
     if problem is None:
@@ -96,12 +96,12 @@ def _switch_on(bus_cycle: BusCycle, joint: Joint) -> str | None:
 def _first_goal(bus_cycle: BusCycle, joint: Joint) -> int:
     """Return the first goal, counts: the goal that is held, or the present position."""
     assert joint.reading is not None
-    register = joint.scale.model.goal
+    register = joint.table.GOAL_POSITION
     block = Block(register.address, register.address + register.size)
-    held = bus_cycle.wire.read(joint.protocol, joint.servo_id, block) if joint.torque_on else None
+    held = bus_cycle.ask(joint, block) if joint.torque_on else None
     if held is None:
         return joint.reading.counts
-    counts = register.raw(held.data, register.address)
+    counts = held.raw(register)
     bent_rad = abs(joint.scale.joint_rad(counts) - joint.reading.position_rad)
     return counts if bent_rad < _BENT_RAD or joint.index in CLAWS else joint.reading.counts
 
@@ -127,8 +127,8 @@ def _switching_on(joint: Joint, goal: bytes) -> list[tuple[int, bytes]]:
 
 
 def _switch_off(bus_cycle: BusCycle, joint: Joint) -> str | None:
-    register = Ax.TORQUE_ENABLE if joint.protocol == 1 else Xm.TORQUE_ENABLE
-    return _write(bus_cycle, joint, register.address, b"\x00") or _not_shown(bus_cycle, joint, on=False)
+    off = _write(bus_cycle, joint, joint.table.TORQUE_ENABLE.address, b"\x00")
+    return off or _not_shown(bus_cycle, joint, on=False)
 
 
 def _write(bus_cycle: BusCycle, joint: Joint, address: int, data: bytes) -> str | None:
@@ -136,12 +136,12 @@ def _write(bus_cycle: BusCycle, joint: Joint, address: int, data: bytes) -> str 
 
     Only reading it back proves a write: an acknowledgement has no number, and may be a late one of another write.
     """
-    wire, block = bus_cycle.wire, Block(address, address + len(data))
+    block = Block(address, address + len(data))
     for _ in range(ATTEMPTS):
-        error = wire.write(joint.protocol, joint.servo_id, address, data)
+        error = bus_cycle.wire.write(joint.protocol, joint.servo_id, address, data)
         if error is not None and error & _REFUSALS[joint.protocol]:
             return f"refuses {data.hex(' ')} for register {address} (error 0x{error:02x})"
-        written = wire.read(joint.protocol, joint.servo_id, block) if error is not None else None
+        written = bus_cycle.ask(joint, block) if error is not None else None
         if written is not None and written.data == data:
             return None
     return f"does not keep {data.hex(' ')} in register {address}, or does not answer: look at its cable and its supply"
@@ -189,12 +189,8 @@ def _errors_left(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Generator[N
 
 
 def _errors(bus_cycle: BusCycle, joint: Joint) -> int | None:
-    block = Ax.STATE if joint.protocol == 1 else Xm.HEALTH
-    for _ in range(ATTEMPTS):
-        answer = bus_cycle.wire.read(joint.protocol, joint.servo_id, block)
-        if answer is not None:
-            return joint.health_of(answer.data, answer.error).trouble
-    return None
+    answer = bus_cycle.ask(joint, joint.table.HEALTH, ATTEMPTS)
+    return None if answer is None else joint.health_of(answer).trouble
 
 
 def _until_back(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Steps:
@@ -210,10 +206,10 @@ def _until_back(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Steps:
 
 def _restore_torque_limit(bus_cycle: BusCycle, joint: Joint) -> str | None:
     """Restore an AX's Torque Limit (34), which a shutdown sets to 0; torque off first, so that it stays limp."""
-    identity = bus_cycle.wire.read(1, joint.servo_id, Ax.IDENTITY)
+    identity = bus_cycle.ask(joint, Ax.IDENTITY)
     if identity is None:
         return _SILENT
-    limit = Ax.TORQUE_LIMIT.encoded(Ax.MAX_TORQUE.raw(identity.data, Ax.IDENTITY.start))
+    limit = Ax.TORQUE_LIMIT.encoded(identity.raw(Ax.MAX_TORQUE))
     return _write(bus_cycle, joint, Ax.TORQUE_ENABLE.address, b"\x00") or _write(
         bus_cycle, joint, Ax.TORQUE_LIMIT.address, limit
     )

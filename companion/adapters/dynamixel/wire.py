@@ -5,13 +5,12 @@ so here are its packets, put together differently.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from dynamixel_sdk import COMM_SUCCESS, Protocol1PacketHandler, Protocol2PacketHandler
 
 from companion.adapters.dynamixel.port import BusPort
-from companion.adapters.dynamixel.registers import MODEL_NUMBER, Block, Register
+from companion.adapters.dynamixel.registers import MODEL_NUMBER, Answer, Block, Register
 
 BROADCAST_ID = 0xFE
 _PING = 1
@@ -25,14 +24,6 @@ _ID_AND_ERROR = 2
 _LENGTH_END = 7
 _FIRST = 8
 """Place of the error field in a status packet of Protocol 2.0."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Status packet of one servo: data and error byte."""
-
-    data: bytes
-    error: int
 
 
 class Wire:
@@ -90,7 +81,7 @@ class Wire:
             return None
         while (packet := self._received(protocol)) is not None:
             if packet[:1] == bytes([servo_id]) and len(packet) == _ID_AND_ERROR + block.length:
-                return Answer(packet[_ID_AND_ERROR:], packet[1])
+                return Answer(block.start, packet[_ID_AND_ERROR:], packet[1])
         return None
 
     def write(self, protocol: int, servo_id: int, address: int, data: bytes) -> int | None:
@@ -112,34 +103,32 @@ class Wire:
 
     def sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
         """Read one block of many servos (Protocol 2.0), each answering alone; return the answers that came."""
-        handler, answers = self._handlers[2], dict[int, Answer]()
-        if (
-            handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), False)
-            != COMM_SUCCESS
-        ):
+        answers = dict[int, Answer]()
+        if not self._sync_read_sent(servo_ids, block, fast=False):
             return answers
         while len(answers) < len(servo_ids) and (packet := self._received(2)) is not None:
             if packet[0] in servo_ids and len(packet) == _ID_AND_ERROR + block.length:
-                answers[packet[0]] = Answer(packet[_ID_AND_ERROR:], packet[1])
+                answers[packet[0]] = Answer(block.start, packet[_ID_AND_ERROR:], packet[1])
         return answers
 
     def fast_sync_read(self, servo_ids: Sequence[int], block: Block) -> dict[int, Answer]:
         """Read one block of many servos with all answers in one packet: all or none."""
-        handler = self._handlers[2]
-        if (
-            handler.syncReadTx(self.port, block.start, block.length, list(servo_ids), len(servo_ids), True)
-            != COMM_SUCCESS
-        ):
+        if not self._sync_read_sent(servo_ids, block, fast=True):
             return {}
         result = COMM_SUCCESS
         while result == COMM_SUCCESS:
-            packet, result = handler.rxPacket(self.port, True)
+            packet, result = self._handlers[2].rxPacket(self.port, True)
             if result == COMM_SUCCESS and packet[4] == BROADCAST_ID:
-                answers = fast_answers(bytes(packet[_FIRST:]), block.length)
+                answers = fast_answers(bytes(packet[_FIRST:]), block)
                 if set(answers) == set(servo_ids):
                     return answers
         self.bad_packets += 1
         return {}
+
+    def _sync_read_sent(self, servo_ids: Sequence[int], block: Block, fast: bool) -> bool:
+        ids = list(servo_ids)
+        sent = self._handlers[2].syncReadTx(self.port, block.start, block.length, ids, len(ids), fast)
+        return bool(sent == COMM_SUCCESS)
 
     def _received(self, protocol: int) -> bytes | None:
         """Return the next status packet, see `_packet`; a missing one counts as bad."""
@@ -161,13 +150,13 @@ class Wire:
         return bytes(cut) if cut is not None else None
 
 
-def fast_answers(params: bytes, length: int) -> dict[int, Answer]:
+def fast_answers(params: bytes, block: Block) -> dict[int, Answer]:
     """Return error, ID, data and CRC of each servo, which follow the header of a Fast Sync Read's status packet.
 
     Empty when the lengths do not fit. https://emanual.robotis.com/docs/en/dxl/protocol2/#fast-sync-read-0x8a
     """
-    one = _ERROR_AND_ID + length + _CRC
+    one = _ERROR_AND_ID + block.length + _CRC
     if len(params) % one:
         return {}
     pieces = [params[start : start + one] for start in range(0, len(params), one)]
-    return {piece[1]: Answer(piece[_ERROR_AND_ID:-_CRC], piece[0]) for piece in pieces}
+    return {piece[1]: Answer(block.start, piece[_ERROR_AND_ID:-_CRC], piece[0]) for piece in pieces}

@@ -7,8 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.adapters.dynamixel.joint import Joint, joints_of
-from companion.adapters.dynamixel.limiter import braking_velocity, goal_velocity, next_goal, stopping_point
+from companion.adapters.dynamixel.joint import (
+    Joint,
+    braking_velocity,
+    goal_velocity,
+    joints_of,
+    next_goal,
+    stopping_point,
+)
+from companion.adapters.dynamixel.registers import Answer
 from companion.config.arms_config import ArmsConfig
 
 CYCLE_S = 0.01
@@ -100,7 +107,7 @@ def test_goals_that_stand_or_have_just_turned_have_no_speed() -> None:
 def test_a_moving_joint_stops_beyond_its_goal_by_what_braking_takes_however_old_its_reading() -> None:
     joint = moving(2.0, to_rad=0.5)
     state = (0).to_bytes(6, "little") + (round((math.pi + 0.1) * 4096 / math.tau)).to_bytes(4, "little") + bytes(11)
-    joint.hear(state, now_s=-0.19)
+    joint.hear(Answer(126, state, 0), now_s=-0.19)
     assert joint.reading is not None
     assert joint.reading.position_rad == pytest.approx(0.1, abs=0.001)
     joint.stop()

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from companion.adapters.dynamixel.conversion import JointScale, at_least_one
 from companion.adapters.dynamixel.joint import joints_of
-from companion.adapters.dynamixel.registers import MODELS, Ax, Register, Xm, ax_baud
+from companion.adapters.dynamixel.registers import MODELS, Answer, Ax, Block, Register, Xm, ax_baud
 from companion.adapters.dynamixel.wire import fast_answers
 from companion.config.arms_config import XM_BAUDS, ArmsConfig
 
@@ -17,16 +17,16 @@ AX = JointScale(MODELS["AX-12A"], 1, math.radians(150.0))
 RPM = 2.0 * math.pi / 60.0
 
 
-def xm_state(current: int = 0, velocity: int = 0, position: int = 2048, voltage: int = 120, warmth: int = 30) -> bytes:
+def xm_state(current: int = 0, velocity: int = 0, position: int = 2048, voltage: int = 120, warmth: int = 30) -> Answer:
     """Return an XM's block from Present Current (126) to Present Temperature (146)."""
     parts = ((current, 2), (velocity, 4), (position, 4), (0, 4), (0, 4), (voltage, 2), (warmth, 1))
-    return b"".join(value.to_bytes(size, "little", signed=value < 0) for value, size in parts)
+    return Answer(126, b"".join(value.to_bytes(size, "little", signed=value < 0) for value, size in parts), 0)
 
 
-def ax_state(position: int = 512, speed: int = 0, load: int = 0, voltage: int = 120, warmth: int = 30) -> bytes:
+def ax_state(position: int = 512, speed: int = 0, load: int = 0, voltage: int = 120, warmth: int = 30) -> Answer:
     """Return an AX's block from Torque Enable (24) to Present Temperature (43)."""
     parts = ((position, 2), (speed, 2), (load, 2), (voltage, 1), (warmth, 1))
-    return bytes(12) + b"".join(value.to_bytes(size, "little") for value, size in parts)
+    return Answer(24, bytes(12) + b"".join(value.to_bytes(size, "little") for value, size in parts), 0)
 
 
 def test_an_xm_says_its_state_in_the_manuals_units() -> None:
@@ -83,20 +83,20 @@ def test_a_goal_is_within_half_a_count_of_what_was_asked_or_at_the_servos_end(
     scale: JointScale, joint_rad: float
 ) -> None:
     counts = scale.counts(joint_rad)
-    assert 0 <= counts <= scale.model.last_position
-    if 0 < counts < scale.model.last_position:
-        assert abs(scale.joint_rad(counts) - joint_rad) <= 0.5 * scale.model.goal.unit + 1e-9
+    assert 0 <= counts <= scale.model.table.LAST_POSITION
+    if 0 < counts < scale.model.table.LAST_POSITION:
+        assert abs(scale.joint_rad(counts) - joint_rad) <= 0.5 * scale.model.table.GOAL_POSITION.unit + 1e-9
 
 
 @given(st.integers(-(2**31), 2**31 - 1))
 def test_signed_registers_come_back(counts: int) -> None:
     register = Register(100, 4, signed=True)
-    assert register.raw(bytes(4) + register.encoded(counts), 96) == counts
+    assert Answer(96, bytes(4) + register.encoded(counts), 0).raw(register) == counts
 
 
 def test_a_register_outside_the_block_is_refused() -> None:
     with pytest.raises(ValueError, match="register 132 is not in the 3 bytes from address 130"):
-        Xm.PRESENT_POSITION.raw(bytes(3), 130)
+        Answer(130, bytes(3), 0).raw(Xm.PRESENT_POSITION)
 
 
 @given(st.floats(0.0, 100.0))
@@ -119,16 +119,16 @@ def test_profiles_of_all_joints_leave_room_for_their_limits() -> None:
 def test_the_manuals_example_of_a_fast_sync_read() -> None:
     """Protocol 2.0, "Fast Sync Read": Present Position of IDs 3, 7 and 4, as it follows the instruction field."""
     answers = fast_answers(
-        bytes.fromhex("00 03 A6 00 00 00 84 08  00 07 1F 08 00 00 16 CA  00 04 FF 03 00 00 D1 9E"), 4
+        bytes.fromhex("00 03 A6 00 00 00 84 08  00 07 1F 08 00 00 16 CA  00 04 FF 03 00 00 D1 9E"), Block(132, 136)
     )
     positions = {servo_id: int.from_bytes(answer.data, "little") for servo_id, answer in answers.items()}
     assert positions == {3: 166, 7: 2079, 4: 1023}
 
 
 def test_every_servo_has_its_own_error_field_in_a_fast_answer() -> None:
-    answers = fast_answers(bytes.fromhex("00 03 A6 00 00 00 84 08  80 07 1F 08 00 00 16 CA"), 4)
+    answers = fast_answers(bytes.fromhex("00 03 A6 00 00 00 84 08  80 07 1F 08 00 00 16 CA"), Block(132, 136))
     assert {servo_id: answer.error for servo_id, answer in answers.items()} == {3: 0, 7: 0x80}
 
 
 def test_a_fast_answer_of_the_wrong_length_is_none() -> None:
-    assert fast_answers(bytes(25), 4) == {}
+    assert fast_answers(bytes(25), Block(132, 136)) == {}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import pytest
 
 from companion.adapters.dynamixel.port import BusPort, PortGoneError
-from companion.adapters.dynamixel.registers import Ax, Block, Xm
-from companion.adapters.dynamixel.wire import Answer, Wire
+from companion.adapters.dynamixel.registers import Answer, Ax, Block, Xm
+from companion.adapters.dynamixel.wire import Wire
 from mock_autopilot.servos.packets import pack1, status2
 
 
@@ -51,7 +51,7 @@ DATA = bytes([1, 0, 0, 0, 2, 0, 0])
 def test_the_answer_is_found_among_those_of_others_and_those_to_other_questions(line: Line) -> None:
     longer, shorter, other = status2(1, 0, bytes(8)), status2(1, 0, b""), status2(2, 0, DATA)
     line.says(longer, other, shorter, status2(1, 0x80, DATA))
-    assert line.wire.read(2, 1, Xm.HEALTH) == Answer(DATA, 0x80)
+    assert line.wire.read(2, 1, Xm.HEALTH) == Answer(64, DATA, 0x80)
 
 
 def test_a_longer_answer_alone_is_none(line: Line) -> None:
@@ -63,7 +63,7 @@ def test_a_longer_answer_alone_is_none(line: Line) -> None:
 def test_an_answer_by_protocol_1_likewise(line: Line) -> None:
     block = Block(24, 27)
     line.says(pack1(4, 0, bytes(4)), pack1(5, 0, bytes(3)), pack1(4, 0x20, bytes([1, 2, 3])))
-    assert line.wire.read(1, 4, block) == Answer(bytes([1, 2, 3]), 0x20)
+    assert line.wire.read(1, 4, block) == Answer(24, bytes([1, 2, 3]), 0x20)
     line.says(pack1(4, 0, bytes(Ax.STATE.length + 1)))
     assert line.wire.read(1, 4, Ax.STATE) is None
 
@@ -71,7 +71,7 @@ def test_an_answer_by_protocol_1_likewise(line: Line) -> None:
 def test_data_that_look_like_a_header_come_through_whole(line: Line) -> None:
     tricky = bytes.fromhex("ff ff fd ff ff fd 00")
     line.says(status2(1, 0, tricky))
-    assert line.wire.read(2, 1, Xm.HEALTH) == Answer(tricky, 0)
+    assert line.wire.read(2, 1, Xm.HEALTH) == Answer(64, tricky, 0)
 
 
 def test_a_late_answer_does_not_make_a_ping(line: Line) -> None:
@@ -96,7 +96,7 @@ def test_a_fast_sync_read_is_not_fooled_by_a_single_answer(line: Line) -> None:
 def test_a_sync_read_keeps_what_came_before_the_gap(line: Line) -> None:
     state = bytes(Xm.STATE.length)
     line.says(status2(1, 0, state), status2(3, 0x80, state))
-    assert line.wire.sync_read([1, 2, 3], Xm.STATE) == {1: Answer(state, 0), 3: Answer(state, 0x80)}
+    assert line.wire.sync_read([1, 2, 3], Xm.STATE) == {1: Answer(126, state, 0), 3: Answer(126, state, 0x80)}
 
 
 def test_a_port_that_dies_is_said_to_be_gone(line: Line) -> None:
