@@ -6,8 +6,7 @@ import ssl
 import aiomqtt
 from aiomqtt.exceptions import MqttConnectError
 
-from companion.adapters.mqtt.certificates import certificate_fault
-from companion.adapters.mqtt.reconnector import reason_of
+from companion.adapters.mqtt.reconnector import certificate_fault, reason_of
 from companion.client.broker_connection import ForbiddenError, is_forbidden
 from companion.client.endpoint import url_of
 from companion.client.errors import NobodyThereError

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.adapters.broker import open_broker
-from companion.adapters.mqtt import Answering, BusLink, open_bus
+from companion.adapters.mqtt.link import Answering, BusLink, open_bus
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.last_resort import LastResort
 from companion.adapters.system.systemd import Notifier

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from dataclasses import dataclass
 
-from companion.adapters.mqtt import MocapOut, open_mocap_out
+from companion.adapters.mqtt.mocap_out import MocapOut, open_mocap_out
 from companion.adapters.qualisys import QualisysSource, open_qualisys
 from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig

@@ -2,7 +2,7 @@
 
 import time
 
-from companion.adapters.mqtt import Answering
+from companion.adapters.mqtt.link import Answering
 from companion.core.interfaces import FlightError
 from companion.flight.flight_loop import FlightLoop
 from companion.protocol.commands import Command

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from companion.adapters.dynamixel import open_dynamixel
 from companion.adapters.mocap.source import open_mocap
-from companion.adapters.mqtt import Answering, open_bus
+from companion.adapters.mqtt.link import Answering, open_bus
 from companion.adapters.px4 import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch

@@ -12,7 +12,7 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from companion.adapters.mqtt import open_bus
+from companion.adapters.mqtt.link import open_bus
 from companion.client.client import open_console
 from companion.client.command_draft import CommandDraft
 from companion.client.errors import NobodyThereError

@@ -13,10 +13,8 @@ from pydantic import BaseModel
 
 from companion import __version__
 from companion.adapters.mqtt.connection import V5, V311, Connection
-from companion.adapters.mqtt.endpoint import endpoint
-from companion.adapters.mqtt.outbox import Outbox, OutboxMessage
-from companion.adapters.mqtt.reconnector import LoggedReconnector
-from companion.adapters.mqtt.reply_address import ReplyAddress
+from companion.adapters.mqtt.outbox import Outbox, OutboxMessage, ReplyAddress
+from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, CompanionError

@@ -13,9 +13,8 @@ import paho.mqtt.client as paho
 from pydantic import ValidationError
 
 from companion.adapters.mocap.newest_frame import NewestFrame
-from companion.adapters.mqtt.endpoint import endpoint
 from companion.adapters.mqtt.feed import Feed
-from companion.adapters.mqtt.reconnector import LoggedReconnector
+from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
 from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, MocapError

@@ -1,21 +1,59 @@
-"""Connects to a broker again and again, with the version of MQTT that it speaks."""
+"""Broker endpoint from a configuration table, and connections to it, again and again, by the MQTT that it speaks."""
 
 import asyncio
 import logging
+import secrets
 import ssl
+import time
 from collections.abc import Awaitable, Callable
 
 import aiomqtt
 from aiomqtt.exceptions import MqttConnectError
 
-from companion.adapters.mqtt.certificates import certificate_fault
-from companion.adapters.mqtt.connection import V5, V311, UnansweredError, knows_no_mqtt5
+from companion.adapters.mqtt.connection import V5, V311, Endpoint, UnansweredError, knows_no_mqtt5
+from companion.config.operator_config import OperatorConfig
+from companion.core.errors import ConfigError
 
 LOG = logging.getLogger(__package__)
 
 _FIRST_PAUSE_S = 0.2
 _LONGEST_PAUSE_S = 2.0
 _SPOKEN = {V5: "5", V311: "3.1.1"}
+
+
+_NOT_YET, _EXPIRED, _NAME, _ADDRESS = 9, 10, 62, 64
+"""OpenSSL's X509_V_ERR_CERT_NOT_YET_VALID, _CERT_HAS_EXPIRED, _HOSTNAME_MISMATCH and _IP_ADDRESS_MISMATCH."""
+_MAKE = "config/mosquitto/make-certificates.sh"
+
+
+def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
+    """Return the endpoint with a random client identifier; ConfigError when password or certificate cannot be read."""
+    tls = None
+    if config.tls:
+        try:
+            tls = ssl.create_default_context(cafile=config.ca_file)
+        except (OSError, ssl.SSLError) as error:
+            where = f"{config.table}.ca_file = {config.ca_file!r}"
+            raise ConfigError(f"{where}: no certificates can be read: {error}") from error
+    # random, as a broker closes the older of two connections with one name
+    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"
+    return Endpoint(config.host, config.port, name, config.user, config.password(), tls, will)
+
+
+def certificate_fault(error: ssl.SSLError) -> str:
+    """Return what is wrong with the broker's TLS and the remedy, as a part of a sentence."""
+    if not isinstance(error, ssl.SSLCertVerificationError):
+        return f"{error.reason or error}: does the broker speak TLS on this port?"
+    return f"certificate verify failed: {error.verify_message.rstrip('.')}: {_remedy(error.verify_code)}"
+
+
+def _remedy(code: int) -> str:
+    if code in {_NOT_YET, _EXPIRED}:
+        today = time.strftime("%Y-%m-%d", time.localtime())
+        return f"renew the broker's certificate ({_MAKE}), or set this computer's clock, which says {today}"
+    if code in {_NAME, _ADDRESS}:
+        return f"use a name that the certificate is for, or make one for this name ({_MAKE})"
+    return "is the CA file (--ca-file, or ca_file in the configuration) the one that signed its certificate?"
 
 
 class Reconnector:

@@ -6,17 +6,18 @@ soon as its mode changes, so a mode is known within 50 ms instead of a second (P
 
 import asyncio
 import contextlib
+import ctypes
 import json
 import logging
 import math
 import struct
+import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
-from companion.adapters.px4.callback_thread import CallbackThreads
 from companion.core.interfaces import AutopilotError
 from companion.core.types import FlightMode
 
@@ -49,6 +50,28 @@ _AUTO_MODES = {
     5: FlightMode.RETURN,
     6: FlightMode.LAND,
 }
+
+
+_MOST = 100
+"""States are never given back, 16 kB each: a link that comes and goes for days must not eat the memory."""
+
+
+class CallbackThreads:
+    """The native threads of one connection that have called us."""
+
+    _kept = 0
+
+    def __init__(self) -> None:
+        self._known: set[int] = set()
+
+    def keep(self) -> None:
+        """Keep the calling thread's state of the interpreter, as of the first call on it."""
+        ident = threading.get_ident()
+        if ident in self._known or CallbackThreads._kept >= _MOST:
+            return
+        self._known.add(ident)
+        CallbackThreads._kept += 1
+        ctypes.pythonapi.PyGILState_Ensure()  # without a release
 
 
 def flight_mode(custom_mode: int) -> FlightMode:

@@ -7,16 +7,14 @@ text that is no UTF-8 and prints its bytes, and asks for HOME_POSITION for ever.
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from companion.adapters.px4.batteries import flight_battery, merged, reading
 from companion.adapters.px4.mavlink import Px4Mavlink
-from companion.adapters.px4.texts import TextPieces
 from companion.adapters.system.log_lines import LineLimit, printable
 from companion.core.interfaces import Clock
 from companion.core.types import Array, AutopilotStatus, BatteryReading, FlightMode
@@ -37,6 +35,56 @@ _DENIED = "denied"
 """In PX4's words for an arming or disarming that it refuses."""
 _LAST_PIECE_S = 0.5
 """The pieces of a long text come at once: later than this, the rest was lost."""
+
+
+_PIECE = 50
+"""Characters of one STATUSTEXT; a shorter piece is the last one."""
+
+
+_NOT_MEASURED = 65535
+"""UINT16_MAX, mV."""
+
+
+def reading(fields: dict[str, Any]) -> BatteryReading:
+    """Return one BATTERY_STATUS as SI values; NaN for what PX4 does not know: a charge of -1 %, no cell's voltage."""
+    cells = [mv for mv in fields["voltages"] if mv != _NOT_MEASURED]
+    cells += [mv for mv in fields.get("voltages_ext") or () if mv]  # 0: no such cell
+    percent = fields["battery_remaining"]
+    return BatteryReading(
+        id=fields["id"],
+        fraction=percent / 100.0 if percent >= 0 else math.nan,
+        voltage_v=1e-3 * sum(cells) if cells else math.nan,
+    )
+
+
+def merged(known: Sequence[BatteryReading], new: BatteryReading) -> tuple[BatteryReading, ...]:
+    """Return the readings with the new one in the place of its battery's last; by number."""
+    others = [one for one in known if one.id != new.id]
+    return tuple(sorted((*others, new), key=lambda one: one.id))
+
+
+def flight_battery(known: Sequence[BatteryReading], configured: int | None) -> BatteryReading:
+    """Return the reading of the configured battery, else of the lowest number heard; all unknown if there is none."""
+    for one in known:
+        if configured is None or one.id == configured:
+            return one
+    return BatteryReading(id=-1 if configured is None else configured, fraction=math.nan, voltage_v=math.nan)
+
+
+@dataclass(frozen=True)
+class TextPieces:
+    """A text whose last piece has not come yet; MAVLink's `id` says which pieces belong together, 0: a whole text."""
+
+    id: int = 0
+    text: str = ""
+
+    def add(self, id_: int, piece: str) -> tuple["TextPieces", tuple[str, ...]]:
+        """Return what is still incomplete and the texts that are whole now; one whose end was lost ends here."""
+        lost_end = (self.text,) if self.text and id_ != self.id else ()
+        text = self.text + piece if id_ and id_ == self.id else piece
+        if id_ and len(piece) >= _PIECE:
+            return TextPieces(id_, text), lost_end
+        return TextPieces(), (*lost_end, text)
 
 
 def _in_air(state: int) -> bool | None:

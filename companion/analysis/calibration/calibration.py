@@ -3,8 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from companion.analysis.calibration.attitude import fit_attitude
-from companion.analysis.calibration.delay import fit_mocap_delay
+from companion.analysis.calibration.attitude import fit_attitude, fit_mocap_delay
 from companion.analysis.calibration.fitting import Fit
 from companion.analysis.calibration.signals import Observed
 from companion.analysis.calibration.thrust import Hover, fit_rotors, hover

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from companion.adapters.mqtt import open_bus
+from companion.adapters.mqtt.link import open_bus
 from companion.adapters.system.clock import MonotonicClock
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import VehicleConfigFile, vehicle_settings

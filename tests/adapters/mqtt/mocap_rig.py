@@ -6,7 +6,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from unittest.mock import patch
 
-from companion.adapters.mqtt import MqttMocap, mocap_out, open_mqtt_mocap
+from companion.adapters.mqtt import mocap_out
+from companion.adapters.mqtt.mocap import MqttMocap, open_mqtt_mocap
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.mocap_config import MocapBrokerConfig, MocapConfig
 from companion.core.interfaces import MocapSource

@@ -15,8 +15,8 @@ import aiomqtt
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
-from companion.adapters.mqtt import Answering, BusLink, open_bus
 from companion.adapters.mqtt import link as bus_link
+from companion.adapters.mqtt.link import Answering, BusLink, open_bus
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.operator_config import OperatorConfig
 from companion.protocol.commands import Command

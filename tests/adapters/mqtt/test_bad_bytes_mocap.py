@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.adapters.mocap.newest_frame import MocapCounts
-from companion.adapters.mqtt import MqttMocap
+from companion.adapters.mqtt.mocap import MqttMocap
 from companion.config.mocap_config import MocapBrokerConfig
 from companion.core.types import MocapFrame
 from companion.estimation import estimator

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.mqtt import BusLink
+from companion.adapters.mqtt.link import BusLink
 from companion.protocol.commands import COMMAND
 from companion.protocol.telemetry import Happened, Reply
 from tests.adapters.mqtt.rig import Vehicle, linked, state, until

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.mqtt import open_bus
+from companion.adapters.mqtt.link import open_bus
 from companion.client.client import open_console
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError

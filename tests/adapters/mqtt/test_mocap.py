@@ -12,7 +12,9 @@ import pytest
 import pytest_asyncio
 import uvloop
 
-from companion.adapters.mqtt import MqttMocap, mocap_out, open_mocap_out, open_mqtt_mocap
+from companion.adapters.mqtt import mocap_out
+from companion.adapters.mqtt.mocap import MqttMocap, open_mqtt_mocap
+from companion.adapters.mqtt.mocap_out import open_mocap_out
 from companion.config.mocap_config import MocapBrokerConfig, MocapConfig
 from companion.core.interfaces import MocapError
 from companion.protocol.mocap import BridgePresence, MocapPose

@@ -8,8 +8,8 @@ from contextlib import AsyncExitStack
 
 import pytest
 
-from companion.adapters.mqtt import BusLink, open_bus
 from companion.adapters.mqtt import link as link_module
+from companion.adapters.mqtt.link import BusLink, open_bus
 from companion.adapters.mqtt.rival import Rival
 from companion.config.operator_config import OperatorConfig
 from tests.adapters.mqtt.rig import CLOCK, TOPICS, Vehicle, operating, until

@@ -19,7 +19,7 @@ import aiomqtt
 import pytest
 from hypothesis import Phase, given, settings
 
-from companion.adapters.mqtt import BusLink
+from companion.adapters.mqtt.link import BusLink
 from companion.core.interfaces import ConfigError
 from tests.adapters.mqtt.rig import TOPICS, V5, Operator, Vehicle, command, linked, operating, until
 from tests.mosquitto import mosquitto, needs_mosquitto

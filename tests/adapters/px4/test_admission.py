@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v10 import common as v1
 from pymavlink.dialects.v20 import common as v2
 
-from companion.adapters.px4.admission import Admission, Sender, sender_of
+from companion.adapters.px4.sender_lock import Admission, Sender, sender_of
 
 OURS, OTHER, THIRD = ("10.0.0.5", 14550), ("10.0.0.6", 14550), ("10.0.0.7", 1)
 PX4, INVALID = 12, 8

@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from companion.adapters.px4.batteries import flight_battery, merged, reading
-from companion.adapters.px4.texts import TextPieces
+from companion.adapters.px4.telemetry import TextPieces, flight_battery, merged, reading
 from companion.adapters.system.log_lines import printable
 from companion.core.types import BatteryReading
 
