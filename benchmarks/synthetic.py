@@ -25,14 +25,14 @@ class Motion:
         vehicle, reference = self.vehicle(cycle), self.reference(cycle)
         asked = np.asarray(0.5 * np.sin(2.0 * cycle * self.period_s + self.phase_rad))
         return ControlInput(
-            vehicle.position_w_m,
-            vehicle.velocity_w_mps,
-            vehicle.q_w_flu_wxyz,
-            vehicle.rate_flu_radps,
-            AGE_S,
-            reference,
-            asked,
-            self.period_s,
+            position_w_m=vehicle.position_w_m,
+            velocity_w_mps=vehicle.velocity_w_mps,
+            q_w_flu_wxyz=vehicle.q_w_flu_wxyz,
+            rate_flu_radps=vehicle.rate_flu_radps,
+            age_s=AGE_S,
+            reference=reference,
+            sent_accel_w_mps2=asked,
+            dt_s=self.period_s,
         )
 
     def vehicle(self, cycle: int) -> VehicleState:
@@ -60,7 +60,14 @@ class Motion:
         noise_m = np.random.default_rng(cycle).normal(0.0, 3e-4, 3)
         rotation = matrix_from_quat(vehicle.q_w_flu_wxyz)
         stamp_s = cycle * self.period_s
-        return MocapFrame(cycle, stamp_s, stamp_s + AGE_S, vehicle.position_w_m + noise_m, rotation, 5e-4)
+        return MocapFrame(
+            frame=cycle,
+            stamp_s=stamp_s,
+            received_s=stamp_s + AGE_S,
+            position_w_m=vehicle.position_w_m + noise_m,
+            rotation_w_b=rotation,
+            residual_m=5e-4,
+        )
 
     def setpoint(self, cycle: int) -> AttitudeThrust:
         """A setpoint inside all limits, near the one before it."""

@@ -24,7 +24,7 @@ class Spread:
         return {"median": self.median, "p99": self.p99}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Summary:
     """Key numbers of a flight. Errors per axis x, y, z in W, over the cycles that track the trajectory."""
 
@@ -75,18 +75,18 @@ def summarise(columns: Columns) -> Summary | None:
     from_capture = (_floats(sent) - _floats(columns["time_s"]) + _floats(columns["age_s"]))[has_setpoint]
     last = str(phase[-1])
     return Summary(
-        _triple(error.mean(axis=0)),
-        _triple(error.max(axis=0)),
-        _triple(np.sqrt((error**2).mean(axis=0))),
-        float(has_setpoint.sum() / tracking.sum()),
-        int(tracking.sum()),
-        spread_ms(_floats(columns["late_s"])[tracking]),
-        spread_ms(to_setpoint),
-        spread_ms(from_capture),
-        int((tracking & ~np.isfinite(_floats(columns["frame_received_s"]))).sum()),
-        last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
-        not bool(columns["armed"][-1]),
-        _summarise_arms(columns, tracking) if "arm_phase" in columns else None,
+        mean_error_m=_triple(error.mean(axis=0)),
+        max_error_m=_triple(error.max(axis=0)),
+        rms_error_m=_triple(np.sqrt((error**2).mean(axis=0))),
+        update_share=float(has_setpoint.sum() / tracking.sum()),
+        control_cycles=int(tracking.sum()),
+        tick_late_ms=spread_ms(_floats(columns["late_s"])[tracking]),
+        frame_to_setpoint_ms=spread_ms(to_setpoint),
+        capture_to_setpoint_ms=spread_ms(from_capture),
+        cycles_without_frame=int((tracking & ~np.isfinite(_floats(columns["frame_received_s"]))).sum()),
+        landed=last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
+        disarmed=not bool(columns["armed"][-1]),
+        arms=_summarise_arms(columns, tracking) if "arm_phase" in columns else None,
     )
 
 

@@ -68,7 +68,7 @@ class Propellers:
     """Above the body's origin."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmModel:
     """Both arms and what is around them; the defaults carry the paper's lengths (section 5)."""
 

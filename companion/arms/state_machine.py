@@ -58,7 +58,7 @@ class ArmRules:
     torque_off_after_landing: bool = False
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmFacts:
     """Inputs of the state machine at one cycle."""
 
@@ -75,7 +75,7 @@ class ArmFacts:
     touched_down: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmState:
     """The machine's state."""
 

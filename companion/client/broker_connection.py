@@ -30,7 +30,15 @@ class BrokerConnection(Connection):
 
     def __init__(self, place: OperatorConfig, client: str, version: aiomqtt.ProtocolVersion, again: bool) -> None:
         """`again`: what the broker has kept for `client` since the connection before is wanted."""
-        reached = Endpoint(place.host, place.port, client, place.user, place.password(), _tls_of(place), None)
+        reached = Endpoint(
+            host=place.host,
+            port=place.port,
+            identifier=client,
+            user=place.user,
+            password=place.password(),
+            tls=_tls_of(place),
+            will=None,
+        )
         super().__init__(reached, version, _WAITING)
         self._refused: dict[int, int] = {}
         if version is V5:

@@ -12,7 +12,7 @@ _LAG_S = (1.0, 60.0)
 """Age by this computer's clock from which a state may have been queued, and from which the clocks must differ."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Run:
     """One run of the service. Times are of this computer's monotonic clock, s, unless said otherwise."""
 
@@ -93,7 +93,7 @@ class Runs:
 
     def _run(self, session: str) -> Run:
         """Return the run with this session and make it the newest."""
-        run = self._runs.pop(session, None) or Run(session)
+        run = self._runs.pop(session, None) or Run(session=session)
         self._runs[session] = run
         if len(self._runs) > _MOST_RUNS:
             del self._runs[next(name for name, one in self._runs.items() if one is not self.followed)]

@@ -213,14 +213,14 @@ class CompanionConfig(Section):
         """Return the properties of the vehicle that a law may know."""
         v = self.vehicle
         return VehicleModel(
-            v.mass_kg,
-            v.gravity_mps2,
-            v.attitude_bandwidth_radps,
-            v.attitude_damping,
-            v.thrust_lag_s,
-            v.setpoint_delay_s,
-            v.thrust_delay_s,
-            self.mocap.delay_s,
+            mass_kg=v.mass_kg,
+            gravity_mps2=v.gravity_mps2,
+            attitude_bandwidth_radps=v.attitude_bandwidth_radps,
+            attitude_damping=v.attitude_damping,
+            thrust_lag_s=v.thrust_lag_s,
+            setpoint_delay_s=v.setpoint_delay_s,
+            thrust_delay_s=v.thrust_delay_s,
+            mocap_age_s=self.mocap.delay_s,
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from companion.core.types import Array, Reference
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class VehicleModel:
     """Model of the vehicle for control laws; measured in a hover, stored in the vehicle's configuration."""
 
@@ -26,7 +26,7 @@ class VehicleModel:
     """Usual age of the newest frame when the law runs."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ControlInput:
     """Inputs of a law in one cycle; vectors (..., 3) in W."""
 

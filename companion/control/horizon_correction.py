@@ -54,7 +54,7 @@ class HorizonRules:
     """Change of the correction that is sent without a new setpoint of the law: 0.2 m/s^2."""
 
 
-@value
+@value(kw_only=True)
 class HorizonInput:
     """Attitudes of both sources in one cycle, (..., 4); ages and flags are single, or (...,)."""
 

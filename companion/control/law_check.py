@@ -106,15 +106,15 @@ def _seen(rows: int | slice, cycle: int, period_s: float) -> ControlInput:
     target = _TARGET_M if isinstance(rows, int) or cycle == 0 else np.tile(_TARGET_M, (2, 1))
     reference = Reference(_frozen(target), _frozen(_TARGET_MPS), _frozen(_TARGET_MPS2), 0.1)
     return ControlInput(
-        _frozen((_POSITION_M + cycle * period_s * _VELOCITY_MPS)[rows]),
-        _frozen(_VELOCITY_MPS[rows]),
-        _frozen(_Q[rows]),
-        _frozen(_RATE_RADPS[rows]),
-        float(_AGE_S[rows, 0]) if isinstance(rows, int) else _frozen(_AGE_S),
-        reference,
-        _frozen(_SENT_MPS2[rows]),
-        period_s,
-        _frozen(_KNOWN_MPS2),
+        position_w_m=_frozen((_POSITION_M + cycle * period_s * _VELOCITY_MPS)[rows]),
+        velocity_w_mps=_frozen(_VELOCITY_MPS[rows]),
+        q_w_flu_wxyz=_frozen(_Q[rows]),
+        rate_flu_radps=_frozen(_RATE_RADPS[rows]),
+        age_s=float(_AGE_S[rows, 0]) if isinstance(rows, int) else _frozen(_AGE_S),
+        reference=reference,
+        sent_accel_w_mps2=_frozen(_SENT_MPS2[rows]),
+        dt_s=period_s,
+        known_accel_w_mps2=_frozen(_KNOWN_MPS2),
     )
 
 

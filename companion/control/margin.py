@@ -220,7 +220,17 @@ class _Plant:
         rate = np.stack((-j[:, 1] / g, j[:, 0] / g, zero[:, 0]), axis=-1)
         age_s = np.full((self._count, 1), self._vehicle.mocap_age_s)
         reference = Reference(zero, zero, zero, 0.0)
-        return ControlInput(p.copy(), v.copy(), q, rate, age_s, reference, sent_w_mps2, self._period_s, zero)
+        return ControlInput(
+            position_w_m=p.copy(),
+            velocity_w_mps=v.copy(),
+            q_w_flu_wxyz=q,
+            rate_flu_radps=rate,
+            age_s=age_s,
+            reference=reference,
+            sent_accel_w_mps2=sent_w_mps2,
+            dt_s=self._period_s,
+            known_accel_w_mps2=zero,
+        )
 
     def advance(self, given_w_mps2: Array) -> None:
         """Advance by a control cycle with a command that is sent now."""

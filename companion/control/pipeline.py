@@ -147,15 +147,15 @@ class ControlPipeline:
         Between events the setpoint of the law stays, and the rate limits continue towards it.
         """
         now = ControlInput(
-            vehicle.position_w_m,
-            vehicle.velocity_w_mps,
-            vehicle.q_w_flu_wxyz,
-            vehicle.rate_flu_radps,
-            age_s,
-            ahead,
-            accel_of_setpoint(self.sent, self._model) + self._countered_w_mps2,
-            dt_s,
-            known_accel_w_mps2,
+            position_w_m=vehicle.position_w_m,
+            velocity_w_mps=vehicle.velocity_w_mps,
+            q_w_flu_wxyz=vehicle.q_w_flu_wxyz,
+            rate_flu_radps=vehicle.rate_flu_radps,
+            age_s=age_s,
+            reference=ahead,
+            sent_accel_w_mps2=accel_of_setpoint(self.sent, self._model) + self._countered_w_mps2,
+            dt_s=dt_s,
+            known_accel_w_mps2=known_accel_w_mps2,
         )
         self._countered_w_mps2 = known_accel_w_mps2
         begun = self._memory is None

@@ -29,7 +29,7 @@ from companion.guard.limits import Limits, limit_setpoint
 _STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
-@value
+@value(kw_only=True)
 class Wire:
     """Setpoint on the wire in one cycle, and the inputs it was computed from."""
 
@@ -69,7 +69,7 @@ class WireSetpoint:
         begun, self._begun = self._begun, False
         self._horizon = step(self._horizon, seen, self._rules, dt_s)
         leaves = self._leaving(setpoint, is_new, last, seen, dt_s) if self._rules.enabled else setpoint
-        return Wire(leaves, last, is_new, seen, self._horizon, dt_s, begun)
+        return Wire(setpoint=leaves, last=last, is_new=is_new, seen=seen, horizon=self._horizon, dt_s=dt_s, begun=begun)
 
     def _leaving(
         self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MocapFrame:
     """One body in one frame of the motion-capture system, as received."""
 
@@ -94,7 +94,7 @@ class BatteryReading:
     voltage_v: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class AutopilotStatus:
     """Newest status of the autopilot; callers compute ages from the times of arrival."""
 
@@ -175,7 +175,7 @@ class ArmFault:
     """A sentence that names the joint and the servo's ID, and what to do."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ArmStatus:
     """Newest status of the servo bus; arrays are (8,), NaN where nothing was read yet."""
 

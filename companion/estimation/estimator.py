@@ -198,7 +198,18 @@ def _known(
     run = state.run + 1 if verdict == state.verdict else 1
     counts = _counted(state.counts, verdict)
     stamp_s, received_s = frame.stamp_s, frame.received_s
-    return EstimatorState(vehicle, verdict, run, counts, clock, motion, attitude, stamp_s, received_s, pose)
+    return EstimatorState(
+        vehicle=vehicle,
+        verdict=verdict,
+        run=run,
+        counts=counts,
+        clock=clock,
+        motion=motion,
+        attitude=attitude,
+        stamp_s=stamp_s,
+        received_s=received_s,
+        pose=pose,
+    )
 
 
 def _counted(counts: Counts, verdict: Verdict) -> Counts:

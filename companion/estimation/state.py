@@ -29,7 +29,7 @@ class Verdict(StrEnum):
     """Further from the prediction than physics allows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EstimatorParams:
     """Tuning. The defaults fit Qualisys at 100 Hz: 0.3 mm, 2 mrad, an airframe of 6 to 8 rad/s."""
 
@@ -71,7 +71,7 @@ class EstimatorParams:
     """False only for simulations without noise, where a pose can really repeat."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Counts:
     """Number of frames by their verdict."""
 
@@ -85,7 +85,7 @@ class Counts:
     outlier: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EstimatorState:
     """State of the estimator; `EstimatorState()` is the initial one."""
 

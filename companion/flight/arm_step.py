@@ -122,7 +122,15 @@ class ArmStep:
             self._broken = f"bus: no servo was read for {unread_s:.1f} s"
         held_rad = self._status.held_rad
         obey = bool(np.isfinite(held_rad).all())  # torque that an earlier program left is not ours to move with
-        self._facts = ArmFacts(now_s, held_rad, obey, self.fault, self.stowed, flight.phase, flight.touched_down)
+        self._facts = ArmFacts(
+            time_s=now_s,
+            held_rad=held_rad,
+            obey=obey,
+            fault=self.fault,
+            stowed=self.stowed,
+            flight=flight.phase,
+            touched_down=flight.touched_down,
+        )
 
     def known_accel_w_mps2(self, q_w_flu_wxyz: Array) -> Array:
         """Return the acceleration that the arms' motion gives when a setpoint sent now acts, (3,) in W, m/s^2.

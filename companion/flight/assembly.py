@@ -29,7 +29,7 @@ class Devices:
     sides: Sides = field(default_factory=Sides)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stages:
     """Each does its part of every tick."""
 
@@ -56,15 +56,15 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
     if devices.arms is not None and config.arms is not None:
         arms = ArmStep(devices.arms, config.arms, config.vehicle_model(), config.airframe(), period_s)
     return Stages(
-        rules,
-        safety,
-        control,
-        arms,
-        LawStep(control, arms, rules, safety, limits.max_thrust, period_s),
-        HealthStep(safety, fence, devices.sides),
-        stream,
-        HorizonStep(
+        rules=rules,
+        safety=safety,
+        control=control,
+        arms=arms,
+        law=LawStep(control, arms, rules, safety, limits.max_thrust, period_s),
+        health=HealthStep(safety, fence, devices.sides),
+        stream=stream,
+        horizon=HorizonStep(
             WireSetpoint(horizon, limits), stream, safety, float(horizon.cap_rad), config.px4.attitude_delay_s, period_s
         ),
-        VisionStep(devices.autopilot, config.px4.vision_rate_hz, period_s),
+        vision=VisionStep(devices.autopilot, config.px4.vision_rate_hz, period_s),
     )

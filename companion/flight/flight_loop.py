@@ -191,25 +191,25 @@ class FlightLoop:
         self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
         self._tell(
             Tick(
-                now_s,
-                late_s,
-                frame_received_s,
-                sent_s,
-                self._estimate.vehicle,
-                estimator.age_s(self._estimate, now_s),
-                self._autopilot.status(),
-                self._flight,
-                state_machine.reference_at(self._flight, now_s) if asked else None,
-                asked,
-                gated,
-                late_signals,
-                self.arms.tick(now_s, self._flight) if self.arms is not None else None,
-                self._events,
-                self._frame if math.isfinite(frame_received_s) else None,
-                self._estimate,
-                self.law_name,
-                wire,
-                stage,
+                time_s=now_s,
+                late_s=late_s,
+                frame_received_s=frame_received_s,
+                sent_s=sent_s,
+                vehicle=self._estimate.vehicle,
+                age_s=estimator.age_s(self._estimate, now_s),
+                status=self._autopilot.status(),
+                flight=self._flight,
+                reference=state_machine.reference_at(self._flight, now_s) if asked else None,
+                asked=asked,
+                gated=gated,
+                late_signals=late_signals,
+                arms=self.arms.tick(now_s, self._flight) if self.arms is not None else None,
+                events=self._events,
+                frame=self._frame if math.isfinite(frame_received_s) else None,
+                estimate=self._estimate,
+                law=self.law_name,
+                wire=wire,
+                stage=stage,
             )
         )
 
@@ -240,17 +240,17 @@ class FlightLoop:
         """Update the faults, and judge whether the autopilot may see what we see."""
         status = self._autopilot.status()
         cycle = Cycle(
-            now_s,
-            late_s,
-            self._mocap.latest(),
-            self._estimate,
-            status,
-            self._stream.on,
-            self._stream.sent,
-            self._law.at_max_thrust,
-            self._law.fault,
-            self.arms.fault if self.arms is not None else "",
-            self._horizon.fault,
+            time_s=now_s,
+            late_s=late_s,
+            frame=self._mocap.latest(),
+            estimate=self._estimate,
+            status=status,
+            streaming=self._stream.on,
+            sent=self._stream.sent,
+            at_max_thrust=self._law.at_max_thrust,
+            law_fault=self._law.fault,
+            arm_fault=self.arms.fault if self.arms is not None else "",
+            horizon_fault=self._horizon.fault,
         )
         self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
         if unsent is not None:

@@ -35,7 +35,7 @@ class Sides:
     """None: nothing is recorded to disk."""
 
 
-@value
+@value(kw_only=True)
 class Cycle:
     """State of the cycle as the loop knows it before its setpoint; see Observed."""
 
@@ -117,8 +117,16 @@ def _seen(cycle: Cycle) -> MocapInputs:
     frame, vehicle = cycle.frame, cycle.estimate.vehicle
     old_s = age_s(cycle.estimate, cycle.time_s)
     if frame is None:
-        return MocapInputs(old_s, None, -1, math.nan, math.nan, vehicle)
-    return MocapInputs(old_s, cycle.estimate.verdict, frame.frame, frame.stamp_s, frame.received_s, vehicle, frame.late)
+        return MocapInputs(age_s=old_s, verdict=None, frame=-1, stamp_s=math.nan, received_s=math.nan, vehicle=vehicle)
+    return MocapInputs(
+        age_s=old_s,
+        verdict=cycle.estimate.verdict,
+        frame=frame.frame,
+        stamp_s=frame.stamp_s,
+        received_s=frame.received_s,
+        vehicle=vehicle,
+        late=frame.late,
+    )
 
 
 def facts_of(

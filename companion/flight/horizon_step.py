@@ -64,13 +64,13 @@ class HorizonStep:
             return None
         trusted = estimate.verdict is not Verdict.STARTED and not any(event.fault in _DOUBTFUL for event in events)
         seen = HorizonInput(
-            vehicle.q_w_flu_wxyz,
-            vehicle.rate_flu_radps,
-            age_s(estimate, now_s),
-            status.q_w_flu_wxyz,
-            now_s - status.attitude_s + self._delay_s,
-            trusted,
-            flight.airborne,
+            q_w_flu_wxyz=vehicle.q_w_flu_wxyz,
+            rate_flu_radps=vehicle.rate_flu_radps,
+            age_s=age_s(estimate, now_s),
+            autopilot_q_w_flu_wxyz=status.q_w_flu_wxyz,
+            autopilot_age_s=now_s - status.attitude_s + self._delay_s,
+            trusted=trusted,
+            flying=flight.airborne,
         )
         dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s

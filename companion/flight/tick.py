@@ -13,7 +13,7 @@ from companion.supervisor.faults import Event, Stage
 from companion.supervisor.flight_state import FlightState
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Tick:
     """Inputs, decisions and outputs of one cycle, for recording and for observers."""
 

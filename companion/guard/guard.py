@@ -78,7 +78,16 @@ class Guard:
         except Exception as error:  # any error: no setpoint is sent unguarded
             level = self.level(_heading_rad(last, wanted))
             message = f"{type(error).__name__}: {error}"
-            return LimitedSetpoint(level, _YES, _YES, _YES, _YES, age_cut=_YES, fence_cut=_YES, failure=message)
+            return LimitedSetpoint(
+                setpoint=level,
+                not_finite=_YES,
+                tilt_cut=_YES,
+                thrust_cut=_YES,
+                slew_cut=_YES,
+                age_cut=_YES,
+                fence_cut=_YES,
+                failure=message,
+            )
 
     def level(self, yaw_rad: float) -> AttitudeThrust:
         """Return a level setpoint at this heading that sinks gently."""

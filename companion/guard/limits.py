@@ -4,7 +4,7 @@ Deliberately simpler than everything in front of it: any setpoint is cut to the 
 """
 
 import math
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,7 @@ class Limits:
     """Largest rate of change of the normalised thrust, 1/s."""
 
 
-@value
+@value(kw_only=True)
 class LimitedSetpoint:
     """Setpoint inside the limits, and flags (...,) of what was cut, for the record and for the supervisor."""
 
@@ -54,7 +54,6 @@ class LimitedSetpoint:
     tilt_cut: Mask
     thrust_cut: Mask
     slew_cut: Mask
-    _: KW_ONLY
     age_cut: Mask = field(default_factory=_no)
     """Cut by the guard because the state was too old."""
     fence_cut: Mask = field(default_factory=_no)
@@ -78,8 +77,13 @@ def limit_setpoint(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits,
         limits.max_thrust_rate_ps * dt_s,
     )
     slewed = _between(thrust, before - step, before + step)
-    cuts = map(np.asarray, (not_finite, tilt_cut, thrust != commanded, turn_cut | (slewed != thrust)))
-    return LimitedSetpoint(AttitudeThrust(inside, np.asarray(slewed)), *cuts)
+    return LimitedSetpoint(
+        setpoint=AttitudeThrust(inside, np.asarray(slewed)),
+        not_finite=np.asarray(not_finite),
+        tilt_cut=np.asarray(tilt_cut),
+        thrust_cut=np.asarray(thrust != commanded),
+        slew_cut=np.asarray(turn_cut | (slewed != thrust)),
+    )
 
 
 def _between(value: Any, low: Any, high: Any) -> Any:

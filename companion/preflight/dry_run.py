@@ -54,7 +54,18 @@ class DryRun:
         arms, frame = self._running.arms, self._running.mocap.latest()
         arm_fault = arms.fault if arms is not None else ""
         streaming = asked is not None  # in its mind: the checks say nothing of motion capture before
-        cycle = Cycle(now_s, 0.0, frame, estimate, status, streaming, self._stage.sent, False, self._fault, arm_fault)
+        cycle = Cycle(
+            time_s=now_s,
+            late_s=0.0,
+            frame=frame,
+            estimate=estimate,
+            status=status,
+            streaming=streaming,
+            sent=self._stage.sent,
+            at_max_thrust=False,
+            law_fault=self._fault,
+            arm_fault=arm_fault,
+        )
         events = self._health.look(cycle, FlightState())
         for event in events:
             self._events.setdefault(event.fault, event.text)

@@ -116,12 +116,12 @@ async def open_onlooker(
         vision = VisionStep(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
         onlooker = LiveObserver(mocap, clock, config, arms, vision)
         running = Running(
-            mocap,
-            autopilot,
-            clock,
-            lambda: onlooker.estimate,
-            arms,
-            disk.free_mb,
+            mocap=mocap,
+            autopilot=autopilot,
+            clock=clock,
+            estimate=lambda: onlooker.estimate,
+            arms=arms,
+            disk_free_mb=disk.free_mb,
             arms_remarks=bus.warnings if bus is not None else (),
         )
         async with _kept_going(onlooker):

@@ -50,14 +50,14 @@ class MocapWatch:
         """Return what was gathered in `seconds_s` of looking."""
         ages_s = sorted(self._ages_s)
         return MocapSeen(
-            body,
-            self.frames,
-            seconds_s,
-            self.tracked,
-            ages_s[int(_OFTEN * len(ages_s))] if ages_s else math.inf,
-            median(self._delays_s),
-            median(self._residuals_m),
-            "" if self.frames else self._mocap.why_silent(),
+            body=body,
+            frames=self.frames,
+            seconds_s=seconds_s,
+            tracked=self.tracked,
+            age_s=ages_s[int(_OFTEN * len(ages_s))] if ages_s else math.inf,
+            delay_s=median(self._delays_s),
+            residual_m=median(self._residuals_m),
+            why_silent="" if self.frames else self._mocap.why_silent(),
         )
 
 

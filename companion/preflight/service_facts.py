@@ -74,7 +74,7 @@ def _nothing(_: str) -> None:
     """Ignore the text: nobody is shown what is waited for."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Running:
     """Devices that a preflight reads; kept current by a flight loop or an observer."""
 
@@ -233,19 +233,19 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
     """Return the facts from the collected samples and the present state."""
     vehicle, now_s = running.estimate().vehicle, running.clock.now_s()
     return Facts(
-        now_s,
-        datetime.now(tz=UTC),
-        watched.mocap,
-        vehicle.position_w_m if vehicle is not None else None,
-        running.autopilot.status(),
-        watched.apart,
-        VisionSeen(_fused(running), watched.vision_apart_m),
-        parameters,
-        _arms_of(running, now_s),
-        machine_of(running),
-        read_kept(wanted),
-        _operator_age_s(running),
-        running.landed_age_s(),
+        time_s=now_s,
+        when=datetime.now(tz=UTC),
+        mocap=watched.mocap,
+        position_w_m=vehicle.position_w_m if vehicle is not None else None,
+        status=running.autopilot.status(),
+        apart=watched.apart,
+        vision=VisionSeen(_fused(running), watched.vision_apart_m),
+        parameters=parameters,
+        arms=_arms_of(running, now_s),
+        machine=machine_of(running),
+        kept=read_kept(wanted),
+        operator_age_s=_operator_age_s(running),
+        landed_age_s=running.landed_age_s(),
     )
 
 

@@ -48,7 +48,7 @@ class RecordedWire:
     begun: bool
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordedTick:
     """Exact inputs and outputs of one cycle; arrays with the law's types and shapes."""
 
@@ -75,7 +75,7 @@ class RecordedTick:
     """Also in cycles in which it was as before and did not leave again; None in an old record."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightRecord:
     """Recorded flight: columns, events and metadata."""
 
@@ -151,31 +151,33 @@ class FlightRecord:
         flown = "given_dt_s" in c and np.isfinite(c["given_dt_s"][row])
         sent = "setpoint_thrust" in c and np.isfinite(c["setpoint_thrust"][row])
         return RecordedTick(
-            int(c["tick"][row]),
-            float(c["time_s"][row]),
-            str(c["phase"][row]),
-            str(c["law_name"][row]),
-            self._frame(row) if np.isfinite(c["frame_stamp_s"][row]) else None,
-            self._given(row) if flown else None,
-            bool(flown and c["begun"][row]),
-            c["accel_w_mps2"][row] if flown else None,
-            bool(flown and c["event"][row]),
-            {name: c[f"law_{name}"][row] for name in names if not np.isnan(c[f"law_{name}"][row]).all()},
-            AttitudeThrust(c["setpoint_q_w_flu_wxyz"][row], np.asarray(c["setpoint_thrust"][row])) if sent else None,
-            float(c["sent_s"][row]),
-            self._wire(row) if "wire_thrust" in c and np.isfinite(c["wire_thrust"][row]) else None,
+            number=int(c["tick"][row]),
+            time_s=float(c["time_s"][row]),
+            phase=str(c["phase"][row]),
+            law=str(c["law_name"][row]),
+            frame=self._frame(row) if np.isfinite(c["frame_stamp_s"][row]) else None,
+            given=self._given(row) if flown else None,
+            begun=bool(flown and c["begun"][row]),
+            accel_w_mps2=c["accel_w_mps2"][row] if flown else None,
+            event=bool(flown and c["event"][row]),
+            signals={name: c[f"law_{name}"][row] for name in names if not np.isnan(c[f"law_{name}"][row]).all()},
+            setpoint=AttitudeThrust(c["setpoint_q_w_flu_wxyz"][row], np.asarray(c["setpoint_thrust"][row]))
+            if sent
+            else None,
+            sent_s=float(c["sent_s"][row]),
+            wire=self._wire(row) if "wire_thrust" in c and np.isfinite(c["wire_thrust"][row]) else None,
         )
 
     def _wire(self, row: int) -> RecordedWire:
         c = self.columns
         seen = HorizonInput(
-            c["q_w_flu_wxyz"][row],
-            c["rate_flu_radps"][row],
-            float(c["age_s"][row]),
-            c["horizon_autopilot_q_w_flu_wxyz"][row],
-            float(c["horizon_autopilot_age_s"][row]),
-            bool(c["horizon_trusted"][row]),
-            bool(c["horizon_flying"][row]),
+            q_w_flu_wxyz=c["q_w_flu_wxyz"][row],
+            rate_flu_radps=c["rate_flu_radps"][row],
+            age_s=float(c["age_s"][row]),
+            autopilot_q_w_flu_wxyz=c["horizon_autopilot_q_w_flu_wxyz"][row],
+            autopilot_age_s=float(c["horizon_autopilot_age_s"][row]),
+            trusted=bool(c["horizon_trusted"][row]),
+            flying=bool(c["horizon_flying"][row]),
         )
         return RecordedWire(
             setpoint=AttitudeThrust(c["wire_q_w_flu_wxyz"][row], np.asarray(c["wire_thrust"][row])),
@@ -190,30 +192,30 @@ class FlightRecord:
     def _frame(self, row: int) -> MocapFrame:
         c = self.columns
         return MocapFrame(
-            int(c["frame_number"][row]),
-            float(c["frame_stamp_s"][row]),
-            float(c["frame_received_s"][row]),
-            c["frame_position_w_m"][row],
-            c["frame_rotation_w_b"][row],
-            float(c["frame_residual_m"][row]),
-            int(c["frame_late"][row]),
+            frame=int(c["frame_number"][row]),
+            stamp_s=float(c["frame_stamp_s"][row]),
+            received_s=float(c["frame_received_s"][row]),
+            position_w_m=c["frame_position_w_m"][row],
+            rotation_w_b=c["frame_rotation_w_b"][row],
+            residual_m=float(c["frame_residual_m"][row]),
+            late=int(c["frame_late"][row]),
         )
 
     def _given(self, row: int) -> ControlInput:
         c = {name.removeprefix("given_"): column for name, column in self.columns.items() if name.startswith("given_")}
         return ControlInput(
-            c["position_w_m"][row],
-            c["velocity_w_mps"][row],
-            c["q_w_flu_wxyz"][row],
-            c["rate_flu_radps"][row],
-            float(c["age_s"][row]),
-            Reference(
+            position_w_m=c["position_w_m"][row],
+            velocity_w_mps=c["velocity_w_mps"][row],
+            q_w_flu_wxyz=c["q_w_flu_wxyz"][row],
+            rate_flu_radps=c["rate_flu_radps"][row],
+            age_s=float(c["age_s"][row]),
+            reference=Reference(
                 c["reference_position_w_m"][row],
                 c["reference_velocity_w_mps"][row],
                 c["reference_acceleration_w_mps2"][row],
                 float(c["reference_yaw_rad"][row]),
             ),
-            c["sent_accel_w_mps2"][row],
-            float(c["dt_s"][row]),
-            c["known_accel_w_mps2"][row],
+            sent_accel_w_mps2=c["sent_accel_w_mps2"][row],
+            dt_s=float(c["dt_s"][row]),
+            known_accel_w_mps2=c["known_accel_w_mps2"][row],
         )

@@ -26,7 +26,7 @@ _CHANNEL, _LENGTH = struct.Struct("<H"), struct.Struct("<Q")
 """First bytes of a message; and the last ones before it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightSummary:
     """Summary of one flight, a line of the list."""
 
@@ -59,7 +59,16 @@ def unreadable(path: Path, why: str) -> FlightSummary:
         size_mb = 1e-6 * path.stat().st_size
     except OSError:
         size_mb = 0.0
-    return FlightSummary(path, math.nan, math.nan, "", "", size_mb, truncated=False, unreadable=why)
+    return FlightSummary(
+        path=path,
+        begin_s=math.nan,
+        length_s=math.nan,
+        law="",
+        ended="",
+        size_mb=size_mb,
+        truncated=False,
+        unreadable=why,
+    )
 
 
 def _at_its_ends(path: Path) -> FlightSummary | None:
@@ -71,12 +80,12 @@ def _at_its_ends(path: Path) -> FlightSummary | None:
             times = Statistics.read(stream_at(summary, places(summary, Opcode.STATISTICS)[0]))
             said = json.loads(_last_tick(file, summary))
             return FlightSummary(
-                path,
-                1e-9 * times.message_start_time,
-                1e-9 * (times.message_end_time - times.message_start_time),
-                _laws(file, summary, str(said["law_name"])),
-                ended(str(said["phase"]), str(said["reason"])),
-                1e-6 * file.size,
+                path=path,
+                begin_s=1e-9 * times.message_start_time,
+                length_s=1e-9 * (times.message_end_time - times.message_start_time),
+                law=_laws(file, summary, str(said["law_name"])),
+                ended=ended(str(said["phase"]), str(said["reason"])),
+                size_mb=1e-6 * file.size,
                 truncated=False,
             )
         except (*BROKEN, StopIteration):
@@ -116,13 +125,13 @@ def _of_all(path: Path) -> FlightSummary:
     columns = record.columns
     times_s, empty = columns["time_s"], [""]
     return FlightSummary(
-        path,
-        float(times_s[0]) + record.unix_offset_s if record.unix_offset_s else math.nan,
-        float(times_s[-1] - times_s[0]),
-        ", ".join(record.laws),
-        ended(str(columns["phase"][-1]), str(columns.get("reason", empty)[-1])),
-        1e-6 * path.stat().st_size,
-        record.truncated,
+        path=path,
+        begin_s=float(times_s[0]) + record.unix_offset_s if record.unix_offset_s else math.nan,
+        length_s=float(times_s[-1] - times_s[0]),
+        law=", ".join(record.laws),
+        ended=ended(str(columns["phase"][-1]), str(columns.get("reason", empty)[-1])),
+        size_mb=1e-6 * path.stat().st_size,
+        truncated=record.truncated,
     )
 
 

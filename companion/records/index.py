@@ -108,4 +108,4 @@ def _restored(path: Path, line: dict[str, Any]) -> FlightSummary | None:
     values: dict[str, Any] = {name: line.get(name) for name in _KINDS}
     if any(not isinstance(value, _KINDS[name]) for name, value in values.items()):
         return None
-    return FlightSummary(path, **values)
+    return FlightSummary(path=path, **values)

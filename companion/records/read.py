@@ -66,7 +66,7 @@ def _read_npz(path: Path) -> FlightRecord:
         raise RecordError(f"{path}: a damaged NPZ file: {error}") from error
     if "time_s" not in columns or "phase" not in columns:
         raise RecordError(f"{path}: an NPZ file, but no record of a flight: it has no columns time_s and phase")
-    return FlightRecord(path, _checked(path, columns))
+    return FlightRecord(path=path, columns=_checked(path, columns))
 
 
 def _read_mcap(path: Path) -> FlightRecord:
@@ -85,14 +85,14 @@ def _read_mcap(path: Path) -> FlightRecord:
     except BROKEN as error:
         raise RecordError(f"{path}: its messages are not those of a record: {error}") from error
     return FlightRecord(
-        path,
-        _checked(path, columns),
-        tuple(table.events),
-        tuple(table.health),
-        metadata.begin,
-        metadata.start,
-        source.truncated,
-        _damage(source),
+        path=path,
+        columns=_checked(path, columns),
+        events=tuple(table.events),
+        health=tuple(table.health),
+        metadata=metadata.begin,
+        start=metadata.start,
+        truncated=source.truncated,
+        damage=_damage(source),
     )
 
 

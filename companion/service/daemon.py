@@ -49,7 +49,7 @@ _LANDING_S = 60.0
 _NOT_PUBLISHED = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DaemonSettings:
     """Configuration, law and process-wide devices of the daemon."""
 

@@ -23,7 +23,7 @@ _SILENT = "QTM sends no frames: is the capture stopped, or the network cut?"
 _USABLE = frozenset({Verdict.ACCEPTED, Verdict.STARTED})
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Glance:
     """Counters and state of a bridge at one instant."""
 
@@ -73,13 +73,13 @@ class Bridge:
         out, frame = self._out, self._source.latest() if self._source is not None else None
         age_s = self._clock.now_s() - frame.received_s if frame is not None else float("inf")
         return Glance(
-            self._frames,
-            out.sent if out is not None else 0,
-            age_s,
-            self._dropped + (_dropped_by(self._source) if self._source is not None else 0),
-            out.passed_over if out is not None else 0,
-            frame is not None and frame.tracked,
-            "; ".join(filter(None, (self._trouble, out.why if out is not None else ""))),
+            frames=self._frames,
+            sent=out.sent if out is not None else 0,
+            age_s=age_s,
+            dropped=self._dropped + (_dropped_by(self._source) if self._source is not None else 0),
+            passed_over=out.passed_over if out is not None else 0,
+            tracked=frame is not None and frame.tracked,
+            trouble="; ".join(filter(None, (self._trouble, out.why if out is not None else ""))),
         )
 
     async def _read(self, out: MocapOut) -> None:

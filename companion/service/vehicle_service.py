@@ -69,14 +69,14 @@ async def open_service(
             operator_age_s = operator.age_s if operator is not None else None
             remarks = arms.warnings if arms is not None else ()
             running = Running(
-                mocap,
-                autopilot,
-                clock,
-                lambda: loop.estimate,
-                loop.arms,
-                disk.free_mb,
-                operator_age_s,
-                remarks,
+                mocap=mocap,
+                autopilot=autopilot,
+                clock=clock,
+                estimate=lambda: loop.estimate,
+                arms=loop.arms,
+                disk_free_mb=disk.free_mb,
+                operator_age_s=operator_age_s,
+                arms_remarks=remarks,
                 landed_age_s=partial(_landed_age_s, loop, clock),
                 tell=lambda text: service.report_wait(text),  # noqa: PLW0108 - who is told changes
                 law_loaded=True,

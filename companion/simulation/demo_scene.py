@@ -37,14 +37,15 @@ def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: Companio
     flown = _from_lift_off(trajectory, companion)
     plan = planned_arms(arms, companion, trajectory.duration_s + _SWING_ON_S)
     return Scene(
-        name,
-        f"the demo, {name}",
-        flown,
-        math.ceil(flown.before_s * companion.control.rate_hz) / companion.control.rate_hz,  # a cycle begins at 0
-        None if plan is None else _after_standing(plan, flown.climb_s),
-        companion,
-        mock.model_copy(update={"disturbance": _under_way(mock.disturbance, LIFT_OFF_S)}),
-        LINK_S,
+        name=name,
+        title=f"the demo, {name}",
+        trajectory=flown,
+        settle_s=math.ceil(flown.before_s * companion.control.rate_hz)
+        / companion.control.rate_hz,  # a cycle begins at 0
+        arms=None if plan is None else _after_standing(plan, flown.climb_s),
+        companion=companion,
+        mock=mock.model_copy(update={"disturbance": _under_way(mock.disturbance, LIFT_OFF_S)}),
+        link_s=LINK_S,
     )
 
 
@@ -74,11 +75,13 @@ def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromL
     """Return the legs of the demo as planned by the state machine: climb, way to the start, wait, trajectory."""
     rules, height_m = companion.flight_rules(), companion.flight.takeoff_height_m
     above = _up(height_m)
-    inputs = FlightInputs(0.0, above, np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
-    holding = FlightState(Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
+    inputs = FlightInputs(
+        time_s=0.0, position_w_m=above, velocity_w_mps=np.zeros(3), yaw_rad=0.0, armed=True, mode=FlightMode.OFFBOARD
+    )
+    holding = FlightState(phase=Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
     legs = state_machine.apply_request(holding, TrackRequest(trajectory, companion.flight.settle_s), inputs, rules).legs
     climb_s = minimum_jerk_duration_s(height_m - rules.lift_off_m, rules.climb_speed_mps, rules.climb_accel_mps2)
-    climb = Leg(Phase.TAKEOFF, MinimumJerk(_up(rules.lift_off_m), above, climb_s))
+    climb = Leg(Phase.TAKEOFF, MinimumJerk(start_w_m=_up(rules.lift_off_m), end_w_m=above, duration_s=climb_s))
     way, wait, *_ = legs
     before_s = climb_s + way.trajectory.duration_s + wait.trajectory.duration_s
     return _FromLiftOff(

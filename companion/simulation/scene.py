@@ -68,7 +68,7 @@ class ExperimentFile(Section):
     mock: dict[str, Any] = Field(default_factory=dict, description="the vehicle and its room, as in config/mock.toml")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Scene:
     """Experiment ready to be flown, by any law."""
 
@@ -96,13 +96,13 @@ class Scene:
         """Return the companion with this law; `feedforward` overrides the configuration's."""
         c = self.companion
         return Pilot(
-            controller.law,
-            c.vehicle.thrust_model(),
-            c.limits.limits(),
-            EstimatorParams(delay_s=c.mocap.delay_s),
-            self.period_s,
-            self._known(feedforward),
-            c.control.horizon_rules(c.safety.tilt_apart_rad),
+            law=controller.law,
+            thrust=c.vehicle.thrust_model(),
+            limits=c.limits.limits(),
+            estimator=EstimatorParams(delay_s=c.mocap.delay_s),
+            period_s=self.period_s,
+            known_b_mps2=self._known(feedforward),
+            horizon=c.control.horizon_rules(c.safety.tilt_apart_rad),
         )
 
     def _known(self, feedforward: Feedforward | None) -> Any:
@@ -117,13 +117,13 @@ class Scene:
         """Return the simulated vehicle and its room."""
         m = self.mock
         return VirtualVehicle(
-            m.plant,
-            m.qualisys.delay_s + self.link_s,
-            m.vehicle.attitude_delay_s + self.link_s,
-            m.vehicle.thrust_delay_s + self.link_s,
-            m.qualisys.noise_m,
-            m.qualisys.noise_rad,
-            m.disturbance.forces(),
+            plant=m.plant,
+            mocap_delay_s=m.qualisys.delay_s + self.link_s,
+            attitude_delay_s=m.vehicle.attitude_delay_s + self.link_s,
+            thrust_delay_s=m.vehicle.thrust_delay_s + self.link_s,
+            noise_m=m.qualisys.noise_m,
+            noise_rad=m.qualisys.noise_rad,
+            forces=m.disturbance.forces(),
             attitude_error=m.estimator.attitude_error(),
             arms=self._carried,
         )
@@ -185,7 +185,15 @@ def load_scene(name: str) -> Scene:
         raise ConfigError(f"{path}: mock.{error}") from None
     trajectory = file.trajectory.trajectory()
     arms = planned_arms(file.arms, file.companion, trajectory.duration_s + file.settle_s)
-    return Scene(path.stem, file.title, trajectory, file.settle_s, arms, file.companion, mock)
+    return Scene(
+        name=path.stem,
+        title=file.title,
+        trajectory=trajectory,
+        settle_s=file.settle_s,
+        arms=arms,
+        companion=file.companion,
+        mock=mock,
+    )
 
 
 def planned_arms(name: str, companion: CompanionConfig, duration_s: float) -> Plan | None:

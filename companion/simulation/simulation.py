@@ -28,7 +28,7 @@ from companion.simulation.virtual_world import Look, VirtualVehicle, VirtualWorl
 Mask = NDArray[np.bool_]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Pilot:
     """Companion's side of a virtual flight: law, limits, estimator, corrections."""
 
@@ -43,7 +43,7 @@ class Pilot:
     """Correction of the autopilot's horizon."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Trace:
     """Result of a virtual flight: n cycles, then the batch's leading axes. Positions are the truth."""
 
@@ -121,11 +121,11 @@ class _Out:
         age_s = age_s[..., 0] if isinstance(age_s, np.ndarray) else age_s
         theirs_s = look.autopilot_age_s if look.autopilot_age_s.ndim else float(look.autopilot_age_s)
         horizon = HorizonInput(
-            seen.q_w_flu_wxyz,
-            seen.rate_flu_radps,
-            age_s,
-            look.autopilot_q_w_flu_wxyz,
-            theirs_s,
+            q_w_flu_wxyz=seen.q_w_flu_wxyz,
+            rate_flu_radps=seen.rate_flu_radps,
+            age_s=age_s,
+            autopilot_q_w_flu_wxyz=look.autopilot_q_w_flu_wxyz,
+            autopilot_age_s=theirs_s,
             trusted=True,
             flying=True,
         )
@@ -150,7 +150,14 @@ class _One:
     def see(self, look: Look, cycle: int) -> tuple[VehicleState, float]:
         now_s = cycle * self._period_s
         if look.fresh or cycle == 0:
-            frame = MocapFrame(cycle, now_s, now_s, look.position_w_m, matrix_from_quat(look.q_w_flu_wxyz), np.nan)
+            frame = MocapFrame(
+                frame=cycle,
+                stamp_s=now_s,
+                received_s=now_s,
+                position_w_m=look.position_w_m,
+                rotation_w_b=matrix_from_quat(look.q_w_flu_wxyz),
+                residual_m=np.nan,
+            )
             self._state = estimator.step(self._state, frame, self._params)
         assert self._state.vehicle is not None
         return self._state.vehicle, now_s - self._state.vehicle.time_s
@@ -197,15 +204,15 @@ class _Rows:
     def trace(self, mission: Mission) -> Trace:
         now, (position_ned_m, velocity_ned_mps) = mission.now, zip(*self._moving, strict=True)
         return Trace(
-            mission.time_s,
-            flip_yz(np.array(position_ned_m)),
-            flip_yz(np.array(velocity_ned_mps)),
-            now.position_w_m,
-            now.velocity_w_mps,
-            np.array(self._accel),
-            np.array(self._event)[..., 0].astype(bool),
-            np.array(self._sent),
-            {name: np.array(values) for name, values in self._signals.items()},
+            time_s=mission.time_s,
+            position_w_m=flip_yz(np.array(position_ned_m)),
+            velocity_w_mps=flip_yz(np.array(velocity_ned_mps)),
+            reference_w_m=now.position_w_m,
+            reference_velocity_w_mps=now.velocity_w_mps,
+            accel_w_mps2=np.array(self._accel),
+            event=np.array(self._event)[..., 0].astype(bool),
+            sent=np.array(self._sent),
+            signals={name: np.array(values) for name, values in self._signals.items()},
         )
 
 

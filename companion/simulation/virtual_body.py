@@ -19,7 +19,7 @@ from mock_autopilot.physics.quaternion_one import Four
 from mock_autopilot.px4.attitude_error import SAMPLE_HZ, turn_of, turns_of
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Begin:
     """Parameters and initial state of a body; delays are whole steps of `step_s`, () or (...,)."""
 

@@ -39,7 +39,7 @@ class Carried:
     """Time constants with which the autopilot trims out a lasting torque, about body x, y, z."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class VirtualVehicle:
     """Parameters of one vehicle and its room, or of a batch."""
 
@@ -99,16 +99,18 @@ class VirtualWorld:
     def _begun(self, start_w_m: Array) -> Body:
         v, arms = self._vehicle, self._vehicle.arms
         begin = Begin(
-            v.plant,
-            _hovering(start_w_m, v.plant),
-            _hover_signal(v.plant, self._lead),
-            _steps(v.mocap_delay_s),
-            _steps(v.attitude_delay_s),
-            _steps(v.thrust_delay_s),
-            _steps(v.report_delay_s),
-            self._attitude_error_rad,
-            None if arms is None else Coupling(arms.table.at(0), v.plant.mass_kg, arms.inertia_kgm2, arms.trim_s),
-            STEP_S,
+            params=v.plant,
+            state=_hovering(start_w_m, v.plant),
+            signal=_hover_signal(v.plant, self._lead),
+            mocap_delay=_steps(v.mocap_delay_s),
+            attitude_delay=_steps(v.attitude_delay_s),
+            thrust_delay=_steps(v.thrust_delay_s),
+            report_delay=_steps(v.report_delay_s),
+            attitude_error_rad=self._attitude_error_rad,
+            coupling=None
+            if arms is None
+            else Coupling(arms.table.at(0), v.plant.mass_kg, arms.inertia_kgm2, arms.trim_s),
+            step_s=STEP_S,
         )
         return ManyBodies(begin) if self._lead else OneBody(begin)
 

@@ -51,7 +51,7 @@ class Action(StrEnum):
     KILL = "kill"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightRules:
     """Limits and times of the state machine; see config.FlightConfig."""
 
@@ -109,7 +109,7 @@ class FlightRules:
     """A servo fault ends the flight; False: the arms hold still and the flight goes on."""
 
 
-@value
+@value(kw_only=True)
 class FlightInputs:
     """Inputs of the state machine in one tick."""
 
@@ -209,7 +209,7 @@ class Leg:
     trajectory: Trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FlightState:
     """State of the flight's state machine."""
 

@@ -6,7 +6,7 @@ from companion.estimation.state import Verdict
 from companion.supervisor.faults import Stage
 
 
-@value
+@value(kw_only=True)
 class MocapInputs:
     """Motion capture in this cycle."""
 
@@ -26,7 +26,7 @@ class MocapInputs:
     """Frames dropped so far because a newer one had arrived before them."""
 
 
-@value
+@value(kw_only=True)
 class HealthInputs:
     """Inputs of all health checks in one cycle; see health.checks.assess."""
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SafetyRules:
     """Limits of the health checks; faults.TABLE gives the reason for each."""
 

@@ -51,7 +51,13 @@ def lift_off(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> F
     end = flight.ground_w_m + np.array([0.0, 0.0, flight.takeoff_height_m])
     distance = float(np.linalg.norm(end - inputs.position_w_m))
     duration = minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2)
-    climb = MinimumJerk(inputs.position_w_m, end, duration, flight.yaw_rad, flight.yaw_rad)
+    climb = MinimumJerk(
+        start_w_m=inputs.position_w_m,
+        end_w_m=end,
+        duration_s=duration,
+        start_yaw_rad=flight.yaw_rad,
+        end_yaw_rad=flight.yaw_rad,
+    )
     legs = (Leg(Phase.TAKEOFF, climb), Leg(Phase.HOLD, Hold(end, flight.yaw_rad)))
     return replace(flight, airborne=True, legs=legs, leg_start_s=inputs.time_s)
 
@@ -68,14 +74,14 @@ def approach(flight: FlightState, request: TrackRequest, inputs: FlightInputs, r
     stop_s = max(1.0, stop_s, _LEAVING * abs(turning) / rules.turn_accel_radps2)
     least_s = minimum_jerk_duration_s(float(turn_rad), rules.turn_radps, rules.turn_accel_radps2, stop_s)
     approach_leg = MinimumJerk(
-        now.position_w_m,
-        start.position_w_m,
-        minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, least_s),
-        now.yaw_rad,
-        start.yaw_rad,
-        now.velocity_w_mps,
-        now.acceleration_w_mps2,
-        turning,
+        start_w_m=now.position_w_m,
+        end_w_m=start.position_w_m,
+        duration_s=minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, least_s),
+        start_yaw_rad=now.yaw_rad,
+        end_yaw_rad=start.yaw_rad,
+        start_velocity_w_mps=now.velocity_w_mps,
+        start_acceleration_w_mps2=now.acceleration_w_mps2,
+        start_yaw_rate_radps=turning,
     )
     legs = (
         Leg(Phase.HOLD, approach_leg),
@@ -110,8 +116,16 @@ def _rest(
     stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
     end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
     end_yaw_rad = now.yaw_rad + 0.5 * stop_s * turning_radps
-    begun = now.velocity_w_mps, now.acceleration_w_mps2, turning_radps
-    stop = MinimumJerk(now.position_w_m, end, stop_s, now.yaw_rad, end_yaw_rad, *begun)
+    stop = MinimumJerk(
+        start_w_m=now.position_w_m,
+        end_w_m=end,
+        duration_s=stop_s,
+        start_yaw_rad=now.yaw_rad,
+        end_yaw_rad=end_yaw_rad,
+        start_velocity_w_mps=now.velocity_w_mps,
+        start_acceleration_w_mps2=now.acceleration_w_mps2,
+        start_yaw_rate_radps=turning_radps,
+    )
     legs = (Leg(phase, stop), Leg(phase, Hold(end, end_yaw_rad)))
     return enter(replace(flight, legs=legs, leg_start_s=inputs.time_s), phase, inputs)
 
@@ -127,7 +141,13 @@ def descend(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fl
     """Descend straight down from the reference's position."""
     now = reference_at(flight, inputs.time_s)
     turning = turning_radps(flight, inputs.time_s)
-    down = Descent(now.position_w_m, now.velocity_w_mps, rules.descent_speed_mps, now.yaw_rad, yaw_rate_radps=turning)
+    down = Descent(
+        start_w_m=now.position_w_m,
+        velocity_w_mps=now.velocity_w_mps,
+        speed_mps=rules.descent_speed_mps,
+        yaw_rad=now.yaw_rad,
+        yaw_rate_radps=turning,
+    )
     height_m = abs(float(now.position_w_m[2]) - ground_z_m(flight))
     due_s = inputs.time_s + height_m / rules.descent_speed_mps
     legs = (Leg(Phase.LAND, down),)

@@ -37,7 +37,7 @@ class Hold:
         return Reference(self.position_w_m, zero, zero, self.yaw_rad)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MinimumJerk:
     """Minimum-jerk move from one point and heading to another, at rest at the end and, by default, at the start.
 
@@ -190,7 +190,7 @@ def _on_curve(
     return Reference(centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, yaw_rad)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Descent:
     """Descent at a constant rate from rest or from a motion, without end: touchdown ends it."""
 

@@ -19,7 +19,7 @@ CAUGHT_S = 0.75
 """PX4's rate controller integrates a constant pull away in MC_ROLLRATE_P / MC_ROLLRATE_I."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class InjectedFaults:
     """The active faults of the autopilot, combined; the defaults are a healthy one."""
 

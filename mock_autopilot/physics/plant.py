@@ -27,7 +27,7 @@ GRAVITY_MPS2 = 9.80665
 ROLL, PITCH, YAW = 0, 1, 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlantParams:
     """The vehicle's parameters. Its attitude loop fits the recorded PX4 step responses (docs/px4-conformance.md).
 
@@ -74,7 +74,7 @@ class PlantParams:
         return known
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Coefficients:
     """The factors of a step that depend on parameters and length alone; (..., 3), as broadcasting costs time."""
 
@@ -100,17 +100,21 @@ def _coefficients(params: PlantParams, dt_s: float, shape: tuple[int, ...]) -> C
     wn, torque_lag_s = full(params.attitude_bandwidth_radps), full(params.torque_lag_s)
     mass_kg = full(np.asarray(params.mass_kg)[..., None])
     thrust_lag_s = np.broadcast_to(np.asarray(params.thrust_lag_s, dtype=float), shape[:-1])
+    torque_gain, torque_mean = _lag(torque_lag_s, dt_s)
+    thrust_gain, thrust_mean = _lag(thrust_lag_s, dt_s)
     return Coefficients(
-        wn * wn,
-        2.0 * full(params.attitude_damping) * wn,
-        *_lag(torque_lag_s, dt_s),
-        full(params.viscous_npm),
-        full(params.quadratic_npm2),
-        full(params.coulomb_n),
-        1.0 / params.coulomb_width_mps,
-        1.0 / mass_kg,
-        full((0.0, 0.0, GRAVITY_MPS2)),
-        *_lag(thrust_lag_s, dt_s),
+        stiffness=wn * wn,
+        damping=2.0 * full(params.attitude_damping) * wn,
+        torque_gain=torque_gain,
+        torque_mean=torque_mean,
+        viscous=full(params.viscous_npm),
+        quadratic=full(params.quadratic_npm2),
+        coulomb=full(params.coulomb_n),
+        dry_per_mps=1.0 / params.coulomb_width_mps,
+        per_kg=1.0 / mass_kg,
+        gravity=full((0.0, 0.0, GRAVITY_MPS2)),
+        thrust_gain=thrust_gain,
+        thrust_mean=thrust_mean,
     )
 
 
@@ -122,7 +126,7 @@ def _lag(lag_s: Array, dt_s: float) -> tuple[Array, Array]:
     return np.where(instant, 1.0, gain), np.where(instant, 1.0, 1.0 - gain * safe_s / dt_s)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlantState:
     """The true state at one instant; shapes (..., 3) and (..., 4), thrust (...,)."""
 
@@ -163,7 +167,16 @@ def at_rest(position_ned_m: Array, yaw_rad: float = 0.0) -> PlantState:
     zero = np.zeros_like(position)
     q = np.broadcast_to(quat.from_euler(0.0, 0.0, yaw_rad), (*lead, 4)).copy()
     standing = np.ones(lead, dtype=bool)
-    return PlantState(position, zero, q, zero.copy(), np.zeros(lead), zero.copy(), standing, zero.copy())
+    return PlantState(
+        position_ned_m=position,
+        velocity_ned_mps=zero,
+        q_ned_frd_wxyz=q,
+        rate_frd_radps=zero.copy(),
+        thrust_n=np.zeros(lead),
+        acceleration_ned_mps2=zero.copy(),
+        on_ground=standing,
+        turn_frd_radps2=zero.copy(),
+    )
 
 
 def no_wrench(shape: tuple[int, ...] = (3,)) -> Wrench:
@@ -200,7 +213,16 @@ def step(state: PlantState, actuation: Actuation, wrench: Wrench, params: PlantP
     velocity = state.velocity_ned_mps + acceleration * dt_s
     position = state.position_ned_m + (state.velocity_ned_mps + velocity) * (0.5 * dt_s)
     touching = (position[..., 2] >= params.ground_z_m) & (velocity[..., 2] >= 0.0)
-    moved = PlantState(position, velocity, q, rate, thrust, acceleration, touching, turn)
+    moved = PlantState(
+        position_ned_m=position,
+        velocity_ned_mps=velocity,
+        q_ned_frd_wxyz=q,
+        rate_frd_radps=rate,
+        thrust_n=thrust,
+        acceleration_ned_mps2=acceleration,
+        on_ground=touching,
+        turn_frd_radps2=turn,
+    )
     return _rest_on_ground(moved, state, params, dt_s) if touching.any() else moved
 
 

@@ -39,7 +39,7 @@ class OneActuation(NamedTuple):
     motors_on: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Fixed:
     """The factors of a step that depend on parameters and length alone: plant.Coefficients in floats, and the rest."""
 
@@ -89,20 +89,29 @@ def moved(state: OneState, asked: OneActuation, force_ned_n: Three, push_frd_rad
     place = x + (ux + vx) * half_s, y + (uy + vy) * half_s, z + (uz + vz) * half_s
     if place[2] >= fixed.ground_z_m and vz >= 0.0:
         return _standing(state, thrust_n, q, fixed)
-    return OneState(place, velocity, q, rate, thrust_n, acceleration, False, turn)
+    return OneState(
+        position_ned_m=place,
+        velocity_ned_mps=velocity,
+        q_ned_frd_wxyz=q,
+        rate_frd_radps=rate,
+        thrust_n=thrust_n,
+        acceleration_ned_mps2=acceleration,
+        on_ground=False,
+        turn_frd_radps2=turn,
+    )
 
 
 def in_floats(state: PlantState) -> OneState:
     """Convert one vehicle's state, arrays of shape (3,), to floats."""
     return OneState(
-        _three(state.position_ned_m),
-        _three(state.velocity_ned_mps),
-        _four(state.q_ned_frd_wxyz),
-        _three(state.rate_frd_radps),
-        float(state.thrust_n),
-        _three(state.acceleration_ned_mps2),
-        bool(state.on_ground),
-        _three(state.turn_frd_radps2),
+        position_ned_m=_three(state.position_ned_m),
+        velocity_ned_mps=_three(state.velocity_ned_mps),
+        q_ned_frd_wxyz=_four(state.q_ned_frd_wxyz),
+        rate_frd_radps=_three(state.rate_frd_radps),
+        thrust_n=float(state.thrust_n),
+        acceleration_ned_mps2=_three(state.acceleration_ned_mps2),
+        on_ground=bool(state.on_ground),
+        turn_frd_radps2=_three(state.turn_frd_radps2),
     )
 
 
@@ -111,14 +120,14 @@ def in_arrays(state: OneState) -> PlantState:
     place, velocity, q, rate, thrust_n, acceleration, on_ground, turn = state
     every = np.array((*place, *velocity, *rate, *acceleration, *turn, *q))  # one array and views cost less than six
     return PlantState(
-        every[0:3],
-        every[3:6],
-        every[15:19],
-        every[6:9],
-        np.array(thrust_n),
-        every[9:12],
-        _STANDING if on_ground else _IN_AIR,
-        every[12:15],
+        position_ned_m=every[0:3],
+        velocity_ned_mps=every[3:6],
+        q_ned_frd_wxyz=every[15:19],
+        rate_frd_radps=every[6:9],
+        thrust_n=np.array(thrust_n),
+        acceleration_ned_mps2=every[9:12],
+        on_ground=_STANDING if on_ground else _IN_AIR,
+        turn_frd_radps2=every[12:15],
     )
 
 
@@ -131,21 +140,21 @@ def fixed_of(params: PlantParams, dt_s: float) -> Fixed:
 @lru_cache(maxsize=256)
 def _fixed(known: Coefficients, dt_s: float, max_thrust_n: float, motor_curve: float, ground_z_m: float) -> Fixed:
     return Fixed(
-        dt_s,
-        max_thrust_n,
-        motor_curve,
-        ground_z_m,
-        _three(known.stiffness),
-        _three(known.damping),
-        _three(known.torque_gain),
-        _three(known.torque_mean),
-        _three(known.viscous),
-        _three(known.quadratic),
-        _three(known.coulomb),
-        known.dry_per_mps,
-        float(known.per_kg[0]),
-        float(known.thrust_gain),
-        float(known.thrust_mean),
+        dt_s=dt_s,
+        max_thrust_n=max_thrust_n,
+        motor_curve=motor_curve,
+        ground_z_m=ground_z_m,
+        stiffness=_three(known.stiffness),
+        damping=_three(known.damping),
+        torque_gain=_three(known.torque_gain),
+        torque_mean=_three(known.torque_mean),
+        viscous=_three(known.viscous),
+        quadratic=_three(known.quadratic),
+        coulomb=_three(known.coulomb),
+        dry_per_mps=known.dry_per_mps,
+        per_kg=float(known.per_kg[0]),
+        thrust_gain=float(known.thrust_gain),
+        thrust_mean=float(known.thrust_mean),
     )
 
 
@@ -232,7 +241,16 @@ def _standing(before: OneState, thrust_n: float, q: Four, fixed: Fixed) -> OneSt
     impact = ((0.0 - ux) / fixed.dt_s, (0.0 - uy) / fixed.dt_s, (0.0 - uz) / fixed.dt_s)
     length = math.sqrt(w * w + z * z)
     level = (w / length, 0.0, 0.0, z / length) if length > 1e-9 else (1.0, 0.0, 0.0, 0.0)
-    return OneState((x, y, fixed.ground_z_m), _STILL, level, _STILL, thrust_n, impact, True, _STILL)
+    return OneState(
+        position_ned_m=(x, y, fixed.ground_z_m),
+        velocity_ned_mps=_STILL,
+        q_ned_frd_wxyz=level,
+        rate_frd_radps=_STILL,
+        thrust_n=thrust_n,
+        acceleration_ned_mps2=impact,
+        on_ground=True,
+        turn_frd_radps2=_STILL,
+    )
 
 
 _STILL = (0.0, 0.0, 0.0)

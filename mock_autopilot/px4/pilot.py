@@ -33,7 +33,7 @@ class Estimate:
     local_ok: bool
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Pilot:
     """The controller of one automatic mode at a time; `enter` starts a mode, `step` sets attitude and signal."""
 

@@ -67,7 +67,7 @@ class Vehicle:
         self._later_texts: list[tuple[float, Text]] = []
         self.commander = Commander(params, timing.checks_pass_s())
         self.estimator = Estimator(params, rng, start_yaw_rad, horizon, range_off_m or 0.0)
-        self.pilot = Pilot(params, range_finder=range_off_m is not None)
+        self.pilot = Pilot(params=params, range_finder=range_off_m is not None)
         self.land_detector = LandDetector(params, timing)
         self.battery = Battery(params)
         self.injected_faults = HEALTHY

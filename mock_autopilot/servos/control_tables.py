@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Register:
     """One entry of a control table; values are raw, as on the wire."""
 
@@ -35,7 +35,7 @@ class Register:
         return self.minimum < 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Model:
     """A kind of servo: its table, the units of its registers and its protocol."""
 
@@ -78,19 +78,21 @@ class Model:
 
 
 def _rom(address: int, size: int, name: str, default: int, low: int = 0, high: int = 0) -> Register:
-    return Register(address, size, name, True, default, low, high, eeprom=True)
+    return Register(
+        address=address, size=size, name=name, writable=True, default=default, minimum=low, maximum=high, eeprom=True
+    )
 
 
 def _fixed(address: int, size: int, name: str, default: int = 0) -> Register:
-    return Register(address, size, name, False, default, eeprom=True)
+    return Register(address=address, size=size, name=name, writable=False, default=default, eeprom=True)
 
 
 def _ram(address: int, size: int, name: str, default: int, low: int = 0, high: int = 1) -> Register:
-    return Register(address, size, name, True, default, low, high)
+    return Register(address=address, size=size, name=name, writable=True, default=default, minimum=low, maximum=high)
 
 
 def _live(address: int, size: int, name: str, low: int = 0) -> Register:
-    return Register(address, size, name, False, minimum=low)
+    return Register(address=address, size=size, name=name, writable=False, minimum=low)
 
 
 _S32 = 2**31 - 1
@@ -209,13 +211,31 @@ _AX_BAUDS = (
 
 def _xm(name: str, number: int, velocity_limit: int) -> Model:
     registers = _xm430(number, 1193, velocity_limit)
-    return Model(name, number, 2, registers, _XM_BAUDS, 2.0 * math.pi / 4096, 2048, 0.229 * _RPM)
+    return Model(
+        name=name,
+        number=number,
+        protocol=2,
+        registers=registers,
+        bauds=_XM_BAUDS,
+        position_unit_rad=2.0 * math.pi / 4096,
+        centre=2048,
+        velocity_unit_radps=0.229 * _RPM,
+    )
 
 
 MODELS = (
     _xm("XM430-W350", 1020, 200),
     _xm("XM430-W210", 1030, 330),
-    Model("AX-12A", 12, 1, _AX12A, _AX_BAUDS, math.radians(300.0) / 1023, 512, 0.111 * _RPM),
+    Model(
+        name="AX-12A",
+        number=12,
+        protocol=1,
+        registers=_AX12A,
+        bauds=_AX_BAUDS,
+        position_unit_rad=math.radians(300.0) / 1023,
+        centre=512,
+        velocity_unit_radps=0.111 * _RPM,
+    ),
 )
 
 

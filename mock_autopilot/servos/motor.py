@@ -13,7 +13,7 @@ from dataclasses import dataclass
 RATED_V = 12.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MotorSpec:
     """Limits, friction and warming of a motor with its gear; torques at the horn."""
 
@@ -35,10 +35,40 @@ class MotorSpec:
     """Time constant of warming and cooling."""
 
 
-XM430_W350 = MotorSpec(4.1, 46 * math.pi / 30, 2.3, 0.017, 0.05, 0.35, 2.0, 9.0, 300.0)
+XM430_W350 = MotorSpec(
+    stall_nm=4.1,
+    no_load_radps=46 * math.pi / 30,
+    stall_a=2.3,
+    inertia_kgm2=0.017,
+    friction_nm=0.05,
+    limp_friction_nm=0.35,
+    limp_damping_nms=2.0,
+    warming_c_per_w=9.0,
+    warming_s=300.0,
+)
 # Stall torque and no-load speed of the W210 have not been read off its own page of the e-manual.
-XM430_W210 = MotorSpec(3.0, 77 * math.pi / 30, 2.3, 0.008, 0.04, 0.22, 1.0, 9.0, 300.0)
-AX_12A = MotorSpec(1.5, 59 * math.pi / 30, 1.5, 0.005, 0.03, 0.20, 0.8, 12.0, 200.0)
+XM430_W210 = MotorSpec(
+    stall_nm=3.0,
+    no_load_radps=77 * math.pi / 30,
+    stall_a=2.3,
+    inertia_kgm2=0.008,
+    friction_nm=0.04,
+    limp_friction_nm=0.22,
+    limp_damping_nms=1.0,
+    warming_c_per_w=9.0,
+    warming_s=300.0,
+)
+AX_12A = MotorSpec(
+    stall_nm=1.5,
+    no_load_radps=59 * math.pi / 30,
+    stall_a=1.5,
+    inertia_kgm2=0.005,
+    friction_nm=0.03,
+    limp_friction_nm=0.20,
+    limp_damping_nms=0.8,
+    warming_c_per_w=12.0,
+    warming_s=200.0,
+)
 
 
 class Motor:

@@ -79,14 +79,14 @@ class Posed:
 @given(MOTIONS)
 def test_a_hovering_vehicle_is_turned_as_the_feed_forward_expects(motion: JointMotion) -> None:
     hovering = plant.PlantState(
-        np.array([0.0, 0.0, -1.0]),
-        np.zeros(3),
-        np.array([1.0, 0.0, 0.0, 0.0]),
-        np.zeros(3),
-        np.asarray(MASS_KG * 9.8),
-        np.zeros(3),
-        np.zeros((), dtype=bool),
-        np.zeros(3),
+        position_ned_m=np.array([0.0, 0.0, -1.0]),
+        velocity_ned_mps=np.zeros(3),
+        q_ned_frd_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        rate_frd_radps=np.zeros(3),
+        thrust_n=np.asarray(MASS_KG * 9.8),
+        acceleration_ned_mps2=np.zeros(3),
+        on_ground=np.zeros((), dtype=bool),
+        turn_frd_radps2=np.zeros(3),
     )
     assembly = Assembly()
     push = Arms(assembly, Posed(motion), MASS_KG, (0.75,) * 3).step(hovering, 0.002).angular_frd_radps2

@@ -43,7 +43,7 @@ RULES = ArmRules(stow_from=fold)
 
 
 def facts(time_s: float, flight: Phase = Phase.HOLD, **changes: object) -> ArmFacts:
-    seen = ArmFacts(time_s, HOME, obey=True, fault="", stowed=False, flight=flight, touched_down=False)
+    seen = ArmFacts(time_s=time_s, held_rad=HOME, obey=True, fault="", stowed=False, flight=flight, touched_down=False)
     return replace(seen, **changes)  # type: ignore[arg-type]
 
 

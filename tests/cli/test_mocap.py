@@ -100,7 +100,9 @@ class Scripted:
         raise NotImplementedError
 
 
-FRAME = MocapFrame(1, 0.0, 0.01, np.zeros(3), np.eye(3), 0.001)
+FRAME = MocapFrame(
+    frame=1, stamp_s=0.0, received_s=0.01, position_w_m=np.zeros(3), rotation_w_b=np.eye(3), residual_m=0.001
+)
 
 
 @pytest.mark.parametrize(("untracked", "residual_m"), [(0, 0.001), (5, 0.001), (10, math.nan)])

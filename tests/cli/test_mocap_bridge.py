@@ -24,11 +24,13 @@ GOOD = Glance(frames=500, sent=498, age_s=0.004, dropped=2, passed_over=1, track
     [
         (GOOD, "100.0 frames/s, newest 4 ms old; dropped 2 from QTM, 1 for the broker"),
         (
-            Glance(0, 0, math.inf, 0, 0, False, "no QTM at here:1"),
+            Glance(
+                frames=0, sent=0, age_s=math.inf, dropped=0, passed_over=0, tracked=False, trouble="no QTM at here:1"
+            ),
             "100.0 frames/s, none yet: no QTM at here:1; dropped 0 from QTM, 0 for the broker",
         ),
         (
-            Glance(9, 9, 12.3, 0, 0, False, ""),
+            Glance(frames=9, sent=9, age_s=12.3, dropped=0, passed_over=0, tracked=False, trouble=""),
             "100.0 frames/s, newest 12 s old, body not tracked; dropped 0 from QTM, 0 for the broker",
         ),
     ],

@@ -53,7 +53,7 @@ def test_a_state_that_waited_in_a_flooded_broker_is_old() -> None:
 
 def test_the_first_state_after_a_flood_is_not_taken_for_the_newest() -> None:
     """Estimate the age for a client that has just connected, from this computer's clock and the next states."""
-    run = Run("a")
+    run = Run(session="a")
     run.note(state("a", 0.0), 4.0, CLOCKS_APART_S + 4.0)
     assert run.waited_s == pytest.approx(4.0)
     assert not run.caught_up
@@ -65,13 +65,13 @@ def test_the_first_state_after_a_flood_is_not_taken_for_the_newest() -> None:
 
 def test_clocks_that_are_far_apart_or_behind_prove_nothing() -> None:
     for apart_s in (3600.0, -3600.0, -4.0):
-        run = Run("a")
+        run = Run(session="a")
         run.note(state("a", 0.0), 0.0, CLOCKS_APART_S + apart_s)
         assert (run.waited_s, run.caught_up) == (0.0, True)
 
 
 def test_clocks_that_differ_by_seconds_cost_one_more_state() -> None:
-    run = Run("a")
+    run = Run(session="a")
     for at_s in (0.0, 0.1):
         run.note(state("a", at_s), at_s, CLOCKS_APART_S + at_s + 4.0)
     assert run.waited_s == pytest.approx(4.0)

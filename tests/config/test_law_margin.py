@@ -27,8 +27,26 @@ kd_per_s = [10.0, 10.0, 13.0]
 SHIPPED = {
     "demo, lab": VEHICLE,
     "recorded slow loop": replace(VEHICLE, attitude_bandwidth_radps=6.3),
-    "experiments": VehicleModel(4.85, 9.8, 10.0, 0.8, 0.06, 0.02, 0.02, 0.02),
-    "1 kg, recorded": VehicleModel(1.0, 9.8, 11.0, 0.99, 0.044, 0.063, 0.01, 0.01),
+    "experiments": VehicleModel(
+        mass_kg=4.85,
+        gravity_mps2=9.8,
+        attitude_bandwidth_radps=10.0,
+        attitude_damping=0.8,
+        thrust_lag_s=0.06,
+        setpoint_delay_s=0.02,
+        thrust_delay_s=0.02,
+        mocap_age_s=0.02,
+    ),
+    "1 kg, recorded": VehicleModel(
+        mass_kg=1.0,
+        gravity_mps2=9.8,
+        attitude_bandwidth_radps=11.0,
+        attitude_damping=0.99,
+        thrust_lag_s=0.044,
+        setpoint_delay_s=0.063,
+        thrust_delay_s=0.01,
+        mocap_age_s=0.01,
+    ),
 }
 
 

@@ -248,7 +248,16 @@ def test_the_files_values_reach_the_models_they_are_for(tmp_path: Path) -> None:
             "hover_thrust = 0.4\n[mocap]\ndelay_s = 0.008\n[limits]\nmax_tilt_rad = 0.4",
         )
     )
-    assert config.vehicle_model() == VehicleModel(3.0, 9.81, 9.0, 0.7, 0.06, 0.05, 0.02, 0.008)
+    assert config.vehicle_model() == VehicleModel(
+        mass_kg=3.0,
+        gravity_mps2=9.81,
+        attitude_bandwidth_radps=9.0,
+        attitude_damping=0.7,
+        thrust_lag_s=0.06,
+        setpoint_delay_s=0.05,
+        thrust_delay_s=0.02,
+        mocap_age_s=0.008,
+    )
     model = config.vehicle.thrust_model()
     assert (model.mass_kg, model.gravity_mps2, model.hover_thrust, model.curve) == (3.0, 9.81, 0.4, 0.3)
     limits = config.limits.limits()

@@ -47,7 +47,16 @@ def loaded(folder: Path, code: str, toml: str = 'law = "pd.py:Pd"') -> LoadedCon
 def still_at(offset_w_m: list[float]) -> ControlInput:
     reference = Reference(np.zeros(3), np.zeros(3), np.zeros(3), 0.0)
     level, nothing = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)
-    return ControlInput(np.array(offset_w_m), nothing, level, nothing, 0.01, reference, nothing, 0.01)
+    return ControlInput(
+        position_w_m=np.array(offset_w_m),
+        velocity_w_mps=nothing,
+        q_w_flu_wxyz=level,
+        rate_flu_radps=nothing,
+        age_s=0.01,
+        reference=reference,
+        sent_accel_w_mps2=nothing,
+        dt_s=0.01,
+    )
 
 
 FAILING_LINE = PD.splitlines().index('        integral = memory["integral"] + error * now.dt_s') + 2

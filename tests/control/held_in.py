@@ -40,14 +40,14 @@ def pressed(
     q = quat_from_yaw(yaw_rad)
     fixed, weight_n = plant_one.fixed_of(PLANT, 0.5 * DT_S), float(PLANT.mass_kg) * GRAVITY_MPS2
     state = OneState(
-        _three(flip_yz(position)),
-        _three(flip_yz(velocity)),
-        _four(flip_quat(q)),
-        NOTHING,
-        weight_n,
-        NOTHING,
-        False,
-        NOTHING,
+        position_ned_m=_three(flip_yz(position)),
+        velocity_ned_mps=_three(flip_yz(velocity)),
+        q_ned_frd_wxyz=_four(flip_quat(q)),
+        rate_frd_radps=NOTHING,
+        thrust_n=weight_n,
+        acceleration_ned_mps2=NOTHING,
+        on_ground=False,
+        turn_frd_radps2=NOTHING,
     )
     sent = [AttitudeThrust(q, np.array(0.5))] * (DELAY_CYCLES + 1)
     beyond, cut, places = [], [], []

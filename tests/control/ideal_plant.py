@@ -51,7 +51,16 @@ def simulate(
     memory, left_at = None, None
     rows: list[dict[str, Array]] = []
     for n in range(round(for_s / dt_s)):
-        now = ControlInput(p, v, level, still, 0.0, trajectory.at(n * dt_s), u, dt_s)
+        now = ControlInput(
+            position_w_m=p,
+            velocity_w_mps=v,
+            q_w_flu_wxyz=level,
+            rate_flu_radps=still,
+            age_s=0.0,
+            reference=trajectory.at(n * dt_s),
+            sent_accel_w_mps2=u,
+            dt_s=dt_s,
+        )
         memory = law.initial(now) if memory is None else memory
         weights = memory.network
         memory, out = law.step(memory, now)

@@ -95,7 +95,16 @@ def brute_force(now: ControlInput, memory: PredictorMemory, thrust: float, predi
 def random_input(rng: np.random.Generator, age_s: float) -> ControlInput:
     q = quat_from_rotation_vector(rng.normal(0.0, 0.2, 3))
     p, v, rate, sent = rng.normal(size=3), rng.normal(0.0, 0.5, 3), rng.normal(0.0, 1.0, 3), rng.normal(0.0, 2.0, 3)
-    return ControlInput(p, v, q, rate, age_s, NOWHERE, sent, PERIOD_S)
+    return ControlInput(
+        position_w_m=p,
+        velocity_w_mps=v,
+        q_w_flu_wxyz=q,
+        rate_flu_radps=rate,
+        age_s=age_s,
+        reference=NOWHERE,
+        sent_accel_w_mps2=sent,
+        dt_s=PERIOD_S,
+    )
 
 
 @settings(max_examples=25)
@@ -156,7 +165,16 @@ def test_with_no_delay_and_no_lead_nothing_is_changed() -> None:
 def test_a_vehicle_that_hovers_is_predicted_to_hover() -> None:
     predictor = Predictor(VehicleModel(), PERIOD_S, 0.1, 0.03)
     level = np.array([1.0, 0.0, 0.0, 0.0])
-    now = ControlInput(np.array([1.0, 2.0, 3.0]), np.zeros(3), level, np.zeros(3), 0.01, NOWHERE, np.zeros(3), 0.01)
+    now = ControlInput(
+        position_w_m=np.array([1.0, 2.0, 3.0]),
+        velocity_w_mps=np.zeros(3),
+        q_w_flu_wxyz=level,
+        rate_flu_radps=np.zeros(3),
+        age_s=0.01,
+        reference=NOWHERE,
+        sent_accel_w_mps2=np.zeros(3),
+        dt_s=0.01,
+    )
     memory = predictor.initial(now)
     for _ in range(20):
         predicted, memory = predictor.step(memory, now)
@@ -190,7 +208,16 @@ def test_no_command_acts_after_the_horizon(seed: int, thrust_lead: float) -> Non
 def test_the_modelled_thrust_follows_what_was_asked_for_with_its_lag() -> None:
     predictor = Predictor(VehicleModel(thrust_lag_s=0.05), PERIOD_S, 0.1, 0.03)
     level = np.array([1.0, 0.0, 0.0, 0.0])
-    hover = ControlInput(np.zeros(3), np.zeros(3), level, np.zeros(3), 0.01, NOWHERE, np.zeros(3), 0.01)
+    hover = ControlInput(
+        position_w_m=np.zeros(3),
+        velocity_w_mps=np.zeros(3),
+        q_w_flu_wxyz=level,
+        rate_flu_radps=np.zeros(3),
+        age_s=0.01,
+        reference=NOWHERE,
+        sent_accel_w_mps2=np.zeros(3),
+        dt_s=0.01,
+    )
     memory = predictor.initial(hover)
     assert float(memory.thrust_mps2[0]) == pytest.approx(G)
     count = len(sent_before(memory))
@@ -207,7 +234,16 @@ def test_a_batch_of_leads_predicts_as_each_alone() -> None:
     many = Predictor(VehicleModel(), PERIOD_S, leads, thrust_leads, poles)
     inputs = [random_input(rng, 0.014) for _ in range(4)]
     both = [np.stack([getattr(now, name) for now in inputs]) for name in VECTORS]
-    batch = ControlInput(both[0], both[1], both[2], both[3], 0.014, NOWHERE, both[4], PERIOD_S)
+    batch = ControlInput(
+        position_w_m=both[0],
+        velocity_w_mps=both[1],
+        q_w_flu_wxyz=both[2],
+        rate_flu_radps=both[3],
+        age_s=0.014,
+        reference=NOWHERE,
+        sent_accel_w_mps2=both[4],
+        dt_s=PERIOD_S,
+    )
     memory = many.initial(batch)
     for _ in range(3):
         predicted, memory = many.step(memory, batch)
@@ -228,10 +264,30 @@ def test_a_push_that_goes_on_is_part_of_the_prediction() -> None:
     vehicle = VehicleModel(mocap_age_s=0.01, setpoint_delay_s=0.04)
     predictor = Predictor(vehicle, PERIOD_S, 0.1, 0.03, observer_radps=6.0)
     level, nothing, push = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), np.array([0.5, 0.0, 0.0])
-    memory = predictor.initial(ControlInput(nothing, nothing, level, nothing, 0.01, NOWHERE, nothing, PERIOD_S))
+    memory = predictor.initial(
+        ControlInput(
+            position_w_m=nothing,
+            velocity_w_mps=nothing,
+            q_w_flu_wxyz=level,
+            rate_flu_radps=nothing,
+            age_s=0.01,
+            reference=NOWHERE,
+            sent_accel_w_mps2=nothing,
+            dt_s=PERIOD_S,
+        )
+    )
     for n in range(1, 301):
         t = n * PERIOD_S
-        now = ControlInput(0.5 * t * t * push, t * push, level, nothing, 0.01, NOWHERE, nothing, PERIOD_S)
+        now = ControlInput(
+            position_w_m=0.5 * t * t * push,
+            velocity_w_mps=t * push,
+            q_w_flu_wxyz=level,
+            rate_flu_radps=nothing,
+            age_s=0.01,
+            reference=NOWHERE,
+            sent_accel_w_mps2=nothing,
+            dt_s=PERIOD_S,
+        )
         predicted, memory = predictor.step(memory, now)
     then = 3.0 + 0.15
     np.testing.assert_allclose(predicted.push_w_mps2, push, atol=1e-4)

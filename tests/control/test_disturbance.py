@@ -14,7 +14,16 @@ PUSH_W_MPS2 = np.array([0.62, -0.41, 0.2])
 
 def seen(velocity: Array, sent: Array) -> ControlInput:
     reference = Reference(ZERO, ZERO, ZERO, 0.0)
-    return ControlInput(ZERO, velocity, np.array([1.0, 0.0, 0.0, 0.0]), ZERO, 0.01, reference, sent, DT_S)
+    return ControlInput(
+        position_w_m=ZERO,
+        velocity_w_mps=velocity,
+        q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        rate_flu_radps=ZERO,
+        age_s=0.01,
+        reference=reference,
+        sent_accel_w_mps2=sent,
+        dt_s=DT_S,
+    )
 
 
 def estimated(push: Array, sent: Array, seconds: float) -> Disturbance:

@@ -99,7 +99,16 @@ def test_a_whole_cycle_one_metre_away() -> None:
     alpha_2 = -x_1 - 0.6 * 8 - 2/2^(1/2), u = alpha_2 - sigma.
     """
     reference = Reference(np.array([0.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.0]), ZERO, 0.0)
-    now = ControlInput(np.array([1.0, 0.0, 1.0]), np.array([0.5, 0.0, 0.0]), LEVEL, ZERO, 0.0, reference, ZERO, 0.01)
+    now = ControlInput(
+        position_w_m=np.array([1.0, 0.0, 1.0]),
+        velocity_w_mps=np.array([0.5, 0.0, 0.0]),
+        q_w_flu_wxyz=LEVEL,
+        rate_flu_radps=ZERO,
+        age_s=0.0,
+        reference=reference,
+        sent_accel_w_mps2=ZERO,
+        dt_s=0.01,
+    )
     law = Etnn(GAINS)
     _, out = law.step(law.initial(now), now)
     alpha2 = -1.0 - 4.8 - math.sqrt(2.0)

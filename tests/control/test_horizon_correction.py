@@ -35,7 +35,18 @@ def turned(*vector: float) -> Array:
 
 
 def seen(ours: Array, theirs: Array, **changes: Any) -> HorizonInput:
-    return replace(HorizonInput(ours, STILL, 0.01, theirs, 0.01, trusted=True, flying=True), **changes)
+    return replace(
+        HorizonInput(
+            q_w_flu_wxyz=ours,
+            rate_flu_radps=STILL,
+            age_s=0.01,
+            autopilot_q_w_flu_wxyz=theirs,
+            autopilot_age_s=0.01,
+            trusted=True,
+            flying=True,
+        ),
+        **changes,
+    )
 
 
 def after(time_s: float, now: HorizonInput, begin: Horizon | None = None, rules: HorizonRules = RULES) -> Horizon:
@@ -169,10 +180,26 @@ def test_a_batch_is_its_vehicles() -> None:
         ours = quat_from_rotation_vector(0.05 * rng.standard_normal((4, 3)))
         theirs, rate = quat_from_rotation_vector(0.05 * rng.standard_normal((4, 3))), rng.standard_normal((4, 3))
         age = rng.uniform(0.0, 0.04, 4)
-        now = HorizonInput(ours, rate, age, theirs, 0.02, trusted=True, flying=True)
+        now = HorizonInput(
+            q_w_flu_wxyz=ours,
+            rate_flu_radps=rate,
+            age_s=age,
+            autopilot_q_w_flu_wxyz=theirs,
+            autopilot_age_s=0.02,
+            trusted=True,
+            flying=True,
+        )
         batch = step(batch, now, replace(RULES, apart_rad=0.16 if k % 3 else 0.05), DT_S)
         for i in range(4):
-            one = HorizonInput(ours[i], rate[i], float(age[i]), theirs[i], 0.02, trusted=True, flying=True)
+            one = HorizonInput(
+                q_w_flu_wxyz=ours[i],
+                rate_flu_radps=rate[i],
+                age_s=float(age[i]),
+                autopilot_q_w_flu_wxyz=theirs[i],
+                autopilot_age_s=0.02,
+                trusted=True,
+                flying=True,
+            )
             ones[i] = step(ones[i], one, replace(RULES, apart_rad=0.16 if k % 3 else 0.05), DT_S)
     for name in ("off_x", "off_y", "x", "y", "unseen_s", "sound_s"):
         assert getattr(batch, name) == pytest.approx([getattr(one, name) for one in ones], abs=1e-12), name

@@ -13,7 +13,16 @@ from companion.control.pid import Pid
 from companion.core.types import Array
 
 VEHICLE = VehicleModel(mocap_age_s=0.01)
-RECORDED_1_KG = VehicleModel(1.0, 9.8, 11.0, 0.99, 0.044, 0.063, 0.01, 0.01)
+RECORDED_1_KG = VehicleModel(
+    mass_kg=1.0,
+    gravity_mps2=9.8,
+    attitude_bandwidth_radps=11.0,
+    attitude_damping=0.99,
+    thrust_lag_s=0.044,
+    setpoint_delay_s=0.063,
+    thrust_delay_s=0.01,
+    mocap_age_s=0.01,
+)
 """As `companion calibrate` found the SIH quadrotor of PX4 v1.17.0 in simulation, 2026-11-29."""
 PERIOD_S = 0.01
 OF_4_85_KG = PidGains.model_validate(

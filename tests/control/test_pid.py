@@ -17,7 +17,16 @@ VECTOR = st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3)
 
 def seen(position: Array, velocity: Array, accel_ref: Array | None = None, dt_s: float = 0.01) -> ControlInput:
     reference = Reference(np.zeros(3), np.zeros(3), np.zeros(3) if accel_ref is None else accel_ref, 0.0)
-    return ControlInput(position, velocity, LEVEL, np.zeros(3), 0.0, reference, np.zeros(3), dt_s)
+    return ControlInput(
+        position_w_m=position,
+        velocity_w_mps=velocity,
+        q_w_flu_wxyz=LEVEL,
+        rate_flu_radps=np.zeros(3),
+        age_s=0.0,
+        reference=reference,
+        sent_accel_w_mps2=np.zeros(3),
+        dt_s=dt_s,
+    )
 
 
 def test_at_no_error_the_force_is_the_weight() -> None:

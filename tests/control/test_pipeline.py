@@ -338,9 +338,12 @@ LEGAL: list[tuple[str, Trajectory]] = [
     ),
     (
         "along the fence, 0.3 m from it, at up to 2 m/s",
-        MinimumJerk(np.array([4.2, -3.2, 1.5]), np.array([4.2, 3.2, 1.5]), 6.0),
+        MinimumJerk(start_w_m=np.array([4.2, -3.2, 1.5]), end_w_m=np.array([4.2, 3.2, 1.5]), duration_s=6.0),
     ),
-    ("up to the top of the room", MinimumJerk(np.array([4.0, 0.0, 0.5]), np.array([-4.0, 0.0, 3.0]), 7.6)),
+    (
+        "up to the top of the room",
+        MinimumJerk(start_w_m=np.array([4.0, 0.0, 0.5]), end_w_m=np.array([-4.0, 0.0, 3.0]), duration_s=7.6),
+    ),
 ]
 
 

@@ -113,7 +113,16 @@ def test_where_its_compensation_rests_the_seeded_law_counters_it() -> None:
     iota1, _ = compensation_at_rest(WIND_W_MPS2, CALM)
     reference = Reference(zero, zero, zero, 0.0)
     level = np.array([1.0, 0.0, 0.0, 0.0])
-    now = ControlInput(iota1, zero, level, zero, 0.01, reference, -WIND_W_MPS2, DT_S)
+    now = ControlInput(
+        position_w_m=iota1,
+        velocity_w_mps=zero,
+        q_w_flu_wxyz=level,
+        rate_flu_radps=zero,
+        age_s=0.01,
+        reference=reference,
+        sent_accel_w_mps2=-WIND_W_MPS2,
+        dt_s=DT_S,
+    )
     memory = law.initial_with(now, WIND_W_MPS2)
     for _ in range(100):
         memory, output = law.step(memory, now)

@@ -47,15 +47,15 @@ def inputs(lead: tuple[int, ...], cycles: int, seed: int = 7) -> list[ControlInp
         there = reference(0.01 * n, lead)
         found.append(
             ControlInput(
-                there.position_w_m + rng.normal(0.0, 0.1, (*lead, 3)),
-                there.velocity_w_mps + rng.normal(0.0, 0.1, (*lead, 3)),
-                q,
-                rng.normal(0.0, 0.5, (*lead, 3)),
-                0.012,
-                there,
-                rng.normal(0.0, 1.0, (*lead, 3)),
-                0.01,
-                rng.normal(0.0, 0.3, (*lead, 3)) if lead else np.zeros(3),
+                position_w_m=there.position_w_m + rng.normal(0.0, 0.1, (*lead, 3)),
+                velocity_w_mps=there.velocity_w_mps + rng.normal(0.0, 0.1, (*lead, 3)),
+                q_w_flu_wxyz=q,
+                rate_flu_radps=rng.normal(0.0, 0.5, (*lead, 3)),
+                age_s=0.012,
+                reference=there,
+                sent_accel_w_mps2=rng.normal(0.0, 1.0, (*lead, 3)),
+                dt_s=0.01,
+                known_accel_w_mps2=rng.normal(0.0, 0.3, (*lead, 3)) if lead else np.zeros(3),
             )
         )
     return found
@@ -222,7 +222,16 @@ def test_a_share_of_the_observed_push_is_taken_off_the_command() -> None:
     predictor = Predictor(VEHICLE, 0.01, 0.1, 0.03, observer_radps=6.0)
     still, level, push = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.5, 0.0, 0.0])
     seen = [
-        ControlInput(0.5 * t * t * push, t * push, level, still, 0.01, Reference(still, still, still, 0.0), still, 0.01)
+        ControlInput(
+            position_w_m=0.5 * t * t * push,
+            velocity_w_mps=t * push,
+            q_w_flu_wxyz=level,
+            rate_flu_radps=still,
+            age_s=0.01,
+            reference=Reference(still, still, still, 0.0),
+            sent_accel_w_mps2=still,
+            dt_s=0.01,
+        )
         for t in np.arange(100) * 0.01
     ]
     commanded = {}

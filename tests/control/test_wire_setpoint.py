@@ -23,7 +23,18 @@ HOVER = AttitudeThrust(LEVEL, np.array(0.5))
 
 def off(x_rad: float, **changes: Any) -> HorizonInput:
     ours = quat_from_rotation_vector(np.array([x_rad, 0.0, 0.0]))
-    return replace(HorizonInput(ours, np.zeros(3), 0.01, LEVEL, 0.01, trusted=True, flying=True), **changes)
+    return replace(
+        HorizonInput(
+            q_w_flu_wxyz=ours,
+            rate_flu_radps=np.zeros(3),
+            age_s=0.01,
+            autopilot_q_w_flu_wxyz=LEVEL,
+            autopilot_age_s=0.01,
+            trusted=True,
+            flying=True,
+        ),
+        **changes,
+    )
 
 
 def sent(stage: WireSetpoint, seen: list[HorizonInput], setpoint: AttitudeThrust = HOVER) -> list[AttitudeThrust]:
@@ -91,7 +102,15 @@ def test_a_batch_is_its_vehicles() -> None:
     angles = (0.0, 0.02, 0.05)
     ours = np.stack([off(angle).q_w_flu_wxyz for angle in angles])
     still, level = np.zeros((3, 3)), np.broadcast_to(LEVEL, (3, 4))
-    together = HorizonInput(ours, still, 0.01, level, 0.01, trusted=True, flying=True)
+    together = HorizonInput(
+        q_w_flu_wxyz=ours,
+        rate_flu_radps=still,
+        age_s=0.01,
+        autopilot_q_w_flu_wxyz=level,
+        autopilot_age_s=0.01,
+        trusted=True,
+        flying=True,
+    )
     batch, wire = WireSetpoint(RULES, LIMITS, (3,)), AttitudeThrust(level, np.full(3, 0.5))
     alone = [WireSetpoint(RULES, LIMITS) for _ in angles]
     wires: list[AttitudeThrust] = [HOVER] * 3

@@ -47,7 +47,14 @@ def frame(
     stamp_s = 0.01 * number if stamp_s is None else stamp_s
     rotation = np.eye(3) if q is None else matrix_from_quat(q)
     position = np.array(list(position_m), dtype=float)
-    return MocapFrame(number, stamp_s, stamp_s + OFFSET_S + DELAY_S, position, rotation, 0.0005)
+    return MocapFrame(
+        frame=number,
+        stamp_s=stamp_s,
+        received_s=stamp_s + OFFSET_S + DELAY_S,
+        position_w_m=position,
+        rotation_w_b=rotation,
+        residual_m=0.0005,
+    )
 
 
 def lost(number: int) -> MocapFrame:

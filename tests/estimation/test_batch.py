@@ -35,7 +35,14 @@ class Flight:
             if self.fresh[k, vehicle]:
                 stamp_s = float(self.stamp_s[k, vehicle])
                 rotation = matrix_from_quat(self.q_w_flu_wxyz[k, vehicle])
-                frame = MocapFrame(k, stamp_s, stamp_s, self.position_w_m[k, vehicle], rotation, 0.0)
+                frame = MocapFrame(
+                    frame=k,
+                    stamp_s=stamp_s,
+                    received_s=stamp_s,
+                    position_w_m=self.position_w_m[k, vehicle],
+                    rotation_w_b=rotation,
+                    residual_m=0.0,
+                )
                 state = estimator.step(state, frame, PARAMS)
             states.append(state)
         return states

@@ -228,7 +228,12 @@ def test_a_new_measurement_with_stamps_from_zero_restarts_the_estimate() -> None
 NUMBERS = st.floats(width=64) | st.floats(-3.0, 3.0) | st.just(0.0) | st.just(1.0)
 FRAMES = st.builds(
     lambda number, stamp_us, received_s, values: MocapFrame(
-        number, stamp_us * 1e-6, received_s, np.array(values[:3]), np.array(values[3:]).reshape(3, 3), 0.0
+        frame=number,
+        stamp_s=stamp_us * 1e-6,
+        received_s=received_s,
+        position_w_m=np.array(values[:3]),
+        rotation_w_b=np.array(values[3:]).reshape(3, 3),
+        residual_m=0.0,
     ),
     st.integers(0, 1000),
     st.integers(0, 10_000_000),

@@ -17,7 +17,7 @@ from tests.adapters.dynamixel.rig import CLOCK, BusRig, connected, mock_bus
 
 pytestmark = pytest.mark.realtime
 
-STANDING = FlightState(Phase.STANDBY)
+STANDING = FlightState(phase=Phase.STANDBY)
 HEAVY_NM = (-1.2, -0.6, 0.0, 0.0, -1.2, -0.6, 0.0, 0.0)
 """Weights that bend a joint a few hundredths of a radian away from its goal."""
 

@@ -26,10 +26,29 @@ def cycle(time_s: float, position_w_m: Array, mode: FlightMode = FlightMode.OFFB
     seen = healthy(0)
     assert seen.seen.vehicle is not None
     vehicle = replace(seen.seen.vehicle, time_s=time_s - 0.01, position_w_m=position_w_m)
-    frame = MocapFrame(round(time_s / CYCLE_S), time_s - 0.01, time_s, position_w_m, np.eye(3), 0.0, late)
+    frame = MocapFrame(
+        frame=round(time_s / CYCLE_S),
+        stamp_s=time_s - 0.01,
+        received_s=time_s,
+        position_w_m=position_w_m,
+        rotation_w_b=np.eye(3),
+        residual_m=0.0,
+        late=late,
+    )
     status = replace(seen.autopilot, heard_s=time_s, heartbeat_s=time_s, attitude_s=time_s, boot_s=time_s, mode=mode)
     estimate = EstimatorState(vehicle=vehicle, verdict=Verdict.ACCEPTED)
-    return Cycle(time_s, 0.0, frame, estimate, status, True, AttitudeThrust(LEVEL, np.array(0.5)), False, "", "")
+    return Cycle(
+        time_s=time_s,
+        late_s=0.0,
+        frame=frame,
+        estimate=estimate,
+        status=status,
+        streaming=True,
+        sent=AttitudeThrust(LEVEL, np.array(0.5)),
+        at_max_thrust=False,
+        law_fault="",
+        arm_fault="",
+    )
 
 
 def told(flight: FlightState, cycles: list[Cycle]) -> set[Fault]:

@@ -26,7 +26,7 @@ from tests.supervisor.observing import healthy
 PERIOD_S = 0.01
 RULES = HorizonRules()
 HOVER = AttitudeThrust(np.array([1.0, 0.0, 0.0, 0.0]), np.array(0.5))
-FLYING = FlightState(Phase.HOLD, airborne=True)
+FLYING = FlightState(phase=Phase.HOLD, airborne=True)
 """In the air."""
 OFF_RAD = 0.03
 

@@ -46,7 +46,17 @@ class SimulatedAutopilot:
             if stream.id not in _READ:
                 bench.link.streams.set_interval(stream.id, -1, bench.now_s)
         level = np.array([1.0, 0.0, 0.0, 0.0])
-        self._status = AutopilotStatus(True, -math.inf, False, FlightMode.OTHER, None, math.nan, math.nan, level, "")
+        self._status = AutopilotStatus(
+            connected=True,
+            heartbeat_s=-math.inf,
+            armed=False,
+            mode=FlightMode.OTHER,
+            in_air=None,
+            battery_fraction=math.nan,
+            battery_v=math.nan,
+            q_w_flu_wxyz=level,
+            last_text="",
+        )
         self._takes: dict[str, Callable[[Sent], dict[str, Any]]] = {
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,

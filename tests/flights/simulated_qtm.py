@@ -55,5 +55,10 @@ class SimulatedQtm:
 def _ours(frame: Frame, now_s: float) -> MocapFrame:
     pose = frame.bodies[0]
     return MocapFrame(
-        frame.number, frame.stamp_us * 1e-6, now_s, pose.position_room_m, pose.rotation_room_flu, pose.residual_m
+        frame=frame.number,
+        stamp_s=frame.stamp_us * 1e-6,
+        received_s=now_s,
+        position_w_m=pose.position_room_m,
+        rotation_w_b=pose.rotation_room_flu,
+        residual_m=pose.residual_m,
     )

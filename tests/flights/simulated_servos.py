@@ -44,18 +44,18 @@ class SimulatedServos:
         powered = np.array([servo.motor.powered for servo in self._rack.servos])
         goal = np.array([servo.motor.goal_rad for servo in self._rack.servos])
         self._last = ArmStatus(
-            np.full(JOINT_COUNT, now_s),
-            self._sign * (np.array(angle) - self._zero_rad),
-            self._sign * np.array(rate),
-            nothing,
-            nothing,
-            nothing,
-            powered,
-            np.where(powered, self._sign * (goal - self._zero_rad), np.nan),
-            self._faults,
-            len(self.goals_rad),
-            0.003,
-            0,
+            read_s=np.full(JOINT_COUNT, now_s),
+            position_rad=self._sign * (np.array(angle) - self._zero_rad),
+            velocity_radps=self._sign * np.array(rate),
+            effort=nothing,
+            temperature_c=nothing,
+            voltage_v=nothing,
+            torque_on=powered,
+            held_rad=np.where(powered, self._sign * (goal - self._zero_rad), np.nan),
+            faults=self._faults,
+            cycles=len(self.goals_rad),
+            cycle_s=0.003,
+            bad_packets=0,
         )
         return self._last
 

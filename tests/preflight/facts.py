@@ -20,7 +20,7 @@ from mock_autopilot.px4.params import ParamTable
 ROOT = Path(__file__).resolve().parents[2]
 NOW_S = 100.0
 RECOMMENDED = load_recommended("recommended")
-MOCAP = MocapSeen("dauam", 150, 1.5, 150, 0.02, 0.011, 0.0005)
+MOCAP = MocapSeen(body="dauam", frames=150, seconds_s=1.5, tracked=150, age_s=0.02, delay_s=0.011, residual_m=0.0005)
 MACHINE = MachineSeen(5000.0, 1e-9, True, True, 50, 0)
 ARMS = ArmsSeen(0.01, "", "")
 STATUS = AutopilotStatus(
@@ -48,16 +48,16 @@ def ready() -> Facts:
     """Return facts with which every check passes."""
     now = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
     return Facts(
-        NOW_S,
-        now,
-        MOCAP,
-        np.array([0.3, -0.2, 0.1]),
-        STATUS,
-        Apart(0.01, -0.01, math.radians(2.0)),
-        VisionSeen(True, 0.02),
-        mock_parameters(),
-        ARMS,
-        MACHINE,
-        Kept("dauam", now),
+        time_s=NOW_S,
+        when=now,
+        mocap=MOCAP,
+        position_w_m=np.array([0.3, -0.2, 0.1]),
+        status=STATUS,
+        apart=Apart(0.01, -0.01, math.radians(2.0)),
+        vision=VisionSeen(True, 0.02),
+        parameters=mock_parameters(),
+        arms=ARMS,
+        machine=MACHINE,
+        kept=Kept("dauam", now),
         operator_age_s=0.0,
     )

@@ -59,7 +59,14 @@ class Scripted:
             noise = 1e-4 * math.sin(number)
             place = np.array([0.2 + noise, 0.1, 0.0]) if self.tracked else np.full(3, np.nan)
             rotation = np.eye(3) if self.tracked else np.full((3, 3), np.nan)
-            self.frame = MocapFrame(number, stamp_s - 7.0, stamp_s + self.delay_s, place, rotation, 0.0004)
+            self.frame = MocapFrame(
+                frame=number,
+                stamp_s=stamp_s - 7.0,
+                received_s=stamp_s + self.delay_s,
+                position_w_m=place,
+                rotation_w_b=rotation,
+                residual_m=0.0004,
+            )
             self.state = estimator.step(self.state, self.frame, EstimatorParams(delay_s=0.01))
 
     def latest(self) -> MocapFrame | None:
@@ -87,7 +94,14 @@ class Scripted:
     @property
     def running(self) -> Running:
         landed_age_s = (lambda: self.time_s - self.landed_s) if math.isfinite(self.landed_s) else (lambda: math.inf)
-        return Running(self, self, self, lambda: self.state, landed_age_s=landed_age_s, tell=self.told.append)
+        return Running(
+            mocap=self,
+            autopilot=self,
+            clock=self,
+            estimate=lambda: self.state,
+            landed_age_s=landed_age_s,
+            tell=self.told.append,
+        )
 
 
 Begin = Callable[[Scripted], Running]

@@ -22,7 +22,17 @@ PERIOD_S = 0.01
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 ZERO = np.zeros(3)
 CONFIG = CompanionConfig()
-STATUS = AutopilotStatus(True, -math.inf, False, FlightMode.HOLD, False, 0.9, 16.1, LEVEL, "")
+STATUS = AutopilotStatus(
+    connected=True,
+    heartbeat_s=-math.inf,
+    armed=False,
+    mode=FlightMode.HOLD,
+    in_air=False,
+    battery_fraction=0.9,
+    battery_v=16.1,
+    q_w_flu_wxyz=LEVEL,
+    last_text="",
+)
 DISK_FULL = Event(Fault.DISK_FULL, '1 MB free, 100 % "full"')
 
 
@@ -53,7 +63,15 @@ def flight(
             frame = None
             if number % 7:
                 where = np.array([math.cos(time_s), math.sin(time_s), 1.0]) + seed.normal(0.0, 3e-4, 3)
-                frame = MocapFrame(number, time_s - 40.0, time_s - 0.001, where, np.eye(3), math.nan, number // 100)
+                frame = MocapFrame(
+                    frame=number,
+                    stamp_s=time_s - 40.0,
+                    received_s=time_s - 0.001,
+                    position_w_m=where,
+                    rotation_w_b=np.eye(3),
+                    residual_m=math.nan,
+                    late=number // 100,
+                )
                 estimate = estimator.step(estimate, frame, EstimatorParams())
             yield _tick(time_s, phase, name, frame, estimate, stage if name else None)
 
@@ -81,7 +99,9 @@ def _tick(
         vehicle=estimate.vehicle,
         age_s=estimator.age_s(estimate, time_s),
         status=replace(STATUS, armed=flown, mode=FlightMode.OFFBOARD if flown else FlightMode.HOLD),
-        flight=FlightState(phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""),
+        flight=FlightState(
+            phase=phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""
+        ),
         reference=reference if flown else None,
         asked=asked,
         gated=asked.gated if asked else None,
@@ -99,6 +119,17 @@ def _arms(time_s: float) -> ArmTick:
     nothing = np.full(8, np.nan)
     goal = JointMotion(joints, joints, joints)
     status = ArmStatus(
-        np.full(8, -np.inf), joints, joints, nothing, nothing, nothing, np.ones(8, bool), joints, (), 7, 0.004, 1
+        read_s=np.full(8, -np.inf),
+        position_rad=joints,
+        velocity_radps=joints,
+        effort=nothing,
+        temperature_c=nothing,
+        voltage_v=nothing,
+        torque_on=np.ones(8, bool),
+        held_rad=joints,
+        faults=(),
+        cycles=7,
+        cycle_s=0.004,
+        bad_packets=1,
     )
     return ArmTick(ArmPhase.HOLDING, "", goal, status, ZERO)

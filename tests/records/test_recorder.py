@@ -12,7 +12,17 @@ from companion.supervisor.flight_state import FlightState, Phase
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 WRONG = (Event(Fault.BATTERY_LOW, "20 % left"), Event(Fault.DISK_FULL, "1 MB free"))
-STATUS = AutopilotStatus(True, 0.0, False, FlightMode.HOLD, False, 1.0, 16.0, LEVEL, "")
+STATUS = AutopilotStatus(
+    connected=True,
+    heartbeat_s=0.0,
+    armed=False,
+    mode=FlightMode.HOLD,
+    in_air=False,
+    battery_fraction=1.0,
+    battery_v=16.0,
+    q_w_flu_wxyz=LEVEL,
+    last_text="",
+)
 
 
 def tick(number: int, seen: bool) -> Tick:
@@ -20,20 +30,20 @@ def tick(number: int, seen: bool) -> Tick:
     vehicle = VehicleState(number * 0.01, where, 0.0 * where, LEVEL, 0.0 * where) if seen else None
     late = {"f_hat": where} if number >= 1500 else {}
     return Tick(
-        number * 0.01,
-        0.0,
-        np.nan,
-        np.nan,
-        vehicle,
-        0.01,
-        STATUS,
-        FlightState(Phase.STANDBY),
-        None,
-        None,
-        None,
-        late,
-        None,
-        WRONG,
+        time_s=number * 0.01,
+        late_s=0.0,
+        frame_received_s=np.nan,
+        sent_s=np.nan,
+        vehicle=vehicle,
+        age_s=0.01,
+        status=STATUS,
+        flight=FlightState(phase=Phase.STANDBY),
+        reference=None,
+        asked=None,
+        gated=None,
+        late_signals=late,
+        arms=None,
+        events=WRONG,
     )
 
 

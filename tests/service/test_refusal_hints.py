@@ -19,7 +19,9 @@ from companion.supervisor.flight_state import (
 from companion.supervisor.state_machine import refusal
 from companion.trajectories.reference import Hold
 
-FACTS = FlightInputs(0.0, np.zeros(3), np.zeros(3), 0.0, armed=True, mode=FlightMode.OFFBOARD)
+FACTS = FlightInputs(
+    time_s=0.0, position_w_m=np.zeros(3), velocity_w_mps=np.zeros(3), yaw_rad=0.0, armed=True, mode=FlightMode.OFFBOARD
+)
 SAYS_NOTHING = {(Phase.RESUME, TakeoffRequest), (Phase.RESUME, HoldRequest)}
 """For three seconds at most."""
 

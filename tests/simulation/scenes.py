@@ -37,13 +37,13 @@ def scene(trajectory: Trajectory = LAP, arms: str = "off", settle_s: float = 1.0
     companion = CompanionConfig(arms=ArmsConfig())
     plan = planned_arms(arms, companion, trajectory.duration_s + settle_s)
     return Scene(
-        "short",
-        "a short flight",
-        trajectory,
-        settle_s,
-        plan,
-        companion,
-        MockConfig.from_dict({"estimator": PERFECT_HORIZON} | mock),
+        name="short",
+        title="a short flight",
+        trajectory=trajectory,
+        settle_s=settle_s,
+        arms=plan,
+        companion=companion,
+        mock=MockConfig.from_dict({"estimator": PERFECT_HORIZON} | mock),
     )
 
 

@@ -19,7 +19,7 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 PERIOD_S = 0.01
 STAND_S = 10.0
 """By then the autopilot, with its 0.75 s, has trimmed out what the pose at the start costs, but for 2e-6 of it."""
-HOVERING = FlightState(Phase.HOLD, airborne=True)
+HOVERING = FlightState(phase=Phase.HOLD, airborne=True)
 ARMS = ArmsConfig()
 
 
@@ -33,7 +33,20 @@ class ObedientBus:
     def status(self) -> ArmStatus:
         nothing, on = np.zeros(8), np.ones(8, dtype=bool)
         at, read_s = self.position_rad, np.full(8, self.now_s)
-        return ArmStatus(read_s, at, nothing, nothing, nothing, nothing, on, at, (), 1, 0.002, 0)
+        return ArmStatus(
+            read_s=read_s,
+            position_rad=at,
+            velocity_radps=nothing,
+            effort=nothing,
+            temperature_c=nothing,
+            voltage_v=nothing,
+            torque_on=on,
+            held_rad=at,
+            faults=(),
+            cycles=1,
+            cycle_s=0.002,
+            bad_packets=0,
+        )
 
     def move(self, position_rad: Array) -> None:
         self.position_rad = position_rad

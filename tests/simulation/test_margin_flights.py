@@ -38,9 +38,15 @@ def swing_m(name: str, told: VehicleModel, delay_s: float) -> float:
         coulomb_n=NOTHING,
     )
     away = np.array([0.2, -0.2, 0.0])
-    vehicle = VirtualVehicle(plant, told.mocap_age_s, delay_s, told.thrust_delay_s, offset_w_m=away)
+    vehicle = VirtualVehicle(
+        plant=plant,
+        mocap_delay_s=told.mocap_age_s,
+        attitude_delay_s=delay_s,
+        thrust_delay_s=told.thrust_delay_s,
+        offset_w_m=away,
+    )
     mission = mission_of(Hold(np.array([0.0, 0.0, 1.2]), 0.0), law.preview_s, 16.0, PERIOD_S)
-    pilot = Pilot(law, estimator=EstimatorParams(delay_s=told.mocap_age_s), period_s=PERIOD_S)
+    pilot = Pilot(law=law, estimator=EstimatorParams(delay_s=told.mocap_age_s), period_s=PERIOD_S)
     end_m = simulate(pilot, vehicle, mission, [1]).error_w_m[-400:, 0]
     return float(np.ptp(end_m)) / 2.0
 

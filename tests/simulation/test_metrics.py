@@ -13,7 +13,16 @@ def trace_of(error_w_m: Array, sent: list[list[bool]], event: list[list[bool]]) 
     reference = np.full((4, 2, 3), 5.0)
     still = np.zeros((4, 2, 3))
     time_s = np.array([-0.02, -0.01, 0.0, 0.01])
-    return Trace(time_s, reference + error_w_m, still, reference, still, still, np.array(event), np.array(sent))
+    return Trace(
+        time_s=time_s,
+        position_w_m=reference + error_w_m,
+        velocity_w_mps=still,
+        reference_w_m=reference,
+        reference_velocity_w_mps=still,
+        accel_w_mps2=still,
+        event=np.array(event),
+        sent=np.array(sent),
+    )
 
 
 def errors() -> Array:

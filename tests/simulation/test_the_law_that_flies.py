@@ -27,7 +27,16 @@ def flown(
     horizon: HorizonError = HorizonError.PX4_B,
     corrected: bool = True,
 ) -> Flown:
-    return fly(Item(experiment, controller, SEEDS, bandwidth_radps, horizon, corrected=corrected))
+    return fly(
+        Item(
+            experiment=experiment,
+            controller=controller,
+            seeds=SEEDS,
+            bandwidth_radps=bandwidth_radps,
+            horizon=horizon,
+            corrected=corrected,
+        )
+    )
 
 
 @pytest.mark.parametrize("experiment", list(PAPER))

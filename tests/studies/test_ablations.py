@@ -29,7 +29,16 @@ def swaying(cycles: int = 60) -> Iterator[ControlInput]:
         angle = 0.1 * cycle + np.array([0.0, 1.0, 2.0])
         reference = Reference(np.zeros(3), 0.3 * np.cos(0.05 * cycle + np.arange(3.0)), np.zeros(3), 0.0)
         position, velocity = 0.04 * np.sin(angle), 0.1 * np.cos(angle)
-        yield ControlInput(position, velocity, level, np.zeros(3), 0.01, reference, np.zeros(3), 0.01)
+        yield ControlInput(
+            position_w_m=position,
+            velocity_w_mps=velocity,
+            q_w_flu_wxyz=level,
+            rate_flu_radps=np.zeros(3),
+            age_s=0.01,
+            reference=reference,
+            sent_accel_w_mps2=np.zeros(3),
+            dt_s=0.01,
+        )
 
 
 def signals(file: EtnnFile) -> dict[str, Array]:

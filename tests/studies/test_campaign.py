@@ -35,7 +35,7 @@ def flown(
     lost = np.arange(count) < diverged
     most: Array = 3.0 * mean if max_m is None else np.array(max_m)
     score = Score(mean, most, np.full(count, share), np.full(count, share), lost)
-    item = Item(experiment, controller, tuple(range(1, count + 1)), without=without)
+    item = Item(experiment=experiment, controller=controller, seeds=tuple(range(1, count + 1)), without=without)
     return Flown(item, score, np.full(count, 4.0), np.array([3, 5, 1, 7]), 0.01, ErrorLimits(mean_m=0.05, max_m=0.2))
 
 
@@ -121,10 +121,10 @@ def test_only_the_cycles_that_fly_the_trajectory_count(tmp_path: Path) -> None:
 
     PID sends in each, so there are 499 gaps of one cycle.
     """
-    found = fly(Item(str(short_experiment(tmp_path / "short.toml")), "pid", (1, 2)))
+    found = fly(Item(experiment=str(short_experiment(tmp_path / "short.toml")), controller="pid", seeds=(1, 2)))
     assert found.events.tolist() == [500.0, 500.0]
     assert found.gap_cycles.tolist() == [1] * (2 * 499)
-    law = fly(Item(str(tmp_path / "short.toml"), "practical", (1, 2)))
+    law = fly(Item(experiment=str(tmp_path / "short.toml"), controller="practical", seeds=(1, 2)))
     np.testing.assert_array_equal(law.events, np.rint(law.score.event_share * 500))
 
 
@@ -169,7 +169,7 @@ def test_a_law_is_flown_without_each_part_it_has(tmp_path: Path) -> None:
     without_arms = str(short_experiment(tmp_path / "none.toml"))
 
     def variants(experiment: str, controller: str) -> list[str]:
-        return [item.variant for item in variants_of(Item(experiment, controller, (1,)))]
+        return [item.variant for item in variants_of(Item(experiment=experiment, controller=controller, seeds=(1,)))]
 
     observing = tmp_path / "observing.toml"
     repaired = (project_root() / "config" / "controllers" / "paper-repaired.toml").read_text(encoding="utf-8")
@@ -189,14 +189,14 @@ def test_a_file_goes_by_its_name() -> None:
 
 
 def test_each_vehicle_of_an_item_has_its_own_seed(tmp_path: Path) -> None:
-    item = Item(str(short_experiment(tmp_path / "short.toml")), "practical", (3, 4, 3))
+    item = Item(experiment=str(short_experiment(tmp_path / "short.toml")), controller="practical", seeds=(3, 4, 3))
     score = fly(item).score
     np.testing.assert_array_equal(score.mean_error_m[0], score.mean_error_m[2])
     assert (score.mean_error_m[0] != score.mean_error_m[1]).all()
 
 
 def test_feedforward_and_bandwidth_are_flown_as_asked(tmp_path: Path) -> None:
-    whole = Item(str(short_experiment(tmp_path / "short.toml", arms="swing")), "pid", (1,))
+    whole = Item(experiment=str(short_experiment(tmp_path / "short.toml", arms="swing")), controller="pid", seeds=(1,))
     _, untold = variants_of(whole)
     errors = [fly(item).error_m for item in (whole, untold, replace(whole, bandwidth_radps=5.0))]
     assert errors[1] > 1.2 * errors[0]

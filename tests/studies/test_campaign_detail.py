@@ -37,7 +37,7 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> str:
 @pytest.fixture(scope="module")
 def details(experiment: str) -> list[Detail]:
     """The baseline and the law that flies."""
-    return [look_closely(Item(experiment, name, (2, 3))) for name in ("pid", "practical")]
+    return [look_closely(Item(experiment=experiment, controller=name, seeds=(2, 3))) for name in ("pid", "practical")]
 
 
 def test_friction_as_an_acceleration_in_w() -> None:
@@ -48,7 +48,7 @@ def test_friction_as_an_acceleration_in_w() -> None:
 
 
 def test_the_friction_to_learn_is_that_of_the_reference(details: Sequence[Detail], experiment: str) -> None:
-    detail, plant = details[1], scene_of(Item(experiment, "pid", (1,))).mock.plant
+    detail, plant = details[1], scene_of(Item(experiment=experiment, controller="pid", seeds=(1,))).mock.plant
     wanted = detail.trace.reference_velocity_w_mps
     assert np.abs(wanted).max() > 0.1
     np.testing.assert_array_equal(detail.friction_w_mps2, friction_w_mps2(wanted, plant))
@@ -66,7 +66,10 @@ def test_what_is_neither_u_nor_friction_nor_known_is_delta(details: Sequence[Det
     alpha_2 = (1, 2, 3) m/s^2, sigma + kappa/delta = 0.05 + 0.02/0.1 = 0.25 and y_2 = (+, -, 0): u_bar would be
     (0.75, 2.25, 3.0); it is 0.2 m/s^2 less along y, which is known of the arms.
     """
-    plant, d = scene_of(Item(experiment, "pid", (1,))).mock.plant, np.array([0.3, -0.2, 0.1])
+    plant, d = (
+        scene_of(Item(experiment=experiment, controller="pid", seeds=(1,))).mock.plant,
+        np.array([0.3, -0.2, 0.1]),
+    )
     smooth = replace(plant, coulomb_n=(0.0, 0.0, 0.0))
     trace, rows = details[1].trace, np.ones((len(details[1].trace.time_s), 1))
     inner = {"alpha2": [1.0, 2.0, 3.0], "y2": [0.4, -0.1, 0.0], "kappa": [0.02], "u_bar": [0.75, 2.05, 3.0]}
@@ -122,7 +125,7 @@ def test_where_the_bound_does_not_apply_the_condition_is_named(details: Sequence
 def test_to_a_law_that_predicts_the_theorem_does_not_apply(details: Sequence[Detail], experiment: str) -> None:
     """Its velocity jumps with each command, so no Delta is measured; without the prediction one is."""
     predicting = details[1]
-    bare = look_closely(Item(experiment, "practical", (2,), without=Ablation.PREDICTION))
+    bare = look_closely(Item(experiment=experiment, controller="practical", seeds=(2,), without=Ablation.PREDICTION))
     assert predicting.proof is not None
     assert bare.proof is not None
     said = "the law controls a predicted state (docs/departures.md)"
@@ -181,8 +184,10 @@ class _References(HTMLParser):
 def test_the_page_needs_nothing_but_itself(
     experiment: str, details: Sequence[Detail], drawn: Sequence[Drawn], tmp_path: Path
 ) -> None:
-    flights: list[Flown] = [fly(Item(experiment, name, (2, 3))) for name in ("pid", "practical")]
-    scene = scene_of(Item(experiment, "pid", (1,)))
+    flights: list[Flown] = [
+        fly(Item(experiment=experiment, controller=name, seeds=(2, 3))) for name in ("pid", "practical")
+    ]
+    scene = scene_of(Item(experiment=experiment, controller="pid", seeds=(1,)))
     chapter = Chapter(scene.title, facts_of(scene), flights, [], closer(details), drawn)
     text = page([chapter], [Source(tmp_path / "a.toml", "law = '<script>'")], "companion experiments")
     seen = _References()

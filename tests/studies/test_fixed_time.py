@@ -86,12 +86,13 @@ def test_friction_in_n_by_hand() -> None:
     """Eqs. S-Lip1 to y-iota with L_f = 0.2, |xi| = 0.1, for the choice that was made; no network, no Delta."""
     bound = fixed_time_bound(REPAIRED, Bounds(lipschitz_per_s=0.2, filter_error_mps=0.1))
     f = bound.free
+    eta1, eta2, eta3, eta4 = f.eta
     k_theta, c_theta = 0.5 / math.sqrt(f.tangent), 0.5 * math.sqrt(f.tangent)  # of |s|^(1/2), where it is touched
     a_iota1, a_y1, c_s1 = 4.0 + 1.2 * k_theta, 1.2 * k_theta, 0.1 + 2.4 * c_theta
-    c_y2 = 0.2 + 0.5 * (f.eta1 + f.eta2 + f.eta3 + f.eta4) + 0.5 * f.b
-    sigma5, sigma6, sigma7 = 0.02 * a_y1**2 / f.eta4, 0.02 * a_iota1**2 / f.eta3, 0.02 / f.eta1
+    c_y2 = 0.2 + 0.5 * sum(f.eta) + 0.5 * f.b
+    sigma5, sigma6, sigma7 = 0.02 * a_y1**2 / eta4, 0.02 * a_iota1**2 / eta3, 0.02 / eta1
     quadratic = c_y2**2 / 0.6 + sigma5**2 + sigma6**2 + sigma7**2
-    assert bound.n == pytest.approx(quadratic + 0.02 * c_s1**2 / f.eta2 + 0.01 / 12.0 + 0.002, rel=1e-6)
+    assert bound.n == pytest.approx(quadratic + 0.02 * c_s1**2 / eta2 + 0.01 / 12.0 + 0.002, rel=1e-6)
 
 
 def test_the_friction_leaves_the_same_margin_to_all_three_conditions() -> None:

@@ -130,8 +130,20 @@ def test_the_bounds_a_flight_kept() -> None:
     found = measured_bounds(two, velocity, delta_mps2=0.7, lipschitz_per_s=0.2, ideal=ideal)
     # V~_0: 2 then 1.5 in 16 places; V~_1: 3 then 5 in 15; V_1: 4 in 15
     root = math.sqrt(15.0)
-    expected = Bounds(0.7, 0.2, 0.5, 3.0, ideal.residual_mps2, 1.25, 8.0, 5.0 * root, 4.0 * root)
+    expected = Bounds(
+        delta_mps2=0.7,
+        lipschitz_per_s=0.2,
+        filter_error_mps=0.5,
+        f_hat_mps2=3.0,
+        residual_mps2=ideal.residual_mps2,
+        x_d=1.25,
+        v0_error=8.0,
+        v1_error=5.0 * root,
+        v1_size=4.0 * root,
+    )
     for name, value in vars(expected).items():
         assert getattr(found, name) == pytest.approx(value), name
     bare = measured_bounds(two, velocity, delta_mps2=0.7, lipschitz_per_s=0.2)
-    assert bare == Bounds(0.7, 0.2, found.filter_error_mps, 3.0, x_d=1.25)
+    assert bare == Bounds(
+        delta_mps2=0.7, lipschitz_per_s=0.2, filter_error_mps=found.filter_error_mps, f_hat_mps2=3.0, x_d=1.25
+    )

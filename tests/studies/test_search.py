@@ -71,7 +71,7 @@ def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
 
 
 def run(generations: int = 2) -> tuple[list[Centre], list[Generation]]:
-    plan = Plan((SHORT,), 1, generations, 4, (0.8,), 3, others=1)
+    plan = Plan(scenes=(SHORT,), loops=1, generations=generations, population=4, weights=(0.8,), seed=3, others=1)
     told: list[Generation] = []
     with ThreadPoolExecutor(1) as pool:
         kept = search(plan, point(gamma_v=0.3), pool, lambda generation, _: told.append(generation))
@@ -106,7 +106,7 @@ def test_the_front_holds_what_no_other_beats_in_both() -> None:
 
 
 def test_every_generation_of_every_run_has_a_seed_of_its_own() -> None:
-    plan = Plan((SHORT,), 1, 30, 4, (0.5, 1.0), 3)
+    plan = Plan(scenes=(SHORT,), loops=1, generations=30, population=4, weights=(0.5, 1.0), seed=3)
     seeds = [training_seed(plan, run, number) for run in range(2) for number in range(1, 31)]
     assert len(set(seeds)) == 60
     assert min(seeds) > CHECK_SEED > 1000, "neither the check nor the reported seeds are trained on"
@@ -114,7 +114,9 @@ def test_every_generation_of_every_run_has_a_seed_of_its_own() -> None:
 
 def test_each_loop_flies_the_experiments_in_turn() -> None:
     first, second = replace(SHORT, name="first"), replace(SHORT, name="second")
-    plan = Plan(scenes_of([first, second], [6.0, 10.0]), 2, 1, 4, (1.0,), 1)
+    plan = Plan(
+        scenes=scenes_of([first, second], [6.0, 10.0]), loops=2, generations=1, population=4, weights=(1.0,), seed=1
+    )
     names = [[scene.name for scene in plan.turn(number)] for number in (0, 1)]
     loops = [[scene.companion.vehicle.attitude_bandwidth_radps for scene in plan.turn(number)] for number in (0, 1)]
     assert names == [["first", "second"], ["second", "first"]]

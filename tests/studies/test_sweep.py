@@ -88,7 +88,18 @@ def test_errors_by_hand() -> None:
     position[:2, 0, 0], position[2:, 0, 0], position[2:, 0, 2] = 0.4, -0.1, 0.3
     position[3, 1, 1] = 5.0
     sent = np.array([[1, 1], [1, 1], [1, 0], [0, 0]], dtype=bool)
-    rows = results(Trace(time_s, position, position, reference, reference, position, sent, sent))
+    rows = results(
+        Trace(
+            time_s=time_s,
+            position_w_m=position,
+            velocity_w_mps=position,
+            reference_w_m=reference,
+            reference_velocity_w_mps=reference,
+            accel_w_mps2=position,
+            event=sent,
+            sent=sent,
+        )
+    )
     assert np.allclose(rows["mean_error_m"][0], [0.25, 0.0, 0.15])
     assert np.allclose(rows["error_whole_m"][0], np.sqrt(0.25**2 + 0.15**2))
     assert np.allclose(rows["error_trajectory_m"][0], np.sqrt(0.1**2 + 0.3**2))

@@ -48,7 +48,15 @@ def facts(
     """A vehicle above its ground, with these faults there."""
     position = GROUND + np.array([0.0, 0.0, height_m])
     events = tuple(event(fault) for fault in faults)
-    return FlightInputs(time_s, position, np.array([0.0, 0.0, climb_mps]), 0.3, armed, mode, events=events)
+    return FlightInputs(
+        time_s=time_s,
+        position_w_m=position,
+        velocity_w_mps=np.array([0.0, 0.0, climb_mps]),
+        yaw_rad=0.3,
+        armed=armed,
+        mode=mode,
+        events=events,
+    )
 
 
 def with_faults(seen: FlightInputs, *faults: Fault) -> FlightInputs:

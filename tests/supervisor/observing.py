@@ -51,24 +51,42 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
     time_s = START_S + cycle * CYCLE_S
     place = np.array(position)
     vehicle = VehicleState(time_s - 1.0 / 64.0, place, np.zeros(3), LEVEL, np.zeros(3))
-    seen = MocapInputs(1.0 / 64.0, Verdict.ACCEPTED, cycle, 7.0 + cycle * CYCLE_S, time_s, vehicle)
+    seen = MocapInputs(
+        age_s=1.0 / 64.0,
+        verdict=Verdict.ACCEPTED,
+        frame=cycle,
+        stamp_s=7.0 + cycle * CYCLE_S,
+        received_s=time_s,
+        vehicle=vehicle,
+    )
     status = AutopilotStatus(
-        True,
-        time_s,
-        True,
-        FlightMode.OFFBOARD,
-        True,
-        0.75,
-        15.0,
-        LEVEL,
-        "",
+        connected=True,
+        heartbeat_s=time_s,
+        armed=True,
+        mode=FlightMode.OFFBOARD,
+        in_air=True,
+        battery_fraction=0.75,
+        battery_v=15.0,
+        q_w_flu_wxyz=LEVEL,
+        last_text="",
         heard_s=time_s,
         attitude_s=time_s,
         boot_s=50.0 + time_s,
     )
     sent = AttitudeThrust(LEVEL, np.array(0.5))
     return HealthInputs(
-        *(time_s, Stage.FLYING, True, True, True, seen, status, place, sent, False, "", 0.0),
+        time_s=time_s,
+        stage=Stage.FLYING,
+        commanded=True,
+        streaming=True,
+        airborne=True,
+        seen=seen,
+        autopilot=status,
+        reference_w_m=place,
+        sent=sent,
+        at_max_thrust=False,
+        law_fault="",
+        late_s=0.0,
         phase_since_s=START_S,
         landing_due_s=math.inf,
         held_by_fault_since_s=math.inf,

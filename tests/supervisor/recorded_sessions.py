@@ -64,7 +64,18 @@ def watched(
             frame = frames.pop(0)
             estimate = step(estimate, frame, EstimatorParams())
         status, streaming = px4.heard.status, flight.phase in STREAMING
-        cycle = Cycle(now_s, 0.0, frame, estimate, status, streaming, LEVEL, False, "", "")
+        cycle = Cycle(
+            time_s=now_s,
+            late_s=0.0,
+            frame=frame,
+            estimate=estimate,
+            status=status,
+            streaming=streaming,
+            sent=LEVEL,
+            at_max_thrust=False,
+            law_fault="",
+            arm_fault="",
+        )
         events = health.look(cycle, flight)
         facts = facts_of(now_s, estimate.vehicle, status, None, events, 0.5)
         asked_for = None
@@ -91,7 +102,16 @@ def _frames(poses: Sequence[Pose]) -> list[MocapFrame]:
             at_s = before.at_s + half * (after.at_s - before.at_s)
             place = (1.0 - half) * np.array(before.position_m) + half * np.array(after.position_m)
             place_w_m = flip_yz(place) + MOCAP_NOISE_M * rng.standard_normal(3)
-            frames.append(MocapFrame(len(frames), at_s, at_s, place_w_m, np.eye(3), 0.0))
+            frames.append(
+                MocapFrame(
+                    frame=len(frames),
+                    stamp_s=at_s,
+                    received_s=at_s,
+                    position_w_m=place_w_m,
+                    rotation_w_b=np.eye(3),
+                    residual_m=0.0,
+                )
+            )
     return frames
 
 

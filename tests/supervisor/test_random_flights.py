@@ -46,7 +46,13 @@ WAYS: dict[Phase, set[Phase]] = {
 """Every way there is, apart from the one to TERMINATED, which leads from everywhere."""
 BEGINNING_ANEW = (ArmRequest, TrackRequest, ResumeRequest)
 SILENT = FlightInputs(
-    0.0, GROUND, np.zeros(3), 0.0, True, FlightMode.OFFBOARD, events=(Event(Fault.AUTOPILOT_SILENT, "silent"),)
+    time_s=0.0,
+    position_w_m=GROUND,
+    velocity_w_mps=np.zeros(3),
+    yaw_rad=0.0,
+    armed=True,
+    mode=FlightMode.OFFBOARD,
+    events=(Event(Fault.AUTOPILOT_SILENT, "silent"),),
 )
 
 heights_m = st.sampled_from([-0.1, 0.0, 0.03, 0.3, 1.2, 2.5, float("nan")])

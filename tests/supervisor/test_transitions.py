@@ -123,7 +123,7 @@ def test_a_small_turn_is_not_begun_with_a_jerk() -> None:
 def test_a_heading_that_turns_comes_to_rest_as_the_place_does(order: HoldRequest | LandRequest | TrackRequest) -> None:
     flight, time_s = STATES["hovering"]
     here = reference_at(flight, time_s).position_w_m
-    turning = MinimumJerk(here, here, 4.0, 3.0, 3.0 + 2.0)
+    turning = MinimumJerk(start_w_m=here, end_w_m=here, duration_s=4.0, start_yaw_rad=3.0, end_yaw_rad=3.0 + 2.0)
     flight = replace(flight, legs=(Leg(Phase.TRACK, turning),), leg_start_s=time_s - 2.0)
     before = np.array([reference_at(flight, time_s - 0.01 * n).yaw_rad for n in (2, 1, 0)])
     flown = apply_request(flight, order, on_reference(flight, time_s), RULES)
@@ -138,7 +138,14 @@ def test_a_vehicle_in_motion_is_given_room_to_turn_round() -> None:
     """Straight back from 0.5 m/s, to where it is now: within the acceleration of a climb."""
     flight, time_s = STATES["hovering"]
     here, speed = GROUND + np.array([0.0, 0.0, 1.2]), np.array([0.5, 0.0, 0.0])
-    moving = MinimumJerk(here, here + 5.0 * speed, 10.0, 0.0, 0.0, speed)
+    moving = MinimumJerk(
+        start_w_m=here,
+        end_w_m=here + 5.0 * speed,
+        duration_s=10.0,
+        start_yaw_rad=0.0,
+        end_yaw_rad=0.0,
+        start_velocity_w_mps=speed,
+    )
     flight = replace(flight, legs=(Leg(Phase.TRACK, moving),), leg_start_s=time_s)
     flown = apply_request(flight, TrackRequest(Hold(here, 0.0, 5.0), 1.0), on_reference(flight, time_s), RULES)
     way = flown.legs[0].trajectory

@@ -33,18 +33,26 @@ CURVES: list[Trajectory] = [
     FigureEight(CENTRE),
     Ellipse(CENTRE, timing=LapTiming(4.0, 1, 4.0)),
     FigureEight(CENTRE, (0.4, 0.3), LapTiming(9.0, 3, 2.0)),
-    MinimumJerk(np.zeros(3), np.array([1.0, -2.0, 0.5]), 3.0, 3.0, -3.0),
+    MinimumJerk(
+        start_w_m=np.zeros(3), end_w_m=np.array([1.0, -2.0, 0.5]), duration_s=3.0, start_yaw_rad=3.0, end_yaw_rad=-3.0
+    ),
     WAYPOINTS,
 ]
 STARTED: list[Trajectory] = [
     MinimumJerk(
-        np.zeros(3),
-        np.ones(3),
-        2.5,
+        start_w_m=np.zeros(3),
+        end_w_m=np.ones(3),
+        duration_s=2.5,
         start_velocity_w_mps=np.array([0.4, -0.2, 0.1]),
         start_acceleration_w_mps2=np.array([0.1, 0.3, -0.2]),
     ),
-    Descent(np.array([0.0, 0.0, 1.0]), np.array([0.3, -0.2, 0.4]), 0.25, 0.5, duration_s=5.0),
+    Descent(
+        start_w_m=np.array([0.0, 0.0, 1.0]),
+        velocity_w_mps=np.array([0.3, -0.2, 0.4]),
+        speed_mps=0.25,
+        yaw_rad=0.5,
+        duration_s=5.0,
+    ),
 ]
 NAMES = ["ellipse", "eight", "quickest ellipse", "three eights", "minimum jerk", "waypoints"]
 STARTED_NAMES = ["minimum jerk begun in flight", "descent begun in flight"]
@@ -130,7 +138,7 @@ def test_the_laps_are_whole(period: float, laps: int, ramp: float) -> None:
 def test_a_move_stays_within_its_speed_and_acceleration(distance: float, speed: float, accel: float) -> None:
     duration = minimum_jerk_duration_s(distance, speed, accel)
     assert duration >= 1.0
-    move = MinimumJerk(np.zeros(3), np.array([distance, 0.0, 0.0]), duration)
+    move = MinimumJerk(start_w_m=np.zeros(3), end_w_m=np.array([distance, 0.0, 0.0]), duration_s=duration)
     for t in np.linspace(0.0, duration, 101):
         at = move.at(float(t))
         assert abs(at.velocity_w_mps[0]) <= speed * (1.0 + 1e-9)
@@ -138,7 +146,7 @@ def test_a_move_stays_within_its_speed_and_acceleration(distance: float, speed: 
 
 
 def test_a_move_turns_the_shorter_way() -> None:
-    move = MinimumJerk(np.zeros(3), np.ones(3), 2.0, 3.0, -3.0)
+    move = MinimumJerk(start_w_m=np.zeros(3), end_w_m=np.ones(3), duration_s=2.0, start_yaw_rad=3.0, end_yaw_rad=-3.0)
     assert move.at(1.0).yaw_rad == pytest.approx(math.pi)
     assert move.at(2.0).yaw_rad == pytest.approx(2.0 * math.pi - 3.0)
 
@@ -172,7 +180,9 @@ def test_random_waypoints_are_met_without_a_jump(seed: int, count: int) -> None:
 
 
 def test_the_descent_ends_straight_down_at_its_speed() -> None:
-    down = Descent(np.array([1.0, 2.0, 3.0]), np.array([0.4, 0.0, 0.2]), 0.25, 0.7)
+    down = Descent(
+        start_w_m=np.array([1.0, 2.0, 3.0]), velocity_w_mps=np.array([0.4, 0.0, 0.2]), speed_mps=0.25, yaw_rad=0.7
+    )
     np.testing.assert_allclose(down.at(0.0).position_w_m, [1.0, 2.0, 3.0])
     np.testing.assert_allclose(down.at(0.0).velocity_w_mps, [0.4, 0.0, 0.2])
     np.testing.assert_allclose(down.at(-1.0).position_w_m, [1.0, 2.0, 3.0])

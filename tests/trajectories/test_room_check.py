@@ -35,7 +35,16 @@ def path(*rows: tuple[float, float, float]) -> Waypoints:
         (path((0, 0, 0), (1, 2, 0), (6, 2, 0)), "it: too fast: 3."),
         (path((0, 0, 0), (0.01, 1, 0)), "it: too fast: 187.50 m/s at 0.01 s, allowed is 2 (room.max_speed_mps)"),
         (path((0, 0, 0), (0.01, 0, 0.1)), "it: turns too fast: 17.98"),
-        (MinimumJerk(np.zeros(3) + 1.0, np.zeros(3) + 1.0, 1.0, 0.0, 3.0), "it: turns too fast: 5.6"),
+        (
+            MinimumJerk(
+                start_w_m=np.zeros(3) + 1.0,
+                end_w_m=np.zeros(3) + 1.0,
+                duration_s=1.0,
+                start_yaw_rad=0.0,
+                end_yaw_rad=3.0,
+            ),
+            "it: turns too fast: 5.6",
+        ),
     ],
 )
 def test_what_no_vehicle_can_follow_is_refused_with_the_instant_and_the_key(
@@ -48,7 +57,13 @@ def test_what_no_vehicle_can_follow_is_refused_with_the_instant_and_the_key(
 
 def test_a_heading_that_is_no_number_is_refused() -> None:
     with pytest.raises(ConfigError, match="turns too fast: nan"):
-        check_trajectory(MinimumJerk(np.ones(3), np.ones(3), 2.0, 0.0, np.nan), ROOM, "it")
+        check_trajectory(
+            MinimumJerk(
+                start_w_m=np.ones(3), end_w_m=np.ones(3), duration_s=2.0, start_yaw_rad=0.0, end_yaw_rad=np.nan
+            ),
+            ROOM,
+            "it",
+        )
 
 
 def test_a_gentle_turn_and_one_over_the_half_turn_are_flown() -> None:

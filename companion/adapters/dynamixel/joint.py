@@ -20,7 +20,7 @@ _STEPS = 5
 """Cycles over which the speed of the goals is estimated."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Joint:
     """One servo in its joint."""
 
@@ -136,11 +136,11 @@ def joints_of(config: ArmsConfig) -> tuple[Joint, ...]:
     limits = config.model().limits
     return tuple(
         Joint(
-            index,
-            name,
-            config.servos[name].id,
-            JointScale.of(config.servos[name]),
-            limits[index % len(KINDS)],
+            index=index,
+            name=name,
+            servo_id=config.servos[name].id,
+            scale=JointScale.of(config.servos[name]),
+            limit=limits[index % len(KINDS)],
         )
         for index, name in enumerate(JOINT_NAMES)
     )

@@ -47,7 +47,7 @@ class UnansweredError(aiomqtt.MqttError):
     """CONNECT was not answered: some brokers mean that they know no MQTT 5 (amqtt 0.12)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Endpoint:
     """Address, identity and TLS context of a broker connection."""
 

@@ -122,7 +122,17 @@ class MqttMocap(NewestFrame):
             position_w_m, rotation_w_b = np.array(pose.position_w_m), np.array(pose.rotation_w_b).reshape(3, 3)
         residual_m = math.nan if pose.residual_m is None else pose.residual_m
         late = pose.late + self.counts.late
-        return self.put(MocapFrame(pose.frame, pose.stamp_s, received_s, position_w_m, rotation_w_b, residual_m, late))
+        return self.put(
+            MocapFrame(
+                frame=pose.frame,
+                stamp_s=pose.stamp_s,
+                received_s=received_s,
+                position_w_m=position_w_m,
+                rotation_w_b=rotation_w_b,
+                residual_m=residual_m,
+                late=late,
+            )
+        )
 
     def _on_foreign(self, body: str) -> None:
         """Believe no pose of another body: a bridge with another vehicle's configuration and our topics."""

@@ -37,7 +37,15 @@ def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
             raise ConfigError(f"{where}: no certificates can be read: {error}") from error
     # random, as a broker closes the older of two connections with one name
     name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"
-    return Endpoint(config.host, config.port, name, config.user, config.password(), tls, will)
+    return Endpoint(
+        host=config.host,
+        port=config.port,
+        identifier=name,
+        user=config.user,
+        password=config.password(),
+        tls=tls,
+        will=will,
+    )
 
 
 def certificate_fault(error: ssl.SSLError) -> str:

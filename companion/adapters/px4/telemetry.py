@@ -130,15 +130,15 @@ class Px4Telemetry:
         self._battery_id, self._rebooted = battery_id, rebooted
         level = np.array([1.0, 0.0, 0.0, 0.0])
         self.status = AutopilotStatus(
-            True,
-            -math.inf,
-            False,
-            FlightMode.OTHER,
-            None,
-            math.nan,
-            math.nan,
-            level,
-            "",
+            connected=True,
+            heartbeat_s=-math.inf,
+            armed=False,
+            mode=FlightMode.OTHER,
+            in_air=None,
+            battery_fraction=math.nan,
+            battery_v=math.nan,
+            q_w_flu_wxyz=level,
+            last_text="",
             system_id=system.get_system_id(),
         )
         self.local = LocalEstimate()

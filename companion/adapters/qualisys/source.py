@@ -80,7 +80,17 @@ class QualisysSource(NewestFrame):
             return
         pose = body_pose(packet, self._index)
         late = self.counts.late
-        self.put(MocapFrame(number, stamp_s, received_s, pose.position_w_m, pose.rotation_w_b, pose.residual_m, late))
+        self.put(
+            MocapFrame(
+                frame=number,
+                stamp_s=stamp_s,
+                received_s=received_s,
+                position_w_m=pose.position_w_m,
+                rotation_w_b=pose.rotation_w_b,
+                residual_m=pose.residual_m,
+                late=late,
+            )
+        )
         if self.on_frame is not None:
             on_frame, self.on_frame = self.on_frame, None
             on_frame()

@@ -165,7 +165,7 @@ class QuietHandler(logging.Handler):
         if self._repeated and self._last is not None:
             name, level, _ = self._last
             text = f"the last line {self._repeated} more times"
-            self._put(self.format(logging.LogRecord(name, level, "", 0, text, None, None)))
+            self._put(self.format(logging.LogRecord(name, level, "", lineno=0, msg=text, args=None, exc_info=None)))
         self._repeated = 0
 
     def _put(self, lines: str) -> None:

@@ -25,18 +25,13 @@ _VARIED = 0.006
 class Finding:
     """A value of the configuration as the flight shows it."""
 
-    table: str
-    key: str
+    name: str
+    """Key as written in the configuration, with its table."""
     value: float
     sd: float
     configured: float
     digits: int
     says: str
-
-    @property
-    def name(self) -> str:
-        """Key as written in the configuration, with its table."""
-        return f"{self.table}.{self.key}"
 
 
 @dataclass(frozen=True)
@@ -56,11 +51,11 @@ class Calibrated:
 
     def toml(self) -> str:
         """Return the lines to set in the configuration, as TOML."""
-        lines = []
-        for table in dict.fromkeys(finding.table for finding in self.findings):
-            lines.append(f"[{table}]")
-            lines += [f"{one.key} = {one.value:.{one.digits}f}" for one in self.findings if one.table == table]
-        return "\n".join(lines)
+        tables: dict[str, list[str]] = {}
+        for one in self.findings:
+            table, key = one.name.split(".")
+            tables.setdefault(table, []).append(f"{key} = {one.value:.{one.digits}f}")
+        return "\n".join(line for table, lines in tables.items() for line in (f"[{table}]", *lines))
 
 
 def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
@@ -89,14 +84,14 @@ def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Left:
     if sd_s > 0.01 or delay_s < 0.0:
         return Left(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
     says = "from capture to arrival, less what the autopilot's attitude takes to get here"
-    return Finding("mocap", "delay_s", delay_s, sd_s, config.mocap.delay_s, 3, says)
+    return Finding("mocap.delay_s", delay_s, sd_s, config.mocap.delay_s, 3, says)
 
 
 def _hover_thrust(level: Hover | None, config: CompanionConfig) -> Finding | Left:
     if level is None:
         return Left("vehicle.hover_thrust", "it hovered for less than 10 s: hold for half a minute, arms stowed")
     says = f"over {level.for_s:.0f} s, in which it varied by {level.spread:.4f} (standard deviation)"
-    return Finding("vehicle", "hover_thrust", level.thrust, level.sd, config.vehicle.hover_thrust, 3, says)
+    return Finding("vehicle.hover_thrust", level.thrust, level.sd, config.vehicle.hover_thrust, 3, says)
 
 
 def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
@@ -120,18 +115,18 @@ def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: Compani
         results.append(Left(names[0], f"{curve:.2f} ± {curve_sd:.2f} is too uncertain: {_CLIMB}"))
     else:
         says = "f in force = f t^2 + (1 - f) t, as PX4 leaves it"
-        results.append(Finding("vehicle", "thrust_curve", curve, curve_sd, vehicle.thrust_curve, 2, says))
+        results.append(Finding("vehicle.thrust_curve", curve, curve_sd, vehicle.thrust_curve, 2, says))
     if lag_sd_s > 0.012 or lag_s <= 0.0:
         results.append(Left(names[1], f"{_ms(lag_s, lag_sd_s)} is too uncertain: {_CLIMB}"))
     else:
         says = f"with thrust_delay_s = {vehicle.thrust_delay_s:g} left as it is: only their sum shows"
-        results.append(Finding("vehicle", "thrust_lag_s", lag_s, lag_sd_s, vehicle.thrust_lag_s, 3, says))
+        results.append(Finding("vehicle.thrust_lag_s", lag_s, lag_sd_s, vehicle.thrust_lag_s, 3, says))
     return results
 
 
 def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
     vehicle = config.vehicle
-    keys = ("setpoint_delay_s", "attitude_bandwidth_radps", "attitude_damping")
+    names = ("vehicle.setpoint_delay_s", "vehicle.attitude_bandwidth_radps", "vehicle.attitude_damping")
     total_s, bandwidth, damping = (float(value) for value in found.values)
     delay_sd_s, bandwidth_sd, damping_sd = (float(sd) for sd in found.sd)
     why = ""
@@ -140,13 +135,13 @@ def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Findi
     elif bandwidth_sd > 0.15 * bandwidth or delay_sd_s > 0.015 or damping_sd > 0.15:
         why = f"{bandwidth:.1f} ± {bandwidth_sd:.1f} rad/s is too uncertain: it must tilt more, fly an ellipse"
     if why:
-        return [Left(f"vehicle.{key}", why) for key in keys]
+        return [Left(name, why) for name in names]
     says = f"delay and second order explain {found.explained:.1%} of the motion; take all three"
     delay_s = max(total_s - mocap_s, 0.0)
     return [
-        Finding("vehicle", keys[0], delay_s, delay_sd_s, vehicle.setpoint_delay_s, 3, says),
-        Finding("vehicle", keys[1], bandwidth, bandwidth_sd, vehicle.attitude_bandwidth_radps, 2, says),
-        Finding("vehicle", keys[2], damping, damping_sd, vehicle.attitude_damping, 2, says),
+        Finding(names[0], delay_s, delay_sd_s, vehicle.setpoint_delay_s, 3, says),
+        Finding(names[1], bandwidth, bandwidth_sd, vehicle.attitude_bandwidth_radps, 2, says),
+        Finding(names[2], damping, damping_sd, vehicle.attitude_damping, 2, says),
     ]
 
 

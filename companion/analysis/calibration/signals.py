@@ -21,7 +21,7 @@ _RINGS_S = 1.0
 """So long after a motion of the arms the vehicle is taken to be at rest again."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Observed:
     """One flight, from clear of the ground to near it again; times are the service's, s."""
 
@@ -71,17 +71,17 @@ def observed(flown: Flown) -> Observed:
     if quiet.mean() * (end_s - begin_s) < _LEAST_S:
         raise UnfitFlightError(f"{path}: the arms moved nearly all the time: hover with the arms stowed")
     return Observed(
-        begin_s,
-        end_s,
-        flown.column("sent_s")[sent],
-        up_axis(_left(flown)[sent]),
-        flown.column("setpoint_thrust")[sent],
-        (flown.column("frame_stamp_s") + flown.column("estimate_clock_offset_s"))[framed],
-        flown.column("frame_position_w_m", 3)[framed],
-        rotation[framed][:, :, 2],
-        heard_s,
-        their_up_w,
-        quiet,
+        begin_s=begin_s,
+        end_s=end_s,
+        sent_s=flown.column("sent_s")[sent],
+        sent_up_w=up_axis(_left(flown)[sent]),
+        sent_thrust=flown.column("setpoint_thrust")[sent],
+        came_s=(flown.column("frame_stamp_s") + flown.column("estimate_clock_offset_s"))[framed],
+        position_w_m=flown.column("frame_position_w_m", 3)[framed],
+        up_w=rotation[framed][:, :, 2],
+        heard_s=heard_s,
+        autopilot_up_w=their_up_w,
+        quiet=quiet,
     )
 
 

@@ -55,7 +55,7 @@ class Apart:
         self.square_sum += float(np.sum(off * off))
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Replayed:
     """Result of a replay: one comparison for each quantity, and the ticks replayed."""
 
@@ -92,7 +92,7 @@ def replay(
     """
     if not record.law_flew:
         raise RecordError(f"{record.path}: the law was never in charge in this flight: nothing to compare")
-    done = Replayed("" if other is None else "another")
+    done = Replayed(law="" if other is None else "another")
     begin_s = float(record.columns["time_s"][0])
     estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
     flying = _Flying(record.path, config, laws, other)

@@ -68,7 +68,7 @@ class HorizonNumbers:
     """Of the correction; 0 where it was switched off."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Numbers:
     """All of them; what a flight did not have is None or not there."""
 
@@ -109,26 +109,26 @@ def numbers_of(flown: Flown) -> Numbers:
     record, story = flown.record, story_of(flown)
     unix_s = record.unix_offset_s + float(flown.column("time_s")[0]) if record.unix_offset_s else None
     return Numbers(
-        flown.name,
-        unix_s,
-        str(record.metadata.get("vehicle", "")),
-        flown.law_names,
-        {str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
-        story.ended,
-        story.over,
-        record.truncated,
-        record.damage,
-        record.dropped,
-        _span_s(flown.time_s[flown.in_the_air]),
-        _span_s(flown.time_s[flown.airborne]),
-        tuple(_trajectory(flown, one) for one in flown.trajectories),
-        _errors(flown, flown.tracked),
-        _errors(flown, flown.airborne),
-        _triggers(flown, flown.tracked),
-        _triggers(flown, flown.airborne),
-        {name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
-        _horizon(flown),
-        story,
+        flight=flown.name,
+        started_unix_s=unix_s,
+        vehicle=str(record.metadata.get("vehicle", "")),
+        laws=flown.law_names,
+        versions={str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
+        ended=story.ended,
+        over=story.over,
+        truncated=record.truncated,
+        damage=record.damage,
+        dropped=record.dropped,
+        duration_s=_span_s(flown.time_s[flown.in_the_air]),
+        law_s=_span_s(flown.time_s[flown.airborne]),
+        trajectories=tuple(_trajectory(flown, one) for one in flown.trajectories),
+        tracked=_errors(flown, flown.tracked),
+        whole=_errors(flown, flown.airborne),
+        triggers_tracked=_triggers(flown, flown.tracked),
+        triggers_whole=_triggers(flown, flown.airborne),
+        latencies={name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
+        horizon=_horizon(flown),
+        story=story,
     )
 
 

@@ -45,7 +45,7 @@ class Said:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Story:
     """Events of a flight, each kind in order of time."""
 
@@ -64,7 +64,15 @@ def story_of(flown: Flown) -> Story:
     """Out of columns and events."""
     reactions = _reactions(flown)
     faults = _faults(flown, reactions)
-    return Story(flown.phases, flown.laws, faults, reactions, _said(flown), _ended(flown), _is_over(flown))
+    return Story(
+        phases=flown.phases,
+        laws=flown.laws,
+        faults=faults,
+        reactions=reactions,
+        said=_said(flown),
+        ended=_ended(flown),
+        over=_is_over(flown),
+    )
 
 
 def _faults(flown: Flown, reactions: tuple[Reacted, ...]) -> tuple[FaultSeen, ...]:

@@ -92,18 +92,18 @@ def demo(
     flown = trajectory_named(trajectory, curve)
     flights = [
         DemoFlight(
-            _on_ports(settings, ports),
-            _law(name, settings, allow_unstable),
-            trajectory,
-            flown,
-            arms,
-            _check_arms(arms, settings, flown, trajectory),
-            mock_config or default_config_path("mock.toml"),
-            ports,
-            seed,
-            mocks,
-            tuple(fault or ()),
-            out,
+            config=_on_ports(settings, ports),
+            controller=_law(name, settings, allow_unstable),
+            trajectory_name=trajectory,
+            trajectory=flown,
+            arms=arms,
+            notes=_check_arms(arms, settings, flown, trajectory),
+            mock_config=mock_config or default_config_path("mock.toml"),
+            ports=ports,
+            seed=seed,
+            start_mocks=mocks,
+            faults=tuple(fault or ()),
+            records=out,
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]

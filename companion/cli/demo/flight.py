@@ -38,7 +38,7 @@ _STOPPED_S = 1.0
 _ENDED = "the flight was ended: "
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DemoFlight:
     """Description of one demo flight."""
 
@@ -66,7 +66,7 @@ class DemoFlight:
         return re.sub(r"[^A-Za-z0-9_-]", "_", name)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Flown:
     """Result of a demo flight."""
 
@@ -90,7 +90,7 @@ class Flown:
 async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
     """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
-    flown = Flown(Recorder(), display.story)
+    flown = Flown(recorder=Recorder(), story=display.story)
     kept = _kept(flight)
 
     def hear(told: FaultTold) -> None:

@@ -39,7 +39,7 @@ _ADVICE = "try fewer --jobs or fewer --seeds"
 _TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Campaign:
     """Checked request: the experiments, laws and seeds to fly."""
 
@@ -165,7 +165,14 @@ def _checked(
     wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable, horizon))
     variants = tuple(variant for item in wholes for variant in variants_of(item))
     return Campaign(
-        names, controllers, seeds, bandwidth, horizon, allow_unstable, wholes, variants if ablations else ()
+        experiments=names,
+        controllers=controllers,
+        seeds=seeds,
+        bandwidth_radps=bandwidth,
+        horizon=horizon,
+        allow_unstable=allow_unstable,
+        wholes=wholes,
+        variants=variants if ablations else (),
     )
 
 
@@ -238,7 +245,15 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
         return True
     chapters = []
     for number, (name, mine) in enumerate(zip(campaign.experiments, details, strict=True)):
-        scene = scene_of(Item(name, BASELINE, campaign.seeds, campaign.bandwidth_radps, campaign.horizon))
+        scene = scene_of(
+            Item(
+                experiment=name,
+                controller=BASELINE,
+                seeds=campaign.seeds,
+                bandwidth_radps=campaign.bandwidth_radps,
+                horizon=campaign.horizon,
+            )
+        )
         here = [flown for flown in flights if flown.item.experiment == name]
         wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
         chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))

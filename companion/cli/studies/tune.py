@@ -153,7 +153,14 @@ def tune(
 def _plan(generations: int, population: int, weights: str, seed: int, experiments: str, bandwidths: str) -> Plan:
     loops = _numbers("bandwidths", bandwidths, 2.0, 40.0)
     scenes = scenes_of([shortened(load_scene(name)) for name in names_of(experiments, "experiments")], loops)
-    return Plan(scenes, len(loops), generations, population, _numbers("weights", weights, 0.05, 20.0), seed)
+    return Plan(
+        scenes=scenes,
+        loops=len(loops),
+        generations=generations,
+        population=population,
+        weights=_numbers("weights", weights, 0.05, 20.0),
+        seed=seed,
+    )
 
 
 def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:

@@ -57,7 +57,15 @@ def serve_command(
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()
         folder = Path(settings.records.folder) if recorder is not None else None
-        what = DaemonSettings(settings, law, notifier, recorder, folder, _note_law(recorder, law.name), last_resort)
+        what = DaemonSettings(
+            config=settings,
+            controller=law,
+            notifier=notifier,
+            recorder=recorder,
+            records=folder,
+            note_law=_note_law(recorder, law.name),
+            last_resort=last_resort,
+        )
         try:
             with standard_output_to_log(), unraisable_to_log(last_resort.lacks_memory):
                 uvloop.run(serve(what))

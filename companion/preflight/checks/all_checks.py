@@ -22,7 +22,7 @@ DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
 """Parameters that are compared with what is configured or measured here, and not with a list."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Facts:
     """Facts about vehicle, devices and computer that the checks need."""
 

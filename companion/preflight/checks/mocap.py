@@ -9,7 +9,7 @@ _SEEN = 0.98
 """Share of frames in which the body must be tracked."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class MocapSeen:
     """Statistics of some seconds of motion capture."""
 

@@ -24,7 +24,7 @@ BASELINE = "pid"
 """What every reduction is counted against."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Item:
     """One law on one experiment, one vehicle a seed; names as the user gives them."""
 
@@ -175,7 +175,14 @@ def whole_items(
     """Every law on every experiment; the baseline is always among them, and first."""
     laws = [BASELINE, *(name for name in controllers if name != BASELINE)]
     return [
-        Item(experiment, law, seeds, bandwidth_radps, horizon, allow_unstable=allow_unstable)
+        Item(
+            experiment=experiment,
+            controller=law,
+            seeds=seeds,
+            bandwidth_radps=bandwidth_radps,
+            horizon=horizon,
+            allow_unstable=allow_unstable,
+        )
         for experiment in experiments
         for law in laws
     ]

@@ -42,7 +42,16 @@ HEAD = (
 
 def row_items(setting: Setting, horizon: HorizonError, controller: str, seeds: tuple[int, ...]) -> list[Item]:
     """Return a row's flights: on each experiment the law, the same uncorrected, and the paper's baseline."""
-    ours = [Item(experiment, controller, seeds, setting.bandwidth_radps, horizon) for experiment in setting.experiments]
+    ours = [
+        Item(
+            experiment=experiment,
+            controller=controller,
+            seeds=seeds,
+            bandwidth_radps=setting.bandwidth_radps,
+            horizon=horizon,
+        )
+        for experiment in setting.experiments
+    ]
     bare = [replace(item, corrected=False) for item in ours]
     return [*ours, *bare, *(replace(item, controller=BASELINE) for item in ours if item.experiment in PAPER)]
 

@@ -44,7 +44,7 @@ _SINGLE = 11
 """Random numbers of a vehicle, those of its drop-outs apart."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Drawn:
     """Random parameters of N vehicles, each array (N, ...)."""
 
@@ -78,19 +78,19 @@ def draw(seed: int, indices: Sequence[int]) -> Drawn:
     happens = np.arange(DROPOUTS) < np.floor(u[:, 10:_SINGLE] * (DROPOUTS + 1))
     length, begin = (u[:, _SINGLE + part * DROPOUTS :][:, :DROPOUTS] for part in range(2))
     return Drawn(
-        np.array([flight.generate_state(1, np.uint64)[0] for _, flight in sequences]),
-        _between(MASS_SHARE, u[:, 0]),
-        _between(HOVER_SHARE, u[:, 1]),
-        _between(BANDWIDTH_SHARE, u[:, 2]),
-        delay_s[:, 0],
-        delay_s[:, 1],
-        _between(DISTURBANCE_SCALE, u[:, 5]),
-        _between(NOISE_SCALE, u[:, 6]),
-        _offset_w_m(u[:, 7:10]),
-        np.where(happens, _between(DROPOUT_S, length), 0.0),
-        begin,
-        _between(ATTITUDE_ERROR_RAD, u[:, -2]),
-        _between(ATTITUDE_ERROR_TIME_S, u[:, -1]),
+        flight_seed=np.array([flight.generate_state(1, np.uint64)[0] for _, flight in sequences]),
+        mass_share=_between(MASS_SHARE, u[:, 0]),
+        hover_share=_between(HOVER_SHARE, u[:, 1]),
+        bandwidth_share=_between(BANDWIDTH_SHARE, u[:, 2]),
+        mocap_delay_s=delay_s[:, 0],
+        setpoint_delay_s=delay_s[:, 1],
+        disturbance_scale=_between(DISTURBANCE_SCALE, u[:, 5]),
+        noise_scale=_between(NOISE_SCALE, u[:, 6]),
+        offset_w_m=_offset_w_m(u[:, 7:10]),
+        dropout_s=np.where(happens, _between(DROPOUT_S, length), 0.0),
+        dropout_begin=begin,
+        attitude_error_rad=_between(ATTITUDE_ERROR_RAD, u[:, -2]),
+        attitude_error_time_s=_between(ATTITUDE_ERROR_TIME_S, u[:, -1]),
     )
 
 

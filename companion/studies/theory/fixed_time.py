@@ -10,7 +10,7 @@ As printed the proof does not give what it says; the constants here are those it
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -48,10 +48,7 @@ class Condition:
 class Free:
     """Open constants of the proof, all positive: eta_1 .. eta_4 of eq. y2S-Young1, a of eq. NB-bound, and two more."""
 
-    eta1: float
-    eta2: float
-    eta3: float
-    eta4: float
+    eta: tuple[float, float, float, float]
     a: float
     b: float
     """|N_B3| <= b/2 |y_2|^2 + varepsilon_0^2/(2 b); the paper takes 1."""
@@ -59,7 +56,7 @@ class Free:
     """Where the line of eq. theta-bound touches |s|^(2p-1)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FixedTimeBound:
     """V' <= -l Z^p - m Z^2 + n with Z = V - W, eq. Vdot_ft, and what follows.
 
@@ -112,11 +109,13 @@ def fixed_time_bound(gains: EtnnGains, bounds: Bounds, omega: float = 0.5, predi
     n = offset(gains, bounds, least, free)
     conditions = (*_conditions(gains, least, sigma), _of_the_state(predicts))
     if not all(condition.holds for condition in conditions):
-        return FixedTimeBound(l_, m, n, math.inf, math.inf, conditions, free)
+        return FixedTimeBound(
+            l=l_, m=m, n=n, v_bound=math.inf, settling_time_s=math.inf, conditions=conditions, free=free
+        )
     ball = min((n / ((1.0 - omega) * l_)) ** (1.0 / gains.p), math.sqrt(n / ((1.0 - omega) * m)))
     time_s = 1.0 / (l_ * omega * (1.0 - gains.p)) + 1.0 / (omega * m)
     v_bound = ball + _largest_weight_part(gains, bounds)
-    return FixedTimeBound(l_, m, n, v_bound, time_s, conditions, free)
+    return FixedTimeBound(l=l_, m=m, n=n, v_bound=v_bound, settling_time_s=time_s, conditions=conditions, free=free)
 
 
 def _of_the_state(predicts: bool) -> Condition:
@@ -168,11 +167,10 @@ def offset(gains: EtnnGains, bounds: Bounds, least: Mapping[str, float], free: F
     k1, gamma1 = float(np.max(gains.k1)), float(np.max(gains.gamma1))
     a_iota1, a_y1 = max((gains.k + gains.k1 * k_theta).tolist()), gamma1 * k_theta
     c_s1 = bounds.filter_error_mps + (k1 + gamma1) * c_theta
-    sigma4 = lip + 0.5 * (free.eta1 + free.eta2 + free.eta3 + free.eta4)
-    sigma5, sigma6, sigma7 = (
-        lip**2 * x / (2.0 * y) for x, y in ((a_y1**2, free.eta4), (a_iota1**2, free.eta3), (1.0, free.eta1))
-    )
-    c_s = lip**2 * c_s1**2 / (2.0 * free.eta2)
+    eta1, eta2, eta3, eta4 = free.eta
+    sigma4 = lip + 0.5 * (eta1 + eta2 + eta3 + eta4)
+    sigma5, sigma6, sigma7 = (lip**2 * x / (2.0 * y) for x, y in ((a_y1**2, eta4), (a_iota1**2, eta3), (1.0, eta1)))
+    c_s = lip**2 * c_s1**2 / (2.0 * eta2)
     slope = 0.25  # of the sigmoid, at most: |N_B1|, |N_B2| <= slope |V_1| |V~_0| |x_d| |y_2|, with V~_1 or its estimate
     l_squared = slope**2 * (bounds.v1_error**2 + bounds.v1_size**2)
     c_n1 = l_squared * bounds.x_d**2 / (2.0 * free.a) + 0.5 * free.b
@@ -210,13 +208,19 @@ def _best(offset: Callable[[Free], float]) -> Free:
     logs, before = [0.0] * 7, math.inf
 
     def moved(axis: int, log: float) -> float:
-        return offset(Free(*map(math.exp, [*logs[:axis], log, *logs[axis + 1 :]])))
+        return offset(_free([*logs[:axis], log, *logs[axis + 1 :]]))
 
     while (now := moved(0, logs[0])) < before * (1.0 - 1e-6):
         before = now
         for axis in range(len(logs)):
             logs[axis] = _golden(partial(moved, axis))
-    return Free(*map(math.exp, logs))
+    return _free(logs)
+
+
+def _free(logs: Sequence[float]) -> Free:
+    """Return the choice with these seven logarithms."""
+    eta1, eta2, eta3, eta4, a, b, tangent = map(math.exp, logs)
+    return Free((eta1, eta2, eta3, eta4), a, b, tangent)
 
 
 def _golden(f: Callable[[float], float], low: float = -30.0, high: float = 30.0) -> float:

@@ -114,7 +114,7 @@ def _weight_part(error: Array, gamma: Array) -> Array:
     return np.asarray(0.5 * (inverse[:, None] * error**2).sum(axis=(-2, -1)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Bounds:
     """Bounds that the proof assumes."""
 

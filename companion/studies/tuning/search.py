@@ -31,7 +31,7 @@ Point = tuple[float, float]
 """Update share and error (m)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """Plan of a search: scenes, weights, generations, population."""
 

@@ -108,11 +108,21 @@ def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
     count = len(flight_seed)
     one, nothing = np.ones(count), np.zeros((count, DROPOUTS))
     vehicle = scene.vehicle()
-    mocap_s, setpoint_s = one * vehicle.mocap_delay_s, one * vehicle.attitude_delay_s
-    offset_w_m, horizon = np.zeros((count, 3)), vehicle.attitude_error
-    error_rad, error_time_s = one * horizon.rms_rad, one * horizon.time_s
-    told = (flight_seed, one, one, one, mocap_s, setpoint_s, one, one, offset_w_m, nothing, nothing)
-    return Drawn(*told, error_rad, error_time_s)
+    return Drawn(
+        flight_seed=flight_seed,
+        mass_share=one,
+        hover_share=one,
+        bandwidth_share=one,
+        mocap_delay_s=one * vehicle.mocap_delay_s,
+        setpoint_delay_s=one * vehicle.attitude_delay_s,
+        disturbance_scale=one,
+        noise_scale=one,
+        offset_w_m=np.zeros((count, 3)),
+        dropout_s=nothing,
+        dropout_begin=nothing,
+        attitude_error_rad=one * vehicle.attitude_error.rms_rad,
+        attitude_error_time_s=one * vehicle.attitude_error.time_s,
+    )
 
 
 def _tiled(drawn: Drawn, sets: int) -> Drawn:

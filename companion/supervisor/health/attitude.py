@@ -34,7 +34,7 @@ class ExpectedTilt:
     at_s: float
 
 
-@value
+@value(kw_only=True)
 class AttitudeHealth:
     """Memory of the attitude checks."""
 
@@ -77,13 +77,13 @@ def check_attitude(memory: AttitudeHealth, now: HealthInputs, rules: SafetyRules
     tilted = theirs if horizon_wrong else up  # the autopilot follows its own horizon
     off_rad = angle_between_rad(tilted, stood if answer is None else _up_of(answer)) if fresh else 0.0
     memory = AttitudeHealth(
-        tilt_since_s,
-        held_since(memory.heading_since_s, heading_rad > rules.heading_apart_rad, now.time_s),
-        answer,
-        stood,
-        held_since(memory.not_followed_since_s, off_rad > rules.not_followed_rad, now.time_s),
-        means,
-        horizon_wrong,
+        tilt_since_s=tilt_since_s,
+        heading_since_s=held_since(memory.heading_since_s, heading_rad > rules.heading_apart_rad, now.time_s),
+        answer=answer,
+        stood=stood,
+        not_followed_since_s=held_since(memory.not_followed_since_s, off_rad > rules.not_followed_rad, now.time_s),
+        means=means,
+        horizon_wrong=horizon_wrong,
     )
     return memory, _events(memory, now, (tilt_rad, heading_rad, off_rad), rules)
 

@@ -23,7 +23,7 @@ _OUR_LANDING = {Fault.TRACKING_LOST: Fault.TRACKING_ERROR, Fault.BATTERY_CRITICA
 _ORDER = {row.fault: index for index, row in enumerate(TABLE)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Health:
     """Memory of all health checks; `Health()` is the initial value."""
 
@@ -50,7 +50,15 @@ def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) 
     if attitude.horizon_wrong:
         found = _without_autopilot(found)
     events = {event.fault: event for event in found}.values()
-    memory = Health(now.seen.received_s, mocap, stream, attitude, position, autopilot, flight)
+    memory = Health(
+        received_s=now.seen.received_s,
+        mocap=mocap,
+        stream=stream,
+        attitude=attitude,
+        position=position,
+        autopilot=autopilot,
+        flight=flight,
+    )
     return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()
 
 

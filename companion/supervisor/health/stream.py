@@ -25,7 +25,7 @@ DRIFT = 1e-4
 """Largest drift of two clocks, s/s: crystals drift less, so that a lasting delay stays visible for minutes."""
 
 
-@value
+@value(kw_only=True)
 class StampClock:
     """Motion capture's clock against ours, as of the last frame that fits it."""
 
@@ -45,7 +45,7 @@ class StampClock:
     """Message of a clock jump while poses were relied on; empty without one."""
 
 
-@value
+@value(kw_only=True)
 class StreamHealth:
     """Memory of the stream checks."""
 
@@ -111,7 +111,16 @@ def _update(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bo
                 delayed = delayed.added(time_s, delay_s)
         elif seen.verdict is Verdict.STALE:
             stale = stale.added(time_s, 1.0)
-    return StreamHealth(begun_s, frames, stale, dropped, seen.late, late_cycles, delayed, clock)
+    return StreamHealth(
+        begun_s=begun_s,
+        frames=frames,
+        stale=stale,
+        dropped=dropped,
+        late=seen.late,
+        late_cycles=late_cycles,
+        delayed=delayed,
+        clock=clock,
+    )
 
 
 def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> StampClock:
@@ -124,11 +133,29 @@ def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> S
         period_s = (seen.stamp_s - clock.stamp_s) / frames if frames > 0 else clock.period_s
         drifted_s = clock.least_s + DRIFT * (now.time_s - clock.at_s)
         least_s = drifted_s if latency_s >= drifted_s else latency_s
-        return StampClock(seen.frame, seen.stamp_s, latency_s, period_s, 0, least_s, now.time_s, clock.jump)
+        return StampClock(
+            frame=seen.frame,
+            stamp_s=seen.stamp_s,
+            latency_s=latency_s,
+            period_s=period_s,
+            off=0,
+            least_s=least_s,
+            at_s=now.time_s,
+            jump=clock.jump,
+        )
     if clock.off + 1 < OFF_FRAMES:
         return replace(clock, off=clock.off + 1)
     jump = f"motion capture's stamps jumped by {-step_s:+.2f} s against their arrival" if relied_on(now) else ""
-    return StampClock(seen.frame, seen.stamp_s, latency_s, nan, 0, latency_s, now.time_s, jump)
+    return StampClock(
+        frame=seen.frame,
+        stamp_s=seen.stamp_s,
+        latency_s=latency_s,
+        period_s=nan,
+        off=0,
+        least_s=latency_s,
+        at_s=now.time_s,
+        jump=jump,
+    )
 
 
 def _stamp_follows_number(clock: StampClock, seen: MocapInputs, rules: SafetyRules) -> bool:

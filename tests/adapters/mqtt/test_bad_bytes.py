@@ -253,7 +253,9 @@ async def test_a_broker_that_makes_us_keep_messages_for_it_is_left() -> None:
 async def test_an_answer_that_comes_while_the_link_is_closed_does_not_keep_it_open() -> None:
     """A task that forgot that it is cancelled would wait for ever, and with it the next connection."""
     will = aiomqtt.Will(TOPICS.status)
-    endpoint = connection.Endpoint("127.0.0.1", 1, "x", None, None, None, will)
+    endpoint = connection.Endpoint(
+        host="127.0.0.1", port=1, identifier="x", user=None, password=None, tls=None, will=will
+    )
     broker = connection.Connection(endpoint, connection.V5, 1)
     answer: asyncio.Future[None] = asyncio.get_running_loop().create_future()
     waiting = asyncio.create_task(broker._wait_for(answer, None))

@@ -173,7 +173,15 @@ def test_a_frame_comes_out_of_the_message_as_it_went_in(
     if how == "lost":
         position, rotation = np.full(3, math.nan), np.full((3, 3), math.nan)
     residual_m = math.nan if how == "no residual" else values[12]
-    sent = MocapFrame(number, stamp_us * 1e-6, 5.0, position, rotation, residual_m, 3)
+    sent = MocapFrame(
+        frame=number,
+        stamp_s=stamp_us * 1e-6,
+        received_s=5.0,
+        position_w_m=position,
+        rotation_w_b=rotation,
+        residual_m=residual_m,
+        late=3,
+    )
     source = source_of()
     source.on_message(message(pose_of("dauam", sent, EstimatorState()).model_dump_json().encode()))
     got = source.latest()
@@ -191,7 +199,14 @@ def test_the_velocity_is_told_only_with_a_frame_that_was_believed() -> None:
     def say(number: int, x_m: float) -> MocapPose:
         nonlocal state
         place = np.array([x_m, 0.0, 1.0]) + rng.normal(0.0, 1e-5, 3)
-        frame = MocapFrame(number, 0.01 * number, 0.01 * number, place, np.eye(3), 0.0)
+        frame = MocapFrame(
+            frame=number,
+            stamp_s=0.01 * number,
+            received_s=0.01 * number,
+            position_w_m=place,
+            rotation_w_b=np.eye(3),
+            residual_m=0.0,
+        )
         state = estimator.step(state, frame, params)
         return pose_of("dauam", frame, state)
 

@@ -175,7 +175,7 @@ async def _twice(_: str, scene: Scene) -> None:
                 pass
         except AutopilotError as error:
             stopped = FlightState(
-                Phase.DISARMED, level=FailsafeAction.DISARM, cause=Fault.SERVICE_TWICE, reason=str(error)
+                phase=Phase.DISARMED, level=FailsafeAction.DISARM, cause=Fault.SERVICE_TWICE, reason=str(error)
             )
             scene.told.take(time.monotonic(), stopped, frozenset())
 
@@ -205,7 +205,7 @@ async def _stopped(how: str, scene: Scene) -> None:
                 await asyncio.sleep(0.05)
         if flying.process.returncode == -signal.SIGKILL:
             gone = FlightState(
-                Phase.HANDED_OVER, level=FailsafeAction.RELEASE, cause=Fault.LOOP_STOPPED, reason="SIGKILL"
+                phase=Phase.HANDED_OVER, level=FailsafeAction.RELEASE, cause=Fault.LOOP_STOPPED, reason="SIGKILL"
             )
             scene.told.take(time.monotonic(), gone, frozenset())
 

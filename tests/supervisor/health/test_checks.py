@@ -102,12 +102,24 @@ def flight_of(seed: int) -> Iterator[HealthInputs]:
         if not lost:
             q = quat_multiply(attitude(captured_s), noise)
             stamp_s = zero_s + captured_s * (1.0 + drift)
-            frame = MocapFrame(1000 + k, stamp_s, received_s, place, matrix_from_quat(q), 0.001)
+            frame = MocapFrame(
+                frame=1000 + k,
+                stamp_s=stamp_s,
+                received_s=received_s,
+                position_w_m=place,
+                rotation_w_b=matrix_from_quat(q),
+                residual_m=0.001,
+            )
             state = estimator.step(state, frame, params)
         assert frame is not None
         assert state.vehicle is not None
         seen = MocapInputs(
-            *(t - state.vehicle.time_s, state.verdict, frame.frame, frame.stamp_s, frame.received_s, state.vehicle)
+            age_s=t - state.vehicle.time_s,
+            verdict=state.verdict,
+            frame=frame.frame,
+            stamp_s=frame.stamp_s,
+            received_s=frame.received_s,
+            vehicle=state.vehicle,
         )
         theirs = quat_multiply(attitude(t - 0.02), quat_from_rotation_vector(rng.normal(0.0, 0.02, 3)))
         base = with_status(healthy(0), in_air=k > 50)
