@@ -23,6 +23,8 @@ _NO_TESTS = 5
 _LOWEST_PRIORITY = ("nice", "-n", "19")
 _EVERY_CORE = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "loadfile")
 """A process for each core, and one for when others wait; a file of tests in one of them: it shares its flights."""
+_COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
+"""Makes pytest rewrite and keep every module of tests once, before several processes would do it at the same time."""
 _FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"
 
 
@@ -48,20 +50,36 @@ def main(arguments: list[str]) -> int:
 
 def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
-    # pytest keeps the modules that it has rewritten, where it may: the processes at low priority find them ready.
+    # pytest keeps the modules that it has rewritten, where it may: the processes that follow find them ready.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    links = _Beside([], _pytest(_LINKS, only, folder, rest))
-    simulated = _Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest]))
+    flights = subprocess.Popen(_pytest(_FLIGHTS, only, folder, [*rest, *_under(rest, ["tests/flights"])]))
+    beside: list[_Beside] = []
     try:
-        codes = {subprocess.run(_pytest(_FLIGHTS, only, folder, rest), check=False).returncode}
+        subprocess.run([*_LOWEST_PRIORITY, *_COLLECT, *rest], check=False, stdout=subprocess.DEVNULL)
+        beside.append(_Beside([], _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
+        beside.append(_Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest])))
+        codes = {flights.wait()}
         print("waiting for the tests of links, and those in simulated time ...", flush=True)
-        codes |= {links.wait(), simulated.wait()}
+        codes |= {process.wait() for process in beside}
     finally:
-        links.end()
-        simulated.end()
+        flights.terminate()
+        flights.wait()
+        for process in beside:
+            process.end()
     _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
     codes = {code for code in codes if code != _NO_TESTS} or {_NO_TESTS}
     return next((code for code in codes if code), 0)
+
+
+def _with_links() -> list[str]:
+    """Return the files outside tests/flights with tests in real time, so that no other is imported to look."""
+    files = (path for path in sorted(Path("tests").rglob("test_*.py")) if "flights" not in path.parts)
+    return [str(path) for path in files if "realtime" in path.read_text(encoding="utf-8")]
+
+
+def _under(rest: list[str], paths: list[str]) -> list[str]:
+    """Return these paths, or none where the arguments of pytest name their own."""
+    return [] if any(Path(word.split("::")[0]).exists() for word in rest) else paths
 
 
 class _Beside:
