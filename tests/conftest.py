@@ -1,6 +1,7 @@
 """Shared fixtures: no task may outlive its test."""
 
 import asyncio
+import gc
 import os
 import signal
 from collections.abc import AsyncIterator
@@ -14,6 +15,9 @@ from tests import packages
 # A run begun in the background is deaf to Ctrl-C, and so would be every command that a test starts and interrupts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Flights keep tens of thousands of values, none of them garbage: looking through them again and again takes 5 %.
+gc.set_threshold(20_000, 20, 20)
 
 # Examples have no deadline: machines are shared, and a slow moment is no defect.
 # `fixed` draws the same examples on every run, so that a change is judged by what it changed; `make fuzz` draws others.

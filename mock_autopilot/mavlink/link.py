@@ -176,6 +176,8 @@ class MavlinkLink:
 
     def tell(self, texts: list[Text]) -> None:
         """Queue texts for the ground station; without one they are lost, as PX4's are, though not as events."""
+        if not texts:
+            return
         told, at_ms = self._world.vehicle.commander.events_told, round(self._world.uptime_s * 1e3)
         events = (event(text.text, told - len(texts) + number, at_ms) for number, text in enumerate(texts, start=1))
         self._events += [one for one in events if one is not None]

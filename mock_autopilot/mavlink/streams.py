@@ -90,9 +90,10 @@ class Streams:
         now_s = world.uptime_s
         self._publish_status(world, now_s)
         out = []
-        for id_, due_s in self._due_s.items():
-            if now_s < due_s - 1e-6 or (id_ == CURRENT_MODE and not self._status_is_new):
+        for id_ in [id_ for id_, due_s in self._due_s.items() if now_s >= due_s - 1e-6]:
+            if id_ == CURRENT_MODE and not self._status_is_new:
                 continue
+            due_s = self._due_s[id_]
             interval_s = self._interval_s[id_]
             self._due_s[id_] = due_s + interval_s * max(1, int((now_s - due_s) / interval_s) + 1)
             message = self._streams[id_].build(world)

@@ -64,6 +64,8 @@ class Camera:
 def _moved_to(truth: Truth, time_s: float) -> Truth:
     """Return the truth at the capture, extrapolated back by less than one step along velocity and body rate."""
     back_s = time_s - truth.time_s
+    if abs(back_s) <= _TICK_S:
+        return replace(truth, time_s=time_s)
     turn = quat.from_rotation_vector(truth.rate_frd_radps * back_s)
     return replace(
         truth,

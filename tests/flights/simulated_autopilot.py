@@ -27,6 +27,8 @@ STREAM_KEPT_S = 3.0
 SILENT_S = 3.0
 """Without HEARTBEAT for so long MAVSDK counts as disconnected."""
 KILL_EVERY_S = 0.1
+_UNKNOWN = [math.nan] * 21
+"""A covariance that says nothing."""
 _READ = frozenset({0, 1, 31, 245, CURRENT_MODE})
 """Messages that come in streams and are looked at; what nobody reads is not even sent, which takes its time."""
 
@@ -118,9 +120,12 @@ class SimulatedAutopilot:
     def send_vision(self, position_w_m: Array, q_w_flu_wxyz: Array) -> None:
         x, y, z = flip_yz(position_w_m).tolist()
         w, i, j, k = flip_quat(q_w_flu_wxyz).tolist()
-        roll, pitch = np.arctan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)), np.arcsin(2 * (w * j - k * i))
-        yaw = np.arctan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
-        self._bench.hear(mavlink.MAVLink_vision_position_estimate_message(0, x, y, z, roll, pitch, yaw, [np.nan] * 21))
+        roll, pitch = (
+            math.atan2(2 * (w * i + j * k), 1 - 2 * (i * i + j * j)),
+            math.asin(max(-1.0, min(1.0, 2 * (w * j - k * i)))),
+        )
+        yaw = math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
+        self._bench.hear(mavlink.MAVLink_vision_position_estimate_message(0, x, y, z, roll, pitch, yaw, _UNKNOWN))
 
     def stop_stream(self) -> None:
         self._bench.setpoint = None

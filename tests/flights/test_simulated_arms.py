@@ -147,12 +147,11 @@ async def test_the_arms_really_disturb_the_flight_and_the_feed_forward_takes_mos
 async def test_the_feed_forward_still_helps_when_the_inertia_is_wrong_by_a_third(
     inertia_kgm2: tuple[float, float, float],
 ) -> None:
-    other = {"inertia_kgm2": inertia_kgm2}
     told, untold = [
         float(np.abs(error_w_m(flight)).mean(axis=0)[0])
         for flight in (
-            await lap(mock=other, lands=False),
-            await lap(mock=other, feedforward=Feedforward.OFF, lands=False),
+            await lap(mock={"inertia_kgm2": inertia_kgm2}, lands=False),
+            await lap(feedforward=Feedforward.OFF, lands=False),
         )
     ]
     assert told < 0.7 * untold
