@@ -1,4 +1,4 @@
-"""Several flights' errors over each other, trajectory by trajectory."""
+"""Errors of several flights in one figure for each trajectory."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from companion.analysis.report.charts import AXES, COLOURS, Chart, legend_above, thinned
+from companion.analysis.report.charts import AXES, COLOURS, Chart, legend_above, stacked, thinned
 from companion.analysis.report.number_tables import letters
 from companion.analysis.report.recorded_flight import Flown, Mask
 
 
 @dataclass(frozen=True)
 class _Line:
-    """Cycles of one flight, drawn from the first of them on."""
+    """Cycles of one flight; time counts from the first of them."""
 
     label: str
     colour: str
@@ -43,7 +43,7 @@ def overlaid(flights: Sequence[Flown]) -> list[Chart]:
 
 
 def _lettered(flights: Sequence[Flown]) -> list[tuple[tuple[str, str], Flown]]:
-    """Each with its letter and colour."""
+    """Return the flights, each with its letter and colour."""
     marks = [(letter, COLOURS[number % len(COLOURS)]) for number, letter in enumerate(letters(len(flights)))]
     return list(zip(marks, flights, strict=True))
 
@@ -54,23 +54,21 @@ def _line(mark: tuple[str, str], flown: Flown, mask: Mask, law: str, again: bool
 
 
 def _chart(name: str, since: str, lines: Sequence[_Line]) -> Chart:
-    caption = f"Errors per axis and their size, from {since} on."
+    caption = f"Errors of the axes and their norm, from {since} on."
     return Chart(name, caption, partial(_draw, lines=lines, since=since), 6.0, wide=True, paper_height_in=4.6)
 
 
 def _draw(figure: Figure, lines: Sequence[_Line], since: str) -> None:
-    rows = figure.subplots(4, 1, sharex=True)
+    rows = stacked(figure, [f"{name} (cm)" for name in (*AXES, "norm")])
     for line in lines:
         if not line.mask.any():
             continue
         time = line.flown.time_s[line.mask]
-        values = np.column_stack((line.flown.error_w_m[line.mask], line.flown.distance_m[line.mask]))
+        values = 100.0 * np.column_stack((line.flown.error_w_m[line.mask], line.flown.distance_m[line.mask]))
         time, values = thinned(time - time[0], values)
         for axes, column in zip(rows, values.T, strict=True):
             axes.plot(time, column, color=line.colour, label=line.label, lw=0.9, ls="--" if line.dashed else "-")
-    for axes, name in zip(rows, (*AXES, "norm"), strict=True):
+    for axes in rows:
         axes.axhline(0.0, color="k", lw=0.5)
-        axes.set_ylabel(f"{name} (m)")
     rows[-1].set_xlabel(f"time since {since} (s)")
-    figure.align_ylabels(rows)
     legend_above(figure, rows[0], min(len(lines), 4))

@@ -8,20 +8,20 @@ from companion.analysis.report.tables import BAD, PLAIN, Cell, Grid
 
 
 def comparison(flights: Sequence[Numbers]) -> Grid:
-    """A row for each trajectory of each flight; for a flight without one, over all in the air."""
+    """Return a row for each trajectory of each flight, and for each flight without one."""
     columns = (
-        "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "updates", "to setpoint",
+        "", "law", "over", "mean x", "y", "z", "norm", "max x", "y", "z", "norm", "triggers", "updates", "latency",
         "faults",
     )  # fmt: skip
     rows = tuple(
         row for letter, one in zip(letters(len(flights)), flights, strict=True) for row in _compared(letter, one)
     )
     note = (
-        "Errors in cm, over each trajectory, or over all in the air where none was flown; triggers, and updates "
-        "(setpoints sent), as shares of the same cycles; from the frame's arrival to the setpoint 95 % within so many "
-        "ms, and faults, of the whole flight."
+        "Errors in cm on each trajectory, or in the air without one; triggers, and updates (setpoints sent), as shares "
+        "of the same cycles. Of the whole flight: 95 % of the times from a frame's arrival to its setpoint, ms; "
+        "number of faults."
     )
-    return Grid("Beside each other", columns, rows, note)
+    return Grid("Comparison", columns, rows, note)
 
 
 def _compared(letter: str, one: Numbers) -> list[tuple[Cell, ...]]:

@@ -1,7 +1,7 @@
-"""Pieces of a page that needs nothing but itself. Everything that is not ours is escaped."""
+"""Parts of a self-contained HTML page. All text from records is escaped."""
 
 import base64
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from html import escape
 
 from companion.analysis.report.tables import WORDS, Cell, Grid
@@ -17,21 +17,26 @@ def whole(title: str, body: str) -> str:
 
 
 def facts(pairs: Iterable[tuple[str, str]]) -> str:
-    """Names and what is said to them."""
+    """Return names and their values as a definition list."""
     rows = "\n".join(f"<dt>{escape(name)}</dt><dd>{escape(said)}</dd>" for name, said in pairs)
     return f"<dl>\n{rows}\n</dl>"
 
 
 def lead(verdict: Cell, lines: Iterable[str]) -> str:
-    """A sentence that a reader in a hurry takes with him, and some more below."""
+    """Return the verdict in one sentence, with more lines below."""
     said = "<br>\n".join(escape(line) for line in lines)
     return f'<p class="verdict {verdict.tone}">{escape(verdict.text)}</p>' + (f"\n<p>{said}</p>" if said else "")
 
 
-def swatches(colours: Iterable[tuple[str, str]]) -> str:
-    """A legend: names and the colours that stand for them."""
-    said = " ".join(f'<span style="background:{colour}">{escape(name)}</span>' for name, colour in colours)
-    return f"<p class=swatches>Behind all curves: {said}</p>" if said else ""
+def contents(links: Iterable[tuple[str, str]]) -> str:
+    """Return a line of links, each an anchor on this page and its text."""
+    return "<nav>" + " ".join(f'<a href="#{anchor}">{escape(text)}</a>' for anchor, text in links) + "</nav>"
+
+
+def swatches(colours: Mapping[str, str]) -> str:
+    """Return the legend of the phases' background colours."""
+    said = " ".join(f'<span style="background:{colour}">{escape(name)}</span>' for name, colour in colours.items())
+    return f"<p class=swatches>Phases, in all figures over time: {said}</p>" if said else ""
 
 
 def tables(grids: Iterable[Grid]) -> str:
@@ -40,7 +45,9 @@ def tables(grids: Iterable[Grid]) -> str:
 
 
 def table(grid: Grid) -> str:
-    """With its title above and its note below."""
+    """Return the HTML of a table with its title above and its note below; without rows only the note."""
+    if not grid.rows:
+        return f"<p><b>{escape(grid.title)}</b>: {escape(grid.note)}</p>"
     tones = ("words" if cell.tone == WORDS else "" for cell in grid.rows[0])
     head = "".join(f'<th class="{tone}">{escape(name)}</th>' for name, tone in zip(grid.columns, tones, strict=True))
     rows = "\n".join(
@@ -55,7 +62,7 @@ def table(grid: Grid) -> str:
 
 
 def picture(subject: str, caption: str, png: bytes, *, wide: bool = False) -> str:
-    """A PNG inside the page; on a phone a wide one is scrolled, so that its words can be read."""
+    """Return a PNG inside the page; a phone scrolls a wide one, so that its text stays readable."""
     data, words = base64.b64encode(png).decode("ascii"), escape(caption)
     image = f'<img alt="{escape(subject)}: {words}" src="data:image/png;base64,{data}">'
     image = f"<div class=scroll>{image}</div>" if wide else image
@@ -85,6 +92,7 @@ th.words:nth-child(n+2), td.words:nth-child(n+2) { text-align: left; white-space
 body { counter-reset: picture; }
 .picture figcaption::before { counter-increment: picture; content: "Figure " counter(picture) ". "; }
 .verdict { font-size: 1.1rem; font-weight: 600; margin-bottom: .4rem; }
+nav { margin: 1rem 0; } nav a { color: #0a58a8; margin-right: 1.2rem; }
 .swatches { font-size: .82rem; color: #555; } .swatches span { padding: .1rem .5rem; color: #1b1b1b; }
 .good { color: #00704a; } .bad { color: #a8320a; } .faint { color: #777; }
 pre { background: #f6f6f4; padding: .7rem .9rem; overflow-x: auto; font-size: .78rem; line-height: 1.4; }
@@ -92,6 +100,7 @@ summary { cursor: pointer; color: #0a58a8; margin: .6rem 0; }
 @page { margin: 16mm; }
 @media (max-width: 40rem) { .pair { grid-template-columns: 1fr; } .scroll img { width: 46rem; } }
 @media print {
+  nav { display: none; }
   body { max-width: none; margin: 0; padding: 0; font-size: 9.5pt; } pre { white-space: pre-wrap; }
   th, td { padding: .15rem .3rem; } figure, tr, dl { break-inside: avoid; } h2, h3, caption { break-after: avoid; }
   section + section { break-before: page; }

@@ -1,8 +1,10 @@
-"""Figures of the flight itself: where it was, how far off, what was commanded; arms, battery."""
+"""Figures of the flight: path, errors, command, thrust, arms."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -22,32 +24,40 @@ from companion.analysis.report.recorded_flight import Flown
 from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.core.types import Array
 
-_REFERENCE: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.9}
-_PALE: dict[str, Any] = {"color": "0.78", "lw": 0.9}
+REFERENCE: dict[str, Any] = {"color": "k", "ls": "--", "lw": 0.9}
+GOAL: dict[str, Any] = {"color": "0.4", "lw": 2.6, "alpha": 0.35}
+"""Style of references and goals over time, below the thin lines of what was measured."""
+PALE: dict[str, Any] = {"color": "0.78", "lw": 0.9}
 
 
 def above(figure: Figure, flown: Flown) -> None:
-    """The path in the x-y plane; where trajectories were flown, each of them, and the ways between them pale."""
+    """Draw the path in the x-y plane."""
     axes = figure.subplots()
+    draw_above(axes, flown)
+    legend_above(figure, axes)
+
+
+def draw_above(axes: Axes, flown: Flown) -> None:
+    """Draw the path in the x-y plane; if trajectories were flown, these, and the path between them pale."""
     where = flown.position_w_m
     shown = flown.tracked if flown.tracked.any() else flown.airborne
     for mask, values, label, how in (
-        (flown.airborne, where, "ways between", _PALE) if flown.tracked.any() else (shown, where, None, _PALE),
+        (flown.airborne, where, "between" if flown.tracked.any() else None, PALE),
         (shown, where, "flown", {"color": COLOURS[0]}),
-        (shown, flown.reference_w_m, "reference", _REFERENCE),
+        (shown, flown.reference_w_m, "reference", REFERENCE),
     ):
         path = only(mask, values)
         axes.plot(path[:, 0], path[:, 1], label=label, **how)
     axes.set(xlim=_limits(where[flown.airborne, 0]), ylim=_limits(where[flown.airborne, 1]))
     axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", adjustable="box")
-    legend_above(figure, axes)
 
 
-def above_height_in(flown: Flown, width_in: float, least_in: float, most_in: float) -> float:
-    """Return the height of `above` that leaves no white around a path of this shape."""
+def above_height_in(flown: Flown, width_in: float) -> float:
+    """Return the height of `above`, inches, that leaves no white around a path of this shape."""
     where = flown.position_w_m[flown.airborne]
     (left, right), (low, high) = _limits(where[:, 0]), _limits(where[:, 1])
-    return float(np.clip((width_in - 0.75) * (high - low) / (right - left) + 0.85, least_in, most_in))
+    height_in = (width_in - 0.75) * (high - low) / (right - left) + 0.85
+    return float(np.clip(height_in, 0.52 * width_in, 1.02 * width_in))
 
 
 def _limits(values: Array) -> tuple[float, float]:
@@ -58,59 +68,70 @@ def _limits(values: Array) -> tuple[float, float]:
 
 
 def space(figure: Figure, flown: Flown) -> None:
-    """The path in three dimensions."""
+    """Draw the path in three dimensions."""
     axes = figure.add_subplot(projection="3d")
     shown = flown.tracked if flown.tracked.any() else flown.airborne
     where = flown.position_w_m
-    axes.plot(*only(flown.airborne, where).T, **_PALE)
+    axes.plot(*only(flown.airborne, where).T, **PALE)
     axes.plot(*only(shown, where).T, color=COLOURS[0])
-    axes.plot(*only(shown, flown.reference_w_m).T, **_REFERENCE)
+    axes.plot(*only(shown, flown.reference_w_m).T, **REFERENCE)
     axes.set(xlabel="x (m)", ylabel="y (m)", zlabel="z (m)")
     spans = np.nan_to_num(np.nanmax(where[flown.airborne], axis=0) - np.nanmin(where[flown.airborne], axis=0))
     box = np.maximum(spans, 0.35 * max(float(spans.max()), 1e-3))
-    axes.set_box_aspect(box.tolist(), zoom=0.8)
+    axes.set_box_aspect(box.tolist(), zoom=1.0)
     for axis, share in zip((axes.xaxis, axes.yaxis, axes.zaxis), box / box.max(), strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(1, round(4.0 * share))))  # short axes have room for few numbers
     axes.view_init(elev=28.0, azim=-60.0)
 
 
 def position(figure: Figure, flown: Flown) -> None:
-    """Each axis with its reference."""
+    """Draw the position of each axis with its reference."""
     rows = rows_over_time(figure, [f"{axis} (m)" for axis in AXES], flown)
     time, where, wanted = thinned(flown.time_s, flown.position_w_m, flown.reference_w_m)
     for axis, axes in enumerate(rows):
+        axes.plot(time, wanted[:, axis], **GOAL)
         axes.plot(time, where[:, axis], color=COLOURS[axis])
-        axes.plot(time, wanted[:, axis], **_REFERENCE)
         at_least_wide(axes, 0.1)
-    legend_of_axes(figure, reference=_REFERENCE)
+    legend_of_axes(figure, reference=GOAL)
 
 
 def errors(figure: Figure, flown: Flown) -> None:
-    """Per axis, and their size."""
-    top, below = rows_over_time(figure, ["error (m)", "norm (m)"], flown)
-    time, error, size = thinned(flown.time_s, free_only(flown, flown.error_w_m), free_only(flown, flown.distance_m))
-    xyz(top, time, error, labels=True)
-    top.axhline(0.0, color="k", lw=0.5)
+    """Draw the errors of the axes, and their norm."""
+    top, below = rows_over_time(figure, ["error (cm)", "norm (cm)"], flown)
+    draw_errors(top, flown)
+    time, size = thinned(flown.time_s, 100.0 * free_only(flown, flown.distance_m))
     below.plot(time, size, color="0.25")
     below.set_ylim(0.0, None)
     legend_above(figure, top)
 
 
+def draw_errors(axes: Axes, flown: Flown) -> None:
+    """Draw the errors of x, y and z in the air, cm."""
+    xyz(axes, *thinned(flown.time_s, 100.0 * free_only(flown, flown.error_w_m)), labels=True)
+    axes.axhline(0.0, color="k", lw=0.5)
+
+
 def command(figure: Figure, flown: Flown) -> None:
-    """Draw the law's command and the command applied, which is held between events."""
+    """Draw the law's command, which is held between its triggers."""
     rows = rows_over_time(figure, [f"$u_{axis}$ (m/s²)" for axis in AXES], flown)
+    draw_command(rows, flown)
+
+
+def draw_command(rows: Sequence[Axes], flown: Flown) -> None:
+    """Draw the commands of x, y and z in the air, m/s^2, in three axes or in one."""
     number = flown.runs(flown.free)
     wanted = flown.column("accel_w_mps2", 3)
     for stretch in range(int(number.max(initial=-1)) + 1):
         sent = (number == stretch) & flown.event & np.isfinite(wanted).all(axis=1)
-        for axis, axes in enumerate(rows):
+        for axis in range(3):
+            axes = rows[axis % len(rows)]
             axes.step(flown.time_s[sent], wanted[sent, axis], where="post", color=COLOURS[axis], lw=0.8)
     for axes in rows:
         at_least_wide(axes, 0.5)
 
 
 def thrust(figure: Figure, flown: Flown) -> None:
-    """Draw the thrust of the setpoints in the air and the battery voltage."""
+    """Draw the thrust setpoints in the air and the battery voltage."""
     labels = ["thrust", *(["battery (V)"] if flown.has("battery_v") else [])]
     rows = rows_over_time(figure, labels, flown)
     time, value = thinned(flown.time_s, flown.column("setpoint_thrust"))
@@ -125,14 +146,19 @@ def thrust(figure: Figure, flown: Flown) -> None:
 
 
 def arms(figure: Figure, flown: Flown) -> None:
-    """Joints where they were and where they were asked to be; a row an arm."""
+    """Draw the joint positions and goals, a row for each arm."""
     rows = rows_over_time(figure, ["right arm (°)", "left arm (°)"], flown)
+    draw_arms(rows, flown)
+    legend_above(figure, rows[0], 4)
+
+
+def draw_arms(rows: Sequence[Axes], flown: Flown) -> None:
+    """Draw the joint positions and goals of the right and the left arm, degrees."""
     time, where, goal = thinned(
         flown.time_s, np.degrees(flown.column("joint_position_rad", 8)), np.degrees(flown.column("joint_goal_rad", 8))
     )
     for axes, first in zip(rows, (0, JOINTS_PER_ARM), strict=True):
         for joint in range(CHAIN):
-            axes.plot(time, goal[:, first + joint], color=COLOURS[joint], lw=2.6, alpha=0.3)
+            axes.plot(time, goal[:, first + joint], **GOAL | {"color": COLOURS[joint]})
             axes.plot(time, where[:, first + joint], color=COLOURS[joint], label=KINDS[joint].replace("_", " "), lw=0.9)
         at_least_wide(axes, 10.0)
-    legend_above(figure, rows[0], 4)

@@ -1,4 +1,4 @@
-"""A flight's numbers in words: facts of the head, and tables. Pure."""
+"""Numbers of a flight as text: the facts on top, and tables. Pure."""
 
 import math
 from collections.abc import Sequence
@@ -11,18 +11,17 @@ from companion.analysis.report.trajectories import UNNAMED
 
 NOTHING = "–"
 _ALSO_S = 1.0
-"""The law's time in the air and the vehicle's differ by less between landing and disarming."""
+"""Largest difference of the law's time in the air and the vehicle's that is not worth a word."""
 
 
 def head(numbers: Numbers) -> list[tuple[str, str]]:
-    """Return the facts on top of a report: date, vehicle, duration, law, end, record, versions."""
+    """Return the facts on top of a report: date, vehicle, duration, law, record, versions."""
     facts = [("when", _when(numbers.started_unix_s))] if numbers.started_unix_s is not None else []
     if numbers.vehicle:
         facts.append(("vehicle", numbers.vehicle))
     facts += [
         ("in the air", in_the_air(numbers)),
         ("law", laws(numbers)),
-        ("ended", numbers.ended),
         ("record", _state(numbers)),
     ]
     if numbers.versions:
@@ -36,7 +35,7 @@ def in_the_air(numbers: Numbers) -> str:
         return "never"
     text = f"{numbers.duration_s:.1f} s"
     if numbers.duration_s - numbers.law_s > _ALSO_S:
-        text += f", our law in charge for {numbers.law_s:.1f} s of them"
+        text += f", {numbers.law_s:.1f} s of them by our law"
     return text
 
 
@@ -46,7 +45,7 @@ def _when(unix_s: float) -> str:
 
 
 def laws(numbers: Numbers) -> str:
-    """One after the other, with when each began where there were several."""
+    """Return the laws in order, with the start of each if there are several."""
     stretches = numbers.story.laws
     if len(stretches) < 2:
         return ", ".join(numbers.laws) or "none flew"
@@ -68,25 +67,25 @@ def _state(numbers: Numbers) -> str:
 
 
 def error_table(numbers: Numbers) -> Grid | None:
-    """Mean, rms and largest error, of each trajectory and of the whole flight; None when there is none."""
+    """Return mean, RMS and largest error of each trajectory and of the whole flight; None without errors."""
     rows: list[tuple[Cell, ...]] = []
     for name, errors in [*_named(numbers, "errors"), ("in the air", numbers.whole)]:
         if errors is not None:
             rows += _error_rows(name, errors)
     if not rows:
         return None
-    note = "Absolute errors in cm, world frame: estimated position at the instant of the cycle less the reference."
+    note = "Absolute errors in cm, world frame: estimated position at the time of the cycle minus the reference."
     return Grid("Errors (cm)", ("", "", *AXES, "norm"), tuple(rows), note)
 
 
 def _named(numbers: Numbers, what: str) -> list[tuple[str, Any]]:
-    """Errors or triggers of each trajectory with its name."""
+    """Return the errors or triggers of each trajectory with its name."""
     names = trajectory_names(numbers.trajectories)
     return [(name, getattr(one, what)) for name, one in zip(names, numbers.trajectories, strict=True)]
 
 
 def trajectory_names(trajectories: Sequence[TrajectoryNumbers]) -> list[str]:
-    """Return what each is called in tables: numbered, and with its law, where there are several."""
+    """Return the name of each in tables: numbered, and with its law, if there are several."""
     if len(trajectories) == 1:
         (only,) = trajectories
         return ["on the trajectory" if only.name == UNNAMED else f"on the trajectory, {only.name}"]
@@ -94,7 +93,7 @@ def trajectory_names(trajectories: Sequence[TrajectoryNumbers]) -> list[str]:
 
 
 def trajectory_table(numbers: Numbers) -> Grid | None:
-    """A row for each trajectory; None when there are fewer than two."""
+    """Return a row for each trajectory; None when there are fewer than two."""
     if len(numbers.trajectories) < 2:
         return None
     columns = (
@@ -117,7 +116,7 @@ def trajectory_table(numbers: Numbers) -> Grid | None:
 
 
 def _error_rows(name: str, errors: Errors) -> list[tuple[Cell, ...]]:
-    kinds = (("mean", errors.mean_m), ("rms", errors.rms_m), ("max", errors.max_m))
+    kinds = (("mean", errors.mean_m), ("RMS", errors.rms_m), ("max", errors.max_m))
     return [
         (
             Cell(f"{name}, {errors.cycles} cycles" if kind == "mean" else ""),
@@ -133,7 +132,7 @@ def _cm(value_m: float) -> Cell:
 
 
 def trigger_table(numbers: Numbers) -> Grid | None:
-    """Return the table of updates sent."""
+    """Return the table of triggers and updates."""
     all_of_it = [*_named(numbers, "triggers"), ("in the air", numbers.triggers_whole)]
     found: list[tuple[str, Triggers]] = [(name, triggers) for name, triggers in all_of_it if triggers is not None]
     if not found:
@@ -147,8 +146,8 @@ def trigger_table(numbers: Numbers) -> Grid | None:
         for name, one in found
     )  # fmt: skip
     note = (
-        "Gaps are times between two triggers of the same stretch. Updates: share of cycles that sent a setpoint; more "
-        "of them than triggers: the gate goes on towards the wanted setpoint as fast as it may."
+        "Gap: time between two triggers of the same trajectory or flight. Updates: share of cycles that sent a "
+        "setpoint. After a trigger the rate limits may need more than one update to reach the commanded setpoint."
     )
     return Grid("Triggers", columns, rows, note)
 
@@ -159,7 +158,7 @@ def ms(value_s: float) -> Cell:
 
 
 def latency_table(numbers: Numbers) -> Grid | None:
-    """Median, 95 % and largest."""
+    """Return the table of latencies: median, 95 % and largest."""
     if not numbers.latencies:
         return None
     rows = tuple(
@@ -170,40 +169,38 @@ def latency_table(numbers: Numbers) -> Grid | None:
 
 
 _LATENCIES = (
-    "Age of the pose used: from its capture to the begin of the cycle that uses it. Cycle late: its begin after the "
-    "frame or the deadline that starts it. Frame to setpoint: from the frame's arrival at this computer to the "
-    "setpoint leaving it. Capture to setpoint: from the cameras' exposure to the same."
+    "Age of the pose used: from its capture to the start of the cycle that uses it. Cycle late: from the frame or "
+    "deadline that starts a cycle to its start. Frame to setpoint: from the frame's arrival at this computer to the "
+    "sending of the setpoint. Capture to setpoint: from the cameras' exposure to the sending."
 )
 
 
 def horizon_table(numbers: Numbers) -> Grid | None:
-    """Size of the difference between the horizons, and of its correction."""
+    """Return the table of the horizon's difference and its correction."""
     one = numbers.horizon
     if one is None:
         return None
-    row = tuple(Cell(f"{math.degrees(angle):.2f}") for angle in (one.rms_rad, one.max_rad, one.corrected_rms_rad))
-    return Grid("The autopilot's horizon (degrees)", ("rms", "max", "corrected, rms"), (row,), _HORIZON)
+    cells = [Cell(f"{math.degrees(angle):.2f}") for angle in (one.rms_rad, one.max_rad, one.corrected_rms_rad)]
+    row = (Cell("roll and pitch together"), *cells)
+    return Grid("The autopilot's horizon (degrees)", ("", "RMS", "max", "corrected, RMS"), (row,), _HORIZON)
 
 
 _HORIZON = (
-    "How far the autopilot's horizon was off motion capture's while the law flew: the slow part, roll and pitch "
-    "together. See docs/horizon.md."
+    "Slow difference between the autopilot's horizon and motion capture's while the law flew, and the part of it that "
+    "was corrected: docs/horizon.md."
 )
 
 
 def fault_table(numbers: Numbers) -> Grid:
-    """Each fault from begin to end."""
+    """Return each fault from begin to end; no rows when there was none."""
     faults = numbers.story.faults
-    if not faults:
-        rows: tuple[tuple[Cell, ...], ...] = ((Cell("none"), Cell(""), Cell(""), Cell("", WORDS)),)
-    else:
-        rows = tuple(
-            (Cell(one.fault), Cell(_from_to(one.begin_s, one.end_s)), Cell(one.reaction), Cell(one.text, WORDS))
-            for one in faults[:_MOST_ROWS]
-        )
+    rows = tuple(
+        (Cell(one.fault), Cell(_from_to(one.begin_s, one.end_s)), Cell(one.reaction), Cell(one.text, WORDS))
+        for one in faults[:_MOST_ROWS]
+    )
     left = len(faults) - _MOST_ROWS
-    note = f"and {left} more, in the numbers that --json prints" if left > 0 else ""
-    return Grid("Faults", ("", "s since lift-off", "reaction", "what was wrong"), rows, note)
+    note = f"and {left} more, in the output of --json" if left > 0 else "" if faults else "none"
+    return Grid("Faults", ("", "since lift-off (s)", "action", "message"), rows, note)
 
 
 _MOST_ROWS = 60
@@ -221,7 +218,7 @@ def reaction_table(numbers: Numbers) -> Grid | None:
         (Cell(one.reaction, BAD), Cell(f"{one.at_s:.2f}"), Cell(one.cause or NOTHING), Cell(one.reason, WORDS))
         for one in numbers.story.reactions
     )
-    return Grid("Reactions", ("", "s since lift-off", "because of", "why"), rows)
+    return Grid("Failsafe actions", ("", "since lift-off (s)", "fault", "reason"), rows)
 
 
 def said_table(numbers: Numbers) -> Grid | None:
@@ -231,11 +228,11 @@ def said_table(numbers: Numbers) -> Grid | None:
     rows = tuple(
         (Cell(one.kind), Cell(f"{one.at_s:.2f}"), Cell(one.text, WORDS)) for one in numbers.story.said[:_MOST_ROWS]
     )
-    return Grid("Commands and replies", ("", "s since lift-off", ""), rows)
+    return Grid("Commands and replies", ("", "since lift-off (s)", ""), rows)
 
 
 def letters(count: int) -> list[str]:
-    """A, B, C, ..., AA: short names of flights."""
+    """Return short names of flights: A, B, C, ..., AA."""
     names = [chr(ord("A") + number) for number in range(26)]
     return (names + [first + second for first in names for second in names])[:count]
 

@@ -1,28 +1,30 @@
-"""The report of one or several flights: one page that needs nothing but itself."""
+"""Report of one or several flights as one self-contained page."""
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from io import BytesIO
 from itertools import groupby
 
 from companion import __version__
 from companion.analysis.report import number_tables
-from companion.analysis.report.charts import PHASE_SHADES, Chart, Medium
+from companion.analysis.report.charts import Chart, Medium, shades_of
 from companion.analysis.report.compare import overlaid
 from companion.analysis.report.comparison import comparison
 from companion.analysis.report.figures import charts_of
-from companion.analysis.report.html import facts, lead, picture, swatches, table, tables, whole
+from companion.analysis.report.html import contents, facts, lead, picture, swatches, table, tables, whole
 from companion.analysis.report.number_tables import letters
 from companion.analysis.report.numbers import Numbers, numbers_of
 from companion.analysis.report.recorded_flight import Flown
 from companion.analysis.report.summary import summary, verdict
-from companion.analysis.report.tables import Grid
+from companion.analysis.report.tables import WORDS, Cell, Grid
 from companion.analysis.report.trajectories import law_label
 
 Progress = Callable[[str], None]
-"""Told before each figure what comes."""
+"""Function that is called with the name of each figure before it is drawn."""
+
+_TITLES = ("Numbers", "Events", "Figures")
 
 
 @dataclass(frozen=True)
@@ -41,20 +43,23 @@ def chapter_of(flown: Flown) -> Chapter:
 
 
 def page(chapters: Sequence[Chapter], progress: Progress) -> str:
-    """HTML; takes some seconds a flight."""
+    """Return the HTML; drawing takes some seconds for each flight."""
     if len(chapters) == 1:
         (only,) = chapters
-        return whole(escape(f"Flight {only.flown.name}"), _chapter(only, progress) + _made())
-    names = letters(len(chapters))
-    listed = [(name, chapter.flown.name) for name, chapter in zip(names, chapters, strict=True)]
-    charts = overlaid([chapter.flown for chapter in chapters])
+        return whole(escape(f"Flight {only.flown.name}"), _chapter(only, "", progress) + _made())
+    lettered = list(zip(letters(len(chapters)), chapters, strict=True))
+    verdicts = [(f"{letter}: {one.flown.name}", verdict(one.numbers)) for letter, one in lettered]
     body = [
-        facts(listed),
+        contents([(letter, f"{letter}: {one.flown.name}") for letter, one in lettered]),
+        table(
+            Grid("Verdicts", ("flight", ""), tuple((Cell(name), replace(cell, tone=WORDS)) for name, cell in verdicts))
+        ),
         table(comparison([chapter.numbers for chapter in chapters])),
-        *(_drawn(chart, progress) for chart in charts),
+        *(_drawn(chart, progress) for chart in overlaid([chapter.flown for chapter in chapters])),
         *(
-            f"<section>\n<h2>{name}: {escape(chapter.flown.name)}</h2>\n{_chapter(chapter, progress)}\n</section>"
-            for name, chapter in zip(names, chapters, strict=True)
+            f'<section id="{letter}">\n<h2>{letter}: {escape(one.flown.name)}</h2>\n{_chapter(one, letter, progress)}\n'
+            "</section>"
+            for letter, one in lettered
         ),
     ]
     return whole(f"{len(chapters)} flights", "\n".join(body) + _made())
@@ -64,7 +69,8 @@ def _made() -> str:
     return f"<p class=note>Drawn by dauam-companion {escape(__version__)}. Times are seconds since lift-off.</p>"
 
 
-def _chapter(chapter: Chapter, progress: Progress) -> str:
+def _chapter(chapter: Chapter, letter: str, progress: Progress) -> str:
+    """Return verdict, contents, numbers, figures and settings of a flight; `letter` makes its anchors unique."""
     numbers = chapter.numbers
     first, *rest = chapter.charts
     grids: list[Grid | None] = [
@@ -78,27 +84,27 @@ def _chapter(chapter: Chapter, progress: Progress) -> str:
     return "\n".join(
         [
             lead(verdict(numbers), summary(numbers)),
+            contents([(f"{letter}{title}", title) for title in _TITLES[: None if rest else 2]]),
             facts(number_tables.head(numbers)),
+            _heading(letter, "Numbers"),
             tables(grid for grid in grids if grid is not None),
-            "<h3>What happened</h3>",
+            _heading(letter, "Events"),
             _drawn(first, progress),
-            swatches(_shades(chapter.flown)),
+            swatches(shades_of(chapter.flown)),
             tables(grid for grid in happened if grid is not None),
-            "<h3>How it flew</h3>" if rest else "",
+            _heading(letter, "Figures") if rest else "",
             _figures(rest, progress),
             _settings(chapter.flown),
         ]
     )
 
 
-def _shades(flown: Flown) -> list[tuple[str, str]]:
-    """Phases of the flight and the colours that they have in all figures over time, in order."""
-    names = dict.fromkeys(stretch.name for stretch in flown.phases)
-    return [(name, PHASE_SHADES[name]) for name in names if name in PHASE_SHADES]
+def _heading(letter: str, title: str) -> str:
+    return f'<h3 id="{letter}{title}">{title}</h3>'
 
 
 def _figures(charts: Sequence[Chart], progress: Progress) -> str:
-    """Wide ones below each other, narrow ones two and two."""
+    """Return wide figures below each other, and narrow ones in pairs."""
     parts = []
     for wide, group in groupby(_paired(charts), key=lambda chart: chart.wide):
         drawn = "\n".join(_drawn(chart, progress) for chart in group)
@@ -107,7 +113,7 @@ def _figures(charts: Sequence[Chart], progress: Progress) -> str:
 
 
 def _paired(charts: Sequence[Chart]) -> list[Chart]:
-    """In their order, but a narrow one comes up to the next narrow one."""
+    """Return the charts in order, with each narrow one directly followed by the next narrow one."""
     left, order = list(charts), []
     while left:
         chart = left.pop(0)
@@ -128,7 +134,7 @@ def _drawn(chart: Chart, progress: Progress) -> str:
 
 
 def _settings(flown: Flown) -> str:
-    """Folded: the configuration and every law's file as they were."""
+    """Return the configuration and every law's file at the time of the flight, folded."""
     metadata = flown.record.metadata
     parts = []
     if metadata.get("config"):

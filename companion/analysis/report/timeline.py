@@ -1,4 +1,4 @@
-"""One time line: height and error above, below them phases, faults, reactions and what was commanded."""
+"""Time line of a flight: height and error, and below them phases, faults, failsafe actions and commands."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,18 @@ from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from companion.analysis.report.charts import COLOURS, GREY, PHASE_SHADES, free_only, rows_over_time, thinned
+from companion.analysis.report.charts import (
+    COLOURS,
+    GREY,
+    PHASE_SHADES,
+    RED,
+    free_only,
+    phase_patches,
+    rows_over_time,
+    shades_of,
+    thinned,
+)
+from companion.analysis.report.motion_figures import GOAL
 from companion.analysis.report.recorded_flight import Flown
 from companion.analysis.report.story import FaultSeen, Story
 
@@ -15,13 +26,13 @@ _LANE_IN = 0.2
 _CURVES_IN = 2.5
 _MOST_FAULTS = 24
 _SAME_S = 0.05
-"""Faults that come and go within so little are drawn at least so wide, share of the axis aside."""
+"""Least duration with which a fault is drawn."""
 _NOT_DONE = (" refused", " failed")
 
 
 @dataclass(frozen=True)
 class _Lane:
-    """All times a fault was there."""
+    """Occurrences of one fault."""
 
     name: str
     times: list[FaultSeen]
@@ -46,14 +57,17 @@ def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     lanes = _lanes(story)
     told = _told(story)
     below = _rows(story)
-    height, error, line = rows_over_time(figure, ["height (m)", "error (m)", ""], flown)
+    height, error, line = rows_over_time(figure, ["height (m)", "error (cm)", ""], flown)
     grid = height.get_gridspec()
     assert grid is not None
     grid.set_height_ratios([_CURVES_IN / 2, _CURVES_IN / 2, _LANE_IN * below])
     _curves(height, error, flown)
     line.grid(visible=False)
     line.set(ylim=(below, 0), yticks=[])
-    _phases(line, flown)
+    named = _phases(line, flown)
+    unnamed = {name: colour for name, colour in shades_of(flown).items() if name not in named}
+    if unnamed:
+        figure.legend(handles=phase_patches(unnamed), loc="outside upper right", ncols=len(unnamed))
     at = 1
     if _switched(story):
         _laws(line, story, at + 0.5)
@@ -76,16 +90,16 @@ def _lanes(story: Story) -> list[_Lane]:
 
 
 def _told(story: Story) -> list[tuple[float, str]]:
-    """Commands, and answers to those that were not carried out: the table has the others."""
+    """Return times and texts of commands, and of replies to commands that were not carried out."""
     bad = [said for said in story.said if said.kind == "reply" and said.text.partition(":")[0].endswith(_NOT_DONE)]
     return sorted((said.at_s, said.text) for said in [*(s for s in story.said if s.kind == "command"), *bad])
 
 
 def _curves(height: Axes, error: Axes, flown: Flown) -> None:
     time, where, wanted = thinned(flown.time_s, flown.position_w_m[:, 2], flown.reference_w_m[:, 2])
-    height.plot(time, wanted, "k--", lw=0.9)
+    height.plot(time, wanted, **GOAL)
     height.plot(time, where, color=COLOURS[2])
-    time, size = thinned(flown.time_s, free_only(flown, flown.distance_m))
+    time, size = thinned(flown.time_s, 100.0 * free_only(flown, flown.distance_m))
     error.plot(time, size, color="0.25")
     error.set_ylim(0.0, None)
 
@@ -102,11 +116,15 @@ def _inside(axes: Axes, at_s: float) -> float:
     return min(max(at_s, low), high)
 
 
-def _phases(axes: Axes, flown: Flown) -> None:
+def _phases(axes: Axes, flown: Flown) -> set[str]:
+    """Write the phases' names where they fit; return those written."""
+    named = set()
     for stretch in flown.phases:
         begin, end = _inside(axes, stretch.begin_s), _inside(axes, stretch.end_s)
         if stretch.name in PHASE_SHADES and end - begin > _letter_s(axes) * len(stretch.name):
             axes.text(0.5 * (begin + end), 0.5, stretch.name, ha="center", va="center", color="0.3")
+            named.add(stretch.name)
+    return named
 
 
 def _laws(axes: Axes, story: Story, at: float) -> None:
@@ -135,7 +153,7 @@ def _fault(axes: Axes, lane: _Lane, at: float, flown: Flown) -> None:
         axes.text(end + room, at, text, ha="left", va="center", clip_on=True)
     elif begin - low > room + length_s:
         axes.text(begin - room, at, text, ha="right", va="center", clip_on=True)
-    else:  # nowhere beside its bar: rather over it than out of the axes
+    else:  # no space beside its bar: draw over it rather than outside of the axes
         axes.text(low + room, at, text, ha="left", va="center", clip_on=True)
 
 
@@ -145,16 +163,16 @@ def _reactions(rows: Sequence[Axes], story: Story, at: float) -> None:
     for reacted in story.reactions:
         at_s = _inside(line, reacted.at_s)
         for axes in rows:
-            axes.axvline(at_s, color="#b3261e", lw=0.9, ls=":")
+            axes.axvline(at_s, color=RED, lw=0.9, ls=":")
         left = at_s > low + 0.6 * (high - low)
         line.text(
             at_s + (-0.006 if left else 0.006) * (high - low), at, reacted.reaction, ha="right" if left else "left",
-            va="center", color="#b3261e", fontweight="bold",
+            va="center", color=RED, fontweight="bold",
         )  # fmt: skip
 
 
 def _commands(axes: Axes, told: Sequence[tuple[float, str]], at: int) -> None:
-    """In three rows, so that neighbours do not cover each other; where there is no room, the verb or a mark alone."""
+    """Write commands in three rows, so that neighbours do not overlap; without space only the verb, or a mark."""
     low, high = axes.get_xlim()
     gap = 0.006 * (high - low)
     free = [low] * 3
