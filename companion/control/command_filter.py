@@ -59,22 +59,25 @@ def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnG
     """Return alpha_1 (m/s), eq. alpha1, shape (..., 3): feedback beta_1 |y_1|^2 y_1 + gamma_1 Theta(y_1)."""
     (y_squared, y_theta), (iota_squared, iota_theta) = _theta(y1, gains), _theta(iota1, gains)
 
-    def alpha1(y1: Any, velocity_ref: Any, iota1: Any, c1: Any, k: Any, k1: Any, beta1: Any, gamma1: Any) -> Any:
+    def alpha1(y1: Any, velocity_ref: Any, iota1: Any, *diagonals: Any) -> Any:
+        c1, k, k1, beta1, gamma1 = diagonals
         compensation = (c1 * iota_squared + k + k1 * iota_theta) * iota1
         return velocity_ref - compensation - (beta1 * y_squared + gamma1 * y_theta) * y1
 
-    return by_axis(alpha1, y1, velocity_ref, iota1, gains.c1, gains.k, gains.k1, gains.beta1, gains.gamma1)
+    diagonals = (gains.c1, gains.k, gains.k1, gains.beta1, gains.gamma1)
+    return by_axis(alpha1, y1, velocity_ref, iota1, *diagonals)
 
 
 def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains: EtnnGains) -> Array:
     """Return alpha_2 (m/s^2), the virtual control of step 2, (..., 3): feedback as in alpha_1, Theta not faded."""
     (y_squared, y_power), (iota_squared, iota_power) = _power(y2, gains), _power(iota2, gains)
 
-    def alpha2(y2: Any, chi_dot: Any, x1: Any, iota2: Any, c2: Any, k2: Any, beta2: Any, gamma2: Any) -> Any:
+    def alpha2(y2: Any, chi_dot: Any, x1: Any, iota2: Any, *diagonals: Any) -> Any:
+        c2, k2, beta2, gamma2 = diagonals
         compensation = (c2 * iota_squared + k2 * iota_power) * iota2
         return chi_dot - x1 - compensation - (beta2 * y_squared + gamma2 * y_power) * y2
 
-    return by_axis(alpha2, y2, chi_dot, x1, iota2, gains.c2, gains.k2, gains.beta2, gains.gamma2)
+    return by_axis(alpha2, y2, chi_dot, x1, iota2, *(gains.c2, gains.k2, gains.beta2, gains.gamma2))
 
 
 def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGains, dt_s: float) -> FilterState:
@@ -87,15 +90,16 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     zeta, rho, eps, share_s = gains.zeta, gains.rho, gains.filter_eps, dt_s * gains.compensation
     quick, m = dt_s / eps**2, math_module(squared_1)
 
-    def advanced(chi: Any, xi: Any, iota1: Any, iota2: Any, alpha1: Any, f_hat: Any, *diagonals: Any) -> Any:
-        (c1, k, k1, c2, k2), late = diagonals, chi - alpha1
+    def advanced(chi: Any, xi: Any, iota1: Any, iota2: Any, *held: Any) -> Any:
+        alpha1, f_hat, c1, k, k1, c2, k2 = held
+        late = chi - alpha1
         xi_after = xi - quick * (zeta * m.atan(late) + rho * m.atan(eps * xi))
         iota1_rate = iota2 + late - (c1 * squared_1 + k + k1 * theta_1) * iota1
         iota2_rate = f_hat - iota1 - (c2 * squared_2 + k2 * power_2) * iota2
         return chi + dt_s * xi_after, xi_after, iota1 + share_s * iota1_rate, iota2 + share_s * iota2_rate
 
-    vectors = state.chi, state.xi, state.iota1, state.iota2, alpha1, f_hat
-    return FilterState(*all_by_axis(advanced, *vectors, gains.c1, gains.k, gains.k1, gains.c2, gains.k2))
+    held = (alpha1, f_hat, gains.c1, gains.k, gains.k1, gains.c2, gains.k2)
+    return FilterState(*all_by_axis(advanced, state.chi, state.xi, state.iota1, state.iota2, *held))
 
 
 def _theta(s: Array, gains: EtnnGains) -> tuple[Any, Any]:

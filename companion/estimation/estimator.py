@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import acos, hypot, inf, isfinite, sqrt
 from operator import mul, sub
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,14 @@ Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
 
 
+class _Seen(NamedTuple):
+    """One frame, its pose, and the clock to convert its stamp with."""
+
+    frame: MocapFrame
+    pose: Pose
+    clock: ClockSync
+
+
 def step(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, accel_input_w_mps2: Array | None = None
 ) -> EstimatorState:
@@ -34,24 +43,26 @@ def step(
     back = frame.stamp_s < state.clock.last_stamp_s
     clock = state.clock if ahead or back else learnt  # one broken stamp must not make all that follow look wrong
     pose = (*frame.position_w_m.tolist(), *frame.rotation_w_b.ravel().tolist())
+    seen = _Seen(frame, pose, learnt)
     objection = _objection(pose, state, params)
     if objection is not None:
         return _refused(state, objection, clock, pose if objection is Verdict.REPEATED else state.pose)
     dt_s, silent_s = frame.stamp_s - state.stamp_s, frame.received_s - state.received_s
     if state.motion is None or state.attitude is None or min(abs(dt_s), silent_s) > params.max_gap_s:
-        return _started(state, frame, params, learnt, pose)
+        return _started(state, seen, params)
     if ahead or dt_s <= 0.0:
-        return _off_the_clock(state, Verdict.AHEAD if ahead else Verdict.STALE, frame, params, learnt, pose)
+        return _off_the_clock(state, Verdict.AHEAD if ahead else Verdict.STALE, seen, params)
+    seen = _Seen(frame, pose, clock)
     known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
     surprise = att.surprise_rad(attitude, pose[3:])
     off = _distance(pose[:3], motion.position), hypot(*surprise)
     if not _possible(*off, motion, attitude, dt_s, params) or _goes_on_beside(state, pose, off, params):
-        return _outlier(state, frame, params, clock, pose)
+        return _outlier(state, seen, params)
     motion = kalman.update(motion, pose[:3], params.noise_m**2)
     attitude = att.update(attitude, surprise, params.noise_rad**2)
-    return _known(state, Verdict.ACCEPTED, frame, params, clock, pose, motion, attitude)
+    return _known(state, Verdict.ACCEPTED, seen, params, motion, attitude)
 
 
 def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
@@ -137,33 +148,26 @@ def _distance(a: kalman.Vector, b: kalman.Vector) -> float:
     return hypot(*map(sub, a, b))
 
 
-def _started(
-    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
-) -> EstimatorState:
+def _started(state: EstimatorState, seen: _Seen, params: EstimatorParams) -> EstimatorState:
     """Return the state that starts from this frame alone."""
     of_motion, of_attitude = first_covariances(params)
-    motion = Motion(pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
-    attitude = att.at_rest(frame.rotation_w_b, of_attitude)
-    return _known(state, Verdict.STARTED, frame, params, clock, pose, motion, attitude)
+    motion = Motion(seen.pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
+    attitude = att.at_rest(seen.frame.rotation_w_b, of_attitude)
+    return _known(state, Verdict.STARTED, seen, params, motion, attitude)
 
 
-def _off_the_clock(
-    state: EstimatorState, verdict: Verdict, frame: MocapFrame, params: EstimatorParams, learnt: ClockSync, pose: Pose
-) -> EstimatorState:
-    """Reject a stamp that goes back or is ahead; restart with its clock, `learnt`, after several in a row."""
-    run = state.run + 1 if verdict == state.verdict else 1
-    if run >= params.stamps_to_restart:
-        return _started(state, frame, params, learnt, pose)
+def _off_the_clock(state: EstimatorState, verdict: Verdict, seen: _Seen, params: EstimatorParams) -> EstimatorState:
+    """Reject a stamp that goes back or is ahead; restart with its clock after several in a row."""
+    if _run(state, verdict) >= params.stamps_to_restart:
+        return _started(state, seen, params)
     return _refused(state, verdict, state.clock, state.pose)
 
 
-def _outlier(
-    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, clock: ClockSync, pose: Pose
-) -> EstimatorState:
-    agreeing = state.agreeing + 1 if _agrees(state, pose, params) else 1
+def _outlier(state: EstimatorState, seen: _Seen, params: EstimatorParams) -> EstimatorState:
+    agreeing = state.agreeing + 1 if _agrees(state, seen.pose, params) else 1
     if agreeing >= params.outliers_to_restart:
-        return _started(state, frame, params, clock, pose)
-    return replace(_refused(state, Verdict.OUTLIER, clock, pose), agreeing=agreeing)
+        return _started(state, seen, params)
+    return replace(_refused(state, Verdict.OUTLIER, seen.clock, seen.pose), agreeing=agreeing)
 
 
 def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Pose) -> EstimatorState:
@@ -171,7 +175,7 @@ def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Po
     return replace(
         state,
         verdict=verdict,
-        run=state.run + 1 if verdict == state.verdict else 1,
+        run=_run(state, verdict),
         counts=_counted(state.counts, verdict),
         clock=clock,
         pose=pose,
@@ -179,15 +183,9 @@ def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Po
 
 
 def _known(
-    state: EstimatorState,
-    verdict: Verdict,
-    frame: MocapFrame,
-    params: EstimatorParams,
-    clock: ClockSync,
-    pose: Pose,
-    motion: Motion,
-    attitude: Attitude,
+    state: EstimatorState, verdict: Verdict, seen: _Seen, params: EstimatorParams, motion: Motion, attitude: Attitude
 ) -> EstimatorState:
+    frame, pose, clock = seen
     vehicle = VehicleState(
         to_local_s(clock, frame.stamp_s, params.delay_s),
         np.array(motion.position),
@@ -195,21 +193,23 @@ def _known(
         np.array(attitude.q),
         np.array(attitude.rate),
     )
-    run = state.run + 1 if verdict == state.verdict else 1
-    counts = _counted(state.counts, verdict)
-    stamp_s, received_s = frame.stamp_s, frame.received_s
     return EstimatorState(
         vehicle=vehicle,
         verdict=verdict,
-        run=run,
-        counts=counts,
+        run=_run(state, verdict),
+        counts=_counted(state.counts, verdict),
         clock=clock,
         motion=motion,
         attitude=attitude,
-        stamp_s=stamp_s,
-        received_s=received_s,
+        stamp_s=frame.stamp_s,
+        received_s=frame.received_s,
         pose=pose,
     )
+
+
+def _run(state: EstimatorState, verdict: Verdict) -> int:
+    """Return the number of frames in a row with this verdict."""
+    return state.run + 1 if verdict == state.verdict else 1
 
 
 def _counted(counts: Counts, verdict: Verdict) -> Counts:

@@ -17,7 +17,7 @@ from companion.flight.arming import Arming, refused_for
 from companion.flight.assembly import Devices, stages_of
 from companion.flight.autopilot_calls import AutopilotCalls
 from companion.flight.health_step import Cycle, facts_of
-from companion.flight.shutdown import Shutdown
+from companion.flight.shutdown import Shutdown, ShutdownTimes
 from companion.flight.tick import Tick, TickSink
 from companion.flight.tick_timer import TickTimer
 from companion.geometry.frames import yaw_of
@@ -75,7 +75,10 @@ class FlightLoop:
         self.missed_cycles = 0
         """Whole periods that passed without a cycle."""
         parts = (self._see_without_checks, self._supervise_without_checks, self._keep_or_end_stream)
-        self._giving_up = Shutdown(self, self._calls, devices, self._period_s, self._rules, self._safety, parts)
+        times = ShutdownTimes(
+            self._period_s, self._rules.stow_time_s, self._safety.land_refused_s, self._safety.silent_s
+        )
+        self._giving_up = Shutdown(self, self._calls, devices, times, parts)
 
     @property
     def flight(self) -> FlightState:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from companion.core.types import FlightMode
@@ -10,8 +11,7 @@ from companion.estimation.estimator import EstimatorState, age_s
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import Devices
 from companion.flight.autopilot_calls import AutopilotCalls
-from companion.supervisor.flight_state import FlightRules, FlightState, Phase
-from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.flight_state import FlightState, Phase
 
 LOG = logging.getLogger(__name__)
 
@@ -42,6 +42,19 @@ class Given(Protocol):
         """The autopilot lands what we still fly; nothing where we do not."""
 
 
+@dataclass(frozen=True)
+class ShutdownTimes:
+    """Periods and bounds of what a shutdown waits for, s."""
+
+    period_s: float
+    stow_s: float
+    """Longest time the arms take to fold."""
+    land_refused_s: float
+    """Time within which the autopilot must leave OFFBOARD after it was told to land."""
+    silent_s: float
+    """Age of the estimate above which motion capture does not see the vehicle."""
+
+
 class Shutdown:
     """Hands the vehicle over and waits for what follows.
 
@@ -54,15 +67,11 @@ class Shutdown:
         loop: Given,
         calls: AutopilotCalls,
         devices: Devices,
-        period_s: float,
-        rules: FlightRules,
-        safety: SafetyRules,
+        times: ShutdownTimes,
         parts: Sequence[Callable[[float], None]],
     ) -> None:
-        """Looks every `period_s`."""
         self._loop, self._calls, self._clock, self._autopilot = loop, calls, devices.clock, devices.autopilot
-        self._period_s, self._rules, self._safety = period_s, rules, safety
-        self._parts = [*parts, self._fold_arms]
+        self._times, self._parts = times, [*parts, self._fold_arms]
 
     async def give_up(self, reason: str) -> None:
         """Until the autopilot has answered and the arms have folded; after a failure, until the vehicle is down.
@@ -73,7 +82,7 @@ class Shutdown:
         self._loop.hand_over(reason)
         while self._waits(self._clock.now_s() - begun_s):
             self._go_on()
-            await asyncio.sleep(self._period_s)
+            await asyncio.sleep(self._times.period_s)
             self._loop.hand_over(reason)
         self._go_on()
 
@@ -81,8 +90,8 @@ class Shutdown:
         """For an answer, for the arms to fold, for PX4 to begin its landing, and to end it if nobody else looks."""
         return (
             self._calls.pending
-            or (self._arms_busy() and waited_s < self._rules.stow_time_s)
-            or (self._unflown() and waited_s < self._safety.land_refused_s)
+            or (self._arms_busy() and waited_s < self._times.stow_s)
+            or (self._unflown() and waited_s < self._times.land_refused_s)
             or (self._seen_landing() and not self._loop.ticking and waited_s < _SEEN_DOWN_S)
         )
 
@@ -97,9 +106,8 @@ class Shutdown:
 
     def _seen_landing(self) -> bool:
         """Armed, and seen by motion capture."""
-        return (
-            self._autopilot.status().armed and age_s(self._loop.estimate, self._clock.now_s()) < self._safety.silent_s
-        )
+        seen = age_s(self._loop.estimate, self._clock.now_s()) < self._times.silent_s
+        return seen and self._autopilot.status().armed
 
     def _fold_arms(self, now_s: float) -> None:
         if self._loop.arms is not None:

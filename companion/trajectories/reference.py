@@ -154,7 +154,7 @@ class Ellipse:
         a, b = self.semi_axes_m
         x, y = a * math.cos(angle), b * math.sin(angle)
         along = -a * math.sin(angle), b * math.cos(angle)
-        return _on_curve(self.centre_w_m, (x, y), along, (-x, -y), rate, bend, self.yaw_rad)
+        return _on_curve(self, ((x, y), along, (-x, -y)), rate, bend)
 
 
 @dataclass(frozen=True)
@@ -177,17 +177,15 @@ class FigureEight:
         a, b = self.semi_axes_m
         x, y = a * math.sin(angle), b * math.sin(2.0 * angle)
         along = a * math.cos(angle), 2.0 * b * math.cos(2.0 * angle)
-        return _on_curve(self.centre_w_m, (x, y), along, (-x, -4.0 * y), rate, bend, self.yaw_rad)
+        return _on_curve(self, ((x, y), along, (-x, -4.0 * y)), rate, bend)
 
 
-def _on_curve(
-    centre_w_m: Array, point: _Pair, along: _Pair, curve: _Pair, rate: float, bend: float, yaw_rad: float
-) -> Reference:
-    """Return the reference on a level curve from its point (m) and derivatives by the phase, and the phase's own."""
-    (x, y), (x_1, y_1), (x_2, y_2) = point, along, curve
+def _on_curve(curve: Ellipse | FigureEight, shape: tuple[_Pair, _Pair, _Pair], rate: float, bend: float) -> Reference:
+    """Return the reference from a point of a level curve (m), its derivatives by the phase, and the phase's own."""
+    (x, y), (x_1, y_1), (x_2, y_2) = shape
     velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
     acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
-    return Reference(centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, yaw_rad)
+    return Reference(curve.centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, curve.yaw_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,12 +88,11 @@ class GimbalChatter:
 
 def _chatter(now_s: float) -> list[tuple[float, Message]]:
     def configure(confirmation: int, primary: float) -> Message:
-        return mavlink.MAVLink_command_long_message(
-            1, 0, GIMBAL_CONFIGURE, confirmation, primary, primary, -1.0, -1.0, 0.0, 0.0, 0.0
-        )
+        params = (primary, primary, -1.0, -1.0, 0.0, 0.0, 0.0)
+        return mavlink.MAVLink_command_long_message(1, 0, GIMBAL_CONFIGURE, confirmation, *params)
 
-    nan = math.nan
-    look = mavlink.MAVLink_command_long_message(1, 0, GIMBAL_PITCHYAW, 0, nan, nan, nan, nan, 2.0, 0.0, 0.0)
+    unset = [math.nan] * 4
+    look = mavlink.MAVLink_command_long_message(1, 0, GIMBAL_PITCHYAW, 0, *unset, *(2.0, 0.0, 0.0))
     first = now_s + GIMBAL_FIRST_S
     again = [(now_s + after_s, configure(count, 1.0)) for count, after_s in enumerate(GIMBAL_RETRIES_S, start=1)]
     return [(first, configure(0, 1.0)), (first, look), (first, configure(0, -3.0)), *again]

@@ -28,6 +28,7 @@ SW_VERSION = 0x011100FF
 OS_VERSION = 101854463
 CUSTOM_VERSION = [0, 0, 0, 196, 209, 42, 241, 214]
 UID = 5283920058631409231
+MAGNETIC_FIELD_GAUSS = (0.2015, 0.0326, 0.4609)
 
 
 def boot_ms(world: World) -> int:
@@ -38,6 +39,11 @@ def boot_ms(world: World) -> int:
 def boot_us(world: World) -> int:
     """Return the time since boot, us."""
     return round(world.uptime_s * 1e6)
+
+
+def filled(kind: Any, **fields: Any) -> Message:
+    """Build a message of a pymavlink class; every number that is not named is zero."""
+    return kind(**(dict.fromkeys(kind.fieldnames, 0) | fields))
 
 
 def heartbeat(world: World) -> Message:
@@ -51,10 +57,16 @@ def sys_status(world: World) -> Message:
     """Build SYS_STATUS: health bits and battery."""
     battery = world.vehicle.battery
     vehicle = world.vehicle
-    present, enabled, health = sensors_present(vehicle), sensors_enabled(vehicle), sensors_health(vehicle)
-    millivolts = round(battery.voltage_v * 1e3)
-    return mavlink.MAVLink_sys_status_message(
-        present, enabled, health, 173, millivolts, -100, battery.percent, 0, 0, 0, 0, 0, 0, 0, 0, 1
+    return filled(
+        mavlink.MAVLink_sys_status_message,
+        onboard_control_sensors_present=sensors_present(vehicle),
+        onboard_control_sensors_enabled=sensors_enabled(vehicle),
+        onboard_control_sensors_health=sensors_health(vehicle),
+        onboard_control_sensors_health_extended=1,
+        load=173,
+        voltage_battery=round(battery.voltage_v * 1e3),
+        current_battery=-100,
+        battery_remaining=battery.percent,
     )
 
 
@@ -67,9 +79,8 @@ def attitude(world: World) -> Message | None:
     """Estimated Euler angles and body rates."""
     if world.uptime_s < 1.0:
         return None
-    roll, pitch, yaw = quat.to_euler(world.vehicle.attitude_estimate_wxyz)
-    p, q, r = world.truth.rate_frd_radps.tolist()
-    return mavlink.MAVLink_attitude_message(boot_ms(world), roll, pitch, yaw, p, q, r)
+    angles = quat.to_euler(world.vehicle.attitude_estimate_wxyz)
+    return mavlink.MAVLink_attitude_message(boot_ms(world), *angles, *world.truth.rate_frd_radps.tolist())
 
 
 def attitude_quaternion(world: World) -> Message | None:
@@ -91,16 +102,16 @@ def local_position_ned(world: World) -> Message:
 def odometry(world: World) -> Message:
     """The estimate once more, with its reset counter."""
     now, estimator = world.vehicle.estimate, world.vehicle.estimator
-    q = world.vehicle.attitude_estimate_wxyz.tolist()
-    rates = world.truth.rate_frd_radps.tolist()
     pose, velocity = [NAN] * 21, [NAN] * 21
     for index, variance in ((0, 0.04), (6, 0.04), (11, 0.07), (15, 2e-4), (18, 2e-4), (20, 2e-3)):
         pose[index] = variance
     for index in (0, 6, 11):
         velocity[index] = 0.008
+    place = boot_us(world), 1, 1, *now.position_m, world.vehicle.attitude_estimate_wxyz.tolist()
+    motion = *now.velocity_mps, *world.truth.rate_frd_radps.tolist()
     resets = estimator.reset_counter % 256
     return mavlink.MAVLink_odometry_message(
-        boot_us(world), 1, 1, *now.position_m, q, *now.velocity_mps, *rates, pose, velocity, resets, 8, 0
+        *place, *motion, pose, velocity, reset_counter=resets, estimator_type=8, quality=0
     )
 
 
@@ -117,9 +128,11 @@ def position_target_local_ned(world: World) -> Message | None:
     """Not in attitude offboard; otherwise almost empty."""
     if world.vehicle.mode is Mode.OFFBOARD:
         return None
+    place, acceleration = [NAN] * 6, (0.0, 0.0, 100.0)
     yaw = world.vehicle.estimate.yaw_rad
-    place = [NAN] * 6
-    return mavlink.MAVLink_position_target_local_ned_message(boot_ms(world), 1, 63, *place, 0.0, 0.0, 100.0, yaw, 0.0)
+    return mavlink.MAVLink_position_target_local_ned_message(
+        boot_ms(world), 1, 63, *place, *acceleration, yaw=yaw, yaw_rate=0.0
+    )
 
 
 def rc_channels(_world: World) -> Message | None:
@@ -152,7 +165,8 @@ def altitude_message(world: World) -> Message:
     above_sea = world.vehicle.origin.to_global(now.position_m)[2] / 1e3
     home_z = world.vehicle.home.z_m if world.vehicle.home else 0.0
     up = -now.position_m[2]
-    return mavlink.MAVLink_altitude_message(boot_us(world), above_sea, above_sea, up, up + home_z, NAN, NAN)
+    heights = (above_sea, above_sea, up, up + home_z)
+    return mavlink.MAVLink_altitude_message(boot_us(world), *heights, altitude_terrain=NAN, bottom_clearance=NAN)
 
 
 def highres_imu(world: World) -> Message:
@@ -160,11 +174,17 @@ def highres_imu(world: World) -> Message:
     state = world.state
     ax, ay, az = state.acceleration_ned_mps2.tolist()
     force = quat.to_matrix(state.q_ned_frd_wxyz).T @ [ax, ay, az - GRAVITY_MPS2]
-    p, q, r = state.rate_frd_radps.tolist()
-    fx, fy, fz = force.tolist()
     height = world.vehicle.origin.to_global(world.vehicle.sensor_state.motion.position_ned_m)[2] / 1e3
     return mavlink.MAVLink_highres_imu_message(
-        boot_us(world), fx, fy, fz, p, q, r, 0.2015, 0.0326, 0.4609, 955.8, 0.0, height, 15.0, 63, 0
+        boot_us(world),
+        *force.tolist(),
+        *state.rate_frd_radps.tolist(),
+        *MAGNETIC_FIELD_GAUSS,
+        abs_pressure=955.8,
+        diff_pressure=0.0,
+        pressure_alt=height,
+        temperature=15.0,
+        fields_updated=63,
     )
 
 
@@ -189,9 +209,18 @@ def estimator_status(world: World) -> Message:
 def battery_status(world: World) -> Message:
     """Build BATTERY_STATUS: cell voltage, charge, warning."""
     battery = world.vehicle.battery
-    cells = [round(battery.voltage_v * 1e3)] + [65535] * 9
-    return mavlink.MAVLink_battery_status_message(
-        0, 1, 1, 32767, cells, -100, -1, -1, battery.percent, 0, 1 + battery.warning, [0] * 4, 0, 0
+    return filled(
+        mavlink.MAVLink_battery_status_message,
+        battery_function=1,
+        type=1,
+        temperature=32767,
+        voltages=[round(battery.voltage_v * 1e3)] + [65535] * 9,
+        current_battery=-100,
+        current_consumed=-1,
+        energy_consumed=-1,
+        battery_remaining=battery.percent,
+        charge_state=1 + battery.warning,
+        voltages_ext=[0] * 4,
     )
 
 
@@ -212,7 +241,7 @@ def mission_current(_world: World) -> Message:
 
 def vibration(world: World) -> Message:
     """Build VIBRATION with zero vibration."""
-    return mavlink.MAVLink_vibration_message(boot_us(world), 0.0, 0.0, 0.0, 0, 0, 0)
+    return filled(mavlink.MAVLink_vibration_message, time_usec=boot_us(world))
 
 
 def current_mode(world: World) -> Message:
@@ -223,17 +252,16 @@ def current_mode(world: World) -> Message:
 
 def autopilot_version(_world: World) -> Message:
     """Build AUTOPILOT_VERSION with the recorded contents."""
-    return mavlink.MAVLink_autopilot_version_message(
-        CAPABILITIES,
-        SW_VERSION,
-        SW_VERSION,
-        OS_VERSION,
-        1,
-        CUSTOM_VERSION,
-        CUSTOM_VERSION,
-        [0] * 8,
-        0,
-        0,
-        UID,
-        [0] * 18,
+    return filled(
+        mavlink.MAVLink_autopilot_version_message,
+        capabilities=CAPABILITIES,
+        flight_sw_version=SW_VERSION,
+        middleware_sw_version=SW_VERSION,
+        os_sw_version=OS_VERSION,
+        board_version=1,
+        flight_custom_version=CUSTOM_VERSION,
+        middleware_custom_version=CUSTOM_VERSION,
+        os_custom_version=[0] * 8,
+        uid=UID,
+        uid2=[0] * 18,
     )

@@ -4,7 +4,7 @@ import math
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.mavlink.messages import Message, boot_ms, boot_us
+from mock_autopilot.mavlink.messages import Message, boot_ms, boot_us, filled
 from mock_autopilot.physics.geodesy import simulators_home
 from mock_autopilot.world import World
 
@@ -22,7 +22,8 @@ def global_position_int(world: World) -> Message | None:
     relative_mm = round((home_z - now.position_m[2]) * 1e3)
     speeds = [round(v * 100) for v in now.velocity_mps]
     heading = round(math.degrees(now.yaw_rad) % 360.0 * 100) % 36000
-    return mavlink.MAVLink_global_position_int_message(boot_ms(world), lat, lon, alt_mm, relative_mm, *speeds, heading)
+    place = (lat, lon, alt_mm, relative_mm)
+    return mavlink.MAVLink_global_position_int_message(boot_ms(world), *place, *speeds, heading)
 
 
 def _knows_earth(world: World) -> bool:
@@ -37,10 +38,22 @@ def gps_raw_int(world: World) -> Message:
     state = world.vehicle.sensor_state.motion
     lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(state.position_ned_m)
     vn, ve, _ = state.velocity_ned_mps
-    course = round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000
-    speed = round(math.hypot(vn, ve) * 100)
-    return mavlink.MAVLink_gps_raw_int_message(
-        boot_us(world), 3, lat, lon, alt_mm, 70, 110, speed, course, 10, alt_mm, 900, 1780, 400, 0, 0
+    return filled(
+        mavlink.MAVLink_gps_raw_int_message,
+        time_usec=boot_us(world),
+        fix_type=3,
+        lat=lat,
+        lon=lon,
+        alt=alt_mm,
+        eph=70,
+        epv=110,
+        vel=round(math.hypot(vn, ve) * 100),
+        cog=round(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000,
+        satellites_visible=10,
+        alt_ellipsoid=alt_mm,
+        h_acc=900,
+        v_acc=1780,
+        vel_acc=400,
     )
 
 
@@ -54,12 +67,10 @@ def gps_global_origin(world: World) -> Message | None:
 def hil_state_quaternion(world: World) -> Message:
     """The simulator's truth; a simulated PX4 has it, one on a vehicle has nothing to send."""
     truth = world.truth
-    lat, lon, alt_mm = simulators_home(world.vehicle.params).to_global(world.vehicle.sensor_state.motion.position_ned_m)
+    place = simulators_home(world.vehicle.params).to_global(world.vehicle.sensor_state.motion.position_ned_m)
     speeds = [round(100 * v) for v in truth.velocity_ned_mps.tolist()]
-    q, rates = truth.q_ned_frd_wxyz.tolist(), truth.rate_frd_radps.tolist()
-    return mavlink.MAVLink_hil_state_quaternion_message(
-        boot_us(world), q, *rates, lat, lon, alt_mm, *speeds, 0, 0, 0, 0, 0
-    )
+    q, rates, unused = truth.q_ned_frd_wxyz.tolist(), truth.rate_frd_radps.tolist(), [0] * 5
+    return mavlink.MAVLink_hil_state_quaternion_message(boot_us(world), q, *rates, *place, *speeds, *unused)
 
 
 def home_position(world: World) -> Message | None:
@@ -69,5 +80,5 @@ def home_position(world: World) -> Message | None:
         return None
     place = (home.x_m, home.y_m, home.z_m)
     return mavlink.MAVLink_home_position_message(
-        *world.vehicle.origin.to_global(place), *place, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, boot_us(world)
+        *world.vehicle.origin.to_global(place), *place, [1.0, 0.0, 0.0, 0.0], *[0.0] * 3, boot_us(world)
     )

@@ -8,7 +8,7 @@ import struct
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.mavlink.extras import RawMessage
-from mock_autopilot.mavlink.messages import Message, boot_ms, boot_us
+from mock_autopilot.mavlink.messages import Message, boot_ms, boot_us, filled
 from mock_autopilot.world import World
 
 BOOTED_UNIX_S = 1_795_986_000
@@ -42,7 +42,7 @@ def link_node_status(world: World) -> Message:
     up_s = world.uptime_s
     counts = (round(TX_PER_S * up_s), round(RX_PER_S * up_s), 0)
     load = (TX_BYTES_PER_S, RX_BYTES_PER_S)
-    return RawMessage(8, 117, struct.pack("<Q5I3H2B", boot_us(world), *load, *counts, 0, 0, 0, 0, 0))
+    return RawMessage(8, 117, struct.pack("<Q5I3H2B", boot_us(world), *load, *counts, *[0] * 5))
 
 
 def scaled_pressure(world: World) -> Message:
@@ -56,7 +56,10 @@ def distance_sensor(world: World) -> Message | None:
     if not world.vehicle.pilot.range_finder:
         return None
     height_m = -world.vehicle.sensor_state.motion.position_ned_m[2]
-    return mavlink.MAVLink_distance_sensor_message(boot_ms(world), 0, 10000, round(100 * height_m) % 65536, 0, 0, 25, 0)
+    range_cm = round(100 * height_m) % 65536
+    return mavlink.MAVLink_distance_sensor_message(
+        boot_ms(world), 0, 10000, range_cm, type=0, id=0, orientation=25, covariance=0
+    )
 
 
 def time_estimate_to_target(_world: World) -> Message:
@@ -68,8 +71,17 @@ def open_drone_id_location(world: World) -> Message:
     """Nothing but the barometer's height, and whether it flies: no place is known indoors."""
     above_sea_m = world.vehicle.origin.above_sea_m - world.vehicle.sensor_state.motion.position_ned_m[2]
     status = 2 if world.vehicle.estimator.in_air else 1
-    return mavlink.MAVLink_open_drone_id_location_message(
-        0, 0, NOBODY, status, 36100, 25500, 6300, 0, 0, above_sea_m, -1000.0, 0, -1000.0, 0, 0, 0, 0, 65535.0, 0
+    return filled(
+        mavlink.MAVLink_open_drone_id_location_message,
+        id_or_mac=NOBODY,
+        status=status,
+        direction=36100,
+        speed_horizontal=25500,
+        speed_vertical=6300,
+        altitude_barometric=above_sea_m,
+        altitude_geodetic=-1000.0,
+        height=-1000.0,
+        timestamp=65535.0,
     )
 
 

@@ -102,9 +102,7 @@ class AxServo(Servo):
     def refresh(self) -> None:
         """Update registers 36 to 44 and 46 with the present values."""
         motor, unit = self.motor, self.model.velocity_unit_radps
-        _LIVE.pack_into(
-            self.table.bytes,
-            _LIVE_AT,
+        values = (
             self.raw_position(),
             _with_direction(motor.rate_radps / unit),
             _with_direction(motor.pwm_share * FULL_LOAD),
@@ -112,6 +110,7 @@ class AxServo(Servo):
             self.raw_temperature,
             int(self.registered is not None),
         )
+        _LIVE.pack_into(self.table.bytes, _LIVE_AT, *values)
         under_way = abs(motor.goal_rad - motor.angle_rad) > 2 * motor.margin_rad and abs(motor.rate_radps) > unit
         self.table.put("moving", int(motor.powered and (motor.profile_ongoing or under_way)))
 

@@ -194,9 +194,7 @@ class XmServo(Servo):
         offset = self._homing_offset
         place, speed = motor.profile
         rate = round(motor.rate_radps / model.velocity_unit_radps)
-        _LIVE.pack_into(
-            table.bytes,
-            _LIVE_AT,
+        values = (
             round(1000.0 * self._time_s) % 32768,
             int(abs(rate) > table.get("moving_threshold")),
             self._moving_status(),
@@ -209,6 +207,7 @@ class XmServo(Servo):
             round(10.0 * self.voltage_v),
             self.raw_temperature,
         )
+        _LIVE.pack_into(table.bytes, _LIVE_AT, *values)
 
     def _moving_status(self) -> int:
         motor = self.motor

@@ -34,6 +34,8 @@ _WORDS_S = 0.5
 _KILL_AGAIN_S = 0.1
 _REPEAT_S = 0.1
 
+_LAND_HERE = (0.0, 0.0, 0.0, None)
+"""Parameters of NAV_LAND; yaw is NaN: as it is."""
 _ARM_DISARM, _NAV_LAND, _DO_SET_MODE, _SET_MESSAGE_INTERVAL = 400, 21, 176, 511
 """MAV_CMD."""
 _ARMED_BIT, _CUSTOM_MODE_BIT = 128, 1
@@ -186,7 +188,7 @@ class Px4:
     async def land(self) -> None:
         """Hand over to PX4's own landing and wait until OFFBOARD is left."""
         since_s = self._clock.now_s()
-        await self._call("land", since_s, _NAV_LAND, 0.0, 0.0, 0.0, None)  # yaw NaN: as it is
+        await self._call("land", since_s, _NAV_LAND, *_LAND_HERE)
         still = {None, FlightMode.OFFBOARD}
         await self._shown("leaving OFFBOARD", since_s, lambda: self._telemetry.mode_since(since_s) not in still)
 

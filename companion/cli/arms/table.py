@@ -56,7 +56,7 @@ def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: floa
     for place, name in enumerate(JOINT_NAMES):
         angle_rad = float(status.position_rad[place])
         off_rad = math.nan if goal_rad is None else angle_rad - float(goal_rad[place])
-        table.add_row(
+        cells = (
             name,
             str(arms.servos[name].id),
             _number(math.degrees(angle_rad), "+.1f"),
@@ -69,6 +69,7 @@ def state_table(arms: ArmsConfig, status: ArmStatus, now_s: float, rate_hz: floa
             _number(1e3 * (now_s - status.read_s[place]), ".0f"),
             Text(", ".join(fault.kind for fault in status.faults if fault.joint == name), style="bold red"),
         )
+        table.add_row(*cells)
     return table
 
 
@@ -91,7 +92,7 @@ def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmSt
     table = narrow_table(_FOUND_COLUMNS)
     for place, (name, one) in enumerate(zip(JOINT_NAMES, found, strict=True)):
         if one is not None:
-            table.add_row(
+            cells = (
                 name,
                 str(arms.servos[name].id),
                 model_name(one.model_number),
@@ -103,6 +104,7 @@ def found_table(arms: ArmsConfig, found: tuple[Found | None, ...], status: ArmSt
                 f"{one.temperature_c:.0f}",
                 _number(math.degrees(status.position_rad[place]), "+.1f"),
             )
+            table.add_row(*cells)
     return table
 
 

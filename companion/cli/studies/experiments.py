@@ -108,7 +108,9 @@ def experiments(
     try:
         laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
         chosen = _listed(names, "experiments")
-        campaign = _checked(chosen, laws, seeds_of(seeds), bandwidth, horizon, allow_unstable, ablations)
+        campaign = _checked(
+            chosen, laws, seeds_of(seeds), bandwidth, horizon, allow_unstable=allow_unstable, ablations=ablations
+        )
         folder = out if report else None
         check_output(folder, summary)
         raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
