@@ -47,13 +47,13 @@ class ArmsCost:
     """Goals out, state of all in."""
     rate_hz: float
     cpu_share: float
-    """Of one core, by the worker's thread."""
+    """Share of one core that the bus thread takes."""
     bad_packets: int
     late_us: Spread
-    """From a frame's sending to the tick's beginning, beside the bus."""
+    """Time from the sending of a frame to the beginning of its tick, with the bus running."""
     late_without_us: Spread
     done_us: Spread
-    """From a frame's sending to the tick's end, beside the bus."""
+    """Time from the sending of a frame to the end of its tick, with the bus running."""
     done_without_us: Spread
 
     @property

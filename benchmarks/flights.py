@@ -49,9 +49,9 @@ class Latency:
     service_us: Spread
     relay_us: Spread
     arrival_us: Spread
-    """Of it: frame sent until the service has it."""
+    """Part of it until the service has the frame."""
     inside_us: Spread
-    """Of it: the service has the frame until MAVSDK has sent the setpoint."""
+    """Part of it from then until MAVSDK has sent the setpoint."""
     unanswered: int
 
     @property
@@ -66,7 +66,7 @@ class Footprint:
 
     rate_hz: float
     cpu_share: float
-    """Of one core."""
+    """Share of one core."""
     memory_mb: float
     setpoints_per_s: float
 

@@ -20,7 +20,7 @@ BATCHES = (1, 100, 10_000)
 CYCLES = 400
 SLEEPY_CYCLES = 100
 PAUSE_S = 0.008
-"""What a 100 Hz loop sleeps between its cycles."""
+"""Sleep of a 100 Hz loop between its cycles."""
 ESTIMATOR = "estimator, one frame"
 STAGE = "ControlStage.fly: law, conversion, gate"
 

@@ -18,7 +18,7 @@ EXAMPLES = Path(__file__).parents[1] / "config" / "mosquitto"
 FAR = "127.0.0.2"
 """This machine, but not where an embedded broker would be: operators speak MQTT 5 there."""
 USERS = ("dauam-1", "dauam-2", "anna", "ben", "screen", "mocap-bridge")
-"""Of config/mosquitto/dauam.acl, and the vehicles that it is for."""
+"""Users of config/mosquitto/dauam.acl, and the vehicles that it is for."""
 _PATIENCE_S = 15.0
 needs_mosquitto = needs("mosquitto")
 

@@ -38,9 +38,9 @@ class Summary:
     tick_late_ms: Spread
     """Begin of the cycle after the frame's arrival, or after the deadline when no frame came."""
     frame_to_setpoint_ms: Spread
-    """From the frame's arrival to the setpoint handed to the autopilot's link."""
+    """Time from the arrival of the frame to the setpoint's hand-over to the autopilot's link."""
     capture_to_setpoint_ms: Spread
-    """From the capture itself, as far as the clocks can be compared."""
+    """Time from the capture itself, as far as the clocks can be compared."""
     cycles_without_frame: int
     landed: bool
     disarmed: bool

@@ -24,7 +24,7 @@ class Clearance:
 
     distance_m: float
     what: str
-    """As in "left forearm and a propeller"."""
+    """Names of the pair, such as "left forearm and a propeller"."""
 
 
 @dataclass(frozen=True)

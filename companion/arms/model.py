@@ -59,9 +59,9 @@ class Propellers:
 
     count: int = 4
     radius_m: float = 0.17
-    """Of one disc."""
+    """Radius of one disc."""
     centre_m: float = 0.33
-    """From the body's axis to a disc's centre."""
+    """Distance from the body's axis to the centre of a disc."""
     first_rad: float = 0.7854
     """Direction of the first disc's centre from body x, about body z."""
     height_m: float = 0.06

@@ -34,7 +34,7 @@ class Plan:
     slowed_by: float = 1.0
     """1 when it runs at its own speed."""
     approach_s: float = 0.0
-    """How long it takes to reach the motion's own start."""
+    """Duration of the approach to the start of the motion."""
     notes: tuple[str, ...] = ()
 
 

@@ -13,7 +13,7 @@ from companion.core.types import Array, JointMotion
 _PER_PIECE = 48
 """Samples of a piece. The peaks of a quintic's velocity and acceleration are then missed by at most 1 %."""
 _LEAST_STEP_M = 0.005
-"""Of the links, between two looks at their clearance, however small the margin is."""
+"""Smallest movement of the links between two checks of their clearance."""
 _COARSE = 8
 """Steps skipped where everything is far away."""
 _CHUNK = 512

@@ -82,10 +82,10 @@ class ArmState:
     phase: ArmPhase = ArmPhase.OFF
     since_s: float = 0.0
     motion: JointTrajectory | None = None
-    """What is being run: while HOLDING, a motion coming to rest."""
+    """Motion that is played; while HOLDING, a motion that comes to rest."""
     started_s: float = 0.0
     hold_rad: Array | None = None
-    """Where the joints are held; None while they move, or nobody holds them."""
+    """Held joint angles (rad); None while the joints move or are limp."""
     action: ArmAction | None = None
     reason: str = ""
     """Why the last motion was ended before its time; empty when it was not."""

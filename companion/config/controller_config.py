@@ -86,7 +86,7 @@ class LoadedController:
     law: Controller
     error_limits: ErrorLimits
     description: str = ""
-    """What the file says of itself, for reports; empty if it says nothing."""
+    """Description in the file, for reports; empty if there is none."""
     own_file: Path | None = None
     """The Python file of a law of one's own."""
     unstable_allowed: bool = False

@@ -29,7 +29,7 @@ REMEDY = (
 _LEAST = f"at least {LEAST_PHASE_DEG:g} degrees and a gain margin of {LEAST_GAIN:g} are wanted"
 
 _KNOWN: dict[tuple[object, ...], "Margin | str"] = {}
-"""What was measured in this process, by the text of the files, the vehicle and the period: half a second each."""
+"""Margins measured in this process (half a second each), by the text of the files, vehicle and period."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class LawMargin:
     """Result of the check of a law's margin on this vehicle."""
 
     says: str
-    """What was found, with numbers, or that and why it was not checked."""
+    """Result with numbers, or the reason why it was not checked."""
     enough: bool
     """False: it is refused. What cannot be checked is not refused."""
 

@@ -19,7 +19,7 @@ class OperatorConfig(Section):
     """Address of the broker, the service's login there, and the vehicle's name on it."""
 
     table: ClassVar[str] = "operator"
-    """Where it stands in the file."""
+    """Name of its table in the file."""
     host: str = Field("127.0.0.1", min_length=1, description="address of the computer that runs the MQTT broker")
     port: int = Field(1883, gt=0, le=65535, description="TCP port of the broker")
     prefix: str = Field("dauam", description="first part of every topic")

@@ -9,7 +9,7 @@ from companion.config.toml_files import Section
 _SERIAL = "serial:///dev/ttyUSB0:921600"
 _NETWORK = "udpin://127.0.0.1:14540"
 _SCHEMES = ("udpin", "udpout", "udp", "tcpin", "tcpout", "tcp", "serial", "serial_flowcontrol")
-"""Of MAVSDK 4.1 (cli_arg.cpp)."""
+"""Schemes that MAVSDK 4.1 knows (cli_arg.cpp)."""
 _PORTS = range(1, 65536)
 
 

@@ -25,7 +25,7 @@ class Attitude:
     rate: Vec3
     turn: Vec3
     covariance: Covariance
-    """Of angle error, rate and change of rate about one body axis: floats or (...,)."""
+    """Covariance of angle error, rate and change of rate about one body axis: floats or (...,)."""
 
 
 def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bool:

@@ -63,7 +63,7 @@ class ArmStep:
         self._known_b = self._trimmed_b = np.zeros(3)
         self._known = np.zeros(3)
         self._broken = ""
-        """What is wrong with this side of the bus; latched."""
+        """Error of this side of the bus; latched."""
         self._releasing: set[asyncio.Task[None]] = set()
 
     @property

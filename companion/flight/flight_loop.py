@@ -62,7 +62,7 @@ class FlightLoop:
         self._events: tuple[Event, ...] = ()
         self._calls = AutopilotCalls(devices.autopilot)
         self.arming = Arming()
-        """What goes before the flight's own phases."""
+        """Arming, which comes before the phases of the flight."""
         self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._estimate = EstimatorState()
         self._frame: MocapFrame | None = None

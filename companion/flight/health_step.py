@@ -60,7 +60,7 @@ class HealthStep:
         self._rules, self._fence, self._sides = rules, fence, sides
         self._memory = Health()
         self.events: tuple[Event, ...] = ()
-        """What is wrong now."""
+        """Faults that are present now."""
 
     def look(self, cycle: Cycle, flight: FlightState) -> tuple[Event, ...]:
         """Run the checks; what was not there a cycle ago is logged."""

@@ -28,14 +28,14 @@ class Tick:
     status: AutopilotStatus
     flight: FlightState
     reference: Reference | None
-    """Where the vehicle should be now."""
+    """Reference at this tick."""
     asked: PipelineOutput | None
     gated: LimitedSetpoint | None
     late_signals: dict[str, Array]
     """Inner values of the law that it worked out after the setpoint had left."""
     arms: ArmTick | None
     events: tuple[Event, ...]
-    """What was wrong."""
+    """Faults that were present."""
     frame: MocapFrame | None = None
     """The frame this cycle was the first to use."""
     estimate: EstimatorState | None = None
@@ -43,7 +43,7 @@ class Tick:
     law: str = ""
     """Name of the control law."""
     wire: Wire | None = None
-    """What left in place of the law's setpoint, and the correction of the autopilot's horizon."""
+    """Setpoint that was sent, with the correction of the autopilot's horizon."""
     stage: Stage = Stage.GROUND
     """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
 

@@ -33,7 +33,7 @@ _DEADLINE_S = 0.02
 """A cycle begins without a frame, too."""
 _DISK_S = 5.0
 _LOOK_S = 1.0
-"""Of motion capture, when another device is missing."""
+"""Observation of motion capture when another device is missing."""
 
 
 class DevicesMissingError(CompanionError):

@@ -42,7 +42,7 @@ _SETTLE_POLL_S = 0.05
 _HORIZON_S = 20.0
 """Longest wait for PX4's horizon after a flight."""
 _LEVEL_SHARE = 0.9
-"""Of the allowed difference: the check itself looks a second later, through noise."""
+"""Share of the allowed difference: the check itself runs a second later, with noise."""
 _TELL_S = 1.0
 _FLAGS_S = 3.0
 """Older flags are worth nothing."""
@@ -88,7 +88,7 @@ class Running:
     operator_age_s: Callable[[], float] | None = None
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
     arms_remarks: tuple[str, ...] = ()
-    """What connecting found odd about the servos, or their port."""
+    """Remarks of connecting about the servos or their port."""
     landed_age_s: Callable[[], float] = _never_landed
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
     tell: Callable[[str], None] = _nothing

@@ -19,7 +19,7 @@ AFTER_S = 3.0
 _FLUSH_S = 0.5
 """Time that is lost at most when the writer is killed."""
 _LOOK_S = 1.0
-"""How often the disk's free space is asked."""
+"""Period of the checks of free disk space."""
 _OVER = frozenset({"standby", "disarmed", "terminated"})
 _ANEW = "preflight"
 

@@ -64,7 +64,7 @@ class RecordedTick:
     begun: bool
     """The law was restarted with this input."""
     accel_w_mps2: Array | None
-    """What the law wanted."""
+    """Acceleration that the law commanded."""
     event: bool
     signals: dict[str, Array]
     """The law's inner values, early and late ones."""
@@ -83,7 +83,7 @@ class FlightRecord:
     columns: dict[str, np.ndarray]
     """One row a tick; NaN, "" or False where there was nothing. Recorder.arrays()' names and more: docs/records.md."""
     events: tuple[RecordedEvent, ...] = ()
-    """What was told: commands, replies, and what else the service said."""
+    """Commands, replies and messages of the service."""
     health: tuple[HealthEvent, ...] = ()
     metadata: dict[str, Any] = field(default_factory=dict)
     """`config`, `controller`, `versions`, `seed` and whatever else the service told; empty in an old NPZ file."""

@@ -30,7 +30,7 @@ class Message:
 
     topic: str
     shapes: Shapes
-    """Of its numbers; the same object for every row of a layout."""
+    """Shapes of its numbers; the same object for every row of a layout."""
     data: str
 
 

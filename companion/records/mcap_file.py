@@ -31,7 +31,7 @@ BROKEN = (
     McapError, EOFError, struct.error, zstandard.ZstdError, ValueError, LookupError, TypeError, AttributeError,
     RuntimeError, ArithmeticError, MemoryError,
 )  # fmt: skip
-"""What reading bytes that are not what they claim to be may raise."""
+"""Exceptions that reading damaged bytes may raise."""
 LARGEST_CHUNK = 256_000_000
 """Bytes of a chunk, unpacked: a hundred times half a second of the largest law's row."""
 _RECORD = struct.Struct("<BQ")

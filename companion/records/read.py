@@ -28,7 +28,7 @@ _LARGEST_NPZ = 4_000_000_000
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "unix_offset_s": (int, float), "vehicle": str, "config": dict, "controller": dict, "laws": dict, "versions": dict,
 }  # fmt: skip
-"""Of what the service tells; what is of another kind was damaged."""
+"""Types of the service's messages; a value of another type was damaged."""
 
 
 def read_flight(path: Path) -> FlightRecord:

@@ -35,7 +35,7 @@ _ON_GROUND = frozenset({Phase.STANDBY, Phase.DISARMED})
 """Phases in which a process may be started from the control loop: it takes milliseconds."""
 _CLOSING_S = 10.0
 _ENDING_S = 1.0
-"""Of a killed writer."""
+"""Time for a killed writer to end."""
 
 
 class RecordSink:

@@ -23,7 +23,7 @@ ORDER = ".records-order"
 KEPT = 10
 """The newest records, that no age deletes."""
 _WRITTEN_S = 60.0
-"""What was written to so lately may be another vehicle's flight."""
+"""Files written to more recently may be the flight of another vehicle."""
 _CLOCK_SET_S = datetime(2025, 1, 1, tzinfo=UTC).timestamp()
 """This software is younger: a clock that said less had not been set."""
 _PAUSE_S = 180 * 86400.0

@@ -64,7 +64,7 @@ class RowEncoder:
 
     def __init__(self) -> None:
         self.number = 0
-        """Of the next row."""
+        """Number of the next row."""
         self.retell()
 
     def retell(self) -> None:
@@ -187,7 +187,7 @@ class RecordRow:
     block: Array
     """The numbers of all columns, one after the other."""
     words: dict[str, Any]
-    """As they stand now: WORDS, `events` and `arm_faults`; the same object until one changes."""
+    """Present values of WORDS, `events` and `arm_faults`; the same object until one changes."""
 
     def __contains__(self, name: str) -> bool:
         return name in self.layout

@@ -29,9 +29,9 @@ class HealthEvent:
     time_s: float
     fault: str
     text: str
-    """What was wrong, as it began."""
+    """Message of the fault when it began."""
     reaction: str
-    """What the table says to it at that stage."""
+    """Reaction that the table gives for that stage."""
     end_s: float = math.inf
     """Infinite: still there at the record's end."""
 

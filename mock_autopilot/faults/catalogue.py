@@ -37,7 +37,7 @@ class Phase(StrEnum):
     """Phases of a flight that the mock itself detects. Each counts from the first time it is reached."""
 
     ON_THE_GROUND = "on the ground"
-    """From the start."""
+    """Phase from the start on."""
     ARMED = "armed"
     IN_THE_AIR = "in the air"
     """Off the ground by the truth: what `at` counts from."""

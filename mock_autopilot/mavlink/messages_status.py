@@ -14,7 +14,7 @@ from mock_autopilot.world import World
 BOOTED_UNIX_S = 1_795_986_000
 """The simulator's clock at boot: 2026-11-29 21:00:00 UTC."""
 TX_BYTES_PER_S, RX_BYTES_PER_S, TX_PER_S, RX_PER_S = 21_700, 3_700, 350.0, 75.0
-"""Of LINK_NODE_STATUS: a usual load of the onboard link."""
+"""Values of LINK_NODE_STATUS: a usual load of the onboard link."""
 NO_ESTIMATES = struct.pack("<i", 0) + b"\xff" * 16
 FIRST_SEQUENCE = 65533
 SEQUENCE_RESET = 1

@@ -70,7 +70,7 @@ HEARTBEAT, CURRENT_MODE = 0, 436
 STATUS_S = 0.5
 """PX4 publishes its state when it changes and at 2 Hz; CURRENT_MODE waits for that, however often it is asked for."""
 FAST_HZ = 50.0
-"""From this rate on a request finds no new sample when the stream has just taken it: PX4 then answers DENIED."""
+"""Lowest rate at which a request may find no new sample because the stream has just taken it: PX4 answers DENIED."""
 
 
 class Streams:

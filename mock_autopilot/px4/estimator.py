@@ -19,14 +19,14 @@ from mock_autopilot.px4.vision import VisionSample, wrap_rad
 GPS_READY_S = 2.9
 """After boot; the flags of a GPS vehicle are complete at 3.0 s."""
 VISION_SETTLE_S = 1.2
-"""From the first vision sample to a position PX4 trusts."""
+"""Time from the first vision sample to a position that PX4 trusts."""
 VISION_LATE_S = 0.9
 """Silence after which the predicted-position flag goes."""
 VISION_LOST_S = 4.58
 """Silence after which the position is no longer trusted; PX4 looks at it ten times a second."""
 GLOBAL_LOST_S = 4.58
 GLOBAL_SETTLE_S = 4.0
-"""From SET_GPS_GLOBAL_ORIGIN to a usable global position."""
+"""Time from SET_GPS_GLOBAL_ORIGIN to a usable global position."""
 RESET_AFTER_S = 1.2
 """A rejected vision position is taken over as a jump after this long."""
 REGAIN_AFTER_S = 0.3

@@ -30,7 +30,7 @@ class AttitudeSetpoint:
     q_wxyz: Quad = LEVEL
     """The last attitude that can be flown."""
     echo_q_wxyz: Quad = LEVEL
-    """As sent, flyable or not."""
+    """Attitude as sent, flyable or not."""
     rate_frd_radps: Triple | None = None
     """Set in rate control."""
     signal: float = 0.0

@@ -25,7 +25,7 @@ LANDED_DOUBT_SHARE, LANDED_DOUBT_S = 0.5, (1.0, 4.0)
 RATIO_SPREAD = 0.8
 """Standard deviation of the logarithm of ESTIMATOR_STATUS's test ratios in flight."""
 RETURN_TEXTS_S = ((0.053, 0.06), (0.149, 0.2))
-"""From "start return" to "land at destination": three of four recorded pairs, and the fourth."""
+"""Time from "start return" to "land at destination": three of four recorded pairs, and the fourth."""
 
 
 class Timing:

@@ -18,7 +18,7 @@ class Answer:
     """IDs of the servos that answer; several for the common answer to a fast read."""
     data: bytes
     return_delay_s: float
-    """From the end of what was on the wire before, as the Return Delay Time says."""
+    """Return Delay Time, from the end of the bytes before."""
     late_s: float = 0.0
     """A fault's delay."""
 

@@ -23,7 +23,7 @@ class MotorSpec:
     """At RATED_V."""
     stall_a: float
     inertia_kgm2: float
-    """Of rotor and gear seen at the horn, with a small link on it; not in the manuals."""
+    """Inertia of rotor and gear at the horn, with a small link on it; not in the manuals."""
     friction_nm: float
     """While driven."""
     limp_friction_nm: float

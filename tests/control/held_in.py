@@ -15,7 +15,7 @@ from mock_autopilot.physics.plant_one import OneActuation, OneState
 
 DT_S = 0.01
 DELAY_CYCLES = 4
-"""From the state to the autopilot: 40 ms."""
+"""Delay from the state to the autopilot: 40 ms."""
 NOTHING = (0.0, 0.0, 0.0)
 PLANT = PlantParams(
     attitude_bandwidth_radps=(7.7, 7.7, 2.7), viscous_npm=NOTHING, quadratic_npm2=NOTHING, coulomb_n=NOTHING

@@ -20,7 +20,7 @@ S = 1j * OMEGA
 DELAY_S = 0.04
 """Setpoint to attitude."""
 AGE_S = 0.08
-"""Of the error that is corrected: transport, and half the mean time between the law's setpoints."""
+"""Age of the corrected error: transport, and half the mean time between the law's setpoints."""
 BANDWIDTHS_RADPS = (6.3, 10.0)
 TIME_CONSTANTS_S = (0.2, 0.3, 0.5, 1.0, 2.0)
 CORRELATION_S = (2.5, 5.0, 20.0)

@@ -23,7 +23,7 @@ RECORDED_1_KG = VehicleModel(
     thrust_delay_s=0.01,
     mocap_age_s=0.01,
 )
-"""As `companion calibrate` found the SIH quadrotor of PX4 v1.17.0 in simulation, 2026-11-29."""
+"""Result of `companion calibrate` for the SIH quadrotor of PX4 v1.17.0 in simulation, 2026-11-29."""
 PERIOD_S = 0.01
 OF_4_85_KG = PidGains.model_validate(
     {"kp_per_s2": [8.0, 8.0, 10.0], "ki_per_s3": [1.5, 1.5, 8.0], "kd_per_s": [10.0, 10.0, 13.0]}

@@ -47,9 +47,9 @@ class Site:
     folder: Path
     ports: MockPorts
     place: OperatorConfig
-    """As an operator gives it."""
+    """Broker as an operator gives it."""
     served: OperatorConfig
-    """As the service has it."""
+    """Broker as the service has it."""
 
     @classmethod
     def embedded(cls, folder: Path, ports: MockPorts | None = None) -> "Site":

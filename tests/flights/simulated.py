@@ -81,7 +81,7 @@ class Room:
         self.late = 0
         """Frames that never came here because a newer one had."""
         self.offset_w_m = np.zeros(3)
-        """What motion capture is wrong by, from now on."""
+        """Error of motion capture from now on."""
         self.bench.world.observers.append(self._look)
 
     def now_s(self) -> float:
@@ -180,7 +180,7 @@ class Flight:
     """None for a vehicle without arms, and where they have their real driver."""
     ticks: list[Tick] = field(default_factory=list)
     truths_w_m: list[Array] = field(default_factory=list)
-    """Where the vehicle really was at each tick."""
+    """True position of the vehicle at each tick."""
 
     @property
     def phase(self) -> Phase:

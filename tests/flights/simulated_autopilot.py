@@ -21,7 +21,7 @@ ARMED_BIT = 128
 ON_GROUND = 1
 CURRENT_MODE = 436
 MODE_EVERY_US = 50_000
-"""As the real adapter asks for it."""
+"""Interval that the real adapter asks for."""
 STREAM_KEPT_S = 3.0
 """MAVSDK stops its stream with a HEARTBEAT that shows another mode, but not this soon after it asked for OFFBOARD."""
 SILENT_S = 3.0

@@ -12,7 +12,7 @@ from mock_autopilot.qtm.packets import HEADER, Component, Frame, data_packet, pa
 from mock_autopilot.qtm.session import bodies_of
 
 ANSWER_S = 0.01
-"""From asking for the list of bodies to having it."""
+"""Time from asking for the list of bodies to having it."""
 
 
 class SimulatedQtm:

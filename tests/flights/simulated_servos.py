@@ -28,7 +28,7 @@ class SimulatedServos:
         self.hung = False
         """Nothing is read or sent any more."""
         self.holds = 0
-        """How often everything was told to stop."""
+        """Number of times that all servos were told to stop."""
         self.goals_rad: list[Array] = []
         self._last: ArmStatus | None = None
 

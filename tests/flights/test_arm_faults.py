@@ -50,11 +50,11 @@ class Row:
     """One fault and how it ends."""
 
     name: str
-    """As in the table of the docs."""
+    """Name in the table of the docs."""
     fault: dict[str, Any]
     flight: str
     says: str
-    """What the reason must contain, and the driver's own log; a regular expression."""
+    """Regular expression for the reason and the driver's own log."""
     joints: tuple[str, ...]
     """Those that must be named in the driver's log."""
     sound: int

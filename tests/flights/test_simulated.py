@@ -12,7 +12,7 @@ from tests.flights.test_simulated_flights import UP, until, wait
 pytestmark = pytest.mark.slow
 
 PROMPTLY_S = 120.0
-"""Of real time: it does not hang. The flight takes three seconds on an idle computer, more beside other tests."""
+"""Real time within which it must end: three seconds on an idle computer, more beside other tests."""
 
 
 async def test_a_script_that_does_not_end_in_the_air_ends_the_flight() -> None:

@@ -33,7 +33,7 @@ PATHS: dict[str, Trajectory | None] = {
 WIND_W_N = (3.0, -2.0, 0.0)
 EVERY_S = 4.0
 MOST_MPS2 = 0.7
-"""From cycle to cycle; ETNN alone, which goes by events, makes 0.64 in this wind."""
+"""Largest change from cycle to cycle; ETNN alone, which goes by events, makes 0.64 in this wind."""
 LOST_M = 0.05
 """Beyond the larger of what the two laws err by when nothing is switched; 0.10 is promised."""
 SLIDING = str(ROOT / "examples" / "own_law" / "sliding_mode.toml")

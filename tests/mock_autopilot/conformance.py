@@ -52,7 +52,7 @@ RECORDINGS = {
     "k": "nominal_mavsdk4",
     "l": "step_response",
 }
-"""Of a section, where a fact names none of its own."""
+"""Source of a section, where a fact names none of its own."""
 HEADINGS = "| id | fact | PX4 v1.17 | mock | accepted | recording |"
 RULE = "| --- | --- | --- | --- | --- | --- |"
 HEAD = """# How the mock autopilot compares with PX4

@@ -15,7 +15,7 @@ from mock_autopilot.servos.standalone import StandaloneBus
 Result = TypeVar("Result")
 
 XM_IDS, AX_IDS = (1, 2, 3, 5, 6, 7), (4, 8)
-"""Of the default bus."""
+"""IDs of the default bus."""
 TORQUE, AX_TORQUE = 64, 24
 
 SHIPPED_LATENCY_MS = 16

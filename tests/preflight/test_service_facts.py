@@ -44,7 +44,7 @@ class Scripted:
     heading_rad: float = 0.3
     battery: float = 0.9
     tilt_deg: Callable[[float], float] = lambda _: 0.0
-    """Of the autopilot's horizon (nose up), over the time."""
+    """Tilt of the autopilot's horizon (nose up) over time."""
     landed_s: float = -math.inf
     told: list[str] = field(default_factory=list)
 

@@ -103,4 +103,4 @@ LANDINGS = (
 )  # fmt: skip
 
 TOUCHDOWN_TO_LANDED_S = (0.83, 0.83, 0.83, 0.83, 0.83, 1.3, 1.3, 2.35, 2.35)
-"""From touchdown until PX4 granted disarming, in nine landings of ours; it was first asked 0.3 s after touchdown."""
+"""Time from touchdown until PX4 granted disarming, in nine landings; it was first asked 0.3 s after touchdown."""

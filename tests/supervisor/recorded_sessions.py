@@ -44,7 +44,7 @@ class Cycled:
     events: tuple[Event, ...]
     status: AutopilotStatus
     action: Action | None
-    """What the autopilot is asked for."""
+    """Action that the autopilot is asked for."""
 
 
 def watched(

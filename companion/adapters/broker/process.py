@@ -22,7 +22,7 @@ _AGAIN_S, _LONGEST_S = 1.0, 10.0
 _STOP_S = 3.0
 READY = b"ready\n"
 ALIVE, ALIVE_EVERY_S = b".", 0.5
-"""What the process says again and again on its standard output."""
+"""Sign of life on the standard output of the process, and its period."""
 _HUNG_S = 5.0
 """A process without output for this time is killed."""
 

@@ -8,7 +8,7 @@ from companion.config.arms_config import XM_BAUDS
 FACTORY_GAINS = (800, 0, 0, 0, 0)
 """XM430: Position P, I, D Gain, Feedforward 1st and 2nd Gain."""
 NO_ID = 253
-"""From here on a Secondary ID is none."""
+"""Lowest Secondary ID that means none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Found:
     starts_with_torque: bool = False
     velocity_limit_radps: float | None = None
     pwm_share: float = 1.0
-    """Of the whole voltage, as PWM Limit and Goal PWM leave it."""
+    """Share of the full voltage that PWM Limit and Goal PWM leave."""
     gains: tuple[int, ...] = FACTORY_GAINS
     bus_watchdog: int = 0
     """20 ms each; below 0 it has struck, and goals are refused."""

@@ -42,7 +42,7 @@ class Joint:
     """Rebooting: not asked at all."""
     reading: Reading | None = None
     torque_on: bool = False
-    """As the servo says."""
+    """Torque Enable as last read."""
     driven: bool = False
     """We have switched its torque on, and send it goals."""
     sent_rad: float = math.nan

@@ -11,9 +11,9 @@ from companion.config.arms_config import ArmsConfig
 
 ATTEMPTS = 3
 _PATIENCE_MS = 5.0
-"""Where a missing servo may be is only a hint: eight of them at seven other baud rates must not take long."""
+"""Short, because the place of a missing servo is only a hint: eight IDs at seven baud rates must not take long."""
 _LOW_IDS = range(1, 21)
-"""Where to look for a stranger of Protocol 1.0, which cannot be asked for all at once; 1 is the factory's."""
+"""IDs at which servos of Protocol 1.0 are looked for, which has no broadcast ping; 1 is the factory's."""
 
 
 def partly_heard(bus_cycle: BusCycle, joint: Joint) -> str | None:

@@ -34,7 +34,7 @@ ANSWER_S = 1.0
 MAX_PACKET_BYTES = 64_000
 """To read more in one go would hold up the flight loop; a command has less."""
 _MAX_OTHER_BYTES = 1024
-"""Of a packet that is no message."""
+"""Largest packet other than a message."""
 KEEPALIVE_S = 5
 """After one and a half of these the broker gives us up and says so to everyone (the last will)."""
 

@@ -71,7 +71,7 @@ class Reconnector:
         """`version` is tried first; `on_lost` is told why a connection failed or broke: what it raises ends `keep`."""
         self.version = version
         self.there = False
-        """Whether it has answered in this connection."""
+        """True once it has answered in this connection."""
         self._on_lost = on_lost
         self._met = False
 

@@ -45,7 +45,7 @@ _OFFBOARD_MAIN_MODE = 6
 _CURRENT_MODE, _EXTENDED_SYS_STATE = 436, 245
 _MODE_RATE_HZ = 20.0
 _LANDED_RATE_HZ = 5.0
-"""What PX4's onboard links have by themselves; other kinds of link do not send it, or slower."""
+"""Rate that PX4's onboard links have by default; other kinds of link send it more slowly or not at all."""
 
 
 class Px4:

@@ -13,7 +13,7 @@ from typing import Any
 from companion.adapters.px4.mavlink import Px4Mavlink
 
 _RESEND_S = 0.5
-"""As MAVSDK and QGroundControl do."""
+"""Period of MAVSDK and QGroundControl."""
 
 
 class MavResult(IntEnum):

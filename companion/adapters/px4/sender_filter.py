@@ -24,7 +24,7 @@ _LOAD_BYTE, _LOAD_HALF, _LOAD_WORD, _JUMP_EQUAL, _RETURN = 0x30, 0x28, 0x20, 0x1
 _MAVSDK, _OURS = 0, 1
 """Places in the port's group, in the order of their entry."""
 _DROP, _WHOLE = 0, 0xFFFFFFFF
-"""What a filter keeps of a datagram, bytes."""
+"""Bytes of a datagram that the filter keeps."""
 _BUFFER_BYTES = 65536
 _DATAGRAM_BYTES = 512
 _MOST = 50

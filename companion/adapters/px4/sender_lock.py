@@ -27,7 +27,7 @@ _NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID: a ground station, a gimbal, a camera."""
 _NAMES = {0: "a generic autopilot", 3: "ArduPilot", 12: "PX4"}
 _SILENT_S = 3.0
-"""As MAVSDK has it: then the autopilot may be heard from another address (a router was restarted)."""
+"""MAVSDK's limit; after it the autopilot may come from another address (a restarted router)."""
 _FORGOTTEN_S = 5.0
 """Since a stranger was heard last."""
 

@@ -19,7 +19,7 @@ _ENDING_S = 20.0
 """Closing the devices takes a few seconds."""
 _WORDS_S = 0.2
 _TRIED_BYTES = 1 << 18
-"""What the interpreter asks for at a time."""
+"""Size of the interpreter's own allocations."""
 
 
 class LastResort:
@@ -32,7 +32,7 @@ class LastResort:
     def __init__(self, end: Callable[[int], object] = os._exit, clock_s: Callable[[], float] = time.monotonic) -> None:
         """`end` is called with the exit code."""
         self.flying: Callable[[], bool] = bool
-        """Whether the vehicle is ours and in the air, or PX4 lands it with our help."""
+        """Returns True while this service flies the vehicle, or PX4 lands it with its help."""
         self._end, self._clock_s = end, clock_s
         self._told_s: float | None = None
         self._lacking_since_s = self._lacked_s = 0.0

@@ -23,7 +23,7 @@ _WAITING_LINES = 1000
 _LAST_WORDS_S = 1.0
 _PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
 _DEBUG = 7
-"""Of syslog(3), as the levels are."""
+"""Level of syslog(3)."""
 
 
 class Notifier:

@@ -12,9 +12,9 @@ from companion.config.companion_config import CompanionConfig
 _EXPLAINED = 0.8
 """A model that explains less of what is seen is not the vehicle's."""
 _AUTOPILOT_S = 0.003
-"""How long the autopilot's attitude may be on its way itself."""
+"""Longest delay of the autopilot's own attitude messages."""
 _ROTORS_S = 0.005
-"""What the fit of the rotors is off by in flights whose truth is known."""
+"""Error of the fitted rotor lag in flights whose truth is known."""
 _CURVE = 0.03
 """The same of the curve."""
 _VARIED = 0.006

@@ -30,7 +30,7 @@ class Hover:
 
     thrust: float
     sd: float
-    """Of the mean."""
+    """Standard deviation of the mean."""
     spread: float
     """Standard deviation over the flight, averaged over seconds: battery, room, and law."""
     for_s: float

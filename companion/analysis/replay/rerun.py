@@ -36,7 +36,7 @@ class Apart:
     """Largest absolute difference of a component."""
     square_sum: float = 0.0
     first_s: float | None = None
-    """Where it differs first, since the record's begin."""
+    """Time of the first difference, from the beginning of the record."""
 
     @property
     def rms(self) -> float:
@@ -68,7 +68,7 @@ class Replayed:
     events: tuple[int, int] = (0, 0)
     """Cycles worth sending, in the record and now."""
     time_s: list[float] = field(default_factory=list)
-    """Of the flown cycles, since the record's begin."""
+    """Times of the flown cycles, from the beginning of the record."""
     recorded_accel_w_mps2: list[Array] = field(default_factory=list)
     accel_w_mps2: list[Array] = field(default_factory=list)
 

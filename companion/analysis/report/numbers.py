@@ -65,7 +65,7 @@ class HorizonNumbers:
     rms_rad: float
     max_rad: float
     corrected_rms_rad: float
-    """Of the correction; 0 where it was switched off."""
+    """RMS of the correction; 0 where it was switched off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,7 +87,7 @@ class Numbers:
     duration_s: float
     """In the air."""
     law_s: float
-    """Of it, with our law in charge."""
+    """Part of it with the control law in charge."""
     trajectories: tuple[TrajectoryNumbers, ...]
     tracked: Errors | None
     """Over all trajectories."""

@@ -20,7 +20,7 @@ class FaultSeen:
     fault: str
     text: str
     reaction: str
-    """What was done about it, or else what the reaction table says to it at that stage."""
+    """Action that was taken, otherwise the one that the reaction table gives for that stage."""
     begin_s: float
     end_s: float | None
 

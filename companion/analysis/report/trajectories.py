@@ -22,7 +22,7 @@ class Trajectory:
     """One trajectory, from its first cycle to its last."""
 
     name: str
-    """As it was commanded: ellipse, figure8, waypoints; `trajectory` where the record does not say."""
+    """Name by which it was commanded: ellipse, figure8, waypoints; `trajectory` where the record does not say."""
     law: str
     """That was in charge; several with commas between."""
     begin_s: float

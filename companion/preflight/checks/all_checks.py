@@ -32,7 +32,7 @@ class Facts:
     """On the system clock, with its time zone."""
     mocap: MocapSeen
     position_w_m: Array | None
-    """Where the vehicle stands, (3,) in W; None when it is not known."""
+    """Position of the vehicle, (3,) in W; None when it is not known."""
     status: AutopilotStatus
     apart: Apart
     vision: VisionSeen

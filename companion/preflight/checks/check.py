@@ -11,9 +11,9 @@ class Check:
     name: str
     passed: bool
     says: str
-    """What was found, with numbers and units."""
+    """Result, with numbers and units."""
     todo: str = ""
-    """What to do where it did not pass; begins small, ends without a full stop."""
+    """Remedy where it did not pass; begins with a small letter, ends without a full stop."""
     must: bool = True
     """Arming is refused while it fails; False: a warning."""
 

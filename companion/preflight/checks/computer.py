@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from companion.preflight.checks.check import Check
 
 _RECORD_MB = 100.0
-"""What records of a day's flights may take beyond the limit that ends one."""
+"""Space for the records of a day beyond the limit that ends one."""
 _RESOLUTION_S = 1e-4
 _NICE = -10
 
@@ -16,15 +16,15 @@ class MachineSeen:
     """State of this computer and this process."""
 
     disk_free_mb: float
-    """Where records go; infinite when nothing is recorded to disk."""
+    """Free space for records (MB); infinite when nothing is recorded to disk."""
     clock_resolution_s: float
-    """Of the monotonic clock."""
+    """Resolution of the monotonic clock."""
     clock_sane: bool
     """The system clock is not before the time at which this software was installed."""
     clock_synchronised: bool | None
     """The kernel's word; None when it does not say."""
     realtime_priority: int
-    """Of SCHED_FIFO or SCHED_RR; 0 for a process without."""
+    """Priority under SCHED_FIFO or SCHED_RR; 0 for a process without."""
     nice: int
 
 

@@ -16,13 +16,13 @@ class DrySeen:
     not_finite: int
     """Cycles among them whose command was not finite."""
     law_fault: str
-    """What the law, or the guard behind it, raised; empty when neither did."""
+    """Error raised by the law or the guard; empty when there was none."""
     most_tilt_rad: float
-    """Of the setpoints that would have gone out."""
+    """Largest tilt of the setpoints that would have been sent."""
     thrust: tuple[float, float]
     """Least and largest."""
     events: Mapping[Fault, str]
-    """What the health checks found, each in the words of its first time."""
+    """Faults that the health checks found, each with its first message."""
 
 
 def check_law(seen: DrySeen) -> Check:

@@ -237,7 +237,7 @@ class Kept:
     when: datetime
     """With its time zone."""
     file: str = ""
-    """Where that is kept."""
+    """File that keeps the result."""
 
 
 def check_kept(kept: Kept | str, body: str, now: datetime, within_h: float) -> Check:

@@ -18,7 +18,7 @@ class ArmsSeen:
     unread_s: float
     """Since the joint that waits longest was read; infinite when it never was."""
     fault: str
-    """What is wrong, naming the joint; empty when nothing is."""
+    """Fault with the joint's name; empty when there is none."""
     off_stow: str
     """The joint farthest from its stowed angle, in words; empty when the arms are stowed."""
     remarks: tuple[str, ...] = ()

@@ -23,7 +23,7 @@ class Nearest:
     time_s: float
     distance_m: float
     what: str
-    """As in "left forearm and a propeller"."""
+    """Names of the pair, such as "left forearm and a propeller"."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from companion.simulation.simulation import Trace, simulate
 from companion.studies.paper.ablations import Ablation, ablated, load_ablated
 
 BASELINE = "pid"
-"""What every reduction is counted against."""
+"""Law that every reduction is relative to."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +41,7 @@ class Item:
     corrected: bool = True
     """False: the companion leaves the autopilot's horizon as it is."""
     allow_unstable: bool = False
-    """Whether a file that is refused as unstable is flown."""
+    """True to fly a file that is refused as unstable."""
 
     @property
     def variant(self) -> str:
@@ -60,11 +60,11 @@ class Flown:
     item: Item
     score: Score
     events: Array
-    """How often the trigger fired on each vehicle, (B,)."""
+    """Number of events on each vehicle, (B,)."""
     gap_cycles: NDArray[np.int64]
-    """From one event to the next, of all vehicles, (n,)."""
+    """Gaps between events, of all vehicles, (n,)."""
     period_s: float
-    """Of the control cycle."""
+    """Period of the control cycle."""
     limits: ErrorLimits
 
     @property

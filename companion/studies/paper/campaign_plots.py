@@ -16,7 +16,7 @@ from companion.studies.paper.campaign_detail import Detail, Proof
 mpl.use("Agg")  # pictures are files; no display is wanted or needed
 
 Drawn = tuple[str, str, Path]
-"""What it shows, a caption, and the PNG; a PDF of the same name lies beside it."""
+"""Title, caption and PNG file of a figure; a PDF of the same name lies beside it."""
 
 _AXES = ("x", "y", "z")
 _LAWS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")  # told apart by colour-blind readers, too

@@ -28,7 +28,7 @@ class Chapter:
     """Whole laws, the baseline first."""
     variants: Sequence[Flown]
     closer: Sequence[Grid]
-    """What the single flight of the first seed says: the network, the proof."""
+    """Tables of the single flight of the first seed: the network, the proof."""
     drawn: Sequence[Drawn]
 
 

@@ -44,7 +44,7 @@ PAPER = {
 """By the name of the experiment's file."""
 
 PID_WITHIN = 0.2
-"""How near our baseline's mean errors should be to the paper's for the reductions to be comparable."""
+"""Largest difference of the baseline's mean errors from the paper's for the reductions to be comparable."""
 
 
 def reduced_percent(error_m: Array, baseline_m: Array) -> Array:

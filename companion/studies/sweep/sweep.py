@@ -35,7 +35,7 @@ class Batch:
     nominal_radps: float
     """Attitude bandwidth that the companion is configured for."""
     indices: range
-    """Of the vehicles, in the sweep."""
+    """Indices of the vehicles in the sweep."""
 
 
 @dataclass(frozen=True)

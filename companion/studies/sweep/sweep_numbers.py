@@ -38,7 +38,7 @@ class Group:
     diverged: int
     error_p50_m: float
     error_p95_m: float
-    """Of every hundred vehicles 95 have this error or less."""
+    """95th percentile of the error over the vehicles."""
     error_max_m: float
     update_share: float
     """Mean over the vehicles."""

@@ -38,7 +38,7 @@ class Swept:
     taken_over: int
     """Vehicles that an earlier run had flown."""
     seconds: float
-    """Of this run."""
+    """Duration of this run."""
 
 
 class Parts:

@@ -29,7 +29,7 @@ DISTURBANCE_SCALE: Range = (0.5, 1.5)
 NOISE_SCALE: Range = (0.5, 3.0)
 """Motion capture's noise over the scene's."""
 OFFSET_M: Range = (0.0, 0.5)
-"""How far from the trajectory's start a flight begins, in any direction."""
+"""Distance from the trajectory's start at which a flight begins, in any direction."""
 DROPOUTS = 6
 """Times that motion capture loses the vehicle in one flight, at most."""
 DROPOUT_S: Range = (0.01, 0.1)
@@ -49,7 +49,7 @@ class Drawn:
     """Random parameters of N vehicles, each array (N, ...)."""
 
     flight_seed: NDArray[np.uint64]
-    """Of motion capture's noise and of the disturbance."""
+    """Seed of the noise of motion capture and of the disturbance."""
     mass_share: Array
     hover_share: Array
     bandwidth_share: Array

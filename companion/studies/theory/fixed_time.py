@@ -31,7 +31,7 @@ class Condition:
     limit: float
     enough: bool = False
     otherwise: str = ""
-    """What is to be said where it is not met, if the numbers say nothing."""
+    """Sentence for a condition that is not met, if the numbers do not explain it."""
 
     @property
     def holds(self) -> bool:
@@ -53,7 +53,7 @@ class Free:
     b: float
     """|N_B3| <= b/2 |y_2|^2 + varepsilon_0^2/(2 b); the paper takes 1."""
     tangent: float
-    """Where the line of eq. theta-bound touches |s|^(2p-1)."""
+    """Point where the line of eq. theta-bound touches |s|^(2p-1)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,7 +63,7 @@ START = {
     "gamma_v": 4.1, "power_regularisation": 0.032, "boundary_layer_mps": 1.6, "lead_s": 0.19, "thrust_lead_s": 0.11,
     "observer_radps": 7.5, "push_share": 0.8,
 }  # fmt: skip
-"""Where a search begins unless told otherwise: the middle of an earlier search, in round numbers."""
+"""Default centre of a search: the middle of an earlier search, in round numbers."""
 
 _SCALARS = (
     "filter_eps", "zeta", "rho", "sigma", "delta", "power_regularisation", "boundary_layer_mps", "push_share",

@@ -15,9 +15,9 @@ from companion.studies.tuning.gain_space import KNOBS, damping_margin
 from companion.studies.tuning.tuning import Marks, Trial, evaluate
 
 ERROR_M, UPDATES = 0.010, 0.05
-"""What is reached for; the scale of both objectives."""
+"""Goals, and the scale of both objectives."""
 CHECK_SEED = 900_001
-"""Of the vehicles that the centres are checked on: never trained on, those begin at a million."""
+"""Seed of the vehicles that centres are checked on; those of training begin at a million."""
 _LEAST_MARGIN = 1.05
 """A set whose filter loop is not stable by so much is marked down."""
 _KEPT_EVERY = 10
@@ -38,11 +38,11 @@ class Plan:
     scenes: tuple[Scene, ...]
     """Every experiment on every attitude loop; those of one loop follow each other."""
     loops: int
-    """How many attitude loops there are."""
+    """Number of attitude loops."""
     generations: int
     population: int
     weights: tuple[float, ...]
-    """Of log(updates) against log(error): one search each."""
+    """Weights of log(updates) against log(error): one search each."""
     seed: int
     told: int = 1
     """Vehicles as the companion is told."""
@@ -73,7 +73,7 @@ class Generation:
     number: int
     error_m: float
     other_m: float
-    """Of vehicles that are not as told."""
+    """Error of the vehicles whose parameters differ from the law's."""
     update_share: float
 
 

@@ -36,7 +36,7 @@ class Trial:
     scene: Scene
     """With its companion and its vehicle configured for that loop."""
     seed: int
-    """Of all that is random; vehicles of other indices are others."""
+    """Seed of everything random; vehicles of other indices differ."""
     told: tuple[int, ...]
     """Indices of vehicles that are as the companion is told, and begin in the right place."""
     others: tuple[int, ...]
@@ -48,13 +48,13 @@ class Marks:
     """Marks of each set of gains, (P,): means over the trial's vehicles. Errors are norms of the axis means."""
 
     error_m: Array
-    """Of the vehicles as told, from the trajectory's beginning."""
+    """Error of the vehicles with the law's parameters, from the beginning of the trajectory."""
     other_m: Array
-    """Of those that differ, from the first instant: beginning somewhere else counts."""
+    """Error of the vehicles that differ, from the first instant, their offset included."""
     worst_m: Array
     """The largest of those."""
     update_share: Array
-    """Of all of them."""
+    """Update share of all vehicles."""
 
 
 def evaluate(trial: Trial, shares: Array) -> Marks:

@@ -25,7 +25,7 @@ CLOCK = MonotonicClock()
 PATIENCE_S = 10.0
 _STEP_S = 0.002
 _ZERO_RAD = np.array([np.pi] * 3 + [np.radians(150.0)] + [np.pi] * 3 + [np.radians(150.0)])
-"""Of the default servos."""
+"""Zero angles of the default servos."""
 
 
 @dataclass

@@ -20,7 +20,7 @@ from companion.config.arms_config import ArmsConfig
 
 CYCLE_S = 0.01
 FASTEST_RADPS, ACCEL_RADPS2 = 1.2 * 3.0, 20.0
-"""Of a shoulder's goals."""
+"""Limits of a shoulder's goals."""
 BEYOND_RAD = 1.61
 """A shoulder's limit is 1.57 rad."""
 

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.realtime
 TICK_RAD = 2.0 * np.pi / 4096.0
 AX_TICK_RAD = np.radians(300.0 / 1023.0)
 LONGEST_BRAKING_RAD = (1.2 * 3.0) ** 2 / (2.0 * 20.0)
-"""Of an XM's goals, which go no faster than 1.2 times the joint's limit."""
+"""Longest braking of an XM's goals, which are no faster than 1.2 times the joint's limit."""
 HELD_RAD = np.array([0.4, 0.6, -0.2, 0.3, 0.3, 0.5, 0.1, 0.3])
 CLAWS = [3, 7]
 

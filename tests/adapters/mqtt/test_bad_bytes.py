@@ -68,7 +68,7 @@ PACKETS = (
     publish(b"x", b"\xff\xfe", 2),
     publish(b"", b"", 1),
 )
-"""Of every kind, as a broker may send them, and as it may not."""
+"""Packets of every kind, permitted and not."""
 REASON, USER = b"\x1f" + text(b"why"), b"\x26" + text(b"a") + text(b"b")
 ASKS = b"\x08" + text(TOPICS.reply("me").encode()) + b"\x09" + text(b"7")
 PACKETS_5 = (

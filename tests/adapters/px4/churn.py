@@ -43,11 +43,11 @@ class Churned:
     """Result of repeated connects and disconnects."""
 
     exit_codes: tuple[int, ...]
-    """Of every child; negative: the signal that killed it."""
+    """Exit codes of the children; negative: the signal that killed it."""
     outcomes: dict[str, int]
-    """How often each thing happened."""
+    """Number of times that each thing happened."""
     output: str
-    """What the children that failed wrote to standard error."""
+    """Standard error of the children that failed."""
 
 
 def churn(cycles: int, seed: int, jobs: int) -> Churned:

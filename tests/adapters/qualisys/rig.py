@@ -16,7 +16,7 @@ from mock_autopilot.qtm.server import QualisysServer
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 FAR_S = 1e6
-"""From here on the mock's body is lost; a lost frame is one captured there."""
+"""Distance from which the mock's body is lost; a lost frame is one captured there."""
 
 
 class ManualClock:

@@ -26,7 +26,7 @@ BOX, DAUAM, WAND = RigidBody("box"), RigidBody("dauam"), RigidBody("wand")
 OFF = RigidBody("box", enabled=False)
 OTHER_BODY = [3000.0, 3000.0, 0.0, *LEVEL_BODY[3:]]
 OURS_W_M = (0.0, 0.0, 1.0)
-"""Where `capturing` has our body."""
+"""Position of our body in `capturing`."""
 
 
 def test_bodies_come_in_the_order_of_the_data() -> None:

@@ -39,7 +39,7 @@ class Result:
     says: str
     """The companion's reason."""
     problems: tuple[str, ...]
-    """What is not as it must be; empty when all is."""
+    """Differences from what must be; empty when there are none."""
 
 
 def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Result:

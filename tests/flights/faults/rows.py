@@ -16,7 +16,7 @@ RULES = SafetyConfig().rules()
 """The limits that fly: the configuration's own."""
 
 CONFIG = CompanionConfig(flight=BRISK)
-"""What all but a few rows fly with; its fence judges all."""
+"""Configuration of all but a few rows; its fence judges all."""
 
 FRAME_S = 0.02
 """A fault shows in the next frame (10 ms), and a pose is 10 ms old when it is used."""
@@ -60,7 +60,7 @@ class When(StrEnum):
 
     GROUND = "armed"
     LIFT_OFF = "lift-off"
-    """From standing on: the thrust ramps up, and motion capture sees nothing of it."""
+    """Beginning on the ground: the thrust ramps up, and motion capture sees nothing of it."""
     TAKEOFF = "takeoff"
     HOVER = "hover"
     TRACK = "track"
@@ -92,7 +92,7 @@ class Conditions:
 
     config: CompanionConfig = CONFIG
     law: str = "etnn"
-    """As in config/controllers/."""
+    """Name as in config/controllers/."""
     more: dict[str, Any] = field(default_factory=dict)
 
 
@@ -107,14 +107,14 @@ class Row:
     """One flight in simulated time."""
 
     fault: Fault
-    """As which it is recognised."""
+    """Fault as which it is recognised."""
     variant: str
-    """What goes wrong."""
+    """Thing that goes wrong."""
     make: tuple[str | Act, ...]
     """Sentences for the mock, or what does it; the first one is the fault's begin."""
     ends: End
     limit_s: float
-    """From the fault's begin to the reaction at most."""
+    """Longest time from the beginning of the fault to the reaction."""
     when: When = When.HOVER
     harmless: bool = False
     """Too short or too small to end a flight, whatever the table says of its longer brothers."""

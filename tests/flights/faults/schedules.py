@@ -24,7 +24,7 @@ from tests.flights.simulated import Flight, Step
 from tests.flights.test_simulated_arms import play, swing, torque
 
 _SPOKEN = frozenset(way for way in WAYS if way.part is Part.BROKER and way.kind is not Kind.OFF)
-"""What only somebody who reads what the broker sends would notice."""
+"""Ways that only a reader of the broker's messages would notice."""
 _HUNG = frozenset(way for way in WAYS if way.part is Part.AUTOPILOT and way.kind is Kind.STUCK)
 """Motors that keep their last signals and hear nobody: where it falls, and from which height, is chance and nobody's
 reaction. The table flies it from a hover."""

@@ -11,7 +11,7 @@ TEN_FRAMES_S = 0.10
 WINDOW_S, DELAY_WINDOW_S = 1.0, 0.5
 """Over which frames are counted, and delays judged."""
 RAMP_S = BRISK.spool_up_s + (1.25 - 0.8) / 0.15
-"""Of the thrust, to its end."""
+"""Time to the end of the thrust's ramp."""
 
 SILENT = (
     Row(Fault.MOCAP_LATE, "no frames for 60 ms", ("mocap off for 0.06 s",), ON, within(RULES.coast_s), When.TRACK),

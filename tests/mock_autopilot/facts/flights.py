@@ -13,7 +13,7 @@ FLIGHT = NO_GPS | {
     "COM_OBL_RC_ACT": 4, "COM_OF_LOSS_T": 0.5, "COM_RC_IN_MODE": 2, "COM_RC_OVERRIDE": 3, "NAV_RCL_ACT": 3,
     "COM_LOW_BAT_ACT": 2, "MPC_LAND_SPEED": 0.6, "SDLOG_MODE": -1,
 }  # fmt: skip
-"""As the recorded vehicle was set; RC means a joystick at rest on the ground station's link."""
+"""Parameters of the recorded vehicle; RC means a joystick at rest on the ground station's link."""
 HOVER = 0.4905
 STICK_PERIOD_S = 0.05
 PREARM, XY_CONTROL, RC, BATTERY = 0x10000000, 0x4000, 0x10000, 0x2000000
@@ -475,7 +475,7 @@ FACTS = (
     same("m-event", "EVENT of arming, also without a ground station", "events 0x190caf3, 0x1125bef; 0 texts", _event,
          source="px4-killcmd"),
 )  # fmt: skip
-"""From PX4 v1.17.0, SIH quadrotor, 2026-11-29."""
+"""Recorded from PX4 v1.17.0, SIH quadrotor, 2026-11-29."""
 BY_SOURCE = (
     same("n-sticks", "sticks moved in OFFBOARD (COM_RC_OVERRIDE 3, COM_RC_STICK_OV 30)",
          "Pilot took over using sticks; 209, 3/0, 4", _sticks, source="PX4's source, Commander::manualControlCheck"),

@@ -19,7 +19,7 @@ PERIODS_S = {
     "HEARTBEAT": 1.05, "EXTENDED_SYS_STATE": 1.05, "ESTIMATOR_STATUS": 1.05, "CURRENT_MODE": 0.055, "SYS_STATUS": 0.21,
     "BATTERY_STATUS": 2.05,
 }  # fmt: skip
-"""Of the messages that repeat a state, with the rates the companion asked for."""
+"""Rates of the messages that repeat a state, as the companion asked for them."""
 STATES = {"HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "BATTERY_STATUS"}
 RUNS = re.compile(r"Disarming denied: not landed|ARM_DISARM TEMPORARILY_REJECTED")
 """Asked again and again until it is granted: however often that takes, it is one event."""

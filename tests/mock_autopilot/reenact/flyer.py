@@ -18,7 +18,7 @@ from tests.mock_autopilot.reenact.session import Pose, Setpoint
 
 PULL_PER_S2, BRAKE_PER_S = 4.0, 3.0
 MOST_MPS2 = 3.0
-"""Of the pull."""
+"""Limit of the pull."""
 AIRBORNE_M = 0.05
 IDLE_SHARE = 0.7
 """Less than this share of the hover thrust is no flying: a ramp on the ground, or the end of a landing."""

@@ -25,7 +25,7 @@ COMPANION, PILOT, COMPONENT = 245, 255, 190
 MOCAP_NOISE_M, MOCAP_NOISE_RAD = 3e-4, 2e-3
 """The recorded motion capture's."""
 WEIGHT_N = 9.80665
-"""Of the recorded vehicle, 1 kg."""
+"""Weight of the recorded vehicle, 1 kg."""
 GRACE_S = 0.02
 """Tolerance of the times of answers against the recording."""
 REPEATED_S = 1.0

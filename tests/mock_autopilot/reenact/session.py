@@ -71,7 +71,7 @@ class Session:
     start_yaw_rad: float
     ends_at_s: float
     silent_s: list[tuple[float, float]]
-    """From when until when PX4 was dead."""
+    """Beginning and end of each time in which PX4 was dead."""
     frames: list[SentFrame]
     setpoints: list[Setpoint]
     poses: list[Pose]

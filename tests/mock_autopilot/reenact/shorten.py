@@ -13,7 +13,7 @@ WORTH_S = 60.0
 BEFORE_S, AFTER_S = 8.0, 12.0
 """Kept after the last event before the cut, and before the first one after it."""
 PERIOD_S = 2.0
-"""Of the slowest message: with whole periods left out all others keep their rhythm."""
+"""Period of the slowest message: with whole periods left out all others keep their rhythm."""
 STEADY_S = 0.15
 QUIET_CHANNELS = {"battery"}
 QUESTIONS = {511, 512}
