@@ -52,7 +52,7 @@ class Assembly:
     zero_rad: tuple[float, ...] = ((math.pi,) * 3 + (math.radians(150.0),)) * 2
     """Each servo's own angle at its joint's zero."""
     inertia_kgm2: Three = (0.11, 0.10, 0.13)
-    """Moment of inertia of the vehicle about its body axes. Added up from parts, not measured: four motors with propellers of
+    """Moments of inertia about the body axes; added up from parts, not measured: four motors with propellers of
     0.2 kg at 0.33 m, a box of 2.5 kg, booms, and the arms' 0.8 kg hanging 0.2 m low."""
 
     def loads_nm(self, angle: Sequence[float]) -> tuple[float, ...]:
