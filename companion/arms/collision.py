@@ -48,7 +48,7 @@ def distances(model: ArmModel, joints_rad: Array, floor_z_m: float | None = None
     start, end = points[..., :-1, :], points[..., 1:, :]
     columns = [
         _between_arms(start, end) - 2.0 * model.link_radius_m,
-        _to_body(model, start, end) - model.link_radius_m,
+        _flat(to_box_m(start[..., 1:, :], end[..., 1:, :], np.array(model.body_half_flu_m))) - model.link_radius_m,
         _to_propellers(model, start, end) - model.link_radius_m,
     ]
     what = [f"right {LINKS[i]} and left {LINKS[j]}" for i, j in _PAIRS]
@@ -63,10 +63,6 @@ def distances(model: ArmModel, joints_rad: Array, floor_z_m: float | None = None
 def _between_arms(start: Array, end: Array) -> Array:
     i, j = (list(part) for part in zip(*_PAIRS, strict=True))
     return between_segments_m(start[..., 0, i, :], end[..., 0, i, :], start[..., 1, j, :], end[..., 1, j, :])
-
-
-def _to_body(model: ArmModel, start: Array, end: Array) -> Array:
-    return _flat(to_box_m(start[..., 1:, :], end[..., 1:, :], np.array(model.body_half_flu_m)))
 
 
 def _to_propellers(model: ArmModel, start: Array, end: Array) -> Array:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 
@@ -128,11 +129,12 @@ def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
     if facts.flight is not Phase.DISARMED and arms.released:
         arms = replace(arms, released=False)
     if facts.fault:
-        return arms if arms.phase is ArmPhase.FAULT else _fail(arms, facts)
+        held = {"motion": None, "hold_rad": None, "action": ArmAction.HOLD, "reason": facts.fault}
+        return arms if arms.phase is ArmPhase.FAULT else _enter(arms, ArmPhase.FAULT, facts, **held)
     if not facts.obey:
-        return arms if arms.phase is ArmPhase.OFF else _limp(arms, facts)
+        return arms if arms.phase is ArmPhase.OFF else _enter(arms, ArmPhase.OFF, facts, motion=None, hold_rad=None)
     if arms.phase in {ArmPhase.OFF, ArmPhase.FAULT}:
-        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=facts.held_rad, reason="")
+        return _enter(arms, ArmPhase.HOLDING, facts, motion=None, hold_rad=facts.held_rad, reason="")
     if facts.flight in MUST_STOW and arms.phase is ArmPhase.MOVING:
         return stop(arms, facts, "")  # the fold begins at rest
     if arms.phase is ArmPhase.MOVING and facts.flight not in MAY_MOVE:
@@ -146,7 +148,7 @@ def _next(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
         if facts.time_s - arms.started_s < arms.motion.duration_s:
             return arms
         end = arms.motion.at(arms.motion.duration_s)
-        return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=None, hold_rad=end.position_rad)
+        return _enter(arms, ArmPhase.HOLDING, facts, motion=None, hold_rad=end.position_rad)
     if facts.flight in MUST_STOW and not facts.stowed and not arms.no_way:
         return _stow(arms, facts, rules)
     landed = facts.flight is Phase.DISARMED and facts.touched_down
@@ -166,8 +168,7 @@ def _stow(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
 
 
 def _begin(arms: ArmState, phase: ArmPhase, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
-    begun = _enter(arms, phase, facts)
-    return replace(begun, motion=motion, started_s=facts.time_s, hold_rad=None, reason="", no_way="")
+    return _enter(arms, phase, facts, motion=motion, started_s=facts.time_s, hold_rad=None, reason="", no_way="")
 
 
 def stop(arms: ArmState, facts: ArmFacts, reason: str) -> ArmState:
@@ -175,17 +176,8 @@ def stop(arms: ArmState, facts: ArmFacts, reason: str) -> ArmState:
     if arms.motion is None or isinstance(arms.motion, Braked):
         return arms
     braking = Braked(arms.motion, facts.time_s - arms.started_s, _BRAKING_S)
-    return replace(_enter(arms, ArmPhase.HOLDING, facts), motion=braking, started_s=facts.time_s, reason=reason)
+    return _enter(arms, ArmPhase.HOLDING, facts, motion=braking, started_s=facts.time_s, reason=reason)
 
 
-def _fail(arms: ArmState, facts: ArmFacts) -> ArmState:
-    failed = _enter(arms, ArmPhase.FAULT, facts)
-    return replace(failed, motion=None, hold_rad=None, action=ArmAction.HOLD, reason=facts.fault)
-
-
-def _limp(arms: ArmState, facts: ArmFacts) -> ArmState:
-    return replace(_enter(arms, ArmPhase.OFF, facts), motion=None, hold_rad=None)
-
-
-def _enter(arms: ArmState, phase: ArmPhase, facts: ArmFacts) -> ArmState:
-    return replace(arms, phase=phase, since_s=facts.time_s)
+def _enter(arms: ArmState, phase: ArmPhase, facts: ArmFacts, **changes: Any) -> ArmState:
+    return replace(arms, phase=phase, since_s=facts.time_s, **changes)

@@ -16,7 +16,7 @@ from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
 from companion.config.companion_config import CompanionConfig
-from companion.core.interfaces import ArmBus, Clock, CompanionError, MocapError, MocapSource
+from companion.core.interfaces import Clock, CompanionError, MocapError, MocapSource
 from companion.core.types import MocapFrame
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
@@ -110,9 +110,11 @@ async def open_onlooker(
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
             seen = () if mocap is None else await _mocap_checks(mocap, clock, config)
             raise DevicesMissingError(opening.checks, seen)
-        arms = _arm_stage(bus, config)
-        disk = devices.enter_context(DiskWatch(records, _DISK_S))
+        arms = None
         cycle_s = 1.0 / config.control.rate_hz
+        if bus is not None and config.arms is not None:  # it reads only, and never moves them
+            arms = ArmStep(bus, config.arms, config.vehicle_model(), config.airframe(), cycle_s)
+        disk = devices.enter_context(DiskWatch(records, _DISK_S))
         vision = VisionStep(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
         onlooker = LiveObserver(mocap, clock, config, arms, vision)
         running = Running(
@@ -182,10 +184,3 @@ async def _kept_going(onlooker: LiveObserver) -> AsyncIterator[None]:
             looking.cancel()
     except BaseExceptionGroup as errors:
         raise errors.exceptions[0] from None
-
-
-def _arm_stage(bus: ArmBus | None, config: CompanionConfig) -> ArmStep | None:
-    """Return the arms' step for reading only; it never moves them."""
-    if bus is None or config.arms is None:
-        return None
-    return ArmStep(bus, config.arms, config.vehicle_model(), config.airframe(), 1.0 / config.control.rate_hz)

@@ -65,15 +65,6 @@ class Answering(Protocol):
         """Return values of its parameters; unknown ones are absent."""
 
 
-def _never_landed() -> float:
-    """Return the age of a flight that was not."""
-    return math.inf
-
-
-def _nothing(_: str) -> None:
-    """Ignore the text: nobody is shown what is waited for."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Running:
     """Devices that a preflight reads; kept current by a flight loop or an observer."""
@@ -89,9 +80,9 @@ class Running:
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
     arms_remarks: tuple[str, ...] = ()
     """Remarks of connecting about the servos or their port."""
-    landed_age_s: Callable[[], float] = _never_landed
+    landed_age_s: Callable[[], float] = lambda: math.inf
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
-    tell: Callable[[str], None] = _nothing
+    tell: Callable[[str], None] = lambda _: None
     """Shows what is waited for."""
     law_loaded: bool = False
     """A service has a law, whose margins were looked at when it was loaded."""

@@ -1,7 +1,7 @@
 """Foxglove channels for rows and events: the same for a file and for live viewers."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -73,28 +73,19 @@ def stamp(time_ns: int) -> Timestamp:
     return Timestamp(sec=time_ns // 10**9, nsec=time_ns % 10**9)
 
 
-@dataclass(frozen=True)
 class Mcap:
-    """Open MCAP file with its writer."""
+    """Open MCAP file that receives everything logged to the context's channels."""
 
-    path: Path
-    file: Any
-    writer: Any
-
-    def flush(self) -> None:
-        """Write everything logged so far to the file."""
-        self.writer.flush()
+    def __init__(self, path: Path, file: Any, context: Context) -> None:
+        self.path, self.file = path, file
+        self._writer: Any = foxglove.open_mcap(file, context=context, writer_options=_WHOLE_CHUNKS)
+        self.flush: Callable[[], None] = self._writer.flush
 
     def metadata(self, name: str, text: str) -> None:
         """Write a JSON text as the metadata record `name`."""
-        self.writer.write_metadata(META, {name: text})
+        self._writer.write_metadata(META, {name: text})
 
     def close(self) -> None:
         """Write the summary section and close the file."""
-        self.writer.close()
+        self._writer.close()
         self.file.close()
-
-
-def open_mcap(path: Path, file: Any, context: Context) -> Mcap:
-    """Open an MCAP file that receives everything logged to the context's channels."""
-    return Mcap(path, file, foxglove.open_mcap(file, context=context, writer_options=_WHOLE_CHUNKS))

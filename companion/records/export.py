@@ -40,9 +40,6 @@ def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]
         components = column.reshape(len(column), -1)
         for number, index in enumerate(product(*map(range, column.shape[1:]))):
             names.append("_".join([name, *map(str, index)]))
-            cells.append([_cell(value) for value in components[:, number].tolist()])
+            values = components[:, number].tolist()
+            cells.append(["" if isinstance(value, float) and math.isnan(value) else value for value in values])
     return names, cells
-
-
-def _cell(value: object) -> object:
-    return "" if isinstance(value, float) and math.isnan(value) else value

@@ -7,9 +7,8 @@ from typing import Any
 
 from foxglove import Context
 
-from companion.arms.model import ArmModel
 from companion.config.arms_config import ArmsConfig
-from companion.records.channels import Channels, Mcap, open_mcap
+from companion.records.channels import Channels, Mcap
 from companion.records.retention import Retention, Unbreakable
 from companion.records.row_codec import TIME, RecordRow, RowDecoder
 from companion.records.scene import Scene
@@ -43,7 +42,8 @@ class FlightFiles:
         """Store the metadata of the next flights from a BEGIN message."""
         self._begin |= json.loads(message[1:])
         self._offset_s = float(self._begin.get("unix_offset_s", self._offset_s))
-        self._scene.arms = _arm_model(self._begin)
+        arms = (self._begin.get("config") or {}).get("arms")
+        self._scene.arms = ArmsConfig.model_validate_json(json.dumps(arms)).model() if arms else None
         if self._file is not None:
             self._file.metadata("begin", json.dumps(self._begin))
 
@@ -71,7 +71,7 @@ class FlightFiles:
 
     def _open(self, path: Path, start: str) -> None:
         file = Unbreakable(path, lambda why: self._warn(f"{why}: the rest of this flight is not recorded"))
-        self._file = open_mcap(path, file, self._context)
+        self._file = Mcap(path, file, self._context)
         self._file.metadata("begin", json.dumps(self._begin))
         self._file.metadata("start", start)
         self._retention.rotate(path)
@@ -121,16 +121,14 @@ class FlightFiles:
                     f"less than {self._retention.config.min_free_mb:g} MB free: the rest of this flight is not recorded"
                 )
                 self.close()
-        if not self._is_over(row):
+        phase = row.words["phase"]
+        over = phase in _OVER or (phase == "handed over" and not row.cell("armed"))
+        if not over:
             self._over_s = None
         elif self._over_s is None:
             self._over_s = time_s
         elif time_s - self._over_s > AFTER_S:
             self.close()
-
-    def _is_over(self, row: RecordRow) -> bool:
-        phase = row.words["phase"]
-        return phase in _OVER or (phase == "handed over" and not row.cell("armed"))
 
     def _announce(self, row: RecordRow, time_ns: int) -> None:
         """Log changes of phase and faults for the log panel."""
@@ -147,8 +145,3 @@ class FlightFiles:
 
     def _warn(self, text: str) -> None:
         self._tell({"warning": text})
-
-
-def _arm_model(begin: dict[str, Any]) -> ArmModel | None:
-    arms = (begin.get("config") or {}).get("arms")
-    return ArmsConfig.model_validate_json(json.dumps(arms)).model() if arms else None

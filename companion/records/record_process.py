@@ -59,8 +59,11 @@ class RecordSink:
         """Writers that were given up and may still be ending."""
         self.dropped = 0
         """Number of rows that the writer did not get."""
-        self.trouble = ""
-        """Reason why flights are not recorded completely; empty while they are."""
+        self.failed: str | None = None
+        """Reason why the flight is not recorded completely, known within half a second of ticks; None while it is.
+
+        It stays until the next record begins, or another writer is there for it.
+        """
         self._behind = False
         self.file = ""
         """Path of the newest record."""
@@ -70,14 +73,6 @@ class RecordSink:
     def alive(self) -> bool:
         """True while the writer process is connected."""
         return self._link is not None
-
-    @property
-    def failed(self) -> str | None:
-        """Reason why the flight is not recorded completely; None while it is.
-
-        Known within half a second of ticks. It stays until the next record begins, or another writer is there for it.
-        """
-        return self.trouble or None
 
     @property
     def pid(self) -> int | None:
@@ -229,15 +224,15 @@ class RecordSink:
             if said is None:
                 return
             if not self._ready:
-                self._ready, self.trouble = True, ""  # another writer, before a flight: nothing of it is lost
+                self._ready, self.failed = True, None  # another writer, before a flight: nothing of it is lost
             if "notice" in said:
                 LOG.warning("records: %s", said["notice"])
             if "warning" in said:
                 self._warn(said["warning"])
             if "file" in said:
-                self.file, self.trouble = said["file"], ""
+                self.file, self.failed = said["file"], None
                 LOG.info("recording to %s", self.file)
 
     def _warn(self, text: str) -> None:
-        self.trouble = text
+        self.failed = text
         LOG.warning("records: %s", text)

@@ -4,7 +4,6 @@ import contextlib
 import errno
 import io
 import logging
-import os
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from companion.adapters.system.disk import free_mb
 from companion.config.records_config import RecordsConfig
 
 LOG = logging.getLogger(__name__)
@@ -52,20 +52,12 @@ class Retention:
             path = self.folder / f"{stem}-{again}.mcap"
         return path
 
-    def free_mb(self) -> float:
-        """Return the disk space that records may use, MB; 0 where it cannot be read."""
-        there = self.folder.absolute()
-        while not there.exists():
-            there = there.parent
-        try:
-            disk = os.statvfs(there)
-        except OSError:
-            return 0.0
-        return disk.f_bavail * disk.f_frsize * 1e-6
-
     def has_room(self) -> bool:
-        """Return True when there is enough free space to record a flight."""
-        return self.free_mb() >= self.config.min_free_mb
+        """Return True when there is enough free space to record a flight; False where it cannot be read."""
+        try:
+            return free_mb(self.folder) >= self.config.min_free_mb
+        except OSError:
+            return False
 
     def rotate(self, writing: Path | None = None, now_s: float | None = None) -> list[Path]:
         """Delete the oldest flights until size and age are kept, never the one being written; return what went.

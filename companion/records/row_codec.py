@@ -17,7 +17,7 @@ from companion.core.types import Array
 from companion.flight.tick import Tick
 from companion.records.exact_json import to_json
 from companion.records.tick_columns import F64, Column, Frozen, Shape, Signals, Values, columns_of, gathered, signals_of
-from companion.supervisor.faults import Event, reaction_to
+from companion.supervisor.faults import reaction_to
 from companion.supervisor.flight_state import Phase
 
 ROW, LAYOUT, START, BEGIN, TOLD, BATCH = b"R", b"L", b"S", b"B", b"T", b"P"
@@ -79,7 +79,9 @@ class RowEncoder:
         phase = tick.flight.phase
         if phase is not self._phase:
             if phase is not Phase.STANDBY and (self._phase is None or self._phase in _RESTING):
-                before.append(START + _start(tick, self.number).encode())
+                # a replay begins with the estimator's state after this tick's frame
+                start = {"time_s": tick.time_s, "number": self.number, "phase": phase, "estimate": tick.estimate}
+                before.append(START + to_json(start).encode())
             self._phase = phase
         values, signals = gathered(tick), signals_of(tick, kept)
         key = (*map(id, values.parts), signals.columns)
@@ -123,7 +125,10 @@ class RowEncoder:
             return b""
         self._words = words
         said = {name: word or "" for name, word in zip(WORDS, words, strict=False)}
-        events = [_event(event, tick) for event in tick.events]
+        events = [
+            {"fault": event.fault, "text": event.text, "reaction": reaction_to(event.fault, tick.stage).words}
+            for event in tick.events
+        ]
         faults = [{"joint": f.joint, "kind": f.kind, "text": f.text} for f in arms.status.faults] if arms else []
         return json.dumps(said | {"events": events, "arm_faults": faults}).encode()
 
@@ -140,16 +145,6 @@ def _joined(arrays: list[Array]) -> bytes:
         return b"".join(arrays)  # type: ignore[arg-type]  # numpy's arrays are bytes to join
     except TypeError:  # a view that is not one piece of memory
         return b"".join([array.tobytes() for array in arrays])
-
-
-def _event(event: Event, tick: Tick) -> dict[str, str]:
-    reaction = reaction_to(event.fault, tick.stage)
-    return {"fault": event.fault, "text": event.text, "reaction": reaction.words}
-
-
-def _start(tick: Tick, number: int) -> str:
-    """Return the start of a replay as JSON: the estimator's state after this tick's frame."""
-    return to_json({"time_s": tick.time_s, "number": number, "phase": tick.flight.phase, "estimate": tick.estimate})
 
 
 def _known(number: int, values: Values, signals: Signals) -> _Known:

@@ -4,12 +4,9 @@ It ends when the other side does, in whatever way, and then the flight's file is
 service do not end it. One thread empties the socket, so that a slow disk never lets it run full; the other one writes.
 """
 
-import contextlib
 import json
 import logging
-import os
 import queue
-import signal
 import socket
 import sys
 import threading
@@ -19,6 +16,7 @@ from typing import Any
 import foxglove
 from foxglove import Context
 
+from companion.adapters.system.realtime import beside_the_loop
 from companion.config.records_config import RecordsConfig
 from companion.records.flight_file import FlightFiles
 from companion.records.retention import Retention
@@ -30,14 +28,11 @@ LARGEST = 4_000_000
 """Bytes of a message."""
 _MOST_WAITING = 2_000
 """Messages in memory, some 50 MB: minutes of a disk that does not answer."""
-_NICE = 5
 
 
 def main() -> None:
     """Write until the other side is gone."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)
-    _step_back()
+    beside_the_loop()
     task = json.loads(sys.argv[1])
     config = RecordsConfig.model_validate_json(json.dumps(task["records"]))
     link = socket.socket(fileno=sys.stdin.fileno())
@@ -51,13 +46,6 @@ def main() -> None:
     _write(files, waiting, tell)
     if server is not None:
         server.stop()
-
-
-def _step_back() -> None:
-    """Lower this process's priority below the control loop's."""
-    with contextlib.suppress(OSError):  # where the service may not either
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.nice(_NICE)
 
 
 def _teller(link: socket.socket) -> Callable[[dict[str, Any]], None]:

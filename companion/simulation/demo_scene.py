@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.arms.planning import Plan
 from companion.arms.trajectory import Hold as ArmsHold
 from companion.arms.trajectory import InTurn
 from companion.config.companion_config import CompanionConfig
@@ -36,13 +35,16 @@ def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: Companio
         raise ConfigError(f"arms {arms!r}: the mock's configuration has none, enable them there or turn them off here")
     flown = _from_lift_off(trajectory, companion)
     plan = planned_arms(arms, companion, trajectory.duration_s + _SWING_ON_S)
+    if plan is not None:
+        stowed = ArmsHold(plan.trajectory.at(0.0).position_rad, flown.climb_s)
+        plan = replace(plan, trajectory=InTurn((stowed, plan.trajectory)))
     return Scene(
         name=name,
         title=f"the demo, {name}",
         trajectory=flown,
         settle_s=math.ceil(flown.before_s * companion.control.rate_hz)
         / companion.control.rate_hz,  # a cycle begins at 0
-        arms=None if plan is None else _after_standing(plan, flown.climb_s),
+        arms=plan,
         companion=companion,
         mock=mock.model_copy(update={"disturbance": _under_way(mock.disturbance, LIFT_OFF_S)}),
         link_s=LINK_S,
@@ -91,12 +93,6 @@ def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromL
 
 def _up(height_m: float) -> Array:
     return np.array([0.0, 0.0, height_m])
-
-
-def _after_standing(plan: Plan, for_s: float) -> Plan:
-    """Return the same motion, begun `for_s` later."""
-    stowed = ArmsHold(plan.trajectory.at(0.0).position_rad, for_s)
-    return replace(plan, trajectory=InTurn((stowed, plan.trajectory)))
 
 
 def _under_way(disturbance: DisturbanceConfig, since_s: float) -> DisturbanceConfig:

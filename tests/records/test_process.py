@@ -133,8 +133,8 @@ def test_a_full_disk_ends_the_writing_once_and_not_the_flight(tmp_path: Path) ->
         _, most = resource.prlimit(sink.pid or 0, resource.RLIMIT_FSIZE)
         resource.prlimit(sink.pid or 0, resource.RLIMIT_FSIZE, (60_000, most))
         feed(sink, track_s=3.0)
-        until(lambda: bool(sink.trouble) or feed(sink, track_s=0.2, start_s=1e6) < 0)
-        assert os.strerror(errno.EFBIG) in sink.trouble
+        until(lambda: bool(sink.failed) or feed(sink, track_s=0.2, start_s=1e6) < 0)
+        assert os.strerror(errno.EFBIG) in (sink.failed or "")
         assert sink.alive
         assert sink.dropped == 0
     record = read_flight(min(tmp_path.glob("*.mcap")))
@@ -193,8 +193,8 @@ def test_a_message_that_is_too_large_for_the_system_is_lost_alone(tmp_path: Path
 def test_too_little_space_is_told_and_nothing_is_written(tmp_path: Path) -> None:
     with recording(tmp_path, min_free_mb=1e7) as sink:
         feed(sink)
-        until(lambda: bool(sink.trouble) or feed(sink) < 0)
-        assert "this flight is not recorded" in sink.trouble
+        until(lambda: bool(sink.failed) or feed(sink) < 0)
+        assert "this flight is not recorded" in (sink.failed or "")
     assert not list(tmp_path.glob("*.mcap"))
 
 

@@ -54,16 +54,11 @@ def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool]
         joint.in_group = False
         bus_cycle.faults.latch(joint, ArmFaultKind.SILENT, line.removeprefix(f"{joint.label} "))
     for joint, one in answering:
-        if not _first_look(bus_cycle, joint, one):
+        joint.paused = one.model_number != joint.scale.model.number  # its registers may differ
+        if not (joint.paused or bus_cycle.first_look(joint)):
             raise ArmError(f"the arms on {config.port} cannot be used: {joint.label} stopped answering")
     left = [line for joint, one in answering for line in remarks(joint, one, config)]
     return Inspected(tuple(found.get(joint.index) for joint in bus_cycle.joints), (*lines, *gone), tuple(left))
-
-
-def _first_look(bus_cycle: BusCycle, joint: Joint, found: Found) -> bool:
-    """Read state and health once; a servo of another model is skipped, as its registers may differ."""
-    joint.paused = found.model_number != joint.scale.model.number
-    return joint.paused or bus_cycle.first_look(joint)
 
 
 def _found(bus_cycle: BusCycle, joint: Joint) -> Found | None:

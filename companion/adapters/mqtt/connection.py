@@ -68,6 +68,8 @@ class Connection(aiomqtt.Client):
         self.version = version
         self.objection = ""
         """Reason why the broker accepted a message without delivering it, reported by MQTT 5."""
+        bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+        bounds.MaximumPacketSize = MAX_PACKET_BYTES
         super().__init__(
             endpoint.host,
             endpoint.port,
@@ -77,7 +79,7 @@ class Connection(aiomqtt.Client):
             tls_context=endpoint.tls,
             protocol=version,
             clean_session=None if version is V5 else True,
-            properties=_bounds() if version is V5 else None,
+            properties=bounds if version is V5 else None,
             will=endpoint.will,
             timeout=ANSWER_S,
             keepalive=KEEPALIVE_S,
@@ -224,13 +226,6 @@ def knows_no_mqtt5(error: BaseException) -> bool:
     if not isinstance(error, MqttConnectError):
         return False
     return isinstance(error.rc, ReasonCode) and error.rc.getName() == "Unsupported protocol version"
-
-
-def _bounds() -> Properties:
-    """Return CONNECT properties that limit the size of packets that the broker sends."""
-    bounds = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-    bounds.MaximumPacketSize = MAX_PACKET_BYTES
-    return bounds
 
 
 async def _to_its_end(work: "asyncio.Future[None]") -> None:

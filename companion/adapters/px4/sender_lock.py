@@ -73,7 +73,8 @@ class Admission:
         sender = sender_of(datagram) if endpoint != self.accepted else None  # a broadcast comes here, too
         if sender is None or sender.component != _AUTOPILOT or sender.autopilot == _NO_AUTOPILOT:
             return False
-        if self._may_be_ours(sender, now_s, heard_s):
+        silent = now_s - max(heard_s, self.accepted_s) > _SILENT_S
+        if self._system_id in {None, sender.system} and (self.accepted is None or silent):
             self.accepted, self.accepted_s = endpoint, now_s
             self._strangers.pop(endpoint, None)
             return True
@@ -82,10 +83,6 @@ class Admission:
             kind = _NAMES.get(sender.autopilot, "autopilot")
         self._strangers[endpoint] = (now_s, sender.system, kind)
         return False
-
-    def _may_be_ours(self, sender: Sender, now_s: float, heard_s: float) -> bool:
-        silent = now_s - max(heard_s, self.accepted_s) > _SILENT_S
-        return self._system_id in {None, sender.system} and (self.accepted is None or silent)
 
     def strangers(self, now_s: float) -> dict[Endpoint, tuple[int, str]]:
         """Return the other autopilots heard lately: number and kind."""

@@ -87,10 +87,6 @@ class TextPieces:
         return TextPieces(), (*lost_end, text)
 
 
-def _in_air(state: int) -> bool | None:
-    return None if state == _LANDED_UNKNOWN else state != _ON_GROUND
-
-
 def _nowhere() -> Array:
     return np.full(3, np.nan)
 
@@ -166,7 +162,7 @@ class Px4Telemetry:
         self._mavlink.on_heartbeat(self._on_heartbeat)
         self._mavlink.on_current_mode(self._on_current_mode)
         on("ESTIMATOR_STATUS", self._on_estimator)
-        on("EXTENDED_SYS_STATE", lambda fields: self._update(in_air=_in_air(fields["landed_state"])))
+        on("EXTENDED_SYS_STATE", self._on_landed)
         on("ATTITUDE_QUATERNION", self._on_attitude)
         on("LOCAL_POSITION_NED", self._on_local)
         on("BATTERY_STATUS", lambda fields: self._on_battery(reading(fields)))
@@ -206,6 +202,10 @@ class Px4Telemetry:
 
     def _on_estimator(self, fields: dict[str, Any]) -> None:
         self.local = replace(self.local, flags=fields["flags"], flags_s=self._clock.now_s())
+
+    def _on_landed(self, fields: dict[str, Any]) -> None:
+        state = fields["landed_state"]
+        self._update(in_air=None if state == _LANDED_UNKNOWN else state != _ON_GROUND)
 
     def _on_battery(self, new: BatteryReading) -> None:
         batteries = merged(self.status.batteries, new)

@@ -47,16 +47,16 @@ class DiskWatch:
     def _watch(self, folder: Path) -> None:
         while not self._closed.is_set():
             try:
-                free_mb = _free_mb(folder)
+                mb = free_mb(folder)
             except OSError as error:
                 if self._free_mb > 0.0:
                     LOG.warning("the disk of %s cannot be asked for its free space: %s", folder, error)
-                free_mb = 0.0
-            self._free_mb, self._answered_s = free_mb, time.monotonic()
+                mb = 0.0
+            self._free_mb, self._answered_s = mb, time.monotonic()
             self._closed.wait(self._period_s)
 
 
-def _free_mb(folder: Path) -> float:
+def free_mb(folder: Path) -> float:
     """Return the free space, MB, of the disk that holds the folder, or will when it is created."""
     there = folder.absolute()
     while not there.exists():

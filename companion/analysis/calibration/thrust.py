@@ -53,14 +53,11 @@ def hover(seen: Observed, gravity_mps2: float) -> Hover | None:
     if len(means) < _LEAST_WINDOWS:
         return None
     values = np.array(means)
-    alike = 1.0 + 2.0 * max(0.0, _correlation(values))  # neighbours are: the room pushes for seconds
+    off = values - values.mean()
+    correlation = float((off[1:] * off[:-1]).sum() / max((off * off).sum(), 1e-12))
+    alike = 1.0 + 2.0 * max(0.0, correlation)  # neighbours are: the room pushes for seconds
     spread = float(values.std(ddof=1))
     return Hover(float(values.mean()), spread * float(np.sqrt(alike / len(values))), spread, _WINDOW_S * len(values))
-
-
-def _correlation(values: Array) -> float:
-    off = values - values.mean()
-    return float((off[1:] * off[:-1]).sum() / max((off * off).sum(), 1e-12))
 
 
 def _on_grid(seen: Observed) -> tuple[Array, Array, Array, Array]:

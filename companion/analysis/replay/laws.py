@@ -18,12 +18,8 @@ def config_of(record: FlightRecord) -> CompanionConfig:
     data = record.metadata.get("config")
     if not isinstance(data, dict):
         raise RecordError(f"{record.path}: has no configuration: too old for this, or not written by the service")
-    return validate(CompanionConfig, _without_files(data), record.path, "config")
-
-
-def _without_files(data: dict[str, object]) -> dict[str, object]:
-    """Passwords and certificates of the vehicle's computer are not here, and nothing is asked of them."""
-    return {name: value for name, value in data.items() if name != "operator"}
+    without_files = {name: value for name, value in data.items() if name != "operator"}  # its passwords are not here
+    return validate(CompanionConfig, without_files, record.path, "config")
 
 
 def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:

@@ -6,7 +6,7 @@ nothing to compare but the estimate.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -207,12 +207,8 @@ class _Flying:
         done.accel_w_mps2.append(accel_w_mps2)
         if self._other is not None:
             return
-        for name in _both(tick.signals, signals):
+        for name in [name for name in tick.signals if name in signals]:
             shape, again = np.shape(tick.signals[name]), np.asarray(signals[name])
             if again.size != math.prod(shape):
                 raise RecordError(f"{self._path}: the law's {name} has another shape now: it was another version's law")
             done.compare(f"law {name}", tick.signals[name], again.reshape(shape), at_s)
-
-
-def _both(recorded: Mapping[str, Array], again: Mapping[str, Array]) -> Iterable[str]:
-    return [name for name in recorded if name in again]

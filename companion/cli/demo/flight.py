@@ -156,7 +156,7 @@ async def _close(kept: RecordSink, flown: Flown) -> None:
     if path is not None and not flown.recorder.flew:
         path.unlink(missing_ok=True)
         return
-    flown.record, flown.record_trouble = path, kept.trouble
+    flown.record, flown.record_trouble = path, kept.failed or ""
 
 
 @asynccontextmanager
