@@ -8,7 +8,7 @@ from benchmarks.synthetic import AGE_S, Motion, motion
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import load_controller
 from companion.control.controller import ControlInput, Controller
-from companion.control.pipeline import ControlPipeline
+from companion.control.pipeline import ControlPipeline, idle_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.geometry.attitude import accel_of_setpoint, setpoint_of_accel
@@ -110,11 +110,12 @@ def flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
     """Law, conversion and gate for one vehicle; call it with a number below CYCLES."""
     period_s = 1.0 / config.control.rate_hz
     law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
-    stage = ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits())
+    stage, sent = ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits()), idle_setpoint(0.0)
     vehicles = [moving.vehicle(cycle) for cycle in range(CYCLES)]
     references = [moving.reference(cycle) for cycle in range(CYCLES)]
 
     def fly(cycle: int) -> None:
-        stage.sent = stage.fly(vehicles[cycle], AGE_S, references[cycle], period_s).gated.setpoint
+        nonlocal sent
+        sent = stage.fly(vehicles[cycle], AGE_S, references[cycle], sent, period_s).gated.setpoint
 
     return fly

@@ -38,7 +38,7 @@ class PipelineOutput:
 
 
 class ControlPipeline:
-    """Pipeline with the law's memory, its last setpoint, and the setpoint last sent, from which the rate is limited.
+    """Pipeline with the law's memory and its last setpoint; `sent` is the setpoint last sent, which limits the rate.
 
     For one vehicle, or for a batch of shape `lead`: the leading axes of vehicle states, `sent` and all outputs; thrust
     model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits.
@@ -65,8 +65,6 @@ class ControlPipeline:
         self._switched = False
         """True after a switch until the new law begins."""
         self._switching: LawSwitch | None = None
-        self.sent = idle_setpoint(np.zeros(lead))
-        """The setpoint last sent; set by the sender."""
         self._warm_up()
 
     @property
@@ -119,18 +117,18 @@ class ControlPipeline:
 
     def _warm_up(self) -> None:
         """Run the law on the ground: first calls are slow, and the first real one is at lift-off."""
-        still = np.zeros((*self._lead, 3))
-        vehicle = VehicleState(0.0, still, still, self.sent.q_w_flu_wxyz, still)
+        still, level = np.zeros((*self._lead, 3)), idle_setpoint(np.zeros(self._lead))
+        vehicle = VehicleState(0.0, still, still, level.q_w_flu_wxyz, still)
         for _ in range(3):
-            self.fly(vehicle, 0.0, Reference(still, still, still, 0.0), 0.01)
+            self.fly(vehicle, 0.0, Reference(still, still, still, 0.0), level, 0.01)
         self.forget()
 
-    def on_ground(self, yaw_rad: float, thrust: float, dt_s: float) -> LimitedSetpoint:
+    def on_ground(self, yaw_rad: float, thrust: float, sent: AttitudeThrust, dt_s: float) -> LimitedSetpoint:
         """Return a level setpoint while the law is inactive; the rotors may idle.
 
         Age and fence do not limit it: the vehicle stands, and the guard would level it anyway.
         """
-        return limit_setpoint(idle_setpoint(yaw_rad, thrust), self.sent, replace(self._limits, min_thrust=0.0), dt_s)
+        return limit_setpoint(idle_setpoint(yaw_rad, thrust), sent, replace(self._limits, min_thrust=0.0), dt_s)
 
     def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
         """Return a level setpoint within the limits, without rate limit; the guard's own if it is not valid."""
@@ -139,7 +137,13 @@ class ControlPipeline:
         return limit_setpoint(wanted, fallback, self._limits, inf).setpoint
 
     def fly(
-        self, vehicle: VehicleState, age_s: Any, ahead: Reference, dt_s: float, known_accel_w_mps2: Array = _NOTHING
+        self,
+        vehicle: VehicleState,
+        age_s: Any,
+        ahead: Reference,
+        sent: AttitudeThrust,
+        dt_s: float,
+        known_accel_w_mps2: Array = _NOTHING,
     ) -> PipelineOutput:
         """Run one cycle; `ahead` is the reference `preview_s` from now, `known_accel_w_mps2` (..., 3) that of the arms.
 
@@ -153,7 +157,7 @@ class ControlPipeline:
             rate_flu_radps=vehicle.rate_flu_radps,
             age_s=age_s,
             reference=ahead,
-            sent_accel_w_mps2=accel_of_setpoint(self.sent, self._model) + self._countered_w_mps2,
+            sent_accel_w_mps2=accel_of_setpoint(sent, self._model) + self._countered_w_mps2,
             dt_s=dt_s,
             known_accel_w_mps2=known_accel_w_mps2,
         )
@@ -166,12 +170,11 @@ class ControlPipeline:
         before = no_disturbance(now) if self._disturbance is None else self._disturbance
         self._disturbance = estimate_disturbance(before, now)
         self._wanted = self._latest(output, ahead.yaw_rad)
-        return PipelineOutput(ahead, output, self._let_through(self._wanted, vehicle, age_s, dt_s), now, begun)
-
-    def _let_through(self, wanted: AttitudeThrust, vehicle: VehicleState, age_s: Any, dt_s: float) -> LimitedSetpoint:
         if self._guard is None:
-            return limit_setpoint(wanted, self.sent, self._limits, dt_s)
-        return self._guard.check(wanted, self.sent, vehicle, age_s, dt_s)
+            gated = limit_setpoint(self._wanted, sent, self._limits, dt_s)
+        else:
+            gated = self._guard.check(self._wanted, sent, vehicle, age_s, dt_s)
+        return PipelineOutput(ahead, output, gated, now, begun)
 
     def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""

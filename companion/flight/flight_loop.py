@@ -187,7 +187,7 @@ class FlightLoop:
         self._look(now_s, late_s)
         stage = self._flight.stage
         self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
-        asked, gated = self._law.control(self._flight, self._estimate, now_s)
+        asked, gated = self._law.control(self._flight, self._estimate, self._stream.law_sent, now_s)
         wire, sent_s = self._send(gated, now_s)
         self._keep_or_end_stream(now_s)
         late_signals = self._law.settle()
@@ -261,7 +261,7 @@ class FlightLoop:
         self._vision.judge(self._events, status.armed, self._flight.cause)
 
     def _facts(self, now_s: float) -> FlightInputs:
-        thrust = float(self._stage.sent.thrust) if self._stream.on else math.nan
+        thrust = float(self._stream.law_sent.thrust) if self._stream.on else math.nan
         return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
 
     def _tell(self, tick: Tick) -> None:
@@ -316,7 +316,8 @@ class FlightLoop:
             return
         last = idle_setpoint(before.yaw_rad)
         if before.airborne:
-            last = self._stage.level(float(yaw_of(self._stage.sent.q_w_flu_wxyz)), SINKING * self._rules.hover_thrust)
+            yaw_rad = float(yaw_of(self._stream.law_sent.q_w_flu_wxyz))
+            last = self._stage.level(yaw_rad, SINKING * self._rules.hover_thrust)
         self._stream.send(last)
 
     def hand_over(self, reason: str) -> None:

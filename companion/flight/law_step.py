@@ -4,7 +4,7 @@ import logging
 import math
 
 from companion.control.pipeline import ControlPipeline, PipelineOutput
-from companion.core.types import Array
+from companion.core.types import Array, AttitudeThrust
 from companion.estimation.estimator import EstimatorState, age_s
 from companion.flight.arm_step import ArmStep
 from companion.flight.tick_timer import control_step_s
@@ -42,11 +42,14 @@ class LawStep:
         self.fault, self._not_finite = "", 0
 
     def control(
-        self, flight: FlightState, estimate: EstimatorState, now_s: float
+        self, flight: FlightState, estimate: EstimatorState, sent: AttitudeThrust, now_s: float
     ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
-        """This cycle's setpoint, through the gate; None in phases that send nothing, and where the law raises."""
+        """Return this cycle's setpoint, limited; None in phases that send nothing, and where the law raises.
+
+        `sent` is the law's setpoint that was sent last.
+        """
         try:
-            asked, gated = self._control(flight, estimate, now_s)
+            asked, gated = self._control(flight, estimate, sent, now_s)
         except Exception as error:
             self._lose(error)
             return None, None
@@ -72,7 +75,7 @@ class LawStep:
         self.fault = f"the control law failed: {type(error).__name__}: {error}"
 
     def _control(
-        self, flight: FlightState, estimate: EstimatorState, now_s: float
+        self, flight: FlightState, estimate: EstimatorState, sent: AttitudeThrust, now_s: float
     ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
         dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s
@@ -81,11 +84,11 @@ class LawStep:
             return None, None
         if not flight.airborne:
             thrust = state_machine.ground_thrust(flight, now_s, self._rules)
-            return None, self._stage.on_ground(flight.yaw_rad, thrust, dt_s)
+            return None, self._stage.on_ground(flight.yaw_rad, thrust, sent, dt_s)
         ahead = state_machine.reference_at(flight, now_s + self._stage.preview_s)
         if self._arms is None:
-            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, dt_s)
+            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s)
         else:
             known_w_mps2 = self._arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz)
-            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, dt_s, known_w_mps2)
+            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s, known_w_mps2)
         return asked, asked.gated

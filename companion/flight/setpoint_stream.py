@@ -3,7 +3,7 @@
 import logging
 import math
 
-from companion.control.pipeline import ControlPipeline, same_setpoint
+from companion.control.pipeline import idle_setpoint, same_setpoint
 from companion.core.interfaces import Autopilot, Clock, CompanionError, WatchdogTimer
 from companion.core.types import AttitudeThrust
 from companion.supervisor.faults import Event, Fault
@@ -12,34 +12,27 @@ LOG = logging.getLogger(__name__)
 
 
 class SetpointStream:
-    """Owns whether setpoints leave. Nothing here raises because of the link."""
+    """Owns whether setpoints leave, and which one left last. Nothing here raises because of the link."""
 
-    def __init__(
-        self, autopilot: Autopilot, dead_man: WatchdogTimer, clock: Clock, stage: ControlPipeline, unsent_s: float
-    ) -> None:
-        self._autopilot, self._dead_man, self._clock, self._stage = autopilot, dead_man, clock, stage
+    def __init__(self, autopilot: Autopilot, dead_man: WatchdogTimer, clock: Clock, unsent_s: float) -> None:
+        self._autopilot, self._dead_man, self._clock = autopilot, dead_man, clock
         self._unsent_limit_s = unsent_s
         self._unsent_since_s, self._why_unsent = math.inf, ""
         self.on = False
         """The autopilot gets a setpoint of ours again and again."""
-        self.wire = stage.sent
-        """The setpoint that left last: the law's, with the autopilot's horizon corrected."""
+        self.law_sent = self.wire = idle_setpoint(0.0)
+        """The law's setpoint that left last, or that the stream began with; and with the horizon corrected, `wire`."""
 
     @property
     def sent(self) -> AttitudeThrust | None:
         """The law's setpoint that the autopilot is told now, what the vehicle is to do; None while nothing leaves."""
-        return self._stage.sent if self.on else None
-
-    @property
-    def law_sent(self) -> AttitudeThrust:
-        """The law's setpoint that left last, or that the stream began with."""
-        return self._stage.sent
+        return self.law_sent if self.on else None
 
     def begin(self, at: AttitudeThrust) -> None:
         """A new stream, whose first setpoint is limited as if `at` had left before it; an earlier one ends."""
         if self.on:
             self.stop()
-        self._stage.sent = self.wire = at
+        self.law_sent = self.wire = at
 
     def send(self, setpoint: AttitudeThrust, wire: AttitudeThrust | None = None) -> float:
         """Send it unless the autopilot has it; when it had left (s), or NaN. One that cannot be sent is not `sent`.
@@ -48,14 +41,14 @@ class SetpointStream:
         """
         wire = setpoint if wire is None else wire
         if self.on and same_setpoint(wire, self.wire):
-            self._stage.sent, self._unsent_since_s = setpoint, math.inf
+            self.law_sent, self._unsent_since_s = setpoint, math.inf
             return math.nan
         try:
             self._autopilot.send_setpoint(wire)
         except Exception as error:
             self._fail(error)
             return math.nan
-        self._stage.sent, self.wire, self.on, self._unsent_since_s = setpoint, wire, True, math.inf
+        self.law_sent, self.wire, self.on, self._unsent_since_s = setpoint, wire, True, math.inf
         return self._clock.now_s()
 
     def _fail(self, error: Exception) -> None:

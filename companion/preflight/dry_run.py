@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.pipeline import ControlPipeline, PipelineOutput
+from companion.control.pipeline import ControlPipeline, PipelineOutput, idle_setpoint
 from companion.core.types import Reference, VehicleState
 from companion.flight.arm_step import ArmTick
 from companion.flight.health_step import Cycle, HealthStep, Sides
@@ -32,6 +32,8 @@ class DryRun:
         self._running, self._trajectory, self._sink = running, trajectory, sink
         model, limits, safety = config.vehicle.thrust_model(), config.limits.limits(), config.safety.rules()
         self._stage = ControlPipeline(law, model, limits, guard=config.guard())
+        self._sent = idle_setpoint(0.0)
+        """As if each setpoint were sent."""
         self._health = HealthStep(safety, config.fence.fence(), Sides(disk_free_mb=running.disk_free_mb))
         self._period_s = 1.0 / config.control.rate_hz
         self._begun_s = math.nan
@@ -61,7 +63,7 @@ class DryRun:
             estimate=estimate,
             status=status,
             streaming=streaming,
-            sent=self._stage.sent,
+            sent=self._sent,
             at_max_thrust=False,
             law_fault=self._fault,
             arm_fault=arm_fault,
@@ -102,12 +104,12 @@ class DryRun:
         if math.isnan(self._begun_s):
             self._begun_s = now_s
         try:
-            asked = self._stage.fly(vehicle, age_s, self._reference(now_s + self._stage.preview_s), dt_s)
+            asked = self._stage.fly(vehicle, age_s, self._reference(now_s + self._stage.preview_s), self._sent, dt_s)
         except Exception as error:
             LOG.exception("the control law failed")
             self._fault = f"the control law failed: {type(error).__name__}: {error}"
             return None
-        self._stage.sent = setpoint = asked.gated.setpoint
+        self._sent = setpoint = asked.gated.setpoint
         self._fault = asked.gated.failure
         thrust = float(setpoint.thrust)
         self._cycles += 1

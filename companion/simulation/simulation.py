@@ -82,19 +82,19 @@ def simulate(
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
     eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
     pipeline = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, lead)
-    pipeline.sent = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
-    out = _Out(pilot, lead, pipeline.sent)
+    last = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
+    out = _Out(pilot, lead, last)
     rows = _Rows(keep_signals)
     with np.errstate(over="ignore", invalid="ignore"):  # divergence is a result
         for cycle in range(count):
             look = world.look()
             seen, age_s = eyes.see(look, cycle)
             known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
-            result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), pilot.period_s, known)
+            result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), last, pilot.period_s, known)
             setpoint = result.gated.setpoint
-            sent = out.send(setpoint, changed(setpoint, pipeline.sent), look, seen, age_s)
+            sent = out.send(setpoint, changed(setpoint, last), look, seen, age_s)
             rows.put(world, result.output.accel_w_mps2, result.output.event, sent)
-            pipeline.sent = setpoint
+            last = setpoint
             rows.keep(result.output.signals, pipeline.settle())
             world.advance(out.wire)
             if progress is not None:

@@ -22,6 +22,8 @@ from mock_autopilot.physics.plant import Actuation, PlantParams
 
 LIMITS = Limits()
 DT_S = 0.01
+SENT = idle_setpoint(0.0, 0.5)
+"""The setpoint last sent."""
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 VEHICLE = VehicleState(0.0, np.zeros(3), np.zeros(3), LEVEL, np.zeros(3))
 
@@ -51,7 +53,6 @@ def reference(yaw_rad: float = 0.0) -> Reference:
 
 def stage_of(law: Script) -> ControlPipeline:
     stage = ControlPipeline(law, ThrustModel(), LIMITS)
-    stage.sent = idle_setpoint(0.0, 0.5)
     law.seen.clear()
     law.begun = 0
     return stage
@@ -65,9 +66,8 @@ def pitch_of(setpoint: AttitudeThrust) -> float:
 def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
     law = Script(np.array([9.0, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)
-    asked = stage.fly(VEHICLE, 0.012, reference(), DT_S)
-    stage.sent = asked.gated.setpoint
-    stage.fly(VEHICLE, 0.012, reference(), DT_S)
+    asked = stage.fly(VEHICLE, 0.012, reference(), SENT, DT_S)
+    stage.fly(VEHICLE, 0.012, reference(), asked.gated.setpoint, DT_S)
     np.testing.assert_allclose(law.seen[0].sent_accel_w_mps2, np.zeros(3), atol=1e-12)
     # cut to 0.06 rad in 10 ms, and thrust 0.5 -> 0.55: f = 0.55/0.5 m g along an axis that leans by 0.06 rad
     push = 1.1 * 9.8
@@ -81,23 +81,22 @@ def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
 def test_what_counters_the_arms_is_not_told_as_something_that_moves_the_vehicle() -> None:
     law, arms_mps2 = Script(np.array([0.2, -0.1, 0.3]), event=1.0), np.array([0.15, 0.0, -0.1])
     stage = stage_of(law)
-    stage.sent = stage.fly(VEHICLE, 0.012, reference(), DT_S, arms_mps2).gated.setpoint
-    stage.fly(VEHICLE, 0.012, reference(), DT_S, 2.0 * arms_mps2)
+    sent = stage.fly(VEHICLE, 0.012, reference(), SENT, DT_S, arms_mps2).gated.setpoint
+    stage.fly(VEHICLE, 0.012, reference(), sent, DT_S, 2.0 * arms_mps2)
     np.testing.assert_allclose(law.seen[1].known_accel_w_mps2, 2.0 * arms_mps2)
     np.testing.assert_allclose(law.seen[1].sent_accel_w_mps2, law.accel + arms_mps2, atol=1e-9)
     stage.forget()
-    stage.fly(VEHICLE, 0.012, reference(), DT_S)
+    stage.fly(VEHICLE, 0.012, reference(), sent, DT_S)
     np.testing.assert_allclose(law.seen[2].sent_accel_w_mps2, law.accel, atol=1e-9)
 
 
 def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> None:
     law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)
-    leans = []
+    sent, leans = SENT, []
     for n in range(12):
-        gated = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated
-        stage.sent = gated.setpoint
-        leans.append(pitch_of(gated.setpoint))
+        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).gated.setpoint
+        leans.append(pitch_of(sent))
         law.event = 0.0
         law.accel = np.array([0.0, 0.0, float(n)])  # not an event: not worth sending
     wanted = math.atan2(3.0, 9.8)
@@ -106,12 +105,12 @@ def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> 
 
 def test_a_heading_that_turns_is_sent_without_an_event() -> None:
     law = Script()
-    stage = stage_of(law)
+    stage, sent = stage_of(law), SENT
     for _ in range(3):
-        stage.sent = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated.setpoint
-    little = stage.fly(VEHICLE, 0.01, reference(0.9 * YAW_STEP_RAD), DT_S).gated.setpoint
-    assert same_setpoint(little, stage.sent)
-    more = stage.fly(VEHICLE, 0.01, reference(1.1 * YAW_STEP_RAD), DT_S).gated.setpoint
+        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).gated.setpoint
+    little = stage.fly(VEHICLE, 0.01, reference(0.9 * YAW_STEP_RAD), sent, DT_S).gated.setpoint
+    assert same_setpoint(little, sent)
+    more = stage.fly(VEHICLE, 0.01, reference(1.1 * YAW_STEP_RAD), sent, DT_S).gated.setpoint
     assert 2.0 * math.atan2(float(more.q_w_flu_wxyz[3]), float(more.q_w_flu_wxyz[0])) == pytest.approx(0.022)
 
 
@@ -119,9 +118,9 @@ def test_the_law_begins_afresh_after_forgetting() -> None:
     law = Script(event=1.0)
     stage = stage_of(law)
     for expected in (0, 1, 2):
-        assert stage.fly(VEHICLE, 0.01, reference(), DT_S).output.signals["cycle"] == expected
+        assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).output.signals["cycle"] == expected
     stage.forget()
-    assert stage.fly(VEHICLE, 0.01, reference(), DT_S).output.signals["cycle"] == 0
+    assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).output.signals["cycle"] == 0
     assert law.begun == 2
 
 
@@ -138,30 +137,29 @@ def test_a_second_half_that_raises_is_not_tried_again() -> None:
             return decided, {}
 
     stage = stage_of(law := Halves())
-    stage.fly(VEHICLE, 0.01, reference(), DT_S)
+    stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S)
     law.broken = True
     with pytest.raises(ZeroDivisionError):
         stage.settle()
     assert stage.settle() == {}
-    stage.fly(VEHICLE, 0.01, reference(), DT_S)
+    stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S)
     assert len(law.seen) == 2, "it goes on from what it remembered before"
 
 
 def test_on_the_ground_the_rotors_may_idle_and_the_vehicle_stays_level() -> None:
-    stage = stage_of(Script())
-    stage.sent = idle_setpoint(0.4)
-    gated = stage.on_ground(0.4, 0.02, DT_S)
+    stage, sent = stage_of(Script()), idle_setpoint(0.4)
+    gated = stage.on_ground(0.4, 0.02, sent, DT_S)
     assert float(gated.setpoint.thrust) == 0.02, "below the least thrust of flight"
     np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, [math.cos(0.2), 0.0, 0.0, math.sin(0.2)])
-    assert float(stage.on_ground(0.4, 0.5, DT_S).setpoint.thrust) == pytest.approx(0.05), "and climbs at its rate"
+    assert float(stage.on_ground(0.4, 0.5, sent, DT_S).setpoint.thrust) == pytest.approx(0.05), "and climbs at its rate"
 
 
 def test_what_is_not_finite_never_goes_out() -> None:
     law = Script(np.array([math.nan, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)
-    gated = stage.fly(VEHICLE, 0.01, reference(), DT_S).gated
+    gated = stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).gated
     assert gated.not_finite
-    assert same_setpoint(gated.setpoint, stage.sent)
+    assert same_setpoint(gated.setpoint, SENT)
 
 
 @pytest.mark.parametrize("name", ["practical", "pid"])
@@ -171,14 +169,13 @@ def test_an_absurd_state_breaks_nothing_and_never_goes_out(name: str, absurd: fl
     still, vector = np.zeros(3), np.array([0.1, absurd, 0.0])
     for vehicle in (VehicleState(0.0, vector, still, LEVEL, still), VehicleState(0.0, still, vector, LEVEL, still)):
         stage = ControlPipeline(load_controller(name, VehicleModel(), DT_S).law, ThrustModel(), LIMITS)
-        stage.sent = idle_setpoint(0.0, 0.5)
+        setpoint = SENT
         with np.errstate(all="ignore"):
             for _ in range(20):
-                setpoint = stage.fly(vehicle, 0.01, reference(), DT_S).gated.setpoint
+                setpoint = stage.fly(vehicle, 0.01, reference(), setpoint, DT_S).gated.setpoint
                 stage.settle()
                 assert np.isfinite(setpoint.q_w_flu_wxyz).all()
                 assert LIMITS.min_thrust <= float(setpoint.thrust) <= LIMITS.max_thrust
-                stage.sent = setpoint
 
 
 def test_equal_setpoints_are_equal_to_the_last_bit() -> None:
@@ -217,11 +214,10 @@ class Cycle:
             self.known_accel_w_mps2[index],
         )
 
-    def flown(self, stage: ControlPipeline) -> tuple[AttitudeThrust, ControlOutput]:
-        """One cycle; what it gives is sent."""
-        asked = stage.fly(self.vehicle, self.age_s, self.ahead, DT_S, self.known_accel_w_mps2)
+    def flown(self, stage: ControlPipeline, sent: AttitudeThrust) -> tuple[AttitudeThrust, ControlOutput]:
+        """One cycle after `sent`."""
+        asked = stage.fly(self.vehicle, self.age_s, self.ahead, sent, DT_S, self.known_accel_w_mps2)
         stage.settle()
-        stage.sent = asked.gated.setpoint
         return asked.gated.setpoint, asked.output
 
 
@@ -253,14 +249,16 @@ def test_a_batch_is_its_vehicles_each_through_a_stage_of_its_own(name: str, lead
         return ControlPipeline(law, ThrustModel(curve=0.3), LIMITS, shape)
 
     whole, alone = stage(lead), {index: stage(()) for index in np.ndindex(*lead)}
+    setpoint, sent = idle_setpoint(np.zeros(lead)), dict.fromkeys(alone, idle_setpoint(0.0))
     apart = 0
     for cycle in wandering(lead, 100):
-        setpoint, output = cycle.flown(whole)
+        setpoint, output = cycle.flown(whole, setpoint)
         assert setpoint.q_w_flu_wxyz.shape == (*lead, 4)
         assert setpoint.thrust.shape == lead
         apart += bool(output.event.any() and not output.event.all())
         for index, one in alone.items():
-            single, its_output = cycle.alone(index).flown(one)
+            single, its_output = cycle.alone(index).flown(one, sent[index])
+            sent[index] = single
             np.testing.assert_array_equal(output.event[index], its_output.event)
             np.testing.assert_allclose(setpoint.q_w_flu_wxyz[index], single.q_w_flu_wxyz, rtol=1e-11, atol=1e-12)
             np.testing.assert_allclose(setpoint.thrust[index], single.thrust, rtol=1e-11)
@@ -274,13 +272,13 @@ def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_h
 
     law, yaw_rad = Some(), np.array([0.0, 0.0, 1.5 * YAW_STEP_RAD])
     stage = ControlPipeline(law, ThrustModel(), LIMITS, (3,))
-    stage.sent = idle_setpoint(np.zeros(3), 0.5)
+    sent = idle_setpoint(np.zeros(3), 0.5)
     batch = VehicleState(0.0, np.zeros((3, 3)), np.zeros((3, 3)), np.tile(LEVEL, (3, 1)), np.zeros((3, 3)))
     law.accel = np.zeros((3, 3))
-    stage.fly(batch, 0.01, reference(), DT_S)
+    stage.fly(batch, 0.01, reference(), sent, DT_S)
     law.accel = np.tile([0.0, 0.0, 0.49], (3, 1))  # 5 % of gravity: thrust 0.5 -> 0.525
     turned: Any = yaw_rad
-    setpoint = stage.fly(batch, 0.01, reference(turned), DT_S).gated.setpoint
+    setpoint = stage.fly(batch, 0.01, reference(turned), sent, DT_S).gated.setpoint
     np.testing.assert_allclose(setpoint.thrust, [0.525, 0.5, 0.525])
     np.testing.assert_allclose(2.0 * np.arctan2(setpoint.q_w_flu_wxyz[:, 3], setpoint.q_w_flu_wxyz[:, 0]), yaw_rad)
 
@@ -292,33 +290,31 @@ GUARD = Guard(LIMITS, ThrustModel(), FENCE, coast_s=0.05, degraded_s=0.10)
 
 
 def guarded(law: Script) -> ControlPipeline:
-    stage = ControlPipeline(law, ThrustModel(), LIMITS, guard=GUARD)
-    stage.sent = idle_setpoint(0.0, 0.5)
-    return stage
+    return ControlPipeline(law, ThrustModel(), LIMITS, guard=GUARD)
 
 
 def test_the_guard_has_the_last_word_on_the_state_and_its_age() -> None:
     law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
     wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
-    assert pitch_of(guarded(law).fly(VEHICLE, 0.01, reference(), DT_S).gated.setpoint) == pytest.approx(0.06)
-    gated = guarded(law).fly(wall, 0.01, reference(), DT_S).gated
+    assert pitch_of(guarded(law).fly(VEHICLE, 0.01, reference(), SENT, DT_S).gated.setpoint) == pytest.approx(0.06)
+    gated = guarded(law).fly(wall, 0.01, reference(), SENT, DT_S).gated
     assert gated.fence_cut
     assert pitch_of(gated.setpoint) == pytest.approx(-0.06)
-    gated = guarded(law).fly(VEHICLE, 0.2, reference(), DT_S).gated
+    gated = guarded(law).fly(VEHICLE, 0.2, reference(), SENT, DT_S).gated
     assert gated.age_cut
     assert float(gated.setpoint.thrust) == pytest.approx(0.485)
-    assert pitch_of(stage_of(law).fly(wall, 0.2, reference(), DT_S).gated.setpoint) == pytest.approx(0.06), (
+    assert pitch_of(stage_of(law).fly(wall, 0.2, reference(), SENT, DT_S).gated.setpoint) == pytest.approx(0.06), (
         "without one"
     )
 
 
 def test_the_law_is_told_what_the_guard_made_of_it() -> None:
     law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
-    stage = guarded(law)
+    stage, sent = guarded(law), SENT
     law.seen.clear()
     wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
     for _ in range(2):
-        stage.sent = stage.fly(wall, 0.01, reference(), DT_S).gated.setpoint
+        sent = stage.fly(wall, 0.01, reference(), sent, DT_S).gated.setpoint
     # leaning back by 0.06 rad after 10 ms, the thrust from 0.5 to 0.55: see above
     assert law.seen[1].sent_accel_w_mps2[0] == pytest.approx(-1.1 * 9.8 * math.sin(0.06))
 
@@ -353,18 +349,16 @@ def test_a_legal_flight_is_the_same_to_the_last_bit_with_and_without_guard(name:
     law = load_controller(name, VehicleModel(), DT_S).law
     stage = ControlPipeline(law, ThrustModel(), LIMITS, guard=GUARD)
     bare = ControlPipeline(load_controller(name, VehicleModel(), DT_S).law, ThrustModel(), LIMITS)
-    bare.sent = stage.sent = idle_setpoint(0.0, 0.5)
     state = plant.at_rest(flip_yz(trajectory.at(0.0).position_w_m))
     state = replace(state, thrust_n=np.array(PlantParams().mass_kg * 9.8), on_ground=np.array(False))
-    sent, nothing, largest_m = [stage.sent] * 4, plant.no_wrench(), 0.0
+    sent, nothing, largest_m = [SENT] * 4, plant.no_wrench(), 0.0
     for n in range(round(trajectory.duration_s / DT_S)):
         place, velocity = flip_yz(state.position_ned_m), flip_yz(state.velocity_ned_mps)
         rate, q = flip_yz(state.rate_frd_radps), flip_quat(state.q_ned_frd_wxyz)
         vehicle = VehicleState(0.0, place, velocity, q, rate)
         ahead = trajectory.at(n * DT_S + stage.preview_s)
-        setpoints = [one.fly(vehicle, 0.01, ahead, DT_S).gated.setpoint for one in (stage, bare)]
+        setpoints = [one.fly(vehicle, 0.01, ahead, sent[-1], DT_S).gated.setpoint for one in (stage, bare)]
         assert same_setpoint(*setpoints), f"at {n * DT_S:.2f} s"
-        stage.sent, bare.sent = setpoints
         sent = [*sent[1:], setpoints[0]]
         asked = Actuation(flip_quat(sent[0].q_w_flu_wxyz), sent[0].thrust)
         for _ in range(2):

@@ -12,8 +12,8 @@ from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.law_switch import BLEND_S, HELD_S
 from companion.control.pid import Pid
-from companion.control.pipeline import ControlPipeline, PipelineOutput
-from companion.core.types import Array, Reference, VehicleState
+from companion.control.pipeline import ControlPipeline, PipelineOutput, idle_setpoint
+from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
 from companion.geometry.attitude import ThrustModel, accel_of_setpoint
 from companion.guard.limits import Limits
 
@@ -53,15 +53,15 @@ class Observing(Constant):
         return memory + 1, ControlOutput(-min(DT_S * memory, 1.0) * WIND_W_MPS2, np.array([1.0]), {})
 
 
-def fly(stage: ControlPipeline, cycles: int) -> list[PipelineOutput]:
-    """Fly at rest, as by a vehicle whose rotors and wind are in balance."""
+def fly(stage: ControlPipeline, cycles: int, sent: AttitudeThrust) -> list[PipelineOutput]:
+    """Fly at rest after `sent`, as by a vehicle whose rotors and wind are in balance."""
     zero = np.zeros(3)
     reference = Reference(zero, zero, zero, 0.0)
     flown = []
     for cycle in range(cycles):
-        vehicle = VehicleState(DT_S * cycle, zero, zero, stage.sent.q_w_flu_wxyz, zero)
-        asked = stage.fly(vehicle, 0.01, reference, DT_S)
-        stage.sent = asked.gated.setpoint
+        vehicle = VehicleState(DT_S * cycle, zero, zero, sent.q_w_flu_wxyz, zero)
+        asked = stage.fly(vehicle, 0.01, reference, sent, DT_S)
+        sent = asked.gated.setpoint
         flown.append(asked)
     return flown
 
@@ -73,9 +73,9 @@ def sent_w_mps2(asked: PipelineOutput) -> Array:
 def switched(law: Any, cycles: int) -> tuple[PipelineOutput, list[PipelineOutput]]:
     """Switch from a law that compensates the wind to `law`; return the last cycle before and the cycles after."""
     stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
-    last = fly(stage, 800)[-1]
+    last = fly(stage, 800, idle_setpoint(0.0))[-1]
     stage.switch(law)
-    return last, fly(stage, cycles)
+    return last, fly(stage, cycles, last.gated.setpoint)
 
 
 @pytest.mark.parametrize("law", [Constant((-1.0, 0.5, 0.0)), Seeded((0.0, 0.0, 0.0))], ids=["unseeded", "seeded"])
@@ -162,10 +162,10 @@ def test_a_law_that_finds_the_wind_by_itself_is_not_helped_any_longer() -> None:
 
 def test_at_lift_off_nothing_is_known_and_a_switch_on_the_ground_is_no_switch() -> None:
     stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
-    fly(stage, 800)
+    last = fly(stage, 800, idle_setpoint(0.0))[-1]
     law = Seeded((0.3, 0.0, 0.0))
     stage.switch(law)
     stage.forget()
-    after = fly(stage, 30)
+    after = fly(stage, 30, last.gated.setpoint)
     np.testing.assert_array_equal(law.accel_w_mps2, [0.3, 0.0, 0.0])
     np.testing.assert_allclose(after[-1].output.accel_w_mps2, [0.3, 0.0, 0.0])

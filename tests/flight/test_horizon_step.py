@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 
 from companion.control.horizon_correction import HorizonRules
-from companion.control.pipeline import ControlPipeline
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import AttitudeThrust, AutopilotStatus, VehicleState
 from companion.estimation.estimator import EstimatorState, Verdict
 from companion.flight.horizon_step import HorizonStep
 from companion.flight.setpoint_stream import SetpointStream
-from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import quat_from_rotation_vector
 from companion.guard.limits import Limits
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight_state import FlightState, Phase
 from companion.supervisor.safety_rules import SafetyRules
-from tests.control.test_switching import Constant
 from tests.supervisor.observing import healthy
 
 PERIOD_S = 0.01
@@ -46,8 +43,7 @@ class Loop:
 
     def __init__(self, off_rad: float = OFF_RAD) -> None:
         self.autopilot, limits, safety = _Autopilot(), Limits(), SafetyRules()
-        stage = ControlPipeline(Constant((0.0, 0.0, 0.0)), ThrustModel(), limits)
-        self.stream = SetpointStream(self.autopilot, _Nobody(), _Nobody(), stage, 1.0)  # type: ignore[arg-type]
+        self.stream = SetpointStream(self.autopilot, _Nobody(), _Nobody(), 1.0)  # type: ignore[arg-type]
         self.wire_stage = WireSetpoint(RULES, limits)
         cap_rad = float(RULES.cap_rad)
         self.stage = HorizonStep(self.wire_stage, self.stream, safety, cap_rad, 0.002, PERIOD_S)

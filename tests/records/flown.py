@@ -9,8 +9,16 @@ import numpy as np
 from companion.arms.state_machine import ArmPhase
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import load_controller
-from companion.control.pipeline import ControlPipeline
-from companion.core.types import ArmStatus, AutopilotStatus, FlightMode, JointMotion, MocapFrame, Reference
+from companion.control.pipeline import ControlPipeline, idle_setpoint
+from companion.core.types import (
+    ArmStatus,
+    AttitudeThrust,
+    AutopilotStatus,
+    FlightMode,
+    JointMotion,
+    MocapFrame,
+    Reference,
+)
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.flight.arm_step import ArmTick
@@ -42,7 +50,7 @@ def flight(
     """Yield the ticks of a flight: standby, preflight, track under each controller in turn, disarmed."""
     seed = np.random.default_rng(1)
     estimate, time_s = EstimatorState(), start_s
-    stage: ControlPipeline | None = None
+    stage, sent = None, idle_setpoint(0.0)
     phases = [
         (Phase.STANDBY, "", 10),
         (Phase.PREFLIGHT, "", 10),
@@ -73,7 +81,9 @@ def flight(
                     late=number // 100,
                 )
                 estimate = estimator.step(estimate, frame, EstimatorParams())
-            yield _tick(time_s, phase, name, frame, estimate, stage if name else None)
+            tick = _tick(time_s, phase, name, frame, estimate, (stage, sent) if stage and name else None)
+            sent = sent if tick.gated is None else tick.gated.setpoint
+            yield tick
 
 
 def _tick(
@@ -82,14 +92,14 @@ def _tick(
     name: str,
     frame: MocapFrame | None,
     estimate: EstimatorState,
-    stage: ControlPipeline | None,
+    law: tuple[ControlPipeline, AttitudeThrust] | None,
 ) -> Tick:
-    flown = stage is not None and estimate.vehicle is not None
+    flown = law is not None and estimate.vehicle is not None
     reference = Reference(np.array([math.cos(time_s), math.sin(time_s), 1.0]), ZERO, ZERO, 0.1)
     asked, late = None, {}
-    if stage is not None and estimate.vehicle is not None:
-        asked = stage.fly(estimate.vehicle, estimator.age_s(estimate, time_s), reference, PERIOD_S)
-        stage.sent = asked.gated.setpoint
+    if law is not None and estimate.vehicle is not None:
+        stage, sent = law
+        asked = stage.fly(estimate.vehicle, estimator.age_s(estimate, time_s), reference, sent, PERIOD_S)
         late = stage.settle()
     return Tick(
         time_s=time_s,

@@ -14,7 +14,7 @@ import numpy as np
 
 from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.pipeline import ControlPipeline
+from companion.control.pipeline import ControlPipeline, idle_setpoint
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import Array, AttitudeThrust, VehicleState
 from companion.estimation import estimator
@@ -162,6 +162,7 @@ class _Flying:
         self._model = config.vehicle.thrust_model()
         first = other if other is not None else next(iter(laws.values()))
         self._stage = ControlPipeline(first, self._model, config.limits.limits(), guard=config.guard())
+        self._sent = idle_setpoint(0.0)
         self._law: str | None = None
         self._airborne = False
 
@@ -172,7 +173,8 @@ class _Flying:
             vehicle = VehicleState(
                 tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
             )
-            asked = self._stage.fly(vehicle, given.age_s, given.reference, given.dt_s, given.known_accel_w_mps2)
+            known_mps2 = given.known_accel_w_mps2
+            asked = self._stage.fly(vehicle, given.age_s, given.reference, self._sent, given.dt_s, known_mps2)
             late = self._stage.settle()
             self._compare(tick, done, at_s, asked.output.accel_w_mps2, asked.output.signals | late)
             if self._other is None and tick.setpoint is not None:
@@ -184,7 +186,7 @@ class _Flying:
             done.flown += 1
         self._airborne = given is not None
         if tick.setpoint is not None:
-            self._stage.sent = tick.setpoint
+            self._sent = tick.setpoint
 
     def _begin(self, tick: RecordedTick) -> None:
         """Reset the law where the flight did: without memory, or when it took over from another law."""
