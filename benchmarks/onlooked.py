@@ -16,12 +16,11 @@ import uvloop
 
 from benchmarks.subject import Task
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
-from companion.config.controller_config import load_controller
 from companion.config.records_config import RecordsConfig
 from companion.flight.tick import Tick, TickSink
 from companion.records.record_process import RecordSink
+from companion.service.local_operator import open_local_operator
 from companion.service.telemetry import Telemetry
-from companion.service.vehicle_service import open_service
 
 TURN_TICKS = 10
 NOBODY, RECORD, ALL = "nobody", "record", "record and telemetry"
@@ -69,13 +68,12 @@ class _Turns:
 async def _fly(task: Task, record: RecordSink) -> None:
     telemetry = Telemetry("0" * 16, lambda _: None)
     turns = _Turns({NOBODY: [], RECORD: [record], ALL: [record, telemetry]})
-    law = load_controller(task.controller, task.config.vehicle_model(), 1.0 / task.config.control.rate_hz).law
-    dead_man = KernelWatchdogTimer(task.config.safety.dead_man_s)
-    async with open_service(task.config, law, turns, dead_man) as service:
-        setattr(service.loop, "tick", turns.timed(service.loop.tick))  # noqa: B010 - it is a method for mypy
-        await service.ready()
-        await service.arm()
-        await service.take_off(task.config.flight.takeoff_height_m)
+    watchdog_timer = KernelWatchdogTimer(task.config.safety.dead_man_s)
+    async with open_local_operator(task.config, task.law(), turns, watchdog_timer) as operator:
+        loop = operator.service.loop
+        setattr(loop, "tick", turns.timed(loop.tick))  # noqa: B010 - it is a method for mypy
+        await operator.do("arm")
+        await operator.do("takeoff")
         turns.counts = True
         print("flying", flush=True)
         await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)

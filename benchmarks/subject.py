@@ -15,11 +15,10 @@ from pydantic import BaseModel
 
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import load_controller
-from companion.control.controller import Controller
+from companion.config.controller_config import LoadedController, load_controller
 from companion.control.etnn import Etnn
 from companion.records.recorder import Recorder
-from companion.service.vehicle_service import open_service
+from companion.service.local_operator import open_local_operator
 
 
 class Task(BaseModel):
@@ -30,6 +29,14 @@ class Task(BaseModel):
     every_cycle: bool
     """Send in every cycle, event or not."""
 
+    def law(self) -> LoadedController:
+        """Return the control law of the flight."""
+        loaded = load_controller(self.controller, self.config.vehicle_model(), 1.0 / self.config.control.rate_hz)
+        if self.every_cycle and isinstance(loaded.law, Etnn):
+            gains = loaded.law.gains.model_copy(update={"every_cycle": True})
+            return replace(loaded, law=replace(loaded.law, gains=gains))
+        return loaded
+
 
 def main() -> None:
     """Fly the task of the first argument."""
@@ -38,23 +45,15 @@ def main() -> None:
 
 async def _fly(task: Task) -> None:
     recorder = Recorder()
-    dead_man = KernelWatchdogTimer(task.config.safety.dead_man_s)
-    async with open_service(task.config, _law(task), recorder, dead_man) as service:
-        await service.ready()
-        await service.arm()
-        await service.take_off(task.config.flight.takeoff_height_m)
+    watchdog_timer = KernelWatchdogTimer(task.config.safety.dead_man_s)
+    async with open_local_operator(task.config, task.law(), recorder, watchdog_timer) as operator:
+        await operator.do("arm")
+        await operator.do("takeoff")
         print("flying", flush=True)
         await asyncio.get_running_loop().run_in_executor(None, sys.stdin.read)
     columns = recorder.arrays()
     times = np.stack((columns["frame_received_s"], columns["sent_s"]), axis=-1)
     print(json.dumps(times[np.isfinite(times).all(axis=-1)].tolist()), flush=True)
-
-
-def _law(task: Task) -> Controller:
-    law = load_controller(task.controller, task.config.vehicle_model(), 1.0 / task.config.control.rate_hz).law
-    if task.every_cycle and isinstance(law, Etnn):
-        return replace(law, gains=law.gains.model_copy(update={"every_cycle": True}))
-    return law
 
 
 if __name__ == "__main__":

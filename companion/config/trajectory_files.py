@@ -15,6 +15,7 @@ from companion.trajectories.waypoints import Waypoints
 NAMES = ("ellipse", "figure8")
 _COLUMNS = ["t_s", "x_m", "y_m", "z_m"]
 _YAW = "yaw_rad"
+_DECIMALS = 6
 _WANTED = f"{','.join(_COLUMNS)} or {','.join([*_COLUMNS, _YAW])}"
 
 
@@ -66,6 +67,12 @@ def read_waypoints(path: Path) -> Waypoints:
     yaws_rad = column.get(_YAW, np.zeros(count))
     _check_headings(yaws_rad, table)
     return Waypoints(column["t_s"], np.stack([column[name] for name in _COLUMNS[1:]], axis=-1), yaws_rad)
+
+
+def rows_of(waypoints: Waypoints) -> list[dict[str, float]]:
+    """Return waypoints as rows of the bus's `track` command; rounded, because 400 must fit into one message."""
+    table = np.column_stack((waypoints.times_s, waypoints.positions_w_m, waypoints.yaws_rad)).round(_DECIMALS)
+    return [dict(zip((*_COLUMNS, _YAW), row, strict=True)) for row in table.tolist()]
 
 
 def _check_headings(yaws_rad: Array, table: CsvTable) -> None:

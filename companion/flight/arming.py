@@ -34,14 +34,15 @@ class Arming:
     def checking(self) -> Iterator[None]:
         """While the checks run; FlightError when others run already."""
         if self.under_way:
-            raise FlightError("cannot arm: the checks before arming run already")
+            raise FlightError("the checks before arming run already; wait until they end")
         self.under_way, self.called_off = True, ""
         try:
             yield
         finally:
             self.under_way = False
 
-    def call_off(self, why: str) -> None:
-        """End checks that run; nothing where none do."""
+    def call_off(self, why: str) -> bool:
+        """End the checks; return whether any ran."""
         if self.under_way:
             self.called_off = self.called_off or why
+        return self.under_way

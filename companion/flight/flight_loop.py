@@ -49,7 +49,9 @@ _FAILED = "the flight loop has failed and the autopilot was told to land: only k
 class FlightLoop:
     """Owns the flight's phase and calls, in order, what is pure and what is a device."""
 
-    def __init__(self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink) -> None:
+    def __init__(
+        self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink, law_name: str = ""
+    ) -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
         self._sink: TickSink | None = sink
         self._period_s = 1.0 / config.control.rate_hz
@@ -68,7 +70,7 @@ class FlightLoop:
         self._frame: MocapFrame | None = None
         self._flight = FlightState()
         self._failed = False
-        self.law_name = ""
+        self.law_name = law_name
         """For the record and the operator."""
         self.ticking = False
         """Cycles come by themselves."""
@@ -105,25 +107,30 @@ class FlightLoop:
         """Return why the autopilot did not do what the loop asked of it on its own; empty if it did."""
         return self._calls.failure
 
-    def refusal(self, wanted: Request) -> str:
-        """Return why an operator's request cannot be met now; empty when it can."""
-        if self._failed and not isinstance(wanted, KillRequest):
-            return _FAILED
-        if isinstance(wanted, LandRequest) and self.arming.under_way:
-            return ""
-        of_autopilot = refused_for(wanted, self._autopilot.status())
-        return of_autopilot or state_machine.refusal(
-            self._flight, wanted, self._facts(self._clock.now_s()), self._rules
-        )
+    def refusal(self, request: Request) -> str:
+        """Return why an operator's request would be rejected now; empty when it would be accepted."""
+        inputs = self._facts(self._clock.now_s())
+        return self._rejection(request) or state_machine.refusal(self._flight, request, inputs, self._rules)
 
-    def ask(self, wanted: Request) -> bool:
-        """Hand in an operator's request; False when it is refused."""
-        if self.refusal(wanted):
-            return False
-        if isinstance(wanted, LandRequest):
-            self.arming.call_off(wanted.reason or "a landing was ordered")
-        self._enter(state_machine.apply_request(self._flight, wanted, self._facts(self._clock.now_s()), self._rules))
-        return True
+    def submit(self, request: Request) -> str:
+        """Apply an operator's request; return why it is rejected, empty when it is accepted.
+
+        A landing is also accepted on the ground while the checks before arming run, and ends them.
+        """
+        reason = self._rejection(request)
+        if not reason:
+            inputs = self._facts(self._clock.now_s())
+            flight, reason = state_machine.apply_request(self._flight, request, inputs, self._rules)
+            self._enter(flight)
+        if isinstance(request, LandRequest) and self.arming.call_off(request.reason or "a landing was ordered"):
+            return ""
+        return reason
+
+    def _rejection(self, request: Request) -> str:
+        """Return why a request is rejected whatever the state machine says; empty otherwise."""
+        if self._failed and not isinstance(request, KillRequest):
+            return _FAILED
+        return refused_for(request, self._autopilot.status())
 
     def switch(self, controller: Controller, name: str) -> None:
         """Another control law from the next cycle on, in the air too, without a jump of the setpoint."""
@@ -323,8 +330,9 @@ class FlightLoop:
     def hand_over(self, reason: str) -> None:
         """The autopilot lands what we still fly; nothing where we do not."""
         if self._flight.phase in COMMANDED | {Phase.RESUME}:
-            facts = self._facts(self._clock.now_s())
-            self._enter(state_machine.apply_request(self._flight, HandOverRequest(reason), facts, self._rules))
+            inputs = self._facts(self._clock.now_s())
+            flight, _ = state_machine.apply_request(self._flight, HandOverRequest(reason), inputs, self._rules)
+            self._enter(flight)
 
     def _see_without_checks(self, now_s: float) -> None:
         new = math.isfinite(self._read())

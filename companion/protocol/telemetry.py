@@ -46,6 +46,11 @@ class Reply(_Said):
     session: str = Field("", description="session of the service that replies; not on event")
     data: dict[str, Any] = Field(default_factory=dict, description="requested data: checks, parameters")
 
+    def sentence(self, what: str) -> str:
+        """Return what came of a command, as in "takeoff rejected: the vehicle is disarmed"."""
+        answer = "rejected" if self.answer is Answer.REFUSED else self.answer
+        return f"{what} {answer}{': ' if self.text else ''}{self.text}"
+
 
 class Presence(_Said):
     """Presence of the service, retained; the last will says that it is offline."""

@@ -33,11 +33,11 @@ class ArmActions:
         if arms is None:
             return
         if arms.fault:
-            raise FlightError(f"cannot arm: {arms.fault}")
+            raise FlightError(arms.fault)
         if arms.state.phase is not ArmPhase.HOLDING:
-            raise FlightError(f"cannot arm: the arms are {arms.state.phase}; run `companion arms live ready` first")
+            raise FlightError(f"the arms are {arms.state.phase}; run `companion arms live ready` first")
         if arms.off_stow:
-            raise FlightError(f"cannot arm: {arms.off_stow}; stow the arms first")
+            raise FlightError(f"{arms.off_stow}; stow the arms first")
 
     async def prepare(self) -> Array:
         """Enable torque without a jump and fold the arms, on the ground; return the held joint angles (8,), rad.
@@ -51,18 +51,14 @@ class ArmActions:
         held_rad = await self._held(arms, _SETTLE_S)
         fold = arms.way_to_stow(held_rad, config.floor_z_m) if arms.off_stow else None
         if fold is not None:
-            await self.move(fold)
+            self.begin(fold)
             held_rad = await self._held(arms, fold.duration_s + _SETTLE_S)
         if not await self._wait_until(lambda: not arms.off_stow, _SETTLE_S):
             raise FlightError(f"the arms do not reach their stowed pose: {arms.off_stow}")
         return held_rad
 
-    async def move(self, motion: JointTrajectory) -> None:
-        """Start a motion planned from the held joint angles; raise ArmError with the reason when it may not start."""
-        self.begin(motion)
-
     def begin(self, motion: JointTrajectory) -> None:
-        """Start a motion like `move`, from code that cannot await."""
+        """Start a motion planned from the held joint angles; raise ArmError with the reason when it may not start."""
         arms, _ = self._require_arms()
         arms.play(motion, self._loop.flight.phase)
 

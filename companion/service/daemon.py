@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.adapters.broker import open_broker
-from companion.adapters.mqtt.link import Answering, BusLink, open_bus
+from companion.adapters.mqtt.link import Answering, BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.last_resort import LastResort
 from companion.adapters.system.systemd import Notifier
@@ -74,16 +74,15 @@ async def serve(settings: DaemonSettings) -> None:
     stop = asyncio.Event()
     _end_on_signals(stop, settings)
     asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, settings.last_resort))
-    session, dispatcher = secrets.token_hex(8), CommandDispatcher(settings.config, settings.controller.name)
-    dispatcher.note_law = settings.note_law
+    session = secrets.token_hex(8)
     async with AsyncExitStack() as devices:
         if settings.operator.embedded:
             await devices.enter_async_context(open_broker(settings.operator))
-        command_logger = CommandLogger(dispatcher)
-        link = await devices.enter_async_context(open_bus(settings.operator, MonotonicClock(), session, command_logger))
+        link = BusLink(settings.operator, MonotonicClock(), session)
+        dispatcher = CommandDispatcher(settings.config, settings.note_law, link.rival)
+        publisher = EventPublisher(link, settings.recorder)
+        await devices.enter_async_context(link.listening(CommandLogger(dispatcher, publisher)))
         await _require_only_service(link)
-        dispatcher.rival = link.rival
-        command_logger.tell = publisher = EventPublisher(link, settings.recorder)
         telemetry, heartbeat = Telemetry(session, publisher), LoopHeartbeat()
         publishing = asyncio.create_task(
             _publish_state(link, telemetry, heartbeat, dispatcher, settings), name="companion.state"
@@ -140,7 +139,7 @@ async def _serve_vehicles(
 
         async def one_vehicle(opened: asyncio.Event = opened) -> None:
             async with open_service(
-                settings.config, settings.controller.law, sink, watchdog_timer, settings.records, link
+                settings.config, settings.controller, sink, watchdog_timer, link, settings.records
             ) as service:
                 opened.set()
                 settings.last_resort.flying = partial(_depends_on_process, service)
@@ -154,7 +153,7 @@ async def _serve_vehicles(
                 said = str(error)
                 LOG.error("no vehicle: %s; next attempts every %g s", said, _RETRY_S)  # noqa: TRY400 - for the operator
             telemetry.forget(said)
-            dispatcher.waiting = said
+            dispatcher.waits_for(said)
             if first and isinstance(error, MocapError | ArmError):
                 await begun_unless(stop, asyncio.Event(), _log_other_missing(settings, said))
         finally:
@@ -194,19 +193,18 @@ async def begun_unless(stop: asyncio.Event, begun: asyncio.Event, doing: Corouti
 
 async def _with_vehicle(service: FlightActions, dispatcher: CommandDispatcher, stop: asyncio.Event) -> None:
     """Serve one vehicle until `stop` is set, then land; raise what ends the flight loop earlier."""
-    for warning in service.warnings:
+    for warning in service.reports.warnings:
         LOG.warning("%s", warning)
     LOG.info("the vehicle is there: run `companion preflight`, then `companion arm`")
-    dispatcher.open(service)
     ending = asyncio.create_task(stop.wait(), name="companion.end")
-    try:
-        await asyncio.wait({ending, service.ticking}, return_when=asyncio.FIRST_COMPLETED)
-        if service.ticking.done():
-            service.ticking.result()
-        await _land(service)
-    finally:
-        ending.cancel()
-        await dispatcher.close()
+    async with dispatcher.serving(service):
+        try:
+            await asyncio.wait({ending, service.ticking}, return_when=asyncio.FIRST_COMPLETED)
+            if service.ticking.done():
+                service.ticking.result()
+            await _land(service)
+        finally:
+            ending.cancel()
 
 
 def _flies(service: FlightActions) -> bool:
@@ -283,27 +281,23 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
 class CommandLogger:
     """Wrapper of the dispatcher that publishes and records every command and reply."""
 
-    def __init__(self, dispatcher: CommandDispatcher) -> None:
-        self._dispatcher = dispatcher
-        self.tell: Callable[[Happened], None] | None = None
-        """Publisher of events; None until there is one."""
+    def __init__(self, dispatcher: CommandDispatcher, publish: Callable[[Happened], None]) -> None:
+        self._dispatcher, self._publish = dispatcher, publish
 
     def __call__(self, command: Command, say: Answering) -> None:
         """Publish one command and pass it to the dispatcher."""
 
         def said(reply: Reply) -> None:
             if reply.answer is not Answer.PROGRESS:
-                self._tell(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}", command.id)
+                publish(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}")
             say(reply)
 
-        asked = command.model_dump(exclude=_NOT_PUBLISHED, exclude_none=True)
-        words = " ".join(f"{name}={value}" for name, value in asked.items())
-        self._tell(Kind.COMMAND, words, command.verb, command.id)
-        self._dispatcher.take(command, said)
+        def publish(kind: Kind, text: str, name: str) -> None:
+            self._publish(Happened(time_s=time.time(), kind=kind, text=text, name=name, id=command.id))
 
-    def _tell(self, kind: Kind, text: str, name: str, id_: str) -> None:
-        if self.tell is not None:
-            self.tell(Happened(time_s=time.time(), kind=kind, text=text, name=name, id=id_))
+        fields = command.model_dump(exclude=_NOT_PUBLISHED, exclude_none=True)
+        publish(Kind.COMMAND, " ".join(f"{name}={value}" for name, value in fields.items()), command.verb)
+        self._dispatcher.take(command, said)
 
 
 class EventPublisher:

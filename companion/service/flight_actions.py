@@ -3,8 +3,8 @@
 import asyncio
 import logging
 import math
-from collections.abc import Awaitable, Callable, Coroutine, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from companion.config.companion_config import CompanionConfig
@@ -13,18 +13,16 @@ from companion.core.types import Array, AutopilotStatus
 from companion.flight.flight_loop import FlightLoop
 from companion.preflight.checks.check import Check, refusal
 from companion.service.arm_actions import ArmActions
-from companion.service.trajectory_space import check_climb, check_room, check_room_and_fence
+from companion.service.trajectory_space import check_climb, check_room_and_fence
 from companion.supervisor.faults import FailsafeAction
 from companion.supervisor.flight_state import (
+    INACTIVE,
     ArmRequest,
     FlightState,
-    HoldRequest,
-    KillRequest,
     LandRequest,
     Leg,
     Phase,
     Request,
-    ResumeRequest,
     TakeoffRequest,
     TrackRequest,
 )
@@ -32,8 +30,10 @@ from companion.trajectories.reference import Hold, Trajectory, minimum_jerk_dura
 
 LOG = logging.getLogger(__name__)
 
-Preflight = Callable[[Trajectory | None], Awaitable[Sequence[Check]]]
-"""Runs every preflight check for a vehicle that will fly this trajectory, None if not known yet."""
+Tell = Callable[[str], None]
+"""Takes a sentence about what is waited for."""
+Preflight = Callable[[Tell], Awaitable[Sequence[Check]]]
+"""Runs every preflight check."""
 Params = Callable[[Sequence[str]], Awaitable[dict[str, float]]]
 """Reads the autopilot's parameters by name; those that it does not have are absent."""
 
@@ -46,8 +46,6 @@ _CLIMB_MARGIN_S = 15.0
 _APPROACH_MARGIN_S = 15.0
 """Margin on top of the planned duration of the approach."""
 _SAME_HEIGHT_M = 1e-6
-_OWN_PHASES = frozenset(Phase) - {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}
-"""Phases of a flight that this service has begun."""
 
 
 async def _no_params(_: Sequence[str]) -> dict[str, float]:
@@ -61,6 +59,16 @@ def _ignore_start() -> None:
 
 def _ignore_wait(_: str) -> None:
     """Ignore what the checks wait for."""
+
+
+@dataclass(frozen=True)
+class DeviceReports:
+    """Reports on the devices of a running service."""
+
+    checks: Preflight
+    params: Params = _no_params
+    warnings: tuple[str, ...] = ()
+    """Remarks of the devices on their configuration, for the operator."""
 
 
 def ended_by(flight: FlightState) -> str:
@@ -83,27 +91,12 @@ class FlightActions:
         autopilot: Autopilot,
         config: CompanionConfig,
         ticking: "asyncio.Task[None]",
-        checks: Preflight,
-        params: Params = _no_params,
+        reports: DeviceReports,
     ) -> None:
-        self.loop = loop
-        self.warnings: tuple[str, ...] = ()
-        """Remarks of the devices on their configuration, for the operator."""
+        self.loop, self.reports = loop, reports
         self._autopilot, self._config, self._ticking = autopilot, config, ticking
-        self.checks, self.params = checks, params
-        self.report_wait: Callable[[str], None] = _ignore_wait
-        """Called with what the checks wait for; see report_waits_to."""
         self.arms = ArmActions(loop, config.arms, self.until, self.require_ground)
         """Actions of the arms."""
-
-    @contextmanager
-    def report_waits_to(self, tell: Callable[[str], None]) -> Iterator[None]:
-        """Call `tell` with what the checks wait for while the context is open."""
-        self.report_wait = tell
-        try:
-            yield
-        finally:
-            self.report_wait = _ignore_wait
 
     @property
     def trouble(self) -> str:
@@ -159,7 +152,7 @@ class FlightActions:
     def _not_on_ground(self, in_air: bool) -> str:
         """Return why an action for a disarmed vehicle on the ground is refused, and what to do."""
         where = "in the air" if in_air else "armed"
-        if self.phase not in _OWN_PHASES:
+        if self.phase in INACTIVE:
             return (
                 f"the vehicle is already {where}: this service does not take control of what it did not start; "
                 "use the remote control"
@@ -168,15 +161,14 @@ class FlightActions:
             return "the vehicle is in the air, and this is for the ground: run `companion land` first"
         return "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"
 
-    async def arm(self, trajectory: Trajectory | None = None) -> None:
+    async def arm(self, tell: Tell = _ignore_wait) -> None:
         """Run every check, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
 
-        `trajectory` is what will be flown, if it is known. FlightError names every check that fails, ConfigError the
-        instant at which the trajectory leaves the room. After any interruption, a command or a cancellation, the only
-        request still sent to the autopilot is to disarm.
+        `tell` gets what the checks wait for. FlightError names every check that fails. After any interruption, a
+        command or a cancellation, the only request still sent to the autopilot is to disarm.
         """
-        await self._check(trajectory)
-        self._ask(ArmRequest(), "arm")
+        await self._check(tell)
+        self._submit(ArmRequest())
         arm_requested = False
         try:
             await asyncio.sleep(_STREAM_FIRST_S)
@@ -186,12 +178,12 @@ class FlightActions:
             await self.until(lambda: self.phase is not Phase.PREFLIGHT, self._config.px4.answer_timeout_s)
             self._expect(Phase.ARMED)
         except BaseException:
-            self.loop.ask(LandRequest())
+            self.loop.submit(LandRequest())
             if arm_requested and self.phase is not Phase.LAND:  # in LAND the loop disarms by itself
                 await self._disarm_again()
             raise
 
-    async def _check(self, trajectory: Trajectory | None) -> None:
+    async def _check(self, tell: Tell) -> None:
         """Run the checks before arming; raise FlightError when one fails or an abort or kill comes meanwhile."""
         arming, since_s = self.loop.arming, self.loop.flight.since_s
 
@@ -199,19 +191,17 @@ class FlightActions:
             return bool(arming.called_off) or self.loop.flight.since_s != since_s
 
         with arming.checking():
-            checking = asyncio.ensure_future(self._every_check(trajectory))
+            checking = asyncio.ensure_future(self._every_check(tell))
             await self._unless(ended, checking)
             if ended():
-                why = arming.called_off or self.loop.flight.reason or f"it went to phase {self.phase}"
-                raise FlightError(f"cannot arm: {why}")
+                reason = arming.called_off or self.loop.flight.reason
+                raise FlightError(reason or f"the flight went to phase {self.phase} while the checks ran")
         checking.result()
 
-    async def _every_check(self, trajectory: Trajectory | None) -> None:
+    async def _every_check(self, tell: Tell) -> None:
         await self.require_ground()
         self.arms.check_ready()
-        if trajectory is not None:
-            await check_room(trajectory, self._config)
-        refused = refusal(await self.checks(trajectory))
+        refused = refusal(await self.reports.checks(tell))
         if refused:
             raise FlightError(refused)
 
@@ -239,14 +229,15 @@ class FlightActions:
         except CompanionError as error:
             LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
 
-    async def take_off(self, height_m: float) -> None:
-        """Climb to `height_m` above where the vehicle stands, and hold there.
+    async def take_off(self, height_m: float, accepted: Callable[[], None] = _ignore_start) -> None:
+        """Climb to `height_m` above where the vehicle stands, and hold; `accepted` is called once it has started.
 
         Raises FlightError where the geofence is too near, and when another command held the vehicle at a lower height.
         """
         vehicle = self.loop.estimate.vehicle
         check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
-        self._ask(TakeoffRequest(height_m), "take off")
+        self._submit(TakeoffRequest(height_m))
+        accepted()
         rules = self._config.flight_rules()
         climb_s = minimum_jerk_duration_s(height_m, rules.climb_speed_mps, rules.climb_accel_mps2)
         await self._reach(Phase.HOLD, climb_s + self._config.flight.spool_up_s + _CLIMB_MARGIN_S)
@@ -268,7 +259,7 @@ class FlightActions:
         """
         target = Hold(position_w_m, yaw_rad)
         await check_room_and_fence(target, self._config)
-        self._ask(TrackRequest(target, 0.0), "go there")
+        self._submit(TrackRequest(target, 0.0))
         accepted()
         approach, *_, end = self.loop.flight.legs
         timeout_s = approach.trajectory.duration_s + _APPROACH_MARGIN_S
@@ -285,7 +276,7 @@ class FlightActions:
         """
         await check_room_and_fence(trajectory, self._config)
         settle_s = self._config.flight.settle_s
-        self._ask(TrackRequest(trajectory, settle_s), "fly a trajectory")
+        self._submit(TrackRequest(trajectory, settle_s))
         accepted()
         approach, *_, end = self.loop.flight.legs
         await self._reach(Phase.TRACK, approach.trajectory.duration_s + settle_s + _APPROACH_MARGIN_S, Phase.HOLD, end)
@@ -293,24 +284,9 @@ class FlightActions:
         await asyncio.sleep(settle_s)
         self._expect(Phase.HOLD, end)
 
-    async def hold(self) -> None:
-        """Brake and hover; the interrupted motion is not continued later."""
-        self._ask(HoldRequest(), "hold")
-
-    async def resume(self) -> None:
-        """Take control back from the autopilot or its pilot, and hover where the vehicle is."""
-        self._ask(ResumeRequest(), "take the vehicle back")
-        await self._reach(Phase.HOLD, self._config.px4.answer_timeout_s)
-
     async def disarm(self) -> None:
         """Send a disarm request to the autopilot; raise AutopilotError when it refuses."""
         await self._autopilot.disarm()
-
-    async def kill(self) -> None:
-        """Stop the motors at once, in flight too; the caller has had this confirmed."""
-        self._ask(KillRequest(), "stop the motors")
-        if not await self.until(lambda: not self._autopilot.status().armed, self._config.px4.answer_timeout_s, True):
-            raise FlightError(f"the autopilot is still armed: {self.loop.action_failure or 'it does not answer'}")
 
     async def land(self, reason: str = "") -> None:
         """Land where the vehicle is, stop the motors and disarm, from any phase; on the ground only cancel an arming.
@@ -319,11 +295,14 @@ class FlightActions:
         vehicle, nothing is commanded and their landing is awaited; so is that of a failed flight loop, which has told
         the autopilot to land.
         """
-        if self.phase in {Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED}:
-            self.loop.arming.call_off(reason or "a landing was ordered")
-            return
+        active = self.phase not in INACTIVE
         if self.phase is not Phase.HANDED_OVER:
-            self.loop.ask(LandRequest(reason))
+            self.loop.submit(LandRequest(reason))
+        if active:
+            await self.wait_until_down()
+
+    async def wait_until_down(self) -> None:
+        """Wait until the vehicle is disarmed; raise FlightError when that takes too long or it is not heard."""
         vehicle = self.loop.estimate.vehicle
         height_m = abs(float(vehicle.position_w_m[2])) if vehicle else 0.0
         down_s = height_m / self._config.flight.descent_speed_mps
@@ -342,11 +321,10 @@ class FlightActions:
                 f"the autopilot is still armed after landing: {self.loop.action_failure or f'phase {self.phase}'}"
             )
 
-    def _ask(self, request: Request, what: str) -> None:
-        refusal = self.loop.refusal(request)
-        if refusal or not self.loop.ask(request):
-            before = f" ({self.loop.flight.reason})" if self.loop.flight.reason else ""
-            raise FlightError(f"cannot {what}: {refusal}{before}")
+    def _submit(self, request: Request) -> None:
+        rejection = self.loop.submit(request)
+        if rejection:
+            raise FlightError(rejection)
 
     def _diverted(self, end: Leg | None) -> bool:
         """Return whether another motion has replaced the one that ends with this leg."""

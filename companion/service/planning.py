@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from companion.arms.planning import plan
+from companion.arms.planning import Plan, plan
 from companion.arms.trajectory import JointTrajectory
 from companion.config.arm_files import motion_named
+from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import controller_path, load_controller
 from companion.config.law_margin import require_margin
@@ -18,6 +19,7 @@ from companion.config.trajectory_files import Curve, trajectory_named
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
 from companion.core.interfaces import ConfigError, FlightError
+from companion.core.types import Array
 from companion.core.waypoint_limits import LONGEST_S, time_mistake
 from companion.geometry.frames import yaw_of
 from companion.protocol import commands
@@ -28,7 +30,7 @@ from companion.trajectories.waypoints import Waypoints
 
 _ENDLESS_MOTION_S = 60.0
 """Duration of an endless motion that is played without a trajectory."""
-_APPROACH_S = 30.0
+APPROACH_S = 30.0
 """Time for the approach to the trajectory's start and the pauses around it."""
 
 
@@ -41,26 +43,17 @@ class Planned:
     arms: JointTrajectory | None
 
 
-class Laws:
-    """Control laws by name, for this vehicle."""
+async def load_law(name: str, config: CompanionConfig) -> Controller:
+    """Return a law that has run once; raise ConfigError for an unknown name or a law unfit for this vehicle."""
+    return await asyncio.to_thread(_load_law, name, config)
 
-    def __init__(self, config: CompanionConfig, name: str) -> None:
-        self._config = config
-        self.name = name
-        """Name of the law that a vehicle starts with."""
 
-    async def load(self, name: str) -> Controller:
-        """Return a law that has run once; raise ConfigError for an unknown name or a law unfit for this vehicle."""
-        return await asyncio.to_thread(self._load, name)
-
-    def _load(self, name: str) -> Controller:
-        config = self._config
-        model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
-        loaded = load_controller(name, model, period_s)
-        require_margin(loaded, model, period_s, measure_apart)
-        law = loaded.law
-        ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits())  # first calls are slow
-        return law
+def _load_law(name: str, config: CompanionConfig) -> Controller:
+    model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
+    loaded = load_controller(name, model, period_s)
+    require_margin(loaded, model, period_s, measure_apart)
+    ControlPipeline(loaded.law, config.vehicle.thrust_model(), config.limits.limits())  # first calls are slow
+    return loaded.law
 
 
 async def planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
@@ -78,7 +71,7 @@ def _planned_track(command: commands.Track, service: FlightActions, config: Comp
         trajectory = trajectory_named(name, Curve(command.laps, command.period_s, command.size, height_m))
     arms = None
     if command.arms is not None:
-        arms = _planned_arms(command.arms, trajectory.duration_s + _APPROACH_S, service, config)
+        arms = _planned_arms(command.arms, trajectory.duration_s + APPROACH_S, service, config)
     return Planned(name, trajectory, arms)
 
 
@@ -109,10 +102,14 @@ async def planned_arms(name: str, service: FlightActions, config: CompanionConfi
 def _planned_arms(name: str, duration_s: float, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
     if config.arms is None:
         raise FlightError("this vehicle has no arms: its configuration has no [arms]")
-    held_rad = service.arms.held_rad
-    model = config.arms.model()
-    motion = motion_named(name, duration_s).trajectory(model, held_rad)
-    return plan(model, motion, held_rad, via_rad=(config.arms.home_rad(),)).trajectory
+    return plan_motion(name, duration_s, config.arms, service.arms.held_rad).trajectory
+
+
+def plan_motion(name: str, duration_s: float, arms: ArmsConfig, start_rad: Array) -> Plan:
+    """Plan a motion by its name or file from the joint angles `start_rad` (8,); ConfigError or ArmError if it fails."""
+    model = arms.model()
+    motion = motion_named(name, duration_s).trajectory(model, start_rad)
+    return plan(model, motion, start_rad, via_rad=(arms.home_rad(),))
 
 
 def yaw_here_rad(service: FlightActions) -> float:
@@ -123,11 +120,11 @@ def yaw_here_rad(service: FlightActions) -> float:
     return float(yaw_of(vehicle.q_w_flu_wxyz))
 
 
-async def params_of(service: FlightActions, config: CompanionConfig, law: str) -> dict[str, Any]:
+async def params_of(service: FlightActions, config: CompanionConfig) -> dict[str, Any]:
     """Return the active configuration, the law's file and the autopilot parameters that the preflight reads."""
-    names = sorted(load_recommended(config.preflight.parameters))
+    law, names = service.loop.law_name, sorted(load_recommended(config.preflight.parameters))
     return {
         "config": config.model_dump(mode="json"),
         "controller": {"name": law, **read_toml(controller_path(law))},
-        "px4": await service.params(names),
+        "px4": await service.reports.params(names),
     }

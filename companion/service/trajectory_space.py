@@ -1,7 +1,6 @@
 """Checks that a commanded motion stays in the room and inside the geofence."""
 
 import asyncio
-from collections.abc import Callable
 
 from companion.config.companion_config import LEAST_CLIMB_M, CompanionConfig
 from companion.core.interfaces import FlightError
@@ -22,38 +21,32 @@ def check_climb(height_m: float, position_w_m: Array | None, config: CompanionCo
     `position_w_m` (3,) is in W, None while it is not known.
     """
     if not height_m >= LEAST_CLIMB_M:
-        raise FlightError(f"cannot take off: {height_m:g} m is too low to hover at, at least {LEAST_CLIMB_M:g} m")
+        raise FlightError(f"{height_m:g} m is too low to hover at, at least {LEAST_CLIMB_M:g} m")
     fence = config.fence
-    _require(start_place.check_standing(position_w_m, height_m, fence.fence(), fence.margin_m), "take off")
-
-
-async def check_room(trajectory: Trajectory, config: CompanionConfig) -> None:
-    """Raise ConfigError with the first instant at which the trajectory leaves the room or is too fast."""
-    await _look_along(trajectory, lambda times_s: check_trajectory(trajectory, config.room, _NAME, times_s))
+    _require(start_place.check_standing(position_w_m, height_m, fence.fence(), fence.margin_m))
 
 
 async def check_room_and_fence(trajectory: Trajectory, config: CompanionConfig) -> None:
-    """Check like `check_room`; raise FlightError where it, or braking from it, violates the geofence's margin."""
-    fence, margin_m = config.fence.fence(), config.fence.margin_m
-
-    def look(times_s: Array) -> None:
-        check_trajectory(trajectory, config.room, _NAME, times_s)
-        _require(start_place.check_trajectory(trajectory, fence, margin_m, times_s), "fly a trajectory")
-
-    await _look_along(trajectory, look)
-
-
-async def _look_along(trajectory: Trajectory, look: Callable[[Array], None]) -> None:
-    """Pass the trajectory's instants to `look` in pieces, so that the control loop can run in between.
+    """Check the trajectory like `require_inside`, in pieces, so that the control loop can run in between.
 
     Pieces overlap by two instants, which the acceleration of the heading is computed from.
     """
     times_s = instants_s(trajectory)
     for first in range(0, len(times_s), _PIECE):
-        look(times_s[max(first - 2, 0) : first + _PIECE])
+        require_inside(trajectory, config, _NAME, times_s[max(first - 2, 0) : first + _PIECE])
         await asyncio.sleep(0)
 
 
-def _require(check: Check, what: str) -> None:
+def require_inside(trajectory: Trajectory, config: CompanionConfig, name: str, times_s: Array | None = None) -> None:
+    """Raise ConfigError with the first instant at which the trajectory leaves the room or is too fast.
+
+    Raise FlightError where it, or braking from it, violates the geofence's margin. `name` is for the message; only
+    `times_s` (n,) are checked, None for all of the trajectory.
+    """
+    check_trajectory(trajectory, config.room, name, times_s)
+    _require(start_place.check_trajectory(trajectory, config.fence.fence(), config.fence.margin_m, times_s))
+
+
+def _require(check: Check) -> None:
     if not check.passed:
-        raise FlightError(f"cannot {what}: {check.name}: {check.says}; {check.todo}")
+        raise FlightError(f"{check.name}: {check.says}; {check.todo}")

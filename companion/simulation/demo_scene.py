@@ -81,7 +81,8 @@ def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromL
         time_s=0.0, position_w_m=above, velocity_w_mps=np.zeros(3), yaw_rad=0.0, armed=True, mode=FlightMode.OFFBOARD
     )
     holding = FlightState(phase=Phase.HOLD, legs=(Leg(Phase.HOLD, Hold(above)),))
-    legs = state_machine.apply_request(holding, TrackRequest(trajectory, companion.flight.settle_s), inputs, rules).legs
+    request = TrackRequest(trajectory, companion.flight.settle_s)
+    legs = state_machine.apply_request(holding, request, inputs, rules)[0].legs
     climb_s = minimum_jerk_duration_s(height_m - rules.lift_off_m, rules.climb_speed_mps, rules.climb_accel_mps2)
     climb = Leg(Phase.TAKEOFF, MinimumJerk(start_w_m=_up(rules.lift_off_m), end_w_m=above, duration_s=climb_s))
     way, wait, *_ = legs

@@ -40,6 +40,8 @@ COMMANDED = IN_THE_AIR | {Phase.ARMED}
 """Phases in which the autopilot must be armed and in OFFBOARD."""
 STREAMING = COMMANDED | {Phase.PREFLIGHT, Phase.RESUME}
 """Phases in which setpoints are sent."""
+INACTIVE = frozenset({Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED})
+"""Phases before and after a flight of this service."""
 
 
 class Action(StrEnum):

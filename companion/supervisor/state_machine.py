@@ -29,6 +29,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
+from companion.supervisor.rejections import REJECTIONS
 from companion.supervisor.transitions import (
     append_reason,
     approach,
@@ -49,33 +50,20 @@ from companion.supervisor.transitions import (
 
 __all__ = ["advance", "apply_request", "ground_thrust", "reference_at", "refusal", "strongest"]
 
-_ALLOWED: dict[type, frozenset[Phase]] = {
-    ArmRequest: frozenset({Phase.STANDBY, Phase.DISARMED, Phase.PREFLIGHT, Phase.TERMINATED}),
-    TakeoffRequest: frozenset({Phase.ARMED}),
-    TrackRequest: frozenset({Phase.HOLD, Phase.TRACK}),
-    HoldRequest: frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK}),
-    LandRequest: STREAMING | {Phase.HANDED_OVER},
-    HandOverRequest: COMMANDED | {Phase.RESUME},
-    ResumeRequest: frozenset({Phase.HANDED_OVER}),
-    KillRequest: frozenset(Phase),
-}
-
 
 def refusal(flight: FlightState, request: Request, inputs: FlightInputs, rules: FlightRules) -> str:
-    """Return the reason why a request cannot be met now; empty when it can."""
-    if flight.phase not in _ALLOWED[type(request)]:
-        return f"it does not fit phase {flight.phase}"
+    """Return why a request is rejected: the state and what to do; empty when it is accepted."""
+    rejection = REJECTIONS[type(request)].get(flight.phase)
+    if rejection is not None:
+        return rejection
     if isinstance(request, HoldRequest) and not flight.airborne:
-        return "the vehicle is not in the air"
+        return "the vehicle is not in the air yet; run `companion abort` to stop the motors"
     if isinstance(request, ResumeRequest) and not inputs.armed:
-        return "the vehicle is disarmed"
+        return "the vehicle is disarmed; run `companion arm` first"
     if isinstance(request, ResumeRequest) and not inputs.position_w_m[2] - ground_z_m(flight) > rules.touchdown_m:
-        return "the vehicle stands on the ground"
-    return (
-        _blocking_fault(flight, inputs, rules)
-        if isinstance(request, TakeoffRequest | TrackRequest | ResumeRequest)
-        else ""
-    )
+        return "the vehicle stands on the ground; run `companion disarm`"
+    starts = isinstance(request, TakeoffRequest | TrackRequest | ResumeRequest)
+    return _blocking_fault(flight, inputs, rules) if starts else ""
 
 
 def _blocking_fault(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> str:
@@ -84,11 +72,15 @@ def _blocking_fault(flight: FlightState, inputs: FlightInputs, rules: FlightRule
     return "" if event is None else event.text
 
 
-def apply_request(flight: FlightState, request: Request, inputs: FlightInputs, rules: FlightRules) -> FlightState:
-    """Apply an operator's request; one that `refusal` rejects is ignored (the service rejects it before)."""
-    if refusal(flight, request, inputs, rules):
-        return flight
-    flight = replace(flight, action=None)
+def apply_request(
+    flight: FlightState, request: Request, inputs: FlightInputs, rules: FlightRules
+) -> tuple[FlightState, str]:
+    """Apply an operator's request; return the flight, unchanged with the reason when the request is rejected."""
+    rejection = refusal(flight, request, inputs, rules)
+    return (flight, rejection) if rejection else (_apply(replace(flight, action=None), request, inputs, rules), "")
+
+
+def _apply(flight: FlightState, request: Request, inputs: FlightInputs, rules: FlightRules) -> FlightState:
     if isinstance(request, HandOverRequest | KillRequest):
         return _hand_over_or_kill(flight, request, inputs, rules)
     if isinstance(request, LandRequest):

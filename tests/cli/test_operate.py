@@ -40,9 +40,9 @@ class Flight:
 
     async def __call__(self, service: ScriptedService, command: Command) -> Answers:
         if command.verb == "resume":
-            yield Answer.REFUSED, "cannot resume: it does not fit phase hold"
+            yield Answer.REFUSED, "this service has the vehicle; there is nothing to take back"
         elif command.verb == "hold" and self.grounded:
-            yield Answer.REFUSED, "cannot hold: the vehicle is not in the air"
+            yield Answer.REFUSED, "the vehicle is not in the air"
         elif command.verb == "controller":
             yield Answer.ACCEPTED, ""
             yield Answer.FAILED, "it cannot be read"
@@ -81,7 +81,7 @@ async def test_exit_codes_say_how_it_ended(there: BrokerProcess) -> None:
         ran = [await run(*words) for words in wanted]
     assert {words: one.code for words, one in zip(wanted, ran, strict=True)} == wanted
     assert [len(one.err.splitlines()) for one in ran] == [0, 1, 1, 0, 1, 1]
-    assert ran[2].err == "companion: resume refused: cannot resume: it does not fit phase hold\n"
+    assert ran[2].err == "companion: resume rejected: this service has the vehicle; there is nothing to take back\n"
     assert sorted(one.verb for one in service.taken) == ["controller", "hold", "resume"]
 
 

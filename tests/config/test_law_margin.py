@@ -12,7 +12,7 @@ from companion.control.controller import VehicleModel
 from companion.core.interfaces import ConfigError
 from companion.preflight.service_facts import check_configured_law
 from companion.service import margin_process
-from companion.service.planning import Laws
+from companion.service.planning import load_law
 from tests import warm
 from tests.flights.command import ROOT
 
@@ -88,8 +88,8 @@ def test_on_a_slow_attitude_loop_it_is_refused_with_what_was_found_what_is_wante
 
 async def test_gains_that_swing_are_refused_before_the_law_is_switched(steep: Path) -> None:
     with pytest.raises(ConfigError, match=r"no phase margin .* it swings along x at 1\.0 Hz; at least 20"):
-        await Laws(CompanionConfig(), "etnn").load(str(steep))
-    assert await Laws(CompanionConfig(), "etnn").load("pid")
+        await load_law(str(steep), CompanionConfig())
+    assert await load_law("pid", CompanionConfig())
 
 
 def test_the_preflight_looks_at_the_law_that_is_configured(steep: Path, tmp_path: Path) -> None:

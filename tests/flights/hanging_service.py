@@ -16,7 +16,7 @@ from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.config.companion_config import CompanionConfig, load_config
 from companion.config.controller_config import load_controller
 from companion.core.interfaces import FlightError
-from companion.service.vehicle_service import open_service
+from companion.service.local_operator import open_local_operator
 from tests.flights.command import ROOT
 
 HEIGHT_M = 1.0
@@ -46,16 +46,15 @@ def configured(url: str, qualisys_port: int) -> CompanionConfig:
 
 async def fly_and_hang(config: CompanionConfig) -> None:
     """Hover, and hang when told."""
-    law = load_controller("etnn", config.vehicle_model(), 0.01).law
-    dead_man = KernelWatchdogTimer(config.safety.dead_man_s)
-    async with open_service(config, law, lambda _tick: None, dead_man) as service:
-        await service.ready()
+    law = load_controller("etnn", config.vehicle_model(), 0.01)
+    watchdog_timer = KernelWatchdogTimer(config.safety.dead_man_s)
+    async with open_local_operator(config, law, lambda _tick: None, watchdog_timer) as operator:
         try:
-            await service.arm()
+            await operator.do("arm")
         except FlightError as error:
-            print(f"refused: {error}", flush=True)
+            print(error, flush=True)
         else:
-            await service.take_off(HEIGHT_M)
+            await operator.do("takeoff", height_m=HEIGHT_M)
             print("hovering", flush=True)
         order = await asyncio.to_thread(sys.stdin.readline)
         print(f"hangs at {time.monotonic()}", flush=True)

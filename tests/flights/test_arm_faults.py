@@ -17,16 +17,15 @@ import numpy as np
 import pytest
 
 from companion.arms.model import JOINT_COUNT, JOINT_NAMES
-from companion.arms.planning import plan
 from companion.arms.state_machine import ArmPhase
 from companion.cli.demo.mock_process import free_ports
-from companion.config.arm_files import motion_named
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig, load_config
 from companion.config.controller_config import load_controller
 from companion.flight.flight_loop import FlightLoop
 from companion.records.recorder import Recorder
-from companion.service.vehicle_service import FlightActions, open_service
+from companion.service.local_operator import LocalOperator, open_local_operator
+from companion.service.planning import plan_motion
 from companion.supervisor.flight_state import Phase, TakeoffRequest
 from mock_autopilot.servos.config import Fault
 from tests.flights.command import ROOT
@@ -104,9 +103,9 @@ def rows(ends: str, *, real: bool) -> list[Row]:
 
 @dataclass
 class Stack:
-    """Service, mocks and record of one flight."""
+    """Operator, mocks and record of one flight."""
 
-    service: FlightActions
+    operator: LocalOperator
     mocks: asyncio.subprocess.Process
     config: CompanionConfig
     recorder: Recorder
@@ -126,26 +125,24 @@ async def stack() -> AsyncIterator[Stack]:
             "flight": BRISK,
         }
     )
-    law = load_controller("etnn", config.vehicle_model(), 0.01).law
+    law = load_controller("etnn", config.vehicle_model(), 0.01)
     recorder = Recorder()
     async with (
         mock_process(ROOT / "config" / "mock.toml", 1, ports) as mocks,
-        open_service(config, law, recorder, NoWatchdogTimer()) as service,
+        open_local_operator(config, law, recorder, NoWatchdogTimer()) as operator,
     ):
-        yield Stack(service, mocks, config, recorder)
+        yield Stack(operator, mocks, config, recorder)
 
 
 async def up_and_swinging(flying: Stack) -> None:
     """Hover with both arms in motion."""
+    service = flying.operator.service
+    await flying.operator.do("arm")
+    await flying.operator.do("takeoff", height_m=HEIGHT_M)
     assert flying.config.arms is not None
-    model = flying.config.arms.model()
-    await flying.service.ready()
-    held_rad = await flying.service.arms.prepare()
-    swing = plan(model, motion_named("swing", 60.0).trajectory(model, held_rad), held_rad)
-    await flying.service.arm()
-    await flying.service.take_off(HEIGHT_M)
-    await flying.service.arms.move(swing.trajectory)
-    await asyncio.sleep(0.5 * swing.approach_s)
+    motion = plan_motion("swing", 60.0, flying.config.arms, service.arms.held_rad)
+    service.arms.begin(motion.trajectory)
+    await asyncio.sleep(0.5 * motion.approach_s)
 
 
 def break_it(flying: Stack, fault: dict[str, Any]) -> None:
@@ -156,7 +153,7 @@ def break_it(flying: Stack, fault: dict[str, Any]) -> None:
 
 async def until_phase(flying: Stack, phase: Phase, within_s: float) -> None:
     async with asyncio.timeout(within_s):
-        while flying.service.phase is not phase:  # noqa: ASYNC110 - the phase has no event
+        while flying.operator.service.phase is not phase:  # noqa: ASYNC110 - the phase has no event
             await asyncio.sleep(0.02)
 
 
@@ -202,7 +199,7 @@ async def test_a_fault_that_ends_the_flight(row: Row, caplog: pytest.LogCaptureF
         break_it(flying, row.fault)
         await until_phase(flying, Phase.LAND, 3.0)
         await until_phase(flying, Phase.DISARMED, 20.0)
-        assert_it_came_down(row, flying.service.loop, flying.recorder, driver_log(caplog))
+        assert_it_came_down(row, flying.operator.service.loop, flying.recorder, driver_log(caplog))
 
 
 @pytest.mark.realtime
@@ -212,9 +209,9 @@ async def test_a_fault_that_the_bus_gets_over(row: Row) -> None:
         await up_and_swinging(flying)
         break_it(flying, row.fault)
         await asyncio.sleep(2.0)
-        assert_nothing_came_of_it(flying.service.loop)
-        await flying.service.land()
-        assert flying.service.loop.flight.reason == ""
+        assert_nothing_came_of_it(flying.operator.service.loop)
+        await flying.operator.do("land")
+        assert flying.operator.service.loop.flight.reason == ""
     assert "stow" in set(flying.recorder.arrays()["phase"])
 
 

@@ -152,7 +152,7 @@ async def test_a_service_started_anew_in_the_air_takes_nothing_over(tmp_path: Pa
         scene.flying.process.kill()
         await scene.flying.process.wait()
         anew.tell("open")
-        assert "does not take control of what it did not start" in await anew.says("refused:")
+        assert "does not take control of what it did not start" in await anew.says("arm rejected:")
         assert modes_after(scene.relay, since_s)[-1] == (FlightMode.LAND, True), "that was still in the air"
         await until(lambda: not modes_after(scene.relay, since_s)[-1][1])  # helped by the new one's motion capture
         await assert_silent_and_px4_lands(scene, since_s)

@@ -13,7 +13,7 @@ from companion.supervisor.faults import Fault
 from tests.broker import BrokerProcess, broker
 from tests.flights.command import ROOT, Running, read_json, run, start
 from tests.flights.faults.judge import judged
-from tests.flights.faults.real import Scene, _hover, _to_the_end, mock
+from tests.flights.faults.real import Scene, _to_the_end, hover, mock
 from tests.flights.faults.rows import REAL_S, RULES, End, Row, within
 from tests.flights.faults.watch import Told
 from tests.flights.simulated import BRISK
@@ -93,12 +93,12 @@ async def test_no_frames_any_more_is_px4s_landing_whoever_is_the_reason(
             config = configured(tmp_path, relay.ports.qualisys, server.port)
             async with (
                 bridging(config) as bridge,
-                Scene(relay, autopilot, told).service(mocap=load_config(config).mocap, flight=BRISK) as service,
+                Scene(relay, autopilot, told).service(mocap=load_config(config).mocap, flight=BRISK) as operator,
             ):
-                await _hover(service)
+                await hover(operator)
                 autopilot.tell("begin")
                 break_it(bridge, server)
-                planned_s = await _to_the_end(service)
+                planned_s = await _to_the_end(operator)
             flown = await autopilot.flown()
     result = judged(row, flown, told, planned_s)
     assert not result.problems, result

@@ -18,9 +18,9 @@ from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import MocapError
 from companion.core.types import Array
 from companion.preflight.checks.check import Check
-from companion.service.vehicle_service import FlightActions
+from companion.service.flight_actions import DeviceReports, FlightActions, Tell
 from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
-from companion.trajectories.reference import Ellipse, LapTiming, Trajectory
+from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
@@ -298,7 +298,7 @@ async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
     assert np.abs(np.diff(told, axis=0)).max() < 0.1
 
 
-async def _no_preflight(_: Trajectory | None) -> Sequence[Check]:
+async def _no_preflight(_: Tell) -> Sequence[Check]:
     raise AssertionError("nobody arms")
 
 
@@ -307,7 +307,8 @@ async def test_a_service_knows_of_a_fault_that_did_not_end_the_flight() -> None:
     flight = await fly(script, arms=mock_arms())
     assert flight.loop.flight.reason == "", "it was landing anyway"
     ticking = asyncio.get_running_loop().create_task(asyncio.sleep(0), name="ticking")
-    service = FlightActions(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, _no_preflight)
+    reports = DeviceReports(_no_preflight)
+    service = FlightActions(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, reports)
     await ticking
     assert service.trouble == "left.elbow_pitch (servo 6): overload"
     assert flight.loop.arms is not None

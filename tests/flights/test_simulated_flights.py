@@ -32,7 +32,7 @@ LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1)
 
 def ask(wanted: Request) -> Step:
     def step(flight: Flight) -> bool:
-        assert flight.loop.ask(wanted), f"{wanted} was refused in phase {flight.phase}"
+        assert not flight.loop.submit(wanted), f"{wanted} was refused in phase {flight.phase}"
         return True
 
     return step
@@ -203,7 +203,7 @@ async def test_what_one_flight_was_refused_is_no_reason_of_the_next() -> None:
     flight = await fly([*ARM, ask(LandRequest()), until(Phase.DISARMED)])
     flight.loop._calls.failure = "the autopilot refused to disarm: not landed"
     assert flight.loop.action_failure
-    assert flight.loop.ask(ArmRequest())
+    assert not flight.loop.submit(ArmRequest())
     assert flight.loop.action_failure == ""
 
 
@@ -219,7 +219,7 @@ async def test_a_pilot_who_changes_the_mode_has_the_vehicle() -> None:
     over_s = flight.loop.flight.since_s
     assert flight.loop.flight.reason == "the autopilot shows mode land, not offboard: Landing at current position"
     assert all(at_s <= over_s for at_s, _ in flight.autopilot.setpoints), "it fought the pilot"
-    assert not flight.loop.ask(TrackRequest(LAP, 1.0)), "nothing but a new beginning is accepted"
+    assert flight.loop.submit(TrackRequest(LAP, 1.0)), "nothing but a new beginning is accepted"
 
 
 async def test_a_kill_ends_the_flight() -> None:
@@ -286,7 +286,7 @@ async def test_an_armed_vehicle_is_not_taken_over() -> None:
 
     def take_over(flight: Flight) -> bool:
         flight.loop._enter(replace(flight.loop.flight, phase=Phase.STANDBY))
-        refused.append(not flight.loop.ask(ArmRequest()))
+        refused.append(bool(flight.loop.submit(ArmRequest())))
         return True
 
     flight = await fly([*UP, wait(1.0), take_over])

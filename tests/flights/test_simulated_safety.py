@@ -102,9 +102,9 @@ async def test_a_failed_loop_takes_a_kill_and_nothing_else() -> None:
     assert flight.room.bench.setpoint is None, "nobody repeats the last setpoint"
     for wanted in (ResumeRequest(), LandRequest(), HandOverRequest("")):
         assert "the flight loop has failed" in flight.loop.refusal(wanted)
-        assert not flight.loop.ask(wanted)
+        assert flight.loop.submit(wanted)
     assert flight.room.bench.setpoint is None
-    assert flight.loop.ask(KillRequest())
+    assert not flight.loop.submit(KillRequest())
     while flight.loop._calls.pending:
         await asyncio.sleep(0)
         flight.room.bench.run(0.02)
@@ -125,7 +125,7 @@ async def test_closing_while_the_vehicle_is_taken_back_lands_it() -> None:
         answered_by(flight, Action.OFFBOARD, start_offboard)
 
     def resume_and_close(flight: Flight) -> None:
-        assert flight.loop.ask(ResumeRequest())
+        assert not flight.loop.submit(ResumeRequest())
         closed.append(asyncio.create_task(flight.loop.close()))
 
     pilot = [inject("autopilot wrong (pilot takes over)"), until(Phase.HANDED_OVER), wait(1.0)]
@@ -239,7 +239,7 @@ async def test_taking_the_vehicle_back_ends_the_stream_that_was_left() -> None:
     def take_back(flight: Flight) -> None:
         assert flight.room.bench.setpoint is not None, "level, until the autopilot lands"
         listen(flight)
-        assert flight.loop.ask(ResumeRequest())
+        assert not flight.loop.submit(ResumeRequest())
 
     script = [*UP, ask(HandOverRequest("somebody asked")), wait(0.1), do(take_back), until(Phase.HOLD), wait(2.0)]
     flight = await fly(script, lost_land_commands=1)

@@ -15,11 +15,11 @@ from companion.config.companion_config import load_config
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import CompanionError
 from companion.preflight import service_facts
-from companion.service.vehicle_service import FlightActions
+from companion.service.flight_actions import FlightActions
 from companion.supervisor.faults import FailsafeAction, Fault
 from companion.supervisor.flight_state import Phase
 from tests.broker import broker
-from tests.flights.faults.real import Scene, _hover, mock
+from tests.flights.faults.real import Scene, hover, mock
 from tests.flights.faults.rows import REAL_S, RULES, within
 from tests.flights.faults.watch import Told
 from tests.flights.simulated import BRISK
@@ -62,16 +62,17 @@ async def test_another_body_is_refused_on_the_ground_and_in_the_air_px4_lands(
             assert relay.ports.qualisys is not None
             async with (
                 mocap(way, tmp_path, relay.ports.qualisys) as source,
-                Scene(relay, autopilot, told).service(mocap=source, flight=BRISK) as service,
+                Scene(relay, autopilot, told).service(mocap=source, flight=BRISK) as operator,
             ):
+                service = operator.service
                 await service.ready()
                 autopilot.tell(f"{REPLACED} for {GROUND_S:g} s")
                 until_s = time.monotonic() + GROUND_S
                 await asyncio.sleep(0.1)
                 with pytest.raises(CompanionError, match="does not know the body 'dauam'; it has: box"):
-                    await service.arm()
+                    await operator.do("arm")
                 await asyncio.sleep(until_s - time.monotonic() + 0.2)
-                await _hover(service)
+                await hover(operator)
                 replaced_s = time.monotonic()
                 autopilot.tell(REPLACED)
                 await until(service, Phase.HANDED_OVER)

@@ -86,7 +86,7 @@ def test_what_is_wrong_refuses_arming_and_says_what_to_do(change: dict[str, Any]
     assert check.says
     assert check.todo
     text = refusal([check])
-    assert text.startswith("cannot arm: a preflight check fails\n")
+    assert text.startswith("a preflight check fails\n")
     assert check.says in text
     assert check.todo in text
 
@@ -176,7 +176,7 @@ def test_every_failed_check_stands_in_the_refusal() -> None:
         ready(), kept="never: there is no /var/lib/dauam/by_hand.json", status=replace(STATUS, battery_fraction=0.1)
     )
     text = refusal(check_all(facts, CONFIG, WANTED, RECOMMENDED))
-    assert text.splitlines()[0] == "cannot arm: 2 preflight checks fail"
+    assert text.splitlines()[0] == "2 preflight checks fail"
     assert "battery: 10%" in text
     assert "carried by hand: never" in text
 

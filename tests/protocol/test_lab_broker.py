@@ -12,7 +12,7 @@ from pathlib import Path
 import aiomqtt
 import pytest
 
-from companion.adapters.mqtt.link import open_bus
+from companion.adapters.mqtt.link import BusLink
 from companion.client.client import open_console
 from companion.client.command_draft import CommandDraft
 from companion.client.errors import NobodyThereError
@@ -59,7 +59,8 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
 @asynccontextmanager
 async def serving(place: OperatorConfig, vehicle: Vehicle) -> AsyncIterator[None]:
     """The service's end of the bus, connected."""
-    async with open_bus(place, CLOCK, SESSION, vehicle.on_command) as link:
+    link = BusLink(place, CLOCK, SESSION)
+    async with link.listening(vehicle.on_command):
 
         async def show() -> None:
             while True:

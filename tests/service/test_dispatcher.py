@@ -5,7 +5,7 @@ import itertools
 import json
 import re
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,8 +17,8 @@ from companion.preflight.checks.check import Check
 from companion.protocol.commands import COMMAND
 from companion.protocol.telemetry import ENDS, Answer, Reply
 from companion.service.dispatcher import CommandDispatcher
+from companion.service.flight_actions import DeviceReports, Tell
 from companion.supervisor.flight_state import Phase
-from companion.trajectories.reference import Trajectory
 from tests.flights.simulated import Room
 from tests.flights.test_simulated_arms import ARMS, mock_arms
 from tests.service.test_flight_actions import BOOTED_S, Served, served
@@ -57,10 +57,11 @@ class Asked:
 
 @dataclass
 class Operated:
-    """A vehicle, and the desk in front of it."""
+    """A vehicle and its dispatcher, which serves it until `serving` is closed."""
 
     one: Served
     desk: CommandDispatcher
+    serving: AsyncExitStack
 
     def say(self, verb: str, **arguments: Any) -> Asked:
         data = {"verb": verb, "id": f"t-{next(_IDS)}", "session": SESSION, "sent_s": 1.0, **arguments}
@@ -73,29 +74,26 @@ class Operated:
 
 
 @asynccontextmanager
-async def operated(arms: bool = False) -> AsyncIterator[Operated]:
+async def operated(arms: bool = False, rival: str = "") -> AsyncIterator[Operated]:
     config = CompanionConfig(arms=ARMS if arms else None, flight=BRISK)
     room = Room(1, arms=mock_arms() if arms else None)
-    async with served(room, config) as one:
+    async with served(room, config) as one, AsyncExitStack() as serving:
         await one.until(BOOTED_S)
-        desk = CommandDispatcher(config, "etnn")
-        desk.open(one.service)
-        try:
-            yield Operated(one, desk)
-        finally:
-            await desk.close()
+        desk = CommandDispatcher(config, rival=lambda: rival)
+        await serving.enter_async_context(desk.serving(one.service))
+        yield Operated(one, desk, serving)
 
 
 async def arming_that_checks(op: Operated) -> Asked:
     """An arming whose checks have begun and take a while."""
     checking = asyncio.Event()
 
-    async def check(_: Trajectory | None) -> Sequence[Check]:
+    async def check(_: Tell) -> Sequence[Check]:
         checking.set()
         await asyncio.sleep(0.1)
         return ()
 
-    op.one.service.checks = check
+    op.one.service.reports = DeviceReports(check)
     arming = op.say("arm")
     await checking.wait()
     return arming
@@ -136,14 +134,14 @@ async def test_acceptance_and_completion_are_told_apart() -> None:
 @pytest.mark.parametrize(
     ("verb", "arguments", "why"),
     [
-        ("takeoff", {}, "^cannot take off in phase standby: the vehicle is disarmed; run `companion arm` first$"),
+        ("takeoff", {}, "^the vehicle is disarmed; run `companion arm` first$"),
         (
             "goto",
             {"x_m": 0.0, "y_m": 0.0, "z_m": 1.0},
-            "in phase standby: the vehicle is disarmed; run `companion arm`, then `companion takeoff` first$",
+            "^the vehicle is disarmed; run `companion arm`, then `companion takeoff` first$",
         ),
-        ("track", {"curve": "ellipse"}, "^cannot fly a trajectory in phase standby: the vehicle is disarmed; run"),
-        ("hold", {}, "^cannot hold in phase standby: the vehicle is on the ground$"),
+        ("track", {"curve": "ellipse"}, "^the vehicle is disarmed; run"),
+        ("hold", {}, "^the vehicle is on the ground$"),
         ("resume", {}, "says that the vehicle is on the ground$"),
         ("controller", {"name": "nobody"}, "unknown controller 'nobody'"),
         ("arms", {"do": "stow"}, "no arms"),
@@ -212,10 +210,10 @@ async def test_what_must_not_wait_ends_what_is_under_way_and_is_named(verb: str,
 
 
 async def test_beside_another_service_of_its_name_nothing_is_armed() -> None:
-    async with operated() as op:
-        op.desk.rival = lambda: "another service has this vehicle's name"
+    rival = "another service has this vehicle's name"
+    async with operated(rival=rival) as op:
         said = await op.do("arm")
-        assert (said.answer, said.text) == (Answer.REFUSED, "cannot arm: another service has this vehicle's name")
+        assert (said.answer, said.text) == (Answer.REFUSED, rival)
 
 
 async def test_kill_stops_the_motors_in_the_air() -> None:
@@ -293,7 +291,7 @@ async def test_a_desk_that_closes_answers_what_is_under_way() -> None:
         going = op.say("goto", x_m=0.4, y_m=0.0, z_m=0.8)
         while not going.replies:  # noqa: ASYNC110
             await asyncio.sleep(0)
-        await op.desk.close()
+        await op.serving.aclose()
         assert (await going.end()).answer is Answer.FAILED
         late = op.say("takeoff")
         assert late.answers == [Answer.REFUSED]

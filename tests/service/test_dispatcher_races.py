@@ -171,18 +171,10 @@ async def test_a_command_of_the_turn_in_which_the_desk_closes_is_answered_and_le
     async with operated() as op:
         await flying(op)
         going = op.say("goto", **GOTO)
-        await op.desk.close()
+        await op.serving.aclose()
         assert going.replies[-1].answer in BADLY
-        op.desk.open(op.one.service)
-        assert (await op.do("goto", **GOTO)).answer is Answer.DONE
-
-
-async def test_a_vehicle_that_comes_back_is_flown_by_the_law_that_is_named() -> None:
-    async with operated() as op:
-        assert (await op.do("controller", name="pid")).text == "pid is to fly"
-        await op.desk.close()
-        op.desk.open(op.one.service)  # as for a flight loop that was begun anew, with the first law
-        assert op.one.service.loop.law_name == "etnn"
+        async with op.desk.serving(op.one.service):
+            assert (await op.do("goto", **GOTO)).answer is Answer.DONE
 
 
 @pytest.mark.parametrize("verb", ["abort", "land", "disarm"])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.core.types import FlightMode
+from companion.supervisor import state_machine
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight_state import (
     Action,
@@ -23,7 +24,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, apply_request, reference_at
+from companion.supervisor.state_machine import advance, reference_at
 from companion.trajectories.reference import Ellipse, Trajectory
 
 RULES = FlightRules()
@@ -31,6 +32,11 @@ DT_S = 0.01
 GROUND = np.array([1.0, 2.0, 0.1])
 CENTRE = np.array([0.0, 0.0, 1.2])
 CURVE: Trajectory = Ellipse(CENTRE)
+
+
+def apply_request(flight: FlightState, wanted: Request, inputs: FlightInputs, rules: FlightRules) -> FlightState:
+    """Return the flight after a request; unchanged when it is rejected."""
+    return state_machine.apply_request(flight, wanted, inputs, rules)[0]
 
 
 def event(fault: Fault, text: str = "") -> Event:

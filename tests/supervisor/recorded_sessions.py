@@ -15,11 +15,12 @@ from companion.guard.geofence import Fence
 from companion.supervisor.faults import Event
 from companion.supervisor.flight_state import STREAMING, Action, FlightRules, FlightState, Leg, Phase, Request
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, apply_request
+from companion.supervisor.state_machine import advance
 from companion.trajectories.reference import Hold
 from tests.adapters.px4.recorded_px4 import RecordedPx4
 from tests.mock_autopilot.reenact.known import CAPTURES, SAVED
 from tests.mock_autopilot.reenact.session import Pose, Session, load
+from tests.supervisor.flown import apply_request
 
 CYCLE_S = 0.01
 HOVERS_AFTER_S = 9.0

@@ -11,13 +11,14 @@ from companion.core.types import FlightMode
 from companion.supervisor.faults import ROWS, TABLE, FailsafeAction, Fault, Row, Stage, reaction_to
 from companion.supervisor.flight_state import STREAMING, Action, FlightState, KillRequest, Phase, ResumeRequest
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, apply_request, strongest
+from companion.supervisor.state_machine import advance, strongest
 from tests.supervisor.flown import (
     DT_S,
     IN_THE_AIR,
     ON_THE_GROUND,
     RULES,
     STATES,
+    apply_request,
     bits,
     end_of,
     event,

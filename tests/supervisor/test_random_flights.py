@@ -26,8 +26,8 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, apply_request, ground_thrust, reference_at
-from tests.supervisor.flown import CURVE, GROUND, RULES, STATES
+from companion.supervisor.state_machine import advance, ground_thrust, reference_at
+from tests.supervisor.flown import CURVE, GROUND, RULES, STATES, apply_request
 
 WAYS: dict[Phase, set[Phase]] = {
     Phase.STANDBY: {Phase.PREFLIGHT},

@@ -10,8 +10,8 @@ from companion.supervisor.faults import Event, Fault
 from companion.supervisor.flight_state import Action, FlightInputs, FlightState, HandOverRequest, Phase
 from companion.supervisor.health.autopilot import AutopilotHealth, check_autopilot
 from companion.supervisor.safety_rules import SafetyRules
-from companion.supervisor.state_machine import advance, apply_request
-from tests.supervisor.flown import DT_S, GROUND, RULES, STATES, facts
+from companion.supervisor.state_machine import advance
+from tests.supervisor.flown import DT_S, GROUND, RULES, STATES, apply_request, facts
 from tests.supervisor.observing import healthy
 from tests.supervisor.recorded_landings import LANDINGS, TOUCHDOWN_TO_LANDED_S, Landing, Seen
 

@@ -25,7 +25,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, apply_request, reference_at, refusal
+from companion.supervisor.state_machine import advance, reference_at, refusal
 from companion.trajectories.reference import FigureEight
 from tests.supervisor.flown import (
     CENTRE,
@@ -37,6 +37,7 @@ from tests.supervisor.flown import (
     ON_THE_GROUND,
     RULES,
     STATES,
+    apply_request,
     armed,
     bits,
     end_of,
@@ -124,13 +125,14 @@ def test_a_request_does_what_the_table_says_and_nothing_else(state: str, wanted:
 @pytest.mark.parametrize(
     ("state", "wanted", "words"),
     [
-        ("standby", HoldRequest(), "it does not fit phase standby"),
-        ("handed over", TrackRequest(CURVE, 1.0), "it does not fit phase handed over"),
-        ("spooling up", HoldRequest(), "the vehicle is not in the air"),
+        ("standby", TakeoffRequest(1.0), "the vehicle is disarmed; run `companion arm` first"),
+        ("tracking", ResumeRequest(), "this service has the vehicle; there is nothing to take back"),
+        ("spooling up", HoldRequest(), "the vehicle is not in the air yet; run `companion abort` to stop the motors"),
     ],
 )
 def test_a_refusal_says_why(state: str, wanted: Request, words: str) -> None:
     assert refusal(STATES[state][0], wanted, usual(state), RULES) == words
+    assert state_machine.apply_request(STATES[state][0], wanted, usual(state), RULES) == (STATES[state][0], words)
 
 
 @EVERY_STATE
@@ -334,9 +336,9 @@ def test_nothing_is_begun_that_a_fault_would_end_at_once(fault: Fault) -> None:
 @pytest.mark.parametrize(
     ("height_m", "armed_now", "words"),
     [
-        (1.0, False, "the vehicle is disarmed"),
-        (0.06, True, "the vehicle stands on the ground"),
-        (np.nan, True, "the vehicle stands on the ground"),
+        (1.0, False, "the vehicle is disarmed; run `companion arm` first"),
+        (0.06, True, "the vehicle stands on the ground; run `companion disarm`"),
+        (np.nan, True, "the vehicle stands on the ground; run `companion disarm`"),
         (0.07, True, ""),
     ],
 )

@@ -22,7 +22,7 @@ from companion.supervisor.flight_state import (
     TakeoffRequest,
     TrackRequest,
 )
-from companion.supervisor.state_machine import advance, apply_request, reference_at
+from companion.supervisor.state_machine import advance, reference_at
 from companion.trajectories.reference import Ellipse, FigureEight, Hold, MinimumJerk, Trajectory
 from tests.supervisor.flown import (
     CENTRE,
@@ -32,6 +32,7 @@ from tests.supervisor.flown import (
     IN_THE_AIR,
     RULES,
     STATES,
+    apply_request,
     approaching,
     armed,
     descending,

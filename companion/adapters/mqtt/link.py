@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 
 import aiomqtt
 from pydantic import BaseModel
@@ -39,31 +40,12 @@ Answering = Callable[[Reply], None]
 OnCommand = Callable[[Command, Answering], None]
 
 
-@asynccontextmanager
-async def open_bus(
-    config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand
-) -> AsyncIterator["BusLink"]:
-    """Listen for commands from now on; goes on in the background while there is no broker.
-
-    `session` is new for every run, 16 hex digits. `on_command` is called on this event loop for every command that
-    counts, and must not wait; a CompanionError it raises is answered with a refusal. Raises ConfigError when password
-    or certificate cannot be read, and nothing later.
-    """
-    link = BusLink(config, clock, session, on_command)
-    keeping = asyncio.create_task(link.keep(), name="companion.bus")
-    try:
-        yield link
-        await link.last_words()
-    finally:
-        keeping.cancel()
-        await asyncio.wait([keeping])
-
-
 class BusLink:
-    """OperatorLink interface, and the service's telemetry and events; made by `open_bus`. For its event loop only."""
+    """OperatorLink interface, and the service's telemetry and events; for one event loop only."""
 
-    def __init__(self, config: OperatorConfig, clock: Clock, session: str, on_command: OnCommand) -> None:
-        self._clock, self._on_command = clock, on_command
+    def __init__(self, config: OperatorConfig, clock: Clock, session: str) -> None:
+        """`session` is new for every run, 16 hex digits. ConfigError when password or certificate cannot be read."""
+        self._clock = clock
         self._topics = config.topics
         self._intake = Intake(session)
         self._presence = Presence(
@@ -113,23 +95,36 @@ class BusLink:
         self._state = state
         self._shown.set()
 
-    async def last_words(self) -> None:
+    @asynccontextmanager
+    async def listening(self, on_command: OnCommand) -> AsyncIterator[None]:
+        """Take commands from now on; continue in the background while there is no broker. Raises nothing.
+
+        `on_command` is called on this event loop for every valid command, and must not wait; a CompanionError that it
+        raises is answered with a refusal.
+        """
+        keeping = asyncio.create_task(
+            self._broker_link.keep(partial(self._connected, on_command)), name="companion.bus"
+        )
+        try:
+            yield
+            await self._last_words()
+        finally:
+            keeping.cancel()
+            await asyncio.wait([keeping])
+
+    async def _last_words(self) -> None:
         """Wait until all is said that can be said soon."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_LAST_WORDS_S if self._broker_link.there else 0.0):
                 await asyncio.gather(self._replies.empty(), self._events.empty())
 
-    async def keep(self) -> None:
-        """Connect, again and again, until cancelled."""
-        await self._broker_link.keep(self._connected)
-
-    async def _connected(self, version: aiomqtt.ProtocolVersion) -> None:
+    async def _connected(self, on_command: OnCommand, version: aiomqtt.ProtocolVersion) -> None:
         """Run one connection until it breaks; raises what broke it."""
         async with Connection(self._endpoint, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
             await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._listen(broker), name="companion.bus.listen")
+                group.create_task(self._listen(broker, on_command), name="companion.bus.listen")
                 if not self._listened.is_set():  # once in a run: later the vehicle may fly
                     await asyncio.sleep(LISTEN_S)
                     self._listened.set()
@@ -167,14 +162,14 @@ class BusLink:
             LOG.warning("the operator's broker passes on nothing that we say below %s: %s", self._topics.root, why)
             self._objection = why
 
-    async def _listen(self, broker: Connection) -> None:
+    async def _listen(self, broker: Connection, on_command: OnCommand) -> None:
         async for message in broker.messages:
             if message.topic.value == self._topics.command:  # some brokers send what was not subscribed to
-                self._take(message)
+                self._take(message, on_command)
             elif message.topic.value == self._topics.status and self._rival.note(message):
                 LOG.error("%s", self._rival.sentence)
 
-    def _take(self, message: aiomqtt.Message) -> None:
+    def _take(self, message: aiomqtt.Message, on_command: OnCommand) -> None:
         payload = message.payload if isinstance(message.payload, bytes) else b""
         path = ReplyAddress.of(message, self._topics)
         if message.retain:
@@ -183,10 +178,10 @@ class BusLink:
         taken = self._intake.take(payload, time.time())
         if isinstance(taken, Refusal):
             return self._refuse(path, taken)
-        self._hand_on(taken, path.named(taken.reply_to))
+        self._hand_on(taken, path.named(taken.reply_to), on_command)
         return None
 
-    def _hand_on(self, command: Command, path: ReplyAddress) -> None:
+    def _hand_on(self, command: Command, path: ReplyAddress, on_command: OnCommand) -> None:
         LOG.info("the operator commands %s (%s)", command.verb, command.id)
 
         def answer(reply: Reply) -> None:
@@ -196,7 +191,7 @@ class BusLink:
             answer(Reply(id=command.id, answer=what, time_s=time.time(), text=text))
 
         try:
-            self._on_command(command, answer)
+            on_command(command, answer)
         except CompanionError as error:
             end(Answer.REFUSED, str(error))
         except Exception as error:

@@ -3,7 +3,7 @@
 import json
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,7 +14,6 @@ from rich.console import Console
 
 from companion.analysis.summary import Summary
 from companion.cli.complete import controllers, motions_or_off, trajectories
-from companion.cli.demo.arms import plan_arms
 from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
 from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
@@ -26,10 +25,15 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController, load_controller
 from companion.config.law_margin import require_margin
 from companion.config.locations import default_config_path
-from companion.config.trajectory_files import Curve, trajectory_named
+from companion.config.trajectory_files import Curve, rows_of, trajectory_named
+from companion.core.interfaces import ConfigError
+from companion.protocol.commands import Track
+from companion.service.local_operator import local_command
+from companion.service.planning import APPROACH_S, plan_motion
+from companion.service.trajectory_space import require_inside
 from companion.supervisor.faults import Fault
 from companion.trajectories.reference import Trajectory
-from companion.trajectories.room_check import check_trajectory
+from companion.trajectories.waypoints import Waypoints
 
 _BUSY = frozenset({
     Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.MOCAP_SILENT, Fault.MOCAP_SLOW, Fault.MOCAP_DELAYED,
@@ -90,14 +94,15 @@ def demo(
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)
+    require_inside(flown, settings, trajectory)
+    notes = _check_arms(arms, settings, flown)
     flights = [
         DemoFlight(
             config=_on_ports(settings, ports),
             controller=_law(name, settings, allow_unstable),
             trajectory_name=trajectory,
-            trajectory=flown,
-            arms=arms,
-            notes=_check_arms(arms, settings, flown, trajectory),
+            track=_track(trajectory, curve, flown, arms if settings.arms is not None and arms != "off" else None),
+            notes=notes,
             mock_config=mock_config or default_config_path("mock.toml"),
             ports=ports,
             seed=seed,
@@ -166,11 +171,23 @@ def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -
             )
 
 
-def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory, trajectory_name: str) -> tuple[str, ...]:
-    """Check trajectory and arm motion before anything starts; return the plan's notes. ConfigError or ArmError."""
-    check_trajectory(trajectory, config.room, trajectory_name)
-    planned = plan_arms(name, config, trajectory)
-    return planned.notes if planned is not None else ()
+def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory) -> tuple[str, ...]:
+    """Plan the arms' motion before anything starts; return the plan's notes. Raises ConfigError or ArmError."""
+    if config.arms is None and name not in {"off", "swing"}:
+        raise ConfigError(f"--arms {name}: this vehicle has no arms, its configuration has no [arms]")
+    if config.arms is None or name == "off":
+        return ()
+    return plan_motion(name, trajectory.duration_s + APPROACH_S, config.arms, config.arms.stow_rad()).notes
+
+
+def _track(name: str, curve: Curve, trajectory: Trajectory, arms: str | None) -> Track:
+    """Return the command that flies the trajectory and moves the arms."""
+    if isinstance(trajectory, Waypoints):
+        command = local_command("track", waypoints=rows_of(trajectory))
+    else:
+        command = local_command("track", curve=name, **asdict(curve))
+    assert isinstance(command, Track)
+    return command.model_copy(update={"arms": arms})  # unchecked: on the bus it may not be a file
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from rich.text import Text
 from companion import __version__
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.analysis.summary import Summary, summarise
-from companion.cli.demo.arms import plan_arms
 from companion.cli.demo.fault_messages import shorter, still_there
 from companion.cli.demo.flight_log import FlightStory
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
@@ -25,17 +24,17 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController, controller_text
 from companion.core.interfaces import CompanionError, FlightError
 from companion.flight.tick import Tick, TickSink
+from companion.protocol.commands import Track
 from companion.records.record_process import RecordSink
 from companion.records.recorder import Recorder
-from companion.service.vehicle_service import FlightActions, open_service
+from companion.service.flight_actions import FlightActions
+from companion.service.local_operator import LocalOperator, open_local_operator
 from companion.supervisor.flight_state import Phase
-from companion.trajectories.reference import Trajectory
 
 _POLL_S = 0.02
 _THEIRS_S = 30.0
 """Time for which a flight under the pilot's or PX4's control is watched."""
 _STOPPED_S = 1.0
-_ENDED = "the flight was ended: "
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,9 +44,8 @@ class DemoFlight:
     config: CompanionConfig
     controller: LoadedController
     trajectory_name: str
-    trajectory: Trajectory
-    arms: str
-    """Motion of the arms, as in --arms."""
+    track: Track
+    """Command that flies the trajectory and moves the arms."""
     notes: tuple[str, ...]
     """Notes about the arms' motion for the user."""
     mock_config: Path
@@ -110,8 +108,8 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
             with display:
                 try:
                     display.say("connecting to motion capture and autopilot")
-                    async with _service(flight, [flown.recorder, kept, display.take]) as service:
-                        await _mission(flight, service, display, flown)
+                    async with _operator(flight, [flown.recorder, kept], display) as operator:
+                        await _mission(flight, operator, display, flown)
                 except CompanionError as error:
                     if not flown.recorder.flew:
                         raise
@@ -137,7 +135,7 @@ def _kept(flight: DemoFlight) -> RecordSink:
             "versions": {"companion": __version__},
             "seed": flight.seed,
             "trajectory": flight.trajectory_name,
-            "arms": flight.arms,
+            "arms": flight.track.arms or "off",
             "faults": flight.faults,
         }
     )
@@ -174,20 +172,24 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def _service(flight: DemoFlight, sinks: Sequence[TickSink]) -> AsyncIterator[FlightActions]:
+async def _operator(
+    flight: DemoFlight, sinks: Sequence[TickSink], display: FlightDisplay
+) -> AsyncIterator[LocalOperator]:
     def sink(tick: Tick) -> None:
-        for one in sinks:
+        for one in (*sinks, display.take):
             one(tick)
 
-    dead_man = KernelWatchdogTimer(flight.config.safety.dead_man_s)
-    async with open_service(flight.config, flight.controller.law, sink, dead_man, flight.records) as service:
-        service.loop.law_name = flight.controller.name
-        yield service
+    watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
+    async with open_local_operator(
+        flight.config, flight.controller, sink, watchdog_timer, flight.records, display.say
+    ) as operator:
+        yield operator
 
 
-async def _mission(flight: DemoFlight, service: FlightActions, display: FlightDisplay, flown: Flown) -> None:
+async def _mission(flight: DemoFlight, operator: LocalOperator, display: FlightDisplay, flown: Flown) -> None:
     """Fly; land after every error and interrupt."""
-    work = asyncio.create_task(_fly(flight, service, display), name="companion.demo")
+    service = operator.service
+    work = asyncio.create_task(_fly(flight, operator, display), name="companion.demo")
 
     def on_interrupt() -> None:
         landing = flown.interrupted or service.phase in {Phase.STOW, Phase.LAND}
@@ -206,43 +208,34 @@ async def _mission(flight: DemoFlight, service: FlightActions, display: FlightDi
         if not flown.interrupted:
             raise
     except CompanionError as error:
-        said = shorter(str(error).removeprefix(_ENDED))
+        said = shorter(str(error))
         if service.loop.flight.airborne and not display.story.ending():
             display.say(f"{said}; it lands")
     still = await _land_anyway(service, display.story, flown)
     flown.failure = display.story.ending(still) or said or shorter(service.trouble)
 
 
-async def _fly(flight: DemoFlight, service: FlightActions, display: FlightDisplay) -> None:
-    """Run the commands; an operator's hold ends them, and lasts until the operator or a fault ends it."""
-    verbs = asyncio.create_task(_verbs(flight, service, display), name="companion.demo_verbs")
+async def _fly(flight: DemoFlight, operator: LocalOperator, display: FlightDisplay) -> None:
+    """Send the commands; another operator's hold ends them, and lasts until an operator or a fault ends it."""
+    for warning in operator.service.reports.warnings:
+        display.say(warning)
+    commands = asyncio.create_task(_commands(flight, operator), name="companion.demo_commands")
     try:
-        while not (verbs.done() or display.story.held):
-            await asyncio.wait({verbs}, timeout=_POLL_S)
-        while display.story.held and service.phase is Phase.HOLD:  # noqa: ASYNC110 - the phase has no event
+        while not (commands.done() or display.story.held):
+            await asyncio.wait({commands}, timeout=_POLL_S)
+        while display.story.held and operator.service.phase is Phase.HOLD:  # noqa: ASYNC110 - the phase has no event
             await asyncio.sleep(_POLL_S)
     finally:
-        verbs.cancel()
-        await asyncio.gather(verbs, return_exceptions=True)
+        commands.cancel()
+        await asyncio.gather(commands, return_exceptions=True)
     if not display.story.held:
-        verbs.result()
+        commands.result()
 
 
-async def _verbs(flight: DemoFlight, service: FlightActions, display: FlightDisplay) -> None:
-    await service.ready()
-    motion = None
-    if flight.config.arms is not None:
-        for warning in service.warnings:
-            display.say(warning)
-        display.say("torque on, arms stowed")
-        held_rad = await service.arms.prepare()
-        motion = plan_arms(flight.arms, flight.config, flight.trajectory, held_rad)
-    display.say("preflight checks, offboard mode, then arming", "preflight checks")
-    await service.arm(flight.trajectory)
-    await service.take_off(flight.config.flight.takeoff_height_m)
-    if motion is not None:
-        await service.arms.move(motion.trajectory)
-    await service.fly(flight.trajectory)
+async def _commands(flight: DemoFlight, operator: LocalOperator) -> None:
+    await operator.do("arm")
+    await operator.do("takeoff")
+    await operator.send(flight.track)
 
 
 async def _land_anyway(service: FlightActions, story: FlightStory, flown: Flown) -> str:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _CURVES = ("ellipse", "figure8")
-_DECIMALS = 6
-"""Decimals of m, rad and s: 400 waypoints must fit into one message."""
 
 Height = Annotated[
     float | None, typer.Option(metavar="M", help="Height above the take-off point, m.  [default: as configured]")
@@ -96,21 +94,12 @@ def track(
 
 
 def _waypoints(name: str) -> list[dict[str, float]]:
-    from companion.config.trajectory_files import Curve, read_waypoints, trajectory_named  # noqa: PLC0415 - numpy takes time
+    from companion.config import trajectory_files  # noqa: PLC0415 - numpy takes time
 
     path = Path(name)
     if not path.exists():
-        trajectory_named(name, Curve())  # raises with the names that exist
-    read = read_waypoints(path)
-    table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
-    return [
-        {
-            "t_s": round(float(t_s), _DECIMALS),
-            **{axis: round(float(value), _DECIMALS) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
-            "yaw_rad": round(float(yaw_rad), _DECIMALS),
-        }
-        for t_s, place, yaw_rad in table
-    ]
+        trajectory_files.trajectory_named(name, trajectory_files.Curve())  # raises with the names that exist
+    return trajectory_files.rows_of(trajectory_files.read_waypoints(path))
 
 
 @commanding

@@ -84,7 +84,7 @@ class _Run:
             except _PressedError:
                 return INTERRUPTED, await self._made_safe(console, errand, draft)
             text = reply.text or str(reply.answer)
-            return _CODES[reply.answer], text if reply.answer in _GOOD else f"{draft.verb} {reply.answer}: {text}"
+            return _CODES[reply.answer], text if reply.answer in _GOOD else reply.sentence(draft.verb)
 
     async def _followed(self, errand: PendingCommand, draft: CommandDraft) -> Reply:
         """Print what the service says; return the last reply, or the acceptance with --no-wait."""
@@ -116,7 +116,7 @@ class _Run:
                 return f"interrupted: {what} was sent and continues; not waiting for its end"
             except CompanionError as error:
                 return f"interrupted, but it is not known whether {what} was executed: {error}"
-            said = f"{what} {reply.answer}: {reply.text}"
+            said = reply.sentence(what)
             if reply.answer is not Answer.REFUSED:
                 break
         return f"interrupted; {said}"

@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from companion.adapters.mqtt.link import open_bus
+from companion.adapters.mqtt.link import BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import VehicleConfigFile, vehicle_settings
@@ -124,7 +124,8 @@ async def _broker(config: CompanionConfig) -> AsyncIterator[tuple[Callable[[], f
     if config.operator is None or config.operator.embedded:
         yield (lambda: 0.0), partial(asyncio.sleep, 0)
         return
-    async with open_bus(config.operator, MonotonicClock(), secrets.token_hex(8), _refuse) as link:
+    link = BusLink(config.operator, MonotonicClock(), secrets.token_hex(8))
+    async with link.listening(_refuse):
         listening = asyncio.create_task(link.listened(_LISTEN_S), name="companion.listen")
         try:
             yield link.age_s, lambda: asyncio.shield(listening)
@@ -134,7 +135,7 @@ async def _broker(config: CompanionConfig) -> AsyncIterator[tuple[Callable[[], f
 
 
 def _refuse(command: Command, _: object) -> None:
-    raise FlightError(f"cannot {command.verb}: a preflight only looks")
+    raise FlightError(f"a preflight only looks: {command.verb} is for `companion serve`")
 
 
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:

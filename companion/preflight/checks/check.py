@@ -29,4 +29,4 @@ def refusal(checks: Iterable[Check]) -> str:
     if not failed:
         return ""
     count = "a preflight check fails" if len(failed) == 1 else f"{len(failed)} preflight checks fail"
-    return "\n".join([f"cannot arm: {count}", *(f"  {check.name}: {check.says}; {check.todo}" for check in failed)])
+    return "\n".join([count, *(f"  {check.name}: {check.says}; {check.todo}" for check in failed)])

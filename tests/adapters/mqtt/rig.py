@@ -16,7 +16,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 
 from companion.adapters.mqtt import link as bus_link
-from companion.adapters.mqtt.link import Answering, BusLink, open_bus
+from companion.adapters.mqtt.link import Answering, BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.operator_config import OperatorConfig
 from companion.protocol.commands import Command
@@ -54,7 +54,8 @@ class Vehicle:
 async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[BusLink]:
     """Open the link, with or without a broker, with a short search for another service."""
     with patch.object(bus_link, "LISTEN_S", 0.02):
-        async with open_bus(OperatorConfig(port=port, **config), CLOCK, SESSION, vehicle.on_command) as link:
+        link = BusLink(OperatorConfig(port=port, **config), CLOCK, SESSION)
+        async with link.listening(vehicle.on_command):
             yield link
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.mqtt.link import open_bus
+from companion.adapters.mqtt.link import BusLink
 from companion.client.client import open_console
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
@@ -95,7 +95,7 @@ async def test_both_ends_say_what_is_wrong_and_what_to_do(
         with pytest.raises(ConfigError, match=said):
             async with open_console(place):
                 pass
-        async with open_bus(place, CLOCK, SESSION, Vehicle().on_command):
+        async with BusLink(place, CLOCK, SESSION).listening(Vehicle().on_command):
             await until(lambda: "is not there: certificate verify failed" in caplog.text)
     assert re.search(said, caplog.text)
 

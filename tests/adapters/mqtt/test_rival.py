@@ -9,7 +9,7 @@ from contextlib import AsyncExitStack
 import pytest
 
 from companion.adapters.mqtt import link as link_module
-from companion.adapters.mqtt.link import BusLink, open_bus
+from companion.adapters.mqtt.link import BusLink
 from companion.adapters.mqtt.rival import Rival
 from companion.config.operator_config import OperatorConfig
 from tests.adapters.mqtt.rig import CLOCK, TOPICS, Vehicle, operating, until
@@ -31,7 +31,8 @@ def served() -> Iterator[BrokerProcess]:
 async def opened(stack: AsyncExitStack, port: int, session: str) -> BusLink:
     """Open a link that has searched for another service."""
     config = OperatorConfig(port=port)
-    link = await stack.enter_async_context(open_bus(config, CLOCK, session * 16, Vehicle().on_command))
+    link = BusLink(config, CLOCK, session * 16)
+    await stack.enter_async_context(link.listening(Vehicle().on_command))
     await link.listened(15.0)
     return link
 
@@ -65,7 +66,8 @@ async def test_a_run_that_is_over_is_no_other_service(served: BrokerProcess) -> 
 
 async def test_without_a_broker_nobody_is_waited_for_long() -> None:
     config = OperatorConfig(port=9)
-    async with open_bus(config, CLOCK, "e" * 16, Vehicle().on_command) as link:
+    link = BusLink(config, CLOCK, "e" * 16)
+    async with link.listening(Vehicle().on_command):
         await link.listened(0.1)
         assert link.rival() == ""
 

@@ -24,12 +24,12 @@ ANOTHER_BODY_S = 0.5
 
 def abort(flight: Flight) -> None:
     """The operator's, Ctrl-C or land."""
-    flight.loop.ask(LandRequest())
+    flight.loop.submit(LandRequest())
 
 
 def kill(flight: Flight) -> None:
     """The operator's, confirmed."""
-    flight.loop.ask(KillRequest())
+    flight.loop.submit(KillRequest())
 
 
 def gust(force_w_n: tuple[float, float, float], for_s: float = math.inf) -> Act:
@@ -54,7 +54,7 @@ def take_off_by_another_body(flight: Flight) -> None:
 
     def go_on(truth: Truth) -> None:
         if waiting and truth.time_s >= due_s:
-            flight.loop.ask(waiting.pop())
+            flight.loop.submit(waiting.pop())
 
     flight.room.bench.world.observers.append(go_on)
 

@@ -16,7 +16,7 @@ from companion.config.companion_config import CompanionConfig, load_config
 from companion.config.controller_config import load_controller
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import AutopilotError, CompanionError
-from companion.service.vehicle_service import FlightActions, open_service
+from companion.service.local_operator import LocalOperator, open_local_operator
 from companion.supervisor.faults import FailsafeAction, Fault
 from companion.supervisor.flight_state import FlightState, Phase
 from tests import warm
@@ -116,41 +116,41 @@ class Scene:
     told: Told
 
     @asynccontextmanager
-    async def service(self, **changes: object) -> AsyncIterator[FlightActions]:
-        """The real one, in this process; no timer watches it, which would end the tests."""
+    async def service(self, **changes: object) -> AsyncIterator[LocalOperator]:
+        """Open the real one, in this process; no timer watches it, which would end the tests."""
         config = configured(self.relay).model_copy(update=changes)
-        law = load_controller("etnn", config.vehicle_model(), 0.01).law
-        async with open_service(config, law, self.told, NoWatchdogTimer()) as service:
-            yield service
+        law = load_controller("etnn", config.vehicle_model(), 0.01)
+        async with open_local_operator(config, law, self.told, NoWatchdogTimer()) as operator:
+            yield operator
 
 
 async def _in_the_air(how: str, scene: Scene) -> float | None:
     """Hover, break it, and wait for what comes of it; when the operator had to land, if he had to."""
-    async with scene.service() as service:
-        await _hover(service)
+    async with scene.service() as operator:
+        await hover(operator)
         scene.mock.tell(how)
-        return await _to_the_end(service)
+        return await _to_the_end(operator)
 
 
-async def _hover(service: FlightActions) -> None:
-    await service.ready()
-    await service.arm()
-    await service.take_off(HEIGHT_M)
+async def hover(operator: LocalOperator) -> None:
+    """Arm and climb."""
+    await operator.do("arm")
+    await operator.do("takeoff", height_m=HEIGHT_M)
 
 
-async def _to_the_end(service: FlightActions) -> float | None:
+async def _to_the_end(operator: LocalOperator) -> float | None:
     planned_s: float | None = None
-    begun_s = time.monotonic()
+    service, begun_s = operator.service, time.monotonic()
     while service.phase not in _OVER and time.monotonic() - begun_s < _PATIENCE_S:
         await asyncio.sleep(0.02)
         if service.phase is Phase.HOLD and time.monotonic() - begun_s > _NOTHING_S:
             planned_s = time.monotonic()
-            await service.land()
+            await operator.do("land")
         if service.loop.flight.cause is Fault.MODE_CHANGED:
             await asyncio.sleep(_PILOT_FLIES_S)
             with suppress(CompanionError):  # the verdict is "still in the air"
-                await service.resume()
-                await service.land()
+                await operator.do("resume")
+                await operator.do("land")
                 continue
             break
     await asyncio.sleep(0.2)
@@ -158,17 +158,17 @@ async def _to_the_end(service: FlightActions) -> float | None:
 
 
 async def _refused(how: str, scene: Scene) -> None:
-    async with scene.service() as service:
-        await service.ready()
+    async with scene.service() as operator:
+        await operator.service.ready()
         scene.mock.tell(how)
         with suppress(CompanionError):
-            await service.arm()
+            await operator.do("arm")
         await asyncio.sleep(0.2)
 
 
 async def _twice(_: str, scene: Scene) -> None:
-    async with scene.service() as service:
-        await service.ready()
+    async with scene.service() as operator:
+        await operator.service.ready()
         scene.mock.tell("begin")
         try:
             async with scene.service():
@@ -182,11 +182,11 @@ async def _twice(_: str, scene: Scene) -> None:
 
 async def _without_broker(_: str, scene: Scene) -> float | None:
     with broker() as server:
-        async with scene.service(operator=OperatorConfig(port=server.port, embedded=True)) as service:
-            await _hover(service)
+        async with scene.service(operator=OperatorConfig(port=server.port, embedded=True)) as operator:
+            await hover(operator)
             scene.mock.tell("begin")
             await asyncio.to_thread(server.stop)
-            return await _to_the_end(service)
+            return await _to_the_end(operator)
 
 
 async def _stopped(how: str, scene: Scene) -> None:

@@ -99,7 +99,7 @@ class _Mission:
             return True
         self._tracked = self._tracked or flight.phase is Phase.TRACK
         if flight.phase is Phase.HOLD and not self._asked:
-            self._asked = flight.loop.ask(_LAP)
+            self._asked = not flight.loop.submit(_LAP)
         return self._tracked and flight.phase is Phase.HOLD
 
 

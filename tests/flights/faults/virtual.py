@@ -72,14 +72,14 @@ class Operator:
     def _take_back(self, flight: Flight, now_s: float) -> None:
         self._piloted_s = now_s if self._piloted_s is None else self._piloted_s
         if now_s - self._piloted_s > _PILOT_FLIES_S and flight.phase is Phase.HANDED_OVER:
-            flight.loop.ask(ResumeRequest())
+            flight.loop.submit(ResumeRequest())
 
     def _end_it(self, flight: Flight, now_s: float) -> None:
         assert self._since_s is not None
         if self._piloted_s is not None or now_s - self._since_s > self.patience_s:
             if self._piloted_s is None:
                 self.planned_s = now_s if self.planned_s is None else self.planned_s
-            flight.loop.ask(LandRequest())
+            flight.loop.submit(LandRequest())
 
 
 def fly_row(row: Row) -> Result:
