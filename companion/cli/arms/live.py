@@ -5,47 +5,47 @@ from typing import Annotated
 import typer
 
 from companion.cli.complete import service_motions
-from companion.cli.operator.options import Asked, commanding
+from companion.cli.operator.options import CommandOptions, commanding
 from companion.cli.operator.run import operate
 
 
 @commanding
-def ready(asked: Asked) -> None:
+def ready(options: CommandOptions) -> None:
     """Switch torque on, then fold the arms; on the ground only."""
-    operate(asked, "arms", do="ready")
+    operate(options, "arms", do="ready")
 
 
 @commanding
-def stow(asked: Asked) -> None:
+def stow(options: CommandOptions) -> None:
     """Fold both arms as for take-off and landing."""
-    operate(asked, "arms", do="stow")
+    operate(options, "arms", do="stow")
 
 
 @commanding
 def play(
-    asked: Asked,
+    options: CommandOptions,
     motion: Annotated[
         str,
         typer.Argument(help="swing, or another name in the service's config/arms/.", autocompletion=service_motions),
     ],
 ) -> None:
     """Play a motion, in flight also during hold. Ctrl-C stops it."""
-    operate(asked, "arms", do="play", motion=motion)
+    operate(options, "arms", do="play", motion=motion)
 
 
 @commanding
-def hold(asked: Asked) -> None:
+def hold(options: CommandOptions) -> None:
     """Stop the arms and hold them there, torque on."""
-    operate(asked, "arms", do="hold")
+    operate(options, "arms", do="hold")
 
 
 @commanding
-def limp(asked: Asked) -> None:
+def limp(options: CommandOptions) -> None:
     """Switch torque off, on the ground only: the arms FALL, so support them."""
-    operate(asked, "arms", do="limp")
+    operate(options, "arms", do="limp")
 
 
 @commanding
-def clear(asked: Asked) -> None:
+def clear(options: CommandOptions) -> None:
     """Clear the servos' faults; `arms live ready` is needed before they move again."""
-    operate(asked, "arms", do="clear")
+    operate(options, "arms", do="clear")

@@ -8,7 +8,7 @@ import typer
 
 from companion.cli.complete import controllers, service_motions, trajectories
 from companion.cli.operator.exit_codes import INTERRUPTED
-from companion.cli.operator.options import Asked, commanding
+from companion.cli.operator.options import CommandOptions, commanding
 from companion.cli.operator.run import operate
 from companion.core.errors import ConfigError
 from companion.protocol.telemetry import Reply
@@ -24,26 +24,26 @@ Height = Annotated[
 
 
 @commanding
-def arm(asked: Asked) -> None:
+def arm(options: CommandOptions) -> None:
     """Check everything, fold the arms, enter offboard mode, idle the motors. Ctrl-C aborts: the motors stop."""
-    operate(asked, "arm")
+    operate(options, "arm")
 
 
 @commanding
-def takeoff(asked: Asked, height: Height = None) -> None:
+def takeoff(options: CommandOptions, height: Height = None) -> None:
     """Climb and hold. Ctrl-C holds; while the vehicle is still on the ground, it stops the motors."""
-    operate(asked, "takeoff", height_m=height)
+    operate(options, "takeoff", height_m=height)
 
 
 @commanding
-def hold(asked: Asked) -> None:
+def hold(options: CommandOptions) -> None:
     """Brake and hover; the trajectory is ended, not paused. Ctrl-C stops waiting."""
-    operate(asked, "hold")
+    operate(options, "hold")
 
 
 @commanding
 def goto(
-    asked: Asked,
+    options: CommandOptions,
     x: Annotated[float, typer.Argument(help="Position along the room's x axis, m.")],
     y: Annotated[float, typer.Argument(help="Position along the room's y axis, m.")],
     z: Annotated[float, typer.Argument(help="Height above the floor, m.")],
@@ -53,12 +53,12 @@ def goto(
     ] = None,
 ) -> None:
     """Fly to a position, then hold. Ctrl-C holds."""
-    operate(asked, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
+    operate(options, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
 
 
 @commanding
 def track(
-    asked: Asked,
+    options: CommandOptions,
     path: Annotated[
         str, typer.Argument(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
     ],
@@ -86,11 +86,11 @@ def track(
     """Fly to a trajectory's start, fly it and hold at its end; the arms may move meanwhile. Ctrl-C holds."""
     curve: dict[str, Any] = {"laps": laps, "size": size, "period_s": period, "height_m": height}
     if path in _CURVES:
-        operate(asked, "track", curve=path, arms=arms, **curve)
+        operate(options, "track", curve=path, arms=arms, **curve)
     given = [name.removesuffix("_s").removesuffix("_m") for name, value in curve.items() if value is not None]
     if given:
         raise ConfigError(f"--{given[0]} is only for ellipse and figure8: {path} defines the whole trajectory")
-    operate(asked, "track", waypoints=_waypoints(path), arms=arms)
+    operate(options, "track", waypoints=_waypoints(path), arms=arms)
 
 
 def _waypoints(name: str) -> list[dict[str, float]]:
@@ -104,7 +104,7 @@ def _waypoints(name: str) -> list[dict[str, float]]:
 
 @commanding
 def controller(
-    asked: Asked,
+    options: CommandOptions,
     name: Annotated[
         str,
         typer.Argument(
@@ -117,36 +117,36 @@ def controller(
     The setpoint does not jump. The position can move by 0.3 m until the new law has learned the vehicle: leave that
     much room.
     """
-    operate(asked, "controller", name=name)
+    operate(options, "controller", name=name)
 
 
 @commanding
-def land(asked: Asked) -> None:
+def land(options: CommandOptions) -> None:
     """Fold the arms, land where the vehicle is, disarm. After Ctrl-C the landing continues."""
-    operate(asked, "land")
+    operate(options, "land")
 
 
 @commanding
-def abort(asked: Asked) -> None:
+def abort(options: CommandOptions) -> None:
     """Land now, or stop the motors on the ground; the record notes the abort. After Ctrl-C it continues."""
-    operate(asked, "abort")
+    operate(options, "abort")
 
 
 @commanding
-def resume(asked: Asked) -> None:
+def resume(options: CommandOptions) -> None:
     """Take the vehicle back from PX4 or its pilot, and hover where it is. After Ctrl-C it continues."""
-    operate(asked, "resume")
+    operate(options, "resume")
 
 
 @commanding
-def disarm(asked: Asked) -> None:
+def disarm(options: CommandOptions) -> None:
     """Stop the motors, on the ground only. Ctrl-C stops waiting."""
-    operate(asked, "disarm")
+    operate(options, "disarm")
 
 
 @commanding
 def kill(
-    asked: Asked, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
+    options: CommandOptions, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
 ) -> None:
     """Stop the motors at once: in the air the vehicle FALLS. You must type kill to confirm."""
     if not yes:
@@ -159,13 +159,13 @@ def kill(
             raise typer.Exit(INTERRUPTED) from None
         if typed.strip() != "kill":
             raise ConfigError(f"{typed.strip()!r} is not kill: nothing was sent")
-    operate(asked, "kill", confirm="kill")
+    operate(options, "kill", confirm="kill")
 
 
 @commanding
-def params(asked: Asked) -> None:
+def params(options: CommandOptions) -> None:
     """Print the configuration, gains and autopilot parameters that the service uses."""
-    operate(asked, "params", show=_show_params)
+    operate(options, "params", show=_show_params)
 
 
 def _show_params(reply: Reply, console: "Console") -> None:

@@ -70,7 +70,7 @@ Timeout = Annotated[
 
 
 @dataclass(frozen=True)
-class Asked:
+class CommandOptions:
     """Options of an operator's command: the broker, the output, how long to wait."""
 
     given: Given
@@ -80,7 +80,7 @@ class Asked:
 
 
 def looking(command: Callable[..., None]) -> Callable[..., None]:
-    """Give `command` the options of one that only looks; its first parameter is `Asked`."""
+    """Give `command` the options of one that only looks; its first parameter is `CommandOptions`."""
 
     def parameters(
         broker: Broker = None,
@@ -89,14 +89,14 @@ def looking(command: Callable[..., None]) -> Callable[..., None]:
         ca_file: CaFile = None,
         config: ConfigFile = None,
         as_json: AsJson = False,
-    ) -> Asked:
-        return Asked(Given(broker, vehicle, password_file, ca_file, config), as_json)
+    ) -> CommandOptions:
+        return CommandOptions(Given(broker, vehicle, password_file, ca_file, config), as_json)
 
     return _with_options(command, parameters)
 
 
 def commanding(command: Callable[..., None]) -> Callable[..., None]:
-    """Give `command` the options of one that is executed and waited for; its first parameter is `Asked`."""
+    """Give `command` the options of one that is executed and waited for; its first parameter is `CommandOptions`."""
 
     def parameters(
         broker: Broker = None,
@@ -107,22 +107,22 @@ def commanding(command: Callable[..., None]) -> Callable[..., None]:
         as_json: AsJson = False,
         no_wait: NoWait = False,
         timeout: Timeout = None,
-    ) -> Asked:
+    ) -> CommandOptions:
         given = Given(broker, vehicle, password_file, ca_file, config)
-        return Asked(given, as_json, not no_wait, math.inf if timeout is None else timeout)
+        return CommandOptions(given, as_json, not no_wait, math.inf if timeout is None else timeout)
 
     return _with_options(command, parameters)
 
 
-def _with_options(command: Callable[..., None], parameters: Callable[..., Asked]) -> Callable[..., None]:
+def _with_options(command: Callable[..., None], parameters: Callable[..., CommandOptions]) -> Callable[..., None]:
     """Return a function whose signature, which typer reads, has both: the command's own parameters first."""
     own = list(inspect.signature(command).parameters.values())[1:]
     shared = list(inspect.signature(parameters).parameters.values())
     names = [one.name for one in shared]
 
     def called(**given: Any) -> None:
-        asked = parameters(**{name: given.pop(name) for name in names})
-        command(asked, **given)
+        options = parameters(**{name: given.pop(name) for name in names})
+        command(options, **given)
 
     together = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in [*own, *shared]]
     called.__signature__ = inspect.Signature(together)  # type: ignore[attr-defined]

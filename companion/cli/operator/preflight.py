@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from companion.cli.complete import trajectories
-from companion.cli.operator.options import Asked, commanding
+from companion.cli.operator.options import CommandOptions, commanding
 from companion.cli.operator.run import operate
 from companion.client.client import open_console
 from companion.client.endpoint import Given, endpoint_of
@@ -25,7 +25,7 @@ _PANEL = "Only where no service runs"
 
 @commanding
 def preflight(
-    asked: Asked,
+    options: CommandOptions,
     trajectory: Annotated[
         str | None,
         typer.Option(
@@ -54,11 +54,11 @@ def preflight(
     one document. Nothing is commanded; only poses are sent, to the autopilot's estimator.
     """
     only_here = by_hand or trajectory is not None or out is not None
-    if not only_here and _service_runs(asked.given):
-        operate(asked, "preflight", show=show_checks)
+    if not only_here and _service_runs(options.given):
+        operate(options, "preflight", show=show_checks)
     from companion.cli.vehicle.preflight import preflight as look  # noqa: PLC0415 - a second, for all the devices' libraries
 
-    look(asked.given.config, trajectory, by_hand, asked.as_json, out)
+    look(options.given.config, trajectory, by_hand, options.as_json, out)
 
 
 def _service_runs(given: Given) -> bool:

@@ -10,7 +10,7 @@ import typer
 
 from companion.cli.operator.exit_codes import BAD_INPUT, FAILED, INTERRUPTED, code_of
 from companion.cli.operator.json_output import JsonVoice, Voice
-from companion.cli.operator.options import Asked
+from companion.cli.operator.options import CommandOptions
 from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
 from companion.client.endpoint import endpoint_of
@@ -42,13 +42,13 @@ class _PressedError(Exception):
     """Ctrl-C was pressed while something was being waited for."""
 
 
-def operate(asked: Asked, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
+def operate(options: CommandOptions, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
     """Send `verb`, wait for its end, and exit with the code that docs/commands.md lists."""
-    raise typer.Exit(asyncio.run(_Run(asked, _voice_of(asked, show)).code(verb, fields)))
+    raise typer.Exit(asyncio.run(_Run(options, _voice_of(options, show)).code(verb, fields)))
 
 
-def _voice_of(asked: Asked, show: "Show | None") -> Voice:
-    if asked.as_json:
+def _voice_of(options: CommandOptions, show: "Show | None") -> Voice:
+    if options.as_json:
         return JsonVoice()
     from companion.cli.operator.output_formats import PlainVoice  # noqa: PLC0415 - what draws on a terminal takes its time
 
@@ -56,8 +56,8 @@ def _voice_of(asked: Asked, show: "Show | None") -> Voice:
 
 
 class _Run:
-    def __init__(self, asked: Asked, voice: Voice) -> None:
-        self._asked, self._voice = asked, voice
+    def __init__(self, options: CommandOptions, voice: Voice) -> None:
+        self._options, self._voice = options, voice
         self._presses: asyncio.Queue[None] = asyncio.Queue()
 
     async def code(self, verb: str, fields: dict[str, object]) -> int:
@@ -72,12 +72,12 @@ class _Run:
 
     async def _carried_out(self, draft: CommandDraft) -> tuple[int, str]:
         async with AsyncExitStack() as stack:
-            place = endpoint_of(self._asked.given)
+            place = endpoint_of(self._options.given)
             try:
                 console = await self._unless_pressed(stack.enter_async_context(open_console(place)))
             except _PressedError:
                 return INTERRUPTED, "interrupted, nothing was sent"
-            errand = PendingCommand(console, draft, self._asked.timeout_s)
+            errand = PendingCommand(console, draft, self._options.timeout_s)
             self._voice.begin(draft.verb)
             try:
                 reply = await self._unless_pressed(self._followed(errand, draft))
@@ -93,7 +93,7 @@ class _Run:
             self._voice.say(said)
             if isinstance(said, Reply) and said.id == draft.id:
                 last = said
-                if said.answer is Answer.ACCEPTED and not self._asked.wait:
+                if said.answer is Answer.ACCEPTED and not self._options.wait:
                     break
         assert last is not None
         return last

@@ -13,7 +13,7 @@ import typer
 
 from companion.cli.operator.exit_codes import INTERRUPTED, code_of
 from companion.cli.operator.json_output import line_of
-from companion.cli.operator.options import Asked, looking
+from companion.cli.operator.options import CommandOptions, looking
 from companion.client import client
 from companion.client.client import Said, open_console
 from companion.client.endpoint import endpoint_of
@@ -25,22 +25,22 @@ _SILENT_S = 1.0
 
 @looking
 def status(
-    asked: Asked,
+    options: CommandOptions,
     once: Annotated[bool, typer.Option("--once", help="Print the state once; the default without a terminal.")] = False,
 ) -> None:
     """Show phase, position, error, battery, arms and faults, live until Ctrl-C; --json: one object a state."""
-    if asked.as_json:
-        _end(asked, _print_states(asked, once))
-    _end(asked, _show_live(asked) if sys.stdout.isatty() and not once else _show_once(asked))
+    if options.as_json:
+        _end(options, _print_states(options, once))
+    _end(options, _show_live(options) if sys.stdout.isatty() and not once else _show_once(options))
 
 
 @looking
-def watch(asked: Asked) -> None:
+def watch(options: CommandOptions) -> None:
     """Print phases, faults, commands and replies as they happen, until Ctrl-C."""
-    _end(asked, _print_events(asked))
+    _end(options, _print_events(options))
 
 
-def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
+def _end(options: CommandOptions, work: Coroutine[Any, Any, None]) -> None:
     code, text = 0, ""
     try:
         asyncio.run(work)
@@ -48,7 +48,7 @@ def _end(asked: Asked, work: Coroutine[Any, Any, None]) -> None:
         code, text = INTERRUPTED, "interrupted"
     except CompanionError as error:
         code, text = code_of(error), str(error)
-    if text and asked.as_json:
+    if text and options.as_json:
         typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
     elif text and code != INTERRUPTED:
         typer.echo(f"companion: {text}", err=True)
@@ -62,8 +62,8 @@ async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
         yield await console.next(_SILENT_S)
 
 
-async def _print_states(asked: Asked, once: bool) -> None:
-    async with open_console(endpoint_of(asked.given)) as console:
+async def _print_states(options: CommandOptions, once: bool) -> None:
+    async with open_console(endpoint_of(options.given)) as console:
         async for said in _heard(console):
             if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
                 typer.echo(line_of(said))
@@ -71,16 +71,16 @@ async def _print_states(asked: Asked, once: bool) -> None:
                 return
 
 
-async def _show_once(asked: Asked) -> None:
-    async with open_console(endpoint_of(asked.given)) as console:
+async def _show_once(options: CommandOptions) -> None:
+    async with open_console(endpoint_of(options.given)) as console:
         await console.find()
         from companion.cli.operator.panel import show_once  # noqa: PLC0415 - see above
 
         show_once(console)
 
 
-async def _show_live(asked: Asked) -> None:
-    async with open_console(endpoint_of(asked.given)) as console:
+async def _show_live(options: CommandOptions) -> None:
+    async with open_console(endpoint_of(options.given)) as console:
         await console.find()
         from companion.cli.operator.panel import live_panel  # noqa: PLC0415 - see above
 
@@ -89,12 +89,12 @@ async def _show_live(asked: Asked) -> None:
                 pass
 
 
-async def _print_events(asked: Asked) -> None:
-    async with open_console(endpoint_of(asked.given)) as console:
+async def _print_events(options: CommandOptions) -> None:
+    async with open_console(endpoint_of(options.given)) as console:
         async for said in _heard(console):
             if said is None or isinstance(said, State):
                 continue
-            if asked.as_json:
+            if options.as_json:
                 typer.echo(line_of(said))
             else:
                 from companion.cli.operator.panel import show_event  # noqa: PLC0415 - see above
