@@ -24,7 +24,7 @@ class Devices:
     mocap: MocapSource
     autopilot: Autopilot
     clock: Clock
-    dead_man: WatchdogTimer
+    watchdog_timer: WatchdogTimer
     arms: ArmBus | None = None
     sides: Sides = field(default_factory=Sides)
 
@@ -50,7 +50,7 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
     rules, safety = config.flight_rules(), config.safety.rules()
     model, limits, fence = config.vehicle.thrust_model(), config.limits.limits(), config.fence.fence()
     control = ControlPipeline(controller, model, limits, guard=config.guard())
-    stream = SetpointStream(devices.autopilot, devices.dead_man, devices.clock, safety.not_followed_s)
+    stream = SetpointStream(devices.autopilot, devices.watchdog_timer, devices.clock, safety.not_followed_s)
     horizon = config.control.horizon_rules(safety.tilt_apart_rad)
     arms = None
     if devices.arms is not None and config.arms is not None:

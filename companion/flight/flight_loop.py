@@ -282,7 +282,7 @@ class FlightLoop:
             self._sink = None
 
     def _keep_or_end_stream(self, now_s: float) -> None:
-        """Setpoints leave only while we fly, or until PX4 has begun to land; without them the dead man may rest."""
+        """Keep the stream in flight and until PX4 has begun to land; then end it and release the watchdog timer."""
         flight, offboard = self._flight, self._autopilot.status().mode is FlightMode.OFFBOARD
         landing = 0.0 <= now_s - flight.landing_asked_s <= self._safety.land_refused_s and offboard
         if flight.phase in STREAMING or landing:

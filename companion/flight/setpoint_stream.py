@@ -1,4 +1,4 @@
-"""Setpoints on their way to the autopilot, and the dead man who ends what MAVSDK would repeat for ever."""
+"""Stream of setpoints to the autopilot, and the watchdog timer, because MAVSDK repeats the last one for ever."""
 
 import logging
 import math
@@ -14,8 +14,8 @@ LOG = logging.getLogger(__name__)
 class SetpointStream:
     """Owns whether setpoints leave, and which one left last. Nothing here raises because of the link."""
 
-    def __init__(self, autopilot: Autopilot, dead_man: WatchdogTimer, clock: Clock, unsent_s: float) -> None:
-        self._autopilot, self._dead_man, self._clock = autopilot, dead_man, clock
+    def __init__(self, autopilot: Autopilot, watchdog_timer: WatchdogTimer, clock: Clock, unsent_s: float) -> None:
+        self._autopilot, self._watchdog_timer, self._clock = autopilot, watchdog_timer, clock
         self._unsent_limit_s = unsent_s
         self._unsent_since_s, self._why_unsent = math.inf, ""
         self.on = False
@@ -66,12 +66,12 @@ class SetpointStream:
         return Event(Fault.SETPOINT_NOT_FOLLOWED, f"no setpoint could be sent for {unsent_s:.2f} s: {self._why_unsent}")
 
     def renew(self) -> None:
-        """Once a cycle while setpoints may leave."""
+        """Renew the watchdog timer; called once a cycle while setpoints may leave."""
         if self.on:
-            self._dead_man.renew()
+            self._watchdog_timer.renew()
 
     def stop(self) -> None:
-        """No setpoint leaves any more, and the dead man may rest; if that fails, he ends this process instead."""
+        """End the stream and release the watchdog timer, which otherwise ends this process."""
         if self.on:
             try:
                 self._autopilot.stop_stream()
@@ -80,4 +80,4 @@ class SetpointStream:
                 return
             self.on = False
         self._unsent_since_s = math.inf
-        self._dead_man.release()
+        self._watchdog_timer.release()

@@ -233,7 +233,7 @@ TABLE: tuple[Row, ...] = (
     Row(fault=Fault.LOOP_LATE,
         sign="control cycles on average later than {loop_late_s} s over a second, or so late that fewer "
         "than {slow_hz} frames were used in it",
-        why="computer overloaded; one late cycle is bridged, a stop is ended by the dead man",
+        why="computer overloaded; one late cycle is bridged, a stop is ended by the watchdog timer",
         flying=_LAND, landing=_WARN, ground=_DISARM),
     Row(fault=Fault.AUTOPILOT_SILENT, sign="nothing heard from the autopilot for {autopilot_silent_s} s",
         why="PX4 does not hear us either and starts its own failsafe; a stream that comes back would take it over "

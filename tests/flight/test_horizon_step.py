@@ -66,7 +66,7 @@ class Loop:
 
 
 class _Nobody:
-    """Clock and dead man."""
+    """Clock and watchdog timer."""
 
     def now_s(self) -> float:
         return 0.0

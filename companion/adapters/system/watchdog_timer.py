@@ -1,4 +1,4 @@
-"""The dead man: a timer of the kernel that kills this process unless the control loop renews it.
+"""Dead man's switch: a timer of the kernel that kills this process unless the control loop renews it.
 
 Why SIGKILL from timer_create and not SIGALRM from setitimer: docs/decisions/0007-dead-man.md.
 """
@@ -47,7 +47,7 @@ class KernelWatchdogTimer:
         self._timer = ctypes.c_void_p()
         event = _Sigevent(signal=signal.SIGKILL, notify=_SIGEV_SIGNAL)
         if _LIBC.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(self._timer)) != 0:
-            raise CompanionError("the kernel gives no timer for the dead man: look at ulimit -i (pending signals)")
+            raise CompanionError("the kernel gives no watchdog timer: look at ulimit -i (pending signals)")
         whole_s = int(timeout_s)
         self._due = ctypes.byref(_Itimerspec(value=_Timespec(whole_s, round((timeout_s - whole_s) * 1e9))))
         self._never = ctypes.byref(_Itimerspec())
@@ -55,14 +55,16 @@ class KernelWatchdogTimer:
     def renew(self) -> None:
         """Restart the time-out from now (2 us)."""
         if _LIBC.timer_settime(self._timer, 0, self._due, None) != 0:
-            raise CompanionError("the dead man's timer cannot be set: is this a fork of the process that made it?")
+            raise CompanionError("the watchdog timer cannot be set: is this a fork of the process that made it?")
         if not self._armed:
             self._armed = True
-            LOG.info("dead man armed: %g s without a control cycle and the kernel kills us, PX4 lands", self._timeout_s)
+            LOG.info(
+                "watchdog timer armed: after %g s without a control cycle it kills us, PX4 lands", self._timeout_s
+            )
 
     def release(self) -> None:
         """Disable the timer: the process may take its time."""
         if self._armed:
             _LIBC.timer_settime(self._timer, 0, self._never, None)
             self._armed = False
-            LOG.info("dead man released")
+            LOG.info("watchdog timer released")

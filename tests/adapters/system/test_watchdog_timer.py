@@ -13,11 +13,11 @@ pytestmark = pytest.mark.realtime
 
 TIMEOUT_S = 0.2
 LATE_S = 5.0
-"""A process that lives so long after its dead man was due is not killed by it."""
+"""A process that lives so long after its watchdog timer was due is not killed by it."""
 SET_UP = f"""
 import ctypes, os, signal, subprocess, sys, time
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
-dead_man = KernelWatchdogTimer({TIMEOUT_S})
+watchdog = KernelWatchdogTimer({TIMEOUT_S})
 """
 
 
@@ -43,7 +43,7 @@ def process(program: str) -> Iterator[subprocess.Popen[str]]:
     ],
 )
 def test_a_process_that_hangs_is_killed(hang: str) -> None:
-    with process(f"dead_man.renew()\nprint('armed', flush=True)\n{hang}") as hanging:
+    with process(f"watchdog.renew()\nprint('armed', flush=True)\n{hang}") as hanging:
         assert hanging.stdout is not None
         assert hanging.stdout.readline() == "armed\n"
         begun_s = time.monotonic()
@@ -55,13 +55,13 @@ def test_who_renews_or_releases_lives_on() -> None:
     program = """
 end = time.monotonic() + 1.0
 while time.monotonic() < end:
-    dead_man.renew()
+    watchdog.renew()
     time.sleep(0.01)
-dead_man.release()
+watchdog.release()
 time.sleep(0.5)
-dead_man.renew()
-dead_man.release()
-dead_man.release()
+watchdog.renew()
+watchdog.release()
+watchdog.release()
 time.sleep(0.5)
 """
     with process(program) as living:
@@ -70,17 +70,17 @@ time.sleep(0.5)
 
 def test_children_do_not_inherit_it() -> None:
     program = """
-dead_man.renew()
+watchdog.renew()
 child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5); print('child lives')"])
 forked = os.fork()
 if forked == 0:
     time.sleep(0.5)
     try:
-        dead_man.renew()
+        watchdog.renew()
     except Exception as error:
         print("fork:", error, flush=True)
     os._exit(0)
-dead_man.release()
+watchdog.release()
 child.wait()
 os.waitpid(forked, 0)
 """
@@ -88,4 +88,4 @@ os.waitpid(forked, 0)
         out, _ = parent.communicate(timeout=30.0)
         assert parent.returncode == 0
         assert "child lives" in out
-        assert "fork: the dead man's timer cannot be set" in out
+        assert "fork: the watchdog timer cannot be set" in out
