@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.adapters.broker import open_broker
-from companion.adapters.mqtt.link import Answering, BusLink
+from companion.adapters.mqtt.link import BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.last_resort import LastResort
 from companion.adapters.system.systemd import Notifier
@@ -29,9 +29,11 @@ from companion.preflight.live_observer import DevicesMissingError, open_onlooker
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply
 from companion.records.record_process import RecordSink
+from companion.service.command_job import SendReply
 from companion.service.dispatcher import CommandDispatcher
+from companion.service.flight_actions import FlightActions
 from companion.service.telemetry import Telemetry
-from companion.service.vehicle_service import FlightActions, open_service
+from companion.service.vehicle_service import open_service
 from companion.supervisor.flight_state import STREAMING, Phase
 
 LOG = logging.getLogger(__name__)
@@ -207,10 +209,6 @@ async def _with_vehicle(service: FlightActions, dispatcher: CommandDispatcher, s
             ending.cancel()
 
 
-def _flies(service: FlightActions) -> bool:
-    return service.phase in STREAMING | {Phase.HANDED_OVER}
-
-
 def _depends_on_process(service: FlightActions) -> bool:
     """Return whether the vehicle would fall or land blind without this process.
 
@@ -222,7 +220,7 @@ def _depends_on_process(service: FlightActions) -> bool:
 
 async def _land(service: FlightActions) -> None:
     """Land before the devices are closed; wait when the autopilot or its pilot has the vehicle."""
-    if not _flies(service):
+    if service.phase not in STREAMING | {Phase.HANDED_OVER}:
         return
     LOG.warning("landing, then the service ends")
     try:
@@ -284,7 +282,7 @@ class CommandLogger:
     def __init__(self, dispatcher: CommandDispatcher, publish: Callable[[Happened], None]) -> None:
         self._dispatcher, self._publish = dispatcher, publish
 
-    def __call__(self, command: Command, say: Answering) -> None:
+    def __call__(self, command: Command, say: SendReply) -> None:
         """Publish one command and pass it to the dispatcher."""
 
         def said(reply: Reply) -> None:

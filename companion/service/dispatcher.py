@@ -21,15 +21,6 @@ from companion.supervisor.flight_state import FlightState
 LOG = logging.getLogger(__name__)
 
 
-def _ignore_law(_: str) -> None:
-    """Ignore the name of the law."""
-
-
-def _no_rival() -> str:
-    """Return no conflict with another service."""
-    return ""
-
-
 class CommandDispatcher:
     """Executor of validated commands; replies to each: refused, or accepted and later done or failed.
 
@@ -38,12 +29,7 @@ class CommandDispatcher:
     the others, one for the flight and one for the arms run at a time.
     """
 
-    def __init__(
-        self,
-        config: CompanionConfig,
-        note_law: Callable[[str], None] = _ignore_law,
-        rival: Callable[[], str] = _no_rival,
-    ) -> None:
+    def __init__(self, config: CompanionConfig, note_law: Callable[[str], None], rival: Callable[[], str]) -> None:
         """`note_law` gets the name of a law before that law takes over.
 
         `rival` returns the conflict when another service uses this vehicle's name; arming is refused then.

@@ -48,17 +48,8 @@ _APPROACH_MARGIN_S = 15.0
 _SAME_HEIGHT_M = 1e-6
 
 
-async def _no_params(_: Sequence[str]) -> dict[str, float]:
-    """Return no parameters, for an autopilot without any."""
-    return {}
-
-
-def _ignore_start() -> None:
-    """Ignore the start of the motion."""
-
-
-def _ignore_wait(_: str) -> None:
-    """Ignore what the checks wait for."""
+def _ignore(*_: str) -> None:
+    """Ignore a step of an action."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +57,7 @@ class DeviceReports:
     """Reports on the devices of a running service."""
 
     checks: Preflight
-    params: Params = _no_params
+    params: Params
     warnings: tuple[str, ...] = ()
     """Remarks of the devices on their configuration, for the operator."""
 
@@ -161,7 +152,7 @@ class FlightActions:
             return "the vehicle is in the air, and this is for the ground: run `companion land` first"
         return "the vehicle is armed already: run `companion takeoff`, or `companion disarm` to stop the motors"
 
-    async def arm(self, tell: Tell = _ignore_wait) -> None:
+    async def arm(self, tell: Tell = _ignore) -> None:
         """Run every check, stream idle setpoints, switch to OFFBOARD, arm: the only order that works without GPS.
 
         `tell` gets what the checks wait for. FlightError names every check that fails. After any interruption, a
@@ -229,7 +220,7 @@ class FlightActions:
         except CompanionError as error:
             LOG.error("not disarmed: %s", error)  # noqa: TRY400 - the sentence is for the operator
 
-    async def take_off(self, height_m: float, accepted: Callable[[], None] = _ignore_start) -> None:
+    async def take_off(self, height_m: float, accepted: Callable[[], None] = _ignore) -> None:
         """Climb to `height_m` above where the vehicle stands, and hold; `accepted` is called once it has started.
 
         Raises FlightError where the geofence is too near, and when another command held the vehicle at a lower height.
@@ -251,7 +242,7 @@ class FlightActions:
         ground_m = 0.0 if flight.ground_w_m is None else float(flight.ground_w_m[2])
         return float(flight.legs[-1].trajectory.at(0.0).position_w_m[2]) - ground_m
 
-    async def go_to(self, position_w_m: Array, yaw_rad: float, accepted: Callable[[], None] = _ignore_start) -> None:
+    async def go_to(self, position_w_m: Array, yaw_rad: float, accepted: Callable[[], None] = _ignore) -> None:
         """Fly straight to a position (3,) in W and a heading, and hold; `accepted` is called once it has started.
 
         Raises, before anything moves, ConfigError for a position outside the room and FlightError for one too near the
@@ -268,7 +259,7 @@ class FlightActions:
         await asyncio.sleep(self._config.flight.settle_s)
         self._expect(Phase.HOLD, end)
 
-    async def fly(self, trajectory: Trajectory, accepted: Callable[[], None] = _ignore_start) -> None:
+    async def fly(self, trajectory: Trajectory, accepted: Callable[[], None] = _ignore) -> None:
         """Go to the trajectory's start, fly it, hold its end; `accepted` is called once it has started.
 
         Raises, before anything moves, ConfigError for a trajectory that leaves the room or is too fast and FlightError

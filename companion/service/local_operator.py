@@ -56,15 +56,19 @@ class LocalOperator:
 
 
 class _LocalLink:
-    """OperatorLink to an operator in this process, who is always there."""
+    """OperatorLink to an operator in this process, who is always there and has no rival."""
 
     def age_s(self) -> float:
         """Return 0 s."""
         return 0.0
 
+    def rival(self) -> str:
+        """Return no conflict."""
+        return ""
 
-def _ignore_progress(_: str) -> None:
-    """Ignore the steps that a command has reached."""
+
+def _ignore(_: str) -> None:
+    """Ignore the step that a command has reached, or the name of a law."""
 
 
 @asynccontextmanager
@@ -74,19 +78,18 @@ async def open_local_operator(
     sink: TickSink,
     watchdog_timer: WatchdogTimer,
     records: Path | None = None,
-    tell: Callable[[str], None] = _ignore_progress,
+    tell: Callable[[str], None] = _ignore,
 ) -> AsyncIterator[LocalOperator]:
     """Open a service with an operator in this process, beside those on the bus where `[operator]` is configured.
 
     `tell` gets the steps that commands have reached. Raises like `open_service`.
     """
     async with AsyncExitStack() as stack:
-        link: BusLink | _LocalLink = _LocalLink()
-        dispatcher = CommandDispatcher(config)
-        if config.operator is not None:
-            link = BusLink(config.operator, MonotonicClock(), secrets.token_hex(8))
-            dispatcher = CommandDispatcher(config, rival=link.rival)
-            await stack.enter_async_context(link.listening(dispatcher.take))
+        bus = BusLink(config.operator, MonotonicClock(), secrets.token_hex(8)) if config.operator else None
+        link = bus or _LocalLink()
+        dispatcher = CommandDispatcher(config, _ignore, link.rival)
+        if bus is not None:
+            await stack.enter_async_context(bus.listening(dispatcher.take))
         service = await stack.enter_async_context(open_service(config, controller, sink, watchdog_timer, link, records))
         await stack.enter_async_context(dispatcher.serving(service))
         yield LocalOperator(service, dispatcher, tell)

@@ -1,8 +1,6 @@
-"""Preparation of commands in threads: trajectories, motions of the arms, laws, parameters."""
+"""Preparation of commands: trajectories, motions of the arms, laws. Takes up to seconds, so call it in a thread."""
 
-import asyncio
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -11,10 +9,8 @@ from companion.arms.trajectory import JointTrajectory
 from companion.config.arm_files import motion_named
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import controller_path, load_controller
+from companion.config.controller_config import load_controller
 from companion.config.law_margin import require_margin
-from companion.config.preflight_config import load_recommended
-from companion.config.toml_files import read_toml
 from companion.config.trajectory_files import Curve, trajectory_named
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
@@ -43,12 +39,8 @@ class Planned:
     arms: JointTrajectory | None
 
 
-async def load_law(name: str, config: CompanionConfig) -> Controller:
+def load_law(name: str, config: CompanionConfig) -> Controller:
     """Return a law that has run once; raise ConfigError for an unknown name or a law unfit for this vehicle."""
-    return await asyncio.to_thread(_load_law, name, config)
-
-
-def _load_law(name: str, config: CompanionConfig) -> Controller:
     model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
     loaded = load_controller(name, model, period_s)
     require_margin(loaded, model, period_s, measure_apart)
@@ -56,12 +48,8 @@ def _load_law(name: str, config: CompanionConfig) -> Controller:
     return loaded.law
 
 
-async def planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
+def planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
     """Return the trajectory and the motion of the arms; raise ConfigError, ArmError or FlightError with the reason."""
-    return await asyncio.to_thread(_planned_track, command, service, config)
-
-
-def _planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
     if command.waypoints is not None:
         name, trajectory = "the path", _waypoints(command.waypoints)
     else:
@@ -71,7 +59,7 @@ def _planned_track(command: commands.Track, service: FlightActions, config: Comp
         trajectory = trajectory_named(name, Curve(command.laps, command.period_s, command.size, height_m))
     arms = None
     if command.arms is not None:
-        arms = _planned_arms(command.arms, trajectory.duration_s + APPROACH_S, service, config)
+        arms = planned_arms(command.arms, service, config, trajectory.duration_s + APPROACH_S)
     return Planned(name, trajectory, arms)
 
 
@@ -94,12 +82,10 @@ def _height_m(service: FlightActions) -> float:
     return round(float(vehicle.position_w_m[2]), 2)
 
 
-async def planned_arms(name: str, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
+def planned_arms(
+    name: str, service: FlightActions, config: CompanionConfig, duration_s: float = _ENDLESS_MOTION_S
+) -> JointTrajectory:
     """Return a motion that starts at the held joint angles; raise ConfigError or ArmError when it cannot be run."""
-    return await asyncio.to_thread(_planned_arms, name, _ENDLESS_MOTION_S, service, config)
-
-
-def _planned_arms(name: str, duration_s: float, service: FlightActions, config: CompanionConfig) -> JointTrajectory:
     if config.arms is None:
         raise FlightError("this vehicle has no arms: its configuration has no [arms]")
     return plan_motion(name, duration_s, config.arms, service.arms.held_rad).trajectory
@@ -118,13 +104,3 @@ def yaw_here_rad(service: FlightActions) -> float:
     if vehicle is None:
         raise FlightError("the vehicle's position is not known: check motion capture")
     return float(yaw_of(vehicle.q_w_flu_wxyz))
-
-
-async def params_of(service: FlightActions, config: CompanionConfig) -> dict[str, Any]:
-    """Return the active configuration, the law's file and the autopilot parameters that the preflight reads."""
-    law, names = service.loop.law_name, sorted(load_recommended(config.preflight.parameters))
-    return {
-        "config": config.model_dump(mode="json"),
-        "controller": {"name": law, **read_toml(controller_path(law))},
-        "px4": await service.reports.params(names),
-    }

@@ -1,5 +1,6 @@
 """Commands that take time: one at a time for the flight, and one for the arms."""
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from dataclasses import asdict
 from typing import Any
@@ -7,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import controller_path
+from companion.config.preflight_config import load_recommended
+from companion.config.toml_files import read_toml
 from companion.core.interfaces import CompanionError, FlightError
 from companion.protocol import commands
 from companion.service.command_job import CommandJob
 from companion.service.flight_actions import FlightActions, ended_by
-from companion.service.planning import Planned, load_law, params_of, planned_arms, planned_track, yaw_here_rad
+from companion.service.planning import Planned, load_law, planned_arms, planned_track, yaw_here_rad
 from companion.supervisor.faults import FailsafeAction
 from companion.supervisor.flight_state import HoldRequest, TrackRequest
 from companion.trajectories.reference import Hold
@@ -100,7 +104,7 @@ class QueuedCommands:
         rejection = service.loop.refusal(_ANY_TRACK)
         if rejection:  # before seconds of planning; what may change meanwhile is evaluated at the start
             raise FlightError(rejection)
-        plan: Planned = await planned_track(command, service, self._config)
+        plan: Planned = await asyncio.to_thread(planned_track, command, service, self._config)
         try:
             await service.fly(plan.trajectory, lambda: self._begin_track(plan))
         finally:
@@ -124,7 +128,7 @@ class QueuedCommands:
             arms.still("the operator stopped them")
             return "the arms come to rest"
         if command.do == "play":
-            motion = await planned_arms(command.motion or "", self._service, self._config)
+            motion = await asyncio.to_thread(planned_arms, command.motion or "", self._service, self._config)
             arms.begin(motion)
             self._start(f"{command.motion} takes {motion.duration_s:.0f} s")
             await arms.at_rest(motion.duration_s)
@@ -147,7 +151,7 @@ class QueuedCommands:
 
     async def _controller(self, command: commands.SwitchController) -> str:
         service, before = self._service, self._service.loop.law_name
-        law = await load_law(command.name, self._config)
+        law = await asyncio.to_thread(load_law, command.name, self._config)
         self._note_law(command.name)
         self._start(f"{before} hands over to {command.name}")
         service.loop.switch(law, command.name)
@@ -159,4 +163,9 @@ class QueuedCommands:
 
     async def _params(self, _: commands.Params) -> Result:
         self._job.accept()
-        return "configuration, gains and the autopilot's parameters", await params_of(self._service, self._config)
+        law, names = self._service.loop.law_name, sorted(load_recommended(self._config.preflight.parameters))
+        return "configuration, gains and the autopilot's parameters", {
+            "config": self._config.model_dump(mode="json"),
+            "controller": {"name": law, **read_toml(controller_path(law))},
+            "px4": await self._service.reports.params(names),
+        }

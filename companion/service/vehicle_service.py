@@ -26,8 +26,6 @@ from companion.preflight.service_facts import Running, preflight
 from companion.service.flight_actions import DeviceReports, FlightActions, Tell
 from companion.supervisor.flight_state import Phase
 
-__all__ = ["FlightActions", "open_service"]
-
 _DISK_S = 2.0
 
 

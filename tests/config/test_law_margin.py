@@ -86,10 +86,10 @@ def test_on_a_slow_attitude_loop_it_is_refused_with_what_was_found_what_is_wante
     assert not require_margin(loaded("practical", SLOW, allow_unstable=True), SLOW, 0.01).enough
 
 
-async def test_gains_that_swing_are_refused_before_the_law_is_switched(steep: Path) -> None:
+def test_gains_that_swing_are_refused_before_the_law_is_switched(steep: Path) -> None:
     with pytest.raises(ConfigError, match=r"no phase margin .* it swings along x at 1\.0 Hz; at least 20"):
-        await load_law(str(steep), CompanionConfig())
-    assert await load_law("pid", CompanionConfig())
+        load_law(str(steep), CompanionConfig())
+    assert load_law("pid", CompanionConfig())
 
 
 def test_the_preflight_looks_at_the_law_that_is_configured(steep: Path, tmp_path: Path) -> None:

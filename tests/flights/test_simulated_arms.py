@@ -298,6 +298,10 @@ async def test_what_the_law_is_told_does_not_jump_when_a_servo_fails() -> None:
     assert np.abs(np.diff(told, axis=0)).max() < 0.1
 
 
+async def no_params(_: Sequence[str]) -> dict[str, float]:
+    return {}
+
+
 async def _no_preflight(_: Tell) -> Sequence[Check]:
     raise AssertionError("nobody arms")
 
@@ -307,7 +311,7 @@ async def test_a_service_knows_of_a_fault_that_did_not_end_the_flight() -> None:
     flight = await fly(script, arms=mock_arms())
     assert flight.loop.flight.reason == "", "it was landing anyway"
     ticking = asyncio.get_running_loop().create_task(asyncio.sleep(0), name="ticking")
-    reports = DeviceReports(_no_preflight)
+    reports = DeviceReports(_no_preflight, no_params)
     service = FlightActions(flight.loop, flight.autopilot, CompanionConfig(arms=ARMS), ticking, reports)
     await ticking
     assert service.trouble == "left.elbow_pitch (servo 6): overload"

@@ -20,7 +20,7 @@ from companion.service.dispatcher import CommandDispatcher
 from companion.service.flight_actions import DeviceReports, Tell
 from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Room
-from tests.flights.test_simulated_arms import ARMS, mock_arms
+from tests.flights.test_simulated_arms import ARMS, mock_arms, no_params
 from tests.service.test_flight_actions import BOOTED_S, Served, served
 
 pytestmark = pytest.mark.slow
@@ -33,7 +33,7 @@ _IDS = itertools.count()
 
 
 @dataclass
-class Asked:
+class SentCommand:
     """One command and all that was answered to it."""
 
     replies: list[Reply] = field(default_factory=list)
@@ -60,14 +60,14 @@ class Operated:
     """A vehicle and its dispatcher, which serves it until `serving` is closed."""
 
     one: Served
-    desk: CommandDispatcher
+    dispatcher: CommandDispatcher
     serving: AsyncExitStack
 
-    def say(self, verb: str, **arguments: Any) -> Asked:
+    def say(self, verb: str, **arguments: Any) -> SentCommand:
         data = {"verb": verb, "id": f"t-{next(_IDS)}", "session": SESSION, "sent_s": 1.0, **arguments}
-        asked = Asked()
-        self.desk.take(COMMAND.validate_json(json.dumps(data)), asked.hear)
-        return asked
+        sent = SentCommand()
+        self.dispatcher.take(COMMAND.validate_json(json.dumps(data)), sent.hear)
+        return sent
 
     async def do(self, verb: str, **arguments: Any) -> Reply:
         return await self.say(verb, **arguments).end()
@@ -79,12 +79,12 @@ async def operated(arms: bool = False, rival: str = "") -> AsyncIterator[Operate
     room = Room(1, arms=mock_arms() if arms else None)
     async with served(room, config) as one, AsyncExitStack() as serving:
         await one.until(BOOTED_S)
-        desk = CommandDispatcher(config, rival=lambda: rival)
-        await serving.enter_async_context(desk.serving(one.service))
-        yield Operated(one, desk, serving)
+        dispatcher = CommandDispatcher(config, lambda _: None, lambda: rival)
+        await serving.enter_async_context(dispatcher.serving(one.service))
+        yield Operated(one, dispatcher, serving)
 
 
-async def arming_that_checks(op: Operated) -> Asked:
+async def arming_that_checks(op: Operated) -> SentCommand:
     """An arming whose checks have begun and take a while."""
     checking = asyncio.Event()
 
@@ -93,7 +93,7 @@ async def arming_that_checks(op: Operated) -> Asked:
         await asyncio.sleep(0.1)
         return ()
 
-    op.one.service.reports = DeviceReports(check)
+    op.one.service.reports = DeviceReports(check, no_params)
     arming = op.say("arm")
     await checking.wait()
     return arming
@@ -124,11 +124,11 @@ async def test_acceptance_and_completion_are_told_apart() -> None:
         while not going.replies:  # noqa: ASYNC110
             await asyncio.sleep(0)
         assert going.answers == [Answer.ACCEPTED]
-        assert op.desk.doing is not None
-        assert op.desk.doing.verb == "goto"
+        assert op.dispatcher.doing is not None
+        assert op.dispatcher.doing.verb == "goto"
         await going.end()
         assert going.answers == [Answer.ACCEPTED, Answer.DONE]
-        assert op.desk.doing is None
+        assert op.dispatcher.doing is None
 
 
 @pytest.mark.parametrize(
@@ -150,9 +150,9 @@ async def test_acceptance_and_completion_are_told_apart() -> None:
 async def test_what_does_not_fit_is_refused_and_changes_nothing(verb: str, arguments: dict[str, Any], why: str) -> None:
     async with operated() as op:
         before = op.one.service.loop.flight
-        asked = op.say(verb, **arguments)
-        reply = await asked.end()
-        assert asked.answers == [Answer.REFUSED]
+        sent = op.say(verb, **arguments)
+        reply = await sent.end()
+        assert sent.answers == [Answer.REFUSED]
         assert re.search(why, reply.text), reply.text
         assert op.one.service.loop.flight is before
 
@@ -165,9 +165,9 @@ async def test_what_leads_out_of_the_room_is_refused_in_flight() -> None:
             ("track", {"curve": "ellipse", "size": 3.0, "period_s": 5.0}),
             ("track", {"waypoints": [{"t_s": t, "x_m": t, "y_m": 0.0, "z_m": 1.0} for t in (0.0, 9.0)]}),
         ):
-            asked = op.say(verb, **arguments)
-            await asked.end()
-            assert asked.answers == [Answer.REFUSED], verb
+            sent = op.say(verb, **arguments)
+            await sent.end()
+            assert sent.answers == [Answer.REFUSED], verb
         assert op.one.phase() is Phase.HOLD
 
 
@@ -285,7 +285,7 @@ async def test_parameters_are_told() -> None:
         assert reply.data["controller"]["law"] == "etnn"
 
 
-async def test_a_desk_that_closes_answers_what_is_under_way() -> None:
+async def test_a_dispatcher_that_closes_answers_what_is_under_way() -> None:
     async with operated() as op:
         await flying(op)
         going = op.say("goto", x_m=0.4, y_m=0.0, z_m=0.8)

@@ -1,4 +1,4 @@
-"""Commands that meet: what was asked for before an order to stop must not begin after it, wherever it was then."""
+"""Commands that meet: what was sent for before an order to stop must not begin after it, wherever it was then."""
 
 import asyncio
 from collections.abc import Callable
@@ -167,13 +167,13 @@ async def test_a_trajectory_whose_arms_cannot_begin_is_not_flown(monkeypatch: py
         assert max(abs(op.one.room.truth_w_m[:2])) < 0.1
 
 
-async def test_a_command_of_the_turn_in_which_the_desk_closes_is_answered_and_leaves_nothing() -> None:
+async def test_a_command_of_the_turn_in_which_the_dispatcher_closes_is_answered_and_leaves_nothing() -> None:
     async with operated() as op:
         await flying(op)
         going = op.say("goto", **GOTO)
         await op.serving.aclose()
         assert going.replies[-1].answer in BADLY
-        async with op.desk.serving(op.one.service):
+        async with op.dispatcher.serving(op.one.service):
             assert (await op.do("goto", **GOTO)).answer is Answer.DONE
 
 
@@ -192,16 +192,16 @@ async def test_what_somebody_else_flies_is_not_said_to_stand(verb: str) -> None:
 async def test_a_path_is_solved_before_the_control_loop_looks_at_it() -> None:
     async with operated() as op:
         rows = tuple(Waypoint(t_s=float(t), x_m=0.01 * t, y_m=0.0, z_m=1.0) for t in range(400))
-        asked = Track(verb="track", id="t", session="0" * 16, sent_s=1.0, waypoints=rows)
-        plan = await planned_track(asked, op.one.service, CompanionConfig())
+        sent = Track(verb="track", id="t", session="0" * 16, sent_s=1.0, waypoints=rows)
+        plan = planned_track(sent, op.one.service, CompanionConfig())
         assert "_coefficients" in vars(plan.trajectory)
 
 
 async def test_systemd_lets_a_loop_that_failed_see_the_landing_through() -> None:
     async with operated() as op:
         await flying(op)
-        assert op.desk.ticking
-        assert lives(10.0, op.desk.ticking, 10.4)
-        assert not lives(10.0, op.desk.ticking, 10.6), "it hangs"
+        assert op.dispatcher.ticking
+        assert lives(10.0, op.dispatcher.ticking, 10.4)
+        assert not lives(10.0, op.dispatcher.ticking, 10.6), "it hangs"
         op.one.service.loop.ticking = False  # it has failed, and gives up
-        assert lives(10.0, op.desk.ticking, 30.0)
+        assert lives(10.0, op.dispatcher.ticking, 30.0)

@@ -31,7 +31,7 @@ from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import Room, SimulatedMocap
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_servos import SimulatedServos
-from tests.flights.test_simulated_arms import ARMS, mock_arms
+from tests.flights.test_simulated_arms import ARMS, mock_arms, no_params
 from tests.watchdog_timer import NoWatchdogTimer
 
 NOT_FLYING = "the vehicle is on the ground, and this service does not fly it"
@@ -106,7 +106,7 @@ async def served(
     devices = Devices(cameras(room, count), autopilot, room, NoWatchdogTimer(), servos)
     loop = FlightLoop(devices, law, config, lambda _: None, "etnn")
     ticking = asyncio.create_task(loop.run())
-    reports = DeviceReports(preflight or passed)
+    reports = DeviceReports(preflight or passed, no_params)
     one = Served(FlightActions(loop, autopilot, config, ticking, reports), room, autopilot)
     try:
         yield one

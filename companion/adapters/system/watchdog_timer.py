@@ -58,9 +58,7 @@ class KernelWatchdogTimer:
             raise CompanionError("the watchdog timer cannot be set: is this a fork of the process that made it?")
         if not self._armed:
             self._armed = True
-            LOG.info(
-                "watchdog timer armed: after %g s without a control cycle it kills us, PX4 lands", self._timeout_s
-            )
+            LOG.info("watchdog timer armed: after %g s without a control cycle it kills us, PX4 lands", self._timeout_s)
 
     def release(self) -> None:
         """Disable the timer: the process may take its time."""

@@ -4,7 +4,7 @@ import asyncio
 import re
 import signal
 import time
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from companion.cli.demo.progress import FlightDisplay
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController, controller_text
 from companion.core.interfaces import CompanionError, FlightError
-from companion.flight.tick import Tick, TickSink
+from companion.flight.sinks import FanOutSink
 from companion.protocol.commands import Track
 from companion.records.record_process import RecordSink
 from companion.records.recorder import Recorder
@@ -108,7 +108,11 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
             with display:
                 try:
                     display.say("connecting to motion capture and autopilot")
-                    async with _operator(flight, [flown.recorder, kept], display) as operator:
+                    sink = FanOutSink([flown.recorder, kept, display.take])
+                    watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
+                    async with open_local_operator(
+                        flight.config, flight.controller, sink, watchdog_timer, flight.records, display.say
+                    ) as operator:
                         await _mission(flight, operator, display, flown)
                 except CompanionError as error:
                     if not flown.recorder.flew:
@@ -169,21 +173,6 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
         if "in use" in str(error):
             raise MockError(f"{error}; or fly with --free-ports, or with --no-mocks if mocks are running") from error
         raise
-
-
-@asynccontextmanager
-async def _operator(
-    flight: DemoFlight, sinks: Sequence[TickSink], display: FlightDisplay
-) -> AsyncIterator[LocalOperator]:
-    def sink(tick: Tick) -> None:
-        for one in (*sinks, display.take):
-            one(tick)
-
-    watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
-    async with open_local_operator(
-        flight.config, flight.controller, sink, watchdog_timer, flight.records, display.say
-    ) as operator:
-        yield operator
 
 
 async def _mission(flight: DemoFlight, operator: LocalOperator, display: FlightDisplay, flown: Flown) -> None:
