@@ -1,4 +1,4 @@
-"""Commands that meet: what was sent for before an order to stop must not begin after it, wherever it was then."""
+"""Commands that meet: what was sent before an order to stop must not begin after it, wherever it was then."""
 
 import asyncio
 from collections.abc import Callable
