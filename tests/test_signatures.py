@@ -1,4 +1,4 @@
-"""Long lists of values: fields, arguments and parameters, of which a reader mixes up those that nobody names."""
+"""Values without a name: long lists of fields, arguments and parameters, and constants of the vehicle."""
 
 import ast
 from pathlib import Path
@@ -8,6 +8,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MOST = 6
 """Values that a reader can still tell apart by their order."""
+
+VEHICLE = {4.85, 9.8, 9.80665}
+"""Mass (kg) and gravity (m/s^2), the paper's and the mock's."""
+HOMES = {"companion/core/paper_vehicle.py", "mock_autopilot/physics/plant.py"}
 
 Found = dict[str, list[str]]
 
@@ -40,6 +44,9 @@ def look(tree: ast.Module, where: str, found: Found) -> None:
         if isinstance(node, ast.Call):
             if len(node.args) > MOST:
                 found["calls"].append(f"{where}:{node.lineno}")
+        elif isinstance(node, ast.Constant):
+            if type(node.value) is float and node.value in VEHICLE and where not in HOMES:
+                found["constants"].append(f"{where}:{node.lineno}")
         elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             if parameters(node) > MOST and not where.startswith("companion/cli/"):
                 found["functions"].append(f"{where}:{node.lineno} {node.name}")
@@ -49,7 +56,7 @@ def look(tree: ast.Module, where: str, found: Found) -> None:
 
 @pytest.fixture(scope="module")
 def too_long() -> Found:
-    found: Found = {"calls": [], "functions": [], "dataclasses": []}
+    found: Found = {"calls": [], "functions": [], "dataclasses": [], "constants": []}
     for root in ("companion", "mock_autopilot"):
         for path in sorted((ROOT / root).rglob("*.py")):
             look(ast.parse(path.read_text(encoding="utf-8")), path.relative_to(ROOT).as_posix(), found)
@@ -68,15 +75,20 @@ def test_no_function_has_many_parameters(too_long: Found) -> None:
     assert too_long["functions"] == []
 
 
+def test_mass_and_gravity_have_one_home(too_long: Found) -> None:
+    assert too_long["constants"] == []
+
+
 def test_what_is_too_long_is_found() -> None:
     many = "a, b, c, d, e, f, g"
     annotated = "".join(f"    {name}: int\n" for name in many.split(", "))
-    source = f"@value\nclass V:\n{annotated}\ndef make(self, {many}):\n    return V({many})\n"
-    found: Found = {"calls": [], "functions": [], "dataclasses": []}
+    source = f"@value\nclass V:\n{annotated}\ndef make(self, {many}):\n    return V({many}) * 9.8\n"
+    found: Found = {"calls": [], "functions": [], "dataclasses": [], "constants": []}
     look(ast.parse(source), "module.py", found)
     look(ast.parse(source.replace("@value", "@dataclass(kw_only=True)")), "companion/cli/module.py", found)
     assert found == {
         "calls": ["module.py:12", "companion/cli/module.py:12"],
         "functions": ["module.py:11 make"],
         "dataclasses": ["module.py:2 V"],
+        "constants": ["module.py:12", "companion/cli/module.py:12"],
     }

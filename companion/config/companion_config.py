@@ -29,22 +29,37 @@ _DEAD_MAN_CYCLES = 3
 class VehicleConfig(Section):
     """Properties of the vehicle; the defaults are the paper's and the recorded PX4's."""
 
-    mass_kg: float = Field(4.85, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
-    gravity_mps2: float = Field(9.8, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
-    hover_thrust: float = Field(0.5, gt=0.1, lt=0.9, description="normalised thrust that carries the weight")
+    mass_kg: float = Field(VehicleModel.mass_kg, gt=0.1, le=50.0, description="total mass m_t with both arms, kg")
+    gravity_mps2: float = Field(VehicleModel.gravity_mps2, gt=9.7, lt=9.9, description="the paper's g, m/s^2")
+    hover_thrust: float = Field(
+        ThrustModel.hover_thrust, gt=0.1, lt=0.9, description="normalised thrust that carries the weight"
+    )
     thrust_curve: float = Field(
-        0.0, ge=0.0, le=1.0, description="share f of force = f t^2 + (1 - f) t; 0 if PX4 corrects it"
+        ThrustModel.curve, ge=0.0, le=1.0, description="share f of force = f t^2 + (1 - f) t; 0 if PX4 corrects it"
     )
     attitude_bandwidth_radps: float = Field(
-        7.7, gt=1.0, le=40.0, description="natural frequency of PX4's closed attitude loop, rad/s"
+        VehicleModel.attitude_bandwidth_radps,
+        gt=1.0,
+        le=40.0,
+        description="natural frequency of PX4's closed attitude loop, rad/s",
     )
-    attitude_damping: float = Field(0.8, gt=0.1, le=2.0, description="damping ratio of PX4's closed attitude loop")
-    thrust_lag_s: float = Field(0.05, gt=0.0, le=0.5, description="first-order lag of the rotors, s")
+    attitude_damping: float = Field(
+        VehicleModel.attitude_damping, gt=0.1, le=2.0, description="damping ratio of PX4's closed attitude loop"
+    )
+    thrust_lag_s: float = Field(
+        VehicleModel.thrust_lag_s, gt=0.0, le=0.5, description="first-order lag of the rotors, s"
+    )
     setpoint_delay_s: float = Field(
-        0.04, ge=0.0, le=0.2, description="from a setpoint that is sent to the attitude's first movement, s"
+        VehicleModel.setpoint_delay_s,
+        ge=0.0,
+        le=0.2,
+        description="from a setpoint that is sent to the attitude's first movement, s",
     )
     thrust_delay_s: float = Field(
-        0.01, ge=0.0, le=0.2, description="from a setpoint that is sent to the thrust's first change, s"
+        VehicleModel.thrust_delay_s,
+        ge=0.0,
+        le=0.2,
+        description="from a setpoint that is sent to the thrust's first change, s",
     )
     inertia_kgm2: tuple[float, float, float] = Field(
         (0.11, 0.10, 0.13), description="inertia of the whole vehicle about body x, y, z, kg m^2"
@@ -61,13 +76,15 @@ class VehicleConfig(Section):
 class LimitsConfig(Section):
     """The last gate before the autopilot."""
 
-    max_tilt_rad: float = Field(0.52, gt=0.05, le=0.8, description="largest tilt from level, rad")
-    min_thrust: float = Field(0.05, ge=0.0, lt=0.5, description="least normalised thrust in flight")
-    max_thrust: float = Field(0.8, gt=0.2, le=1.0, description="largest normalised thrust")
+    max_tilt_rad: float = Field(Limits.max_tilt_rad, gt=0.05, le=0.8, description="largest tilt from level, rad")
+    min_thrust: float = Field(Limits.min_thrust, ge=0.0, lt=0.5, description="least normalised thrust in flight")
+    max_thrust: float = Field(Limits.max_thrust, gt=0.2, le=1.0, description="largest normalised thrust")
     max_turn_radps: float = Field(
-        6.0, gt=0.1, le=50.0, description="largest rate of change of the attitude setpoint, rad/s"
+        Limits.max_turn_radps, gt=0.1, le=50.0, description="largest rate of change of the attitude setpoint, rad/s"
     )
-    max_thrust_rate_ps: float = Field(5.0, gt=0.1, le=100.0, description="largest rate of change of the thrust, 1/s")
+    max_thrust_rate_ps: float = Field(
+        Limits.max_thrust_rate_ps, gt=0.1, le=100.0, description="largest rate of change of the thrust, 1/s"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "LimitsConfig":

@@ -5,6 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from companion.core.paper_vehicle import ATTITUDE_BANDWIDTH_RADPS, GRAVITY_MPS2, MASS_KG
 from companion.core.types import Array, Reference
 
 
@@ -12,9 +13,9 @@ from companion.core.types import Array, Reference
 class VehicleModel:
     """Model of the vehicle for control laws; measured in a hover, stored in the vehicle's configuration."""
 
-    mass_kg: float = 4.85
-    gravity_mps2: float = 9.8
-    attitude_bandwidth_radps: float = 7.7
+    mass_kg: float = MASS_KG
+    gravity_mps2: float = GRAVITY_MPS2
+    attitude_bandwidth_radps: float = ATTITUDE_BANDWIDTH_RADPS
     """Natural frequency of the closed attitude loop, second order."""
     attitude_damping: float = 0.8
     thrust_lag_s: float = 0.05

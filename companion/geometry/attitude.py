@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.core.paper_vehicle import GRAVITY_MPS2, MASS_KG
 from companion.core.types import Array, AttitudeThrust
 from companion.geometry.array_math import any_true, math_module, maximum, minimum, number, stack, unstack, where
 from companion.geometry.frames import up_axis_parts
@@ -23,8 +24,8 @@ MIN_FORCE_N = 1e-3
 class ThrustModel:
     """Force of a normalised thrust. `curve` is PX4's THR_MDL_FAC when the autopilot does not compensate for it."""
 
-    mass_kg: float = 4.85
-    gravity_mps2: float = 9.8
+    mass_kg: float = MASS_KG
+    gravity_mps2: float = GRAVITY_MPS2
     hover_thrust: float = 0.5
     """Normalised thrust that carries the weight (MPC_THR_HOVER)."""
     curve: float = 0.0

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mock_autopilot.physics.plant import GRAVITY_MPS2
 from mock_autopilot.physics.quaternion import Array
 
 Three = tuple[float, float, float]
 
-GRAVITY_MPS2 = 9.80665
 JOINTS_PER_ARM = 4
 """Shoulder pitch, elbow pitch, elbow roll, claw; the claw moves no mass worth counting."""
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from mock_autopilot.physics import quaternion_one
+from mock_autopilot.physics.plant import GRAVITY_MPS2
 from mock_autopilot.physics.quaternion_one import Four, Three
 from mock_autopilot.px4.attitude_error import AttitudeErrorParams, AttitudeErrorWalk, turn_of
 
@@ -25,7 +26,6 @@ BIAS_S = 2.0
 VERTICAL_MPS2_PER_RAD = 7.0
 """Wrong vertical acceleration (RMS) for the size of the horizon's error: 0.15 m/s2 at 1.2 degrees."""
 VERTICAL_TIME_S = 2.0
-GRAVITY_MPS2 = 9.80665
 
 
 class Horizon:

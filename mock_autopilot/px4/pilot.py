@@ -7,11 +7,11 @@ It sees the estimate only. Units m, m/s, NED in the estimator's frame.
 import math
 from dataclasses import dataclass, field
 
+from mock_autopilot.physics.plant import GRAVITY_MPS2
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.setpoint import LEVEL, Quad
 from mock_autopilot.px4.vocabulary import Mode, Position
 
-GRAVITY_MPS2 = 9.80665
 IDLE_SIGNAL = 0.001
 """PX4's thrust setpoint while it waits on the ground, as recorded."""
 STOPPED_MPS = 0.3

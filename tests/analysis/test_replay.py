@@ -138,7 +138,7 @@ def test_a_flight_in_which_no_law_ran_has_nothing_to_compare(record: FlightRecor
     for arguments in (["report", str(path), "--out", str(out)], ["records", str(path), "--csv", str(tmp_path / "csv")]):
         said = CliRunner().invoke(app, arguments)
         assert said.exit_code == 0, said.output
-    assert "disarmed, it never left the ground" in out.read_text(encoding="utf-8")
+    assert "Disarmed, it never left the ground" in out.read_text(encoding="utf-8")
 
 
 def test_a_record_of_another_version_is_refused_in_one_sentence(record: FlightRecord) -> None:

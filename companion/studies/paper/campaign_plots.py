@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
+from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
 from companion.studies.paper.campaign import label_of, scene_of, tracking
 from companion.studies.paper.campaign_detail import Detail, Proof
@@ -122,7 +123,7 @@ def _forces(details: Sequence[Detail]) -> Figure:
 
     def draw(detail: Detail, colour: str, name: str) -> None:
         column = next(place)
-        force_n = detail.mass_kg * (detail.trace.accel_w_mps2[now] + np.array([0.0, 0.0, 9.8]))
+        force_n = detail.mass_kg * (detail.trace.accel_w_mps2[now] + np.array([0.0, 0.0, GRAVITY_MPS2]))
         rows[0][column].set_title(name, fontsize=10)
         for axis, row in enumerate(rows):
             row[column].step(detail.trace.time_s[now], force_n[:, axis], where="post", color=colour, lw=0.8)

@@ -6,15 +6,13 @@ import numpy as np
 
 from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.config.arms_config import Feedforward
+from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
 from companion.simulation.arm_feedforward import known_push_b_mps2
 from companion.simulation.scene import Scene
 from mock_autopilot.physics.disturbance import Sinusoid
 
 Facts = tuple[tuple[str, str], ...]
-
-_GRAVITY_MPS2 = 9.8
-"""The paper's, to put forces beside weights."""
 
 
 def facts_of(scene: Scene) -> Facts:
@@ -99,7 +97,7 @@ def _room(scene: Scene) -> str:
     room = scene.mock.disturbance
     waves = "; ".join(_wave(wave) for wave in room.sinusoids)
     steady = np.array(room.constant_ned_n)
-    weight_n = float(scene.mock.plant.mass_kg) * _GRAVITY_MPS2
+    weight_n = float(scene.mock.plant.mass_kg) * GRAVITY_MPS2
     strongest = _norm(np.abs(steady) + sum((np.abs(wave.amplitude_ned_n) for wave in room.sinusoids), np.zeros(3)))
     return (
         f"a steady push of {_triple(steady)} N (north, east, down){'; ' + waves if waves else ''}; and a random one of "

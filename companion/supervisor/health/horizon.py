@@ -7,6 +7,7 @@ vehicle of 5 kg turns it by 0.1 rad.
 
 from math import atan2, exp, hypot
 
+from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
 from companion.core.values import value
 
@@ -16,7 +17,6 @@ NEARER = 0.4
 """Largest angle between force and motion capture's axis for a wrong autopilot, as a share of the axes' angle."""
 _LEAST_PUSH_MPS2 = 4.0
 """Least specific force whose direction is used: in near free fall it is noise."""
-_GRAVITY_MPS2 = 9.8
 
 Axis = tuple[float, float, float]
 _NOWHERE = (0.0, 0.0, 0.0)
@@ -47,7 +47,7 @@ def update_means(
     if not passed_s > 0.0:
         return before
     wx, wy, wz = before.velocity_mps
-    force = (vx - wx) / passed_s, (vy - wy) / passed_s, (vz - wz) / passed_s + _GRAVITY_MPS2
+    force = (vx - wx) / passed_s, (vy - wy) / passed_s, (vz - wz) / passed_s + GRAVITY_MPS2
     left = exp(-passed_s / AVERAGED_S)
     return MotionMeans(
         at_s,
