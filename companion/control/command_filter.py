@@ -1,12 +1,10 @@
 """Command filter, error compensation and virtual controls (paper, eqs. cmd-filter, iota-dyn, alpha1, alpha_2)."""
 
-from typing import Any
-
 import numpy as np
 
 from companion.control.gains import EtnnGains
 from companion.control.switching import fractional_factor, squared, switch_factor
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, by_axis, math_module
 
@@ -59,7 +57,7 @@ def virtual_control_1(velocity_ref: Array, y1: Array, iota1: Array, gains: EtnnG
     """Return alpha_1 (m/s), eq. alpha1, shape (..., 3): feedback beta_1 |y_1|^2 y_1 + gamma_1 Theta(y_1)."""
     (y_squared, y_theta), (iota_squared, iota_theta) = _theta(y1, gains), _theta(iota1, gains)
 
-    def alpha1(y1: Any, velocity_ref: Any, iota1: Any, *diagonals: Any) -> Any:
+    def alpha1(y1: Scalar, velocity_ref: Scalar, iota1: Scalar, *diagonals: Scalar) -> Scalar:
         c1, k, k1, beta1, gamma1 = diagonals
         compensation = (c1 * iota_squared + k + k1 * iota_theta) * iota1
         return velocity_ref - compensation - (beta1 * y_squared + gamma1 * y_theta) * y1
@@ -72,7 +70,7 @@ def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains:
     """Return alpha_2 (m/s^2), the virtual control of step 2, (..., 3): feedback as in alpha_1, Theta not faded."""
     (y_squared, y_power), (iota_squared, iota_power) = _power(y2, gains), _power(iota2, gains)
 
-    def alpha2(y2: Any, chi_dot: Any, x1: Any, iota2: Any, *diagonals: Any) -> Any:
+    def alpha2(y2: Scalar, chi_dot: Scalar, x1: Scalar, iota2: Scalar, *diagonals: Scalar) -> Scalar:
         c2, k2, beta2, gamma2 = diagonals
         compensation = (c2 * iota_squared + k2 * iota_power) * iota2
         return chi_dot - x1 - compensation - (beta2 * y_squared + gamma2 * y_power) * y2
@@ -90,7 +88,7 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     zeta, rho, eps, share_s = gains.zeta, gains.rho, gains.filter_eps, dt_s * gains.compensation
     quick, m = dt_s / eps**2, math_module(squared_1)
 
-    def advanced(chi: Any, xi: Any, iota1: Any, iota2: Any, *held: Any) -> Any:
+    def advanced(chi: Scalar, xi: Scalar, iota1: Scalar, iota2: Scalar, *held: Scalar) -> tuple[Scalar, ...]:
         alpha1, f_hat, c1, k, k1, c2, k2 = held
         late = chi - alpha1
         xi_after = xi - quick * (zeta * m.atan(late) + rho * m.atan(eps * xi))
@@ -102,13 +100,13 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     return FilterState(*all_by_axis(advanced, state.chi, state.xi, state.iota1, state.iota2, *held))
 
 
-def _theta(s: Array, gains: EtnnGains) -> tuple[Any, Any]:
+def _theta(s: Array, gains: EtnnGains) -> tuple[Scalar, Scalar]:
     """Return |s|^2, and the factor of s in Theta(s)."""
     square = squared(s)
     return square, switch_factor(square, gains.p, gains.epsilon, gains.power_regularisation)
 
 
-def _power(s: Array, gains: EtnnGains) -> tuple[Any, Any]:
+def _power(s: Array, gains: EtnnGains) -> tuple[Scalar, Scalar]:
     """Return |s|^2, and the factor of s in s/(s's)^(1-p)."""
     square = squared(s)
     return square, fractional_factor(square, gains.p, gains.power_regularisation)

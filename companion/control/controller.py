@@ -6,7 +6,10 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from companion.core.paper_vehicle import ATTITUDE_BANDWIDTH_RADPS, GRAVITY_MPS2, MASS_KG
-from companion.core.types import Array, Reference
+from companion.core.types import Array, Reference, Scalar
+
+Memory = Any
+"""Memory of a law from one cycle to the next: any value, which only the law that returned it reads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +38,7 @@ class ControlInput:
     velocity_w_mps: Array
     q_w_flu_wxyz: Array
     rate_flu_radps: Array
-    age_s: float | Array
+    age_s: Scalar
     """Age of that state; (..., 1) where vehicles differ."""
     reference: Reference
     """Reference at `Controller.preview_s` from now."""
@@ -64,10 +67,10 @@ class Controller(Protocol):
     def preview_s(self) -> float:
         """Time ahead of now at which the law needs its reference, s."""
 
-    def initial(self, first: ControlInput) -> Any:
+    def initial(self, first: ControlInput) -> Memory:
         """Return the memory at lift-off, from the first input."""
 
-    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+    def step(self, memory: Memory, now: ControlInput) -> tuple[Memory, ControlOutput]:
         """Run one control cycle; return the next memory and the output."""
 
 
@@ -75,7 +78,7 @@ class Controller(Protocol):
 class SeededLaw(Protocol):
     """Law that can take control in the air with a known disturbance, so that it need not estimate the wind again."""
 
-    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Any:
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Memory:
         """Return the memory for a vehicle in flight.
 
         `known_disturbance_w_mps2` (..., 3) is the acceleration not caused by rotors and arms, which the previous law
@@ -89,8 +92,8 @@ class TwoHalves(Protocol):
     `step` must be `decide` followed by `settle`.
     """
 
-    def decide(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+    def decide(self, memory: Memory, now: ControlInput) -> tuple[Memory, ControlOutput]:
         """Return the input of `settle`, and the output to be sent."""
 
-    def settle(self, decided: Any) -> tuple[Any, dict[str, Array]]:
+    def settle(self, decided: Memory) -> tuple[Memory, dict[str, Array]]:
         """Return the memory for the next cycle, and further internal values for the record."""

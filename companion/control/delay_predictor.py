@@ -12,15 +12,13 @@ be wrong by half the disturbance times the horizon squared, which the law would 
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.disturbance_observer import DisturbanceEstimate, nothing_observed, observe
 from companion.control.lag_models import exponential, first_order, second_order
-from companion.control.switching import Scalar
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import math_module, stack, unstack
 from companion.geometry.frames import up_axis_parts
@@ -95,7 +93,7 @@ class Predictor:
         observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
         return self._propagate(now, drives, observed.push), PredictorMemory(drives, stack(thrust), observed)
 
-    def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Any:
+    def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Scalar:
         """Return the specific thrust at capture time, when the oldest kept command acted."""
         (x, y, z), (before,) = unstack(oldest_sent), unstack(thrust_mps2)
         up = z + self.vehicle.gravity_mps2
@@ -138,7 +136,7 @@ def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
     return _Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
 
 
-def _jerk(thrust_mps2: Any, q: Array, rate_flu_radps: Array) -> Array:
+def _jerk(thrust_mps2: Scalar, q: Array, rate_flu_radps: Array) -> Array:
     """Return the jerk of a constant thrust that turns: its size times R (omega x e3), shape (..., 3)."""
     (w, x, y, z), (roll, pitch, _) = unstack(q), unstack(rate_flu_radps)
     roll, pitch = thrust_mps2 * roll, thrust_mps2 * pitch

@@ -5,12 +5,10 @@ hover thrust. Velocity and setpoints go through the same low pass, so nothing is
 v_f' = (v - v_f)/T the filtered acceleration is (v - v_f)/T.
 """
 
-from typing import Any
-
 import numpy as np
 
 from companion.control.controller import ControlInput
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, maximum, minimum
 
@@ -42,7 +40,9 @@ def estimate_disturbance(before: Disturbance, now: ControlInput) -> Disturbance:
     """Advance the estimate by one cycle; like `sent_accel_w_mps2` it does not contain the effect of the arms."""
     follow, share = minimum(now.dt_s / FOLLOW_S, 1.0), minimum(now.dt_s / AVERAGE_S, 1.0)
 
-    def estimated(measured: Any, commanded: Any, velocity: Any, acting: Any, sent: Any) -> Any:
+    def estimated(
+        measured: Scalar, commanded: Scalar, velocity: Scalar, acting: Scalar, sent: Scalar
+    ) -> tuple[Scalar, ...]:
         acting = acting + follow * (commanded - acting)
         sent = sent + share * (acting - sent)
         surprise = measured - velocity

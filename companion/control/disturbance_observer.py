@@ -5,12 +5,9 @@ Luenberger observer with both poles at -w estimates d: a constant d exactly, one
 2 d'/w.
 """
 
-from typing import Any
-
 import numpy as np
 
-from companion.control.switching import Scalar
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, maximum, minimum
 
@@ -50,7 +47,9 @@ def observe(
     turn = poles_radps * minimum(elapsed_s, _LONGEST_S)
     share = minimum(2.0 * turn, 1.0)
 
-    def seen(measured: Any, velocity: Any, push: Any, accel_before: Any, accel: Any) -> Any:
+    def seen(
+        measured: Scalar, velocity: Scalar, push: Scalar, accel_before: Scalar, accel: Scalar
+    ) -> tuple[Scalar, Scalar]:
         expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + push)
         surprise = measured - expected
         return expected + share * surprise, push + poles_radps * turn * surprise

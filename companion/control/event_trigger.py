@@ -47,4 +47,4 @@ def trigger_step(state: TriggerState, u_bar: Array, gains: EtnnGains, dt_s: floa
     slack = gains.sigma - where(quiet, least, 0.0)  # the largest sigma - |e_j|
     kappa = kappa + dt_s * (slack - kappa)
     u = where(quiet, state.held, u_bar)
-    return TriggerState(u, as_column(kappa), as_column(maximum(started, 1.0))), u, as_column(1.0 - quiet)
+    return TriggerState(u, as_column(kappa), as_column(maximum(started, 1.0))), u, as_column(where(quiet, 0.0, 1.0))

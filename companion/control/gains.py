@@ -1,6 +1,6 @@
 """Gains of the laws, with the paper's values as defaults, and the stability measures of the filter loop."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, PlainValidator, model_validator
@@ -29,8 +29,9 @@ Diagonal = Annotated[Array, PlainValidator(_diagonal), PlainSerializer(_plain)]
 """The diagonal of a gain matrix: a list of numbers in TOML, an array in the law."""
 
 
-def _diag(*values: float, note: str) -> Any:
-    return Field(default_factory=lambda: _diagonal(values), description=note)  # a plain default is copied, writable
+def _diag(*values: float, note: str) -> Array:
+    field: Array = Field(default_factory=lambda: _diagonal(values), description=note)  # a plain default is writable
+    return field
 
 
 class Gains(BaseModel):
@@ -134,7 +135,7 @@ class PidGains(Gains):
 
     @model_validator(mode="before")
     @classmethod
-    def _no_gains_in_newtons(cls, data: Any) -> Any:
+    def _no_gains_in_newtons(cls, data: object) -> object:
         old = [key for key in _OF_A_MASS if isinstance(data, dict) and key in data]
         if old:
             new = ", ".join(_OF_A_MASS[key] for key in old)

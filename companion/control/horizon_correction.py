@@ -12,16 +12,13 @@ while after that; a correction that ends fades at the same bounded rate.
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from companion.core.types import Array, AttitudeThrust
+from companion.core.types import Array, AttitudeThrust, Flag, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import column, math_module, maximum, minimum, stack, unstack, where
+from companion.geometry.array_math import absolute, column, math_module, maximum, minimum, stack, unstack, where
 from companion.geometry.frames import quat_conjugate, quat_from_rotation_vector, quat_multiply, yaw_of
-
-Each = float | Array
 
 TIME_CONSTANT_S = 0.3
 """Default; errors of PX4 last for 2.5 to 20 s, and the law needs 0.2 s to follow a setpoint. See docs/horizon.md."""
@@ -42,15 +39,15 @@ class HorizonRules:
 
     enabled: bool = True
     """False: the difference is measured and recorded, but not corrected."""
-    time_constant_s: Each = TIME_CONSTANT_S
+    time_constant_s: Scalar = TIME_CONSTANT_S
     """Time constant of the low pass."""
-    cap_rad: Each = CAP_RAD
+    cap_rad: Scalar = CAP_RAD
     """Largest correction."""
-    apart_rad: Each = 0.125
+    apart_rad: Scalar = 0.125
     """Difference above which neither horizon is trusted: half the limit of the fault *attitudes disagree*."""
-    rate_radps: Each = 0.15
+    rate_radps: Scalar = 0.15
     """Largest rate of change of the correction: twice the largest rate of recorded errors."""
-    resend_rad: Each = 0.02
+    resend_rad: Scalar = 0.02
     """Change of the correction that is sent without a new setpoint of the law: 0.2 m/s^2."""
 
 
@@ -61,13 +58,13 @@ class HorizonInput:
     q_w_flu_wxyz: Array
     """Attitude from motion capture."""
     rate_flu_radps: Array
-    age_s: Any
+    age_s: Scalar
     autopilot_q_w_flu_wxyz: Array
-    autopilot_age_s: Any
+    autopilot_age_s: Scalar
     """Age of the autopilot's attitude; infinite before the first."""
-    trusted: Any
+    trusted: Flag
     """True if there is no fault of motion capture and no lasting disagreement."""
-    flying: Any
+    flying: Flag
     """True while the law flies; on the ground the horizons are compared, but not corrected."""
 
 
@@ -75,19 +72,19 @@ class HorizonInput:
 class Horizon:
     """State of the correction: x (roll) and y (pitch) in the vehicle's levelled axes, rad; each a float or (...,)."""
 
-    off_x: Any = 0.0
+    off_x: Scalar = 0.0
     """Low-passed difference: true attitude less the autopilot's."""
-    off_y: Any = 0.0
-    x: Any = 0.0
+    off_y: Scalar = 0.0
+    x: Scalar = 0.0
     """Correction: a setpoint is turned back by it."""
-    y: Any = 0.0
-    unseen_s: Any = math.inf
+    y: Scalar = 0.0
+    unseen_s: Scalar = math.inf
     """Time since the last comparison."""
-    sound_s: Any = 0.0
+    sound_s: Scalar = 0.0
     """Time for which both have agreed."""
 
     @property
-    def off_rad(self) -> Any:
+    def off_rad(self) -> Scalar:
         """Size of the low-passed difference (rad)."""
         return _size(self.off_x, self.off_y)
 
@@ -100,7 +97,7 @@ def no_horizon(lead: tuple[int, ...] = ()) -> Horizon:
     return Horizon(zero, zero, zero, zero, np.full(lead, math.inf), zero)
 
 
-def tilt_between(seen: HorizonInput) -> tuple[Any, Any]:
+def tilt_between(seen: HorizonInput) -> tuple[Scalar, Scalar]:
     """Return the tilt of the true attitude against the autopilot's (x, y; rad) at the instant of the latter.
 
     The turn from one attitude to the other is split into one about the vertical, the headings' difference, and the
@@ -121,7 +118,7 @@ def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) 
     """Update the correction with the attitudes of one cycle, `dt_s` after the last."""
     x, y = tilt_between(seen)
     tilt_rad = _size(x, y)
-    apart_s = abs(seen.age_s - seen.autopilot_age_s)
+    apart_s = absolute(seen.age_s - seen.autopilot_age_s)
     known = (apart_s <= _LARGEST_TURN_S) & math_module(tilt_rad).isfinite(tilt_rad)
     left = where(before.unseen_s > HELD_S, 0.0, _left(rules.time_constant_s, dt_s))
     off_x = where(known, x + left * (before.off_x - x), before.off_x)
@@ -147,12 +144,12 @@ def corrected(setpoint: AttitudeThrust, turn_w: Array) -> AttitudeThrust:
     return AttitudeThrust(quat_multiply(turn_w, setpoint.q_w_flu_wxyz), setpoint.thrust)
 
 
-def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> Any:
+def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> Flag:
     """Return where the correction differs so much from the one in the last setpoint that it is sent by itself."""
     return _size(horizon.x - held.x, horizon.y - held.y) > rules.resend_rad
 
 
-def _turned(x: Any, y: Any, yaw_rad: Array, sign: float) -> tuple[Any, Any]:
+def _turned(x: Scalar, y: Scalar, yaw_rad: Array, sign: float) -> tuple[Scalar, Scalar]:
     """Turn horizontal components by the heading: with +1 into W, with -1 into the levelled axes."""
     yaw = yaw_rad if yaw_rad.ndim else yaw_rad.item()
     m = math_module(yaw)
@@ -160,19 +157,19 @@ def _turned(x: Any, y: Any, yaw_rad: Array, sign: float) -> tuple[Any, Any]:
     return c * x - s * y, s * x + c * y
 
 
-def _size(x: Any, y: Any) -> Any:
+def _size(x: Scalar, y: Scalar) -> Scalar:
     return math_module(x).sqrt(x * x + y * y)
 
 
-def _left(time_constant_s: Each, dt_s: float) -> Any:
+def _left(time_constant_s: Scalar, dt_s: float) -> Scalar:
     """Return the share of its old value that a low pass keeps in a step."""
     return math_module(time_constant_s).exp(-dt_s / time_constant_s)
 
 
-def _share(size: Any, most: Each) -> Any:
+def _share(size: Scalar, most: Scalar) -> Scalar:
     """Return the factor that limits a vector of this size to `most`."""
     return minimum(1.0, most / maximum(size, _TINY))
 
 
-def _not(flag: Any) -> Any:
+def _not(flag: Flag) -> Flag:
     return flag ^ True

@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar, cast
 
 import numpy as np
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array, Reference
 
@@ -29,6 +29,8 @@ _TARGET_M, _TARGET_MPS, _TARGET_MPS2 = np.array([0.0, 0.0, 1.2]), np.array([0.3,
 _KNOWN_MPS2 = np.array([0.02, -0.05, 0.03])
 _DISTURBANCE_MPS2 = np.array([0.6, -0.4, 0.1])
 
+Result = TypeVar("Result")
+
 
 @dataclass(frozen=True)
 class LawFile:
@@ -41,7 +43,7 @@ class LawFile:
         """Return the error to raise; `why` follows the name."""
         return ConfigError(f"{self.path}: {self.name}{why}")
 
-    def call(self, what: str, function: Callable[..., Any], *arguments: object) -> Any:
+    def call(self, what: str, function: Callable[..., Result], *arguments: object) -> Result:
         """Return `function(*arguments)`; if it raises, ConfigError with the exception and its line in the file."""
         try:
             return function(*arguments)
@@ -78,7 +80,7 @@ def raised(error: BaseException, path: Path) -> str:
     return f"{said} (line {lines[-1]})" if lines else said
 
 
-def check_law(law: Any, file: LawFile, period_s: float) -> Controller:
+def check_law(law: object, file: LawFile, period_s: float) -> Controller:
     """Return the law itself if it has the methods of a Controller and runs three cycles, for one vehicle and for two.
 
     Raises ConfigError with one sentence that says what is wrong and what is expected.
@@ -89,12 +91,12 @@ def check_law(law: Any, file: LawFile, period_s: float) -> Controller:
     preview = file.call(".preview_s", lambda: getattr(law, "preview_s", None))
     if isinstance(preview, bool) or not isinstance(preview, float | int) or not 0.0 <= preview < np.inf:
         raise file.wrong(f".preview_s is {preview!r}: must be a property that gives seconds, 0.0 or more")
-    alone = [_tried(law, file, [_seen(row, cycle, period_s) for cycle in range(_CYCLES)]) for row in range(2)]
-    together = _tried(law, file, [_seen(slice(None), cycle, period_s) for cycle in range(_CYCLES)])
+    checked = cast(Controller, law)
+    alone = [_tried(checked, file, [_seen(row, cycle, period_s) for cycle in range(_CYCLES)]) for row in range(2)]
+    together = _tried(checked, file, [_seen(slice(None), cycle, period_s) for cycle in range(_CYCLES)])
     for row, outputs in enumerate(alone):
         for one, two in zip(outputs, together, strict=True):
             _compare(one, two, row, file)
-    checked: Controller = law
     return checked
 
 
@@ -124,7 +126,7 @@ def _frozen(values: Array) -> Array:
     return array
 
 
-def _tried(law: Any, file: LawFile, seen: list[ControlInput]) -> list[ControlOutput]:
+def _tried(law: Controller, file: LawFile, seen: list[ControlInput]) -> list[ControlOutput]:
     """Return the outputs of a few cycles, each run twice from the same memory, which must not differ."""
     shape = seen[0].position_w_m.shape
     of = f" with positions of shape {shape}"
@@ -150,8 +152,10 @@ def _tried(law: Any, file: LawFile, seen: list[ControlInput]) -> list[ControlOut
     return outputs
 
 
-def _stepped(law: Any, file: LawFile, memory: Any, now: ControlInput, of: str) -> tuple[Any, ControlOutput]:
-    answer = file.call(f".step{of}", law.step, memory, now)
+def _stepped(
+    law: Controller, file: LawFile, memory: Memory, now: ControlInput, of: str
+) -> tuple[Memory, ControlOutput]:
+    answer: object = file.call(f".step{of}", law.step, memory, now)
     if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], ControlOutput)):
         raise file.wrong(f".step returned {_described(answer)}: must be (memory, ControlOutput)")
     _check_output(answer[1], now.position_w_m.shape[:-1], file, of)
@@ -179,9 +183,9 @@ def _check_array(name: str, value: object, shape: tuple[int, ...], file: LawFile
         raise file.wrong(f".step{of} gave {name} = {value.tolist()}: must be finite numbers")
 
 
-def _check_halves(law: TwoHalves, file: LawFile, memory: Any, now: ControlInput, whole: ControlOutput) -> None:
+def _check_halves(law: TwoHalves, file: LawFile, memory: Memory, now: ControlInput, whole: ControlOutput) -> None:
     decided, output = file.call(".decide", law.decide, memory, now)
-    settled = file.call(".settle", law.settle, decided)
+    settled: object = file.call(".settle", law.settle, decided)
     if not (isinstance(settled, tuple) and len(settled) == 2 and isinstance(settled[1], dict)):
         raise file.wrong(f".settle returned {_described(settled)}: must be (memory, dict of arrays)")
     if not _same(whole, output):

@@ -1,11 +1,9 @@
 """Three-layer network that learns the friction (paper, eqs. DNN:fd:hat, update1, update2)."""
 
-from typing import Any
-
 import numpy as np
 
 from companion.control.gains import EtnnGains
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import any_true, math_module
 
@@ -44,10 +42,10 @@ def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array
     inner = _times(x_d, state.v0)
     if inner.ndim == 1:
         return x_d, np.array([*map(_sigmoid, inner.tolist()), 1.0])
-    return x_d, _with_one(_sigmoid(inner))
+    return x_d, _with_one(np.asarray(_sigmoid(inner)))
 
 
-def _sigmoid(inner: Any) -> Any:
+def _sigmoid(inner: Scalar) -> Scalar:
     """Return 1/(1 + exp(-inner)), computed by a tanh, which never overflows."""
     return 0.5 + 0.5 * math_module(inner).tanh(0.5 * inner)
 
@@ -123,10 +121,10 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
     return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))
 
 
-def _square(weights: Array) -> Any:
+def _square(weights: Array) -> Scalar:
     """Return the squared Frobenius norm: a float, (..., 1, 1) for a batch."""
     if weights.ndim == 2:
         flat = weights.ravel()
         return float(flat.dot(flat))
     flat = weights.reshape(*weights.shape[:-2], -1)
-    return np.vecdot(flat, flat)[..., None, None]
+    return np.asarray(np.vecdot(flat, flat)[..., None, None])

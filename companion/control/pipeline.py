@@ -2,17 +2,15 @@
 
 from dataclasses import replace
 from math import inf
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
-from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
+from companion.core.types import Array, AttitudeThrust, Mask, Reference, Scalar, VehicleState
 from companion.core.values import value
-from companion.geometry.array_math import any_true, column, unstack, where
+from companion.geometry.array_math import absolute, any_true, column, unstack, where
 from companion.geometry.attitude import ThrustModel, accel_of_setpoint, limit_tilt, setpoint_of_accel
 from companion.geometry.frames import quat_from_yaw
 from companion.guard.guard import Guard
@@ -21,7 +19,6 @@ from companion.guard.limits import LimitedSetpoint, Limits, limit_setpoint
 YAW_STEP_RAD = 0.02
 """Change of the reference's heading that is sent without an event: the paper's trigger ignores the heading."""
 _NOTHING = np.zeros(3)
-Mask = NDArray[np.bool_]
 
 
 @value
@@ -55,10 +52,10 @@ class ControlPipeline:
         self._controller, self._model, self._limits, self._lead = controller, model, limits, lead
         self._guard = guard
         self._halves = controller if isinstance(controller, TwoHalves) else None
-        self._memory: Any = None
-        self._decided: Any = None
+        self._memory: Memory = None
+        self._decided: Memory = None
         self._wanted: AttitudeThrust | None = None
-        self._yaw_rad: Any = 0.0
+        self._yaw_rad: Scalar = 0.0
         self._countered_w_mps2 = _NOTHING
         """Part of the setpoint sent that only compensates the arms."""
         self._disturbance: Disturbance | None = None
@@ -103,7 +100,7 @@ class ControlPipeline:
             self._memory, output = self._controller.step(self._memory, now)
         return output
 
-    def _begin(self, now: ControlInput) -> Any:
+    def _begin(self, now: ControlInput) -> Memory:
         """Return the law's first memory: nothing learnt at lift-off, the known disturbance after a switch."""
         if not self._switched:
             return self._controller.initial(now)
@@ -139,7 +136,7 @@ class ControlPipeline:
     def fly(
         self,
         vehicle: VehicleState,
-        age_s: Any,
+        age_s: Scalar,
         ahead: Reference,
         sent: AttitudeThrust,
         dt_s: float,
@@ -173,13 +170,13 @@ class ControlPipeline:
         if self._guard is None:
             gated = limit_setpoint(self._wanted, sent, self._limits, dt_s)
         else:
-            gated = self._guard.check(self._wanted, sent, vehicle, age_s, dt_s)
+            gated = self._guard.check(self._wanted, sent, vehicle, float(age_s), dt_s)
         return PipelineOutput(ahead, output, gated, now, begun)
 
-    def _latest(self, output: ControlOutput, yaw_rad: Any) -> AttitudeThrust:
+    def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> AttitudeThrust:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""
         held, (event,) = self._wanted, unstack(output.event)
-        fresh = (event > 0.0) | (abs(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
+        fresh = (event > 0.0) | (absolute(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
         if held is not None and not any_true(fresh):
             return held
         upright = limit_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
@@ -192,7 +189,7 @@ class ControlPipeline:
         return AttitudeThrust(q, where(fresh, new.thrust, held.thrust))
 
 
-def idle_setpoint(yaw_rad: float | Array, thrust: float = 0.0) -> AttitudeThrust:
+def idle_setpoint(yaw_rad: Scalar, thrust: float = 0.0) -> AttitudeThrust:
     """Return a level setpoint at this heading (...,)."""
     return AttitudeThrust(quat_from_yaw(yaw_rad), np.full(np.shape(yaw_rad), thrust))
 

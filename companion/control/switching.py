@@ -6,14 +6,11 @@ arrays of shape (..., 1) when a batch of vehicles has a batch of gains.
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.geometry.array_math import math_module, maximum, minimum, where
-
-Scalar = float | Array
 
 
 def norm_squared(s: Array) -> Array:
@@ -29,7 +26,7 @@ def squared(s: Array) -> Scalar:
     return float(x * x + y * y + z * z)
 
 
-def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -> Any:
+def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -> Scalar:
     """Return 1 / (s's + e)^(1-p) from `square` = s's, shape as given: the factor of s in the fractional powers."""
     base = square + regularisation
     if not _is_on(regularisation):
@@ -37,7 +34,7 @@ def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -
     return base ** (p - 1.0)
 
 
-def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Any:
+def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Scalar:
     """Return the factor of s in Theta(s), from `square` = s's, shape as given."""
     factor = fractional_factor(square, p, regularisation)
     if _is_on(regularisation):
@@ -78,7 +75,7 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
     return float(np.max(switch_map(s, p, epsilon)[..., 0] / radius))
 
 
-def sign(y: Any, boundary_layer: Scalar = 0.0) -> Any:
+def sign(y: Scalar, boundary_layer: Scalar = 0.0) -> Scalar:
     """Return sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer clip(y/layer, -1, 1)."""
     if not _is_on(boundary_layer):
         return np.sign(y) if isinstance(y, np.ndarray) else float((y > 0.0) - (y < 0.0))

@@ -7,7 +7,6 @@ tilt limit also holds relative to the autopilot's horizon.
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +20,9 @@ from companion.control.horizon_correction import (
     no_horizon,
     step,
 )
-from companion.core.types import Array, AttitudeThrust
+from companion.core.types import Array, AttitudeThrust, Flag
 from companion.core.values import value
-from companion.geometry.array_math import any_true, column, where
+from companion.geometry.array_math import any_true, column, where, where_each
 from companion.guard.limits import Limits, limit_setpoint
 
 _STRAIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -37,7 +36,7 @@ class Wire:
     """Setpoint on the wire."""
     last: AttitudeThrust
     """Setpoint on the wire before it."""
-    is_new: Any
+    is_new: Flag
     """True where the law's setpoint differs from the one before."""
     seen: HorizonInput
     horizon: Horizon
@@ -64,7 +63,9 @@ class WireSetpoint:
         self._begun = True
         self._turn_w: Array = np.broadcast_to(_STRAIGHT, (*self._lead, 4))
 
-    def put(self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float) -> Wire:
+    def put(
+        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, seen: HorizonInput, dt_s: float
+    ) -> Wire:
         """Return the setpoint to send, `dt_s` after `last`; `is_new` where the law's `setpoint` has changed."""
         begun, self._begun = self._begun, False
         self._horizon = step(self._horizon, seen, self._rules, dt_s)
@@ -72,16 +73,11 @@ class WireSetpoint:
         return Wire(setpoint=leaves, last=last, is_new=is_new, seen=seen, horizon=self._horizon, dt_s=dt_s, begun=begun)
 
     def _leaving(
-        self, setpoint: AttitudeThrust, is_new: Any, last: AttitudeThrust, seen: HorizonInput, dt_s: float
+        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, seen: HorizonInput, dt_s: float
     ) -> AttitudeThrust:
         fresh = is_new | is_worth_sending(self._horizon, self._held, self._rules)
         if any_true(fresh):
-            self._held = _chosen(fresh, self._horizon, self._held)
+            self._held = where_each(fresh, self._horizon, self._held)
             turn_w = correction_of(self._horizon, seen.q_w_flu_wxyz)
             self._turn_w = where(column(fresh), turn_w, self._turn_w)
         return limit_setpoint(corrected(setpoint, self._turn_w), last, self._limits, dt_s).setpoint
-
-
-def _chosen(fresh: Any, new: Horizon, held: Horizon) -> Horizon:
-    pairs = zip(vars(new).values(), vars(held).values(), strict=True)
-    return Horizon(*[where(fresh, one, other) for one, other in pairs])

@@ -12,6 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Vec3 = tuple[float, float, float]
+"""Vector of one vehicle as floats, where arrays would be too slow."""
+Scalar = float | Array
+"""Number of one vehicle, or numbers of a batch: control code computes with both alike."""
+Flag = bool | Mask
+"""Truth value of one vehicle, or those of a batch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +194,7 @@ class ArmStatus:
     """Present current or load as a share of the servo's rated one, signed as the joint."""
     temperature_c: Array
     voltage_v: Array
-    torque_on: NDArray[np.bool_]
+    torque_on: Mask
     held_rad: Array
     """Goals that hold the joints (rad), slightly off their positions under load; NaN where a joint has no goal.
 

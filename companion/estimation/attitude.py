@@ -3,15 +3,13 @@
 Works on components: floats for one vehicle, whose frame has to cost microseconds, and arrays (...,) for a batch.
 """
 
-from companion.control.switching import Scalar
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.estimation.kalman import Covariance, grow, shrink
-from companion.geometry.array_math import math_module, unstack
-from companion.geometry.frames import quat_from_matrix
+from companion.geometry.array_math import absolute, math_module, unstack
+from companion.geometry.frames import Quat, quat_from_matrix, quat_product
 
-Vec3 = tuple[Scalar, Scalar, Scalar]
-Quat = tuple[Scalar, Scalar, Scalar, Scalar]
+Vector = tuple[Scalar, Scalar, Scalar]
 
 _TINY = 1e-300
 """Added to a divisor, so that 0/0 becomes 0; changes nothing else."""
@@ -22,8 +20,8 @@ class Attitude:
     """Estimate at one instant: q turns FLU into W (w x y z, w >= 0); rate (rad/s) and its change (rad/s^2) in FLU."""
 
     q: Quat
-    rate: Vec3
-    turn: Vec3
+    rate: Vector
+    turn: Vector
     covariance: Covariance
     """Covariance of angle error, rate and change of rate about one body axis: floats or (...,)."""
 
@@ -54,10 +52,10 @@ def predict(state: Attitude, dt_s: Scalar, density: float) -> Attitude:
     half = 0.5 * dt_s * dt_s
     step = _exp((dt_s * p + half * dp, dt_s * q + half * dq, dt_s * r + half * dr))
     rate = (p + dt_s * dp, q + dt_s * dq, r + dt_s * dr)
-    return Attitude(_multiply(state.q, step), rate, state.turn, grow(state.covariance, dt_s, density))
+    return Attitude(quat_product(state.q, step), rate, state.turn, grow(state.covariance, dt_s, density))
 
 
-def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
+def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vector:
     """Return the rotation vector (FLU, rad) from the estimate to a measured matrix, nine numbers row by row.
 
     The logarithm of R' M, with the columns of the estimate's R written out: a third of the time of the array calls.
@@ -77,45 +75,35 @@ def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vec3:
     return scale * about_x, scale * about_y, scale * about_z
 
 
-def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vec3:
+def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vector:
     """Return the same for a measured unit quaternion (w x y z, either sign): cheaper for a batch without matrices."""
     w, x, y, z = state.q
-    turn_w, turn_x, turn_y, turn_z = _multiply((w, -x, -y, -z), measured)
+    turn_w, turn_x, turn_y, turn_z = quat_product((w, -x, -y, -z), measured)
     m = math_module(w)
     sine = m.sqrt(turn_x * turn_x + turn_y * turn_y + turn_z * turn_z)
-    scale = m.copysign(2.0, turn_w) * m.atan2(sine, abs(turn_w)) / (sine + _TINY)
+    scale = m.copysign(2.0, turn_w) * m.atan2(sine, absolute(turn_w)) / (sine + _TINY)
     return scale * turn_x, scale * turn_y, scale * turn_z
 
 
-def update(state: Attitude, surprise: Vec3, variance: float) -> Attitude:
+def update(state: Attitude, surprise: Vector, variance: float) -> Attitude:
     """Correct by the rotation vector of `surprise_rad`, measured with `variance` (rad^2) about every axis."""
     (ka, kr, kt), covariance = shrink(state.covariance, variance)
     (x, y, z), (p, q, r), (dp, dq, dr) = surprise, state.rate, state.turn
     return Attitude(
-        _normalised(_multiply(state.q, _exp((ka * x, ka * y, ka * z)))),
+        _normalised(quat_product(state.q, _exp((ka * x, ka * y, ka * z)))),
         (p + kr * x, q + kr * y, r + kr * z),
         (dp + kt * x, dq + kt * y, dr + kt * z),
         covariance,
     )
 
 
-def _exp(vector: Vec3) -> Quat:
+def _exp(vector: Vector) -> Quat:
     x, y, z = vector
     m = math_module(x)
     angle = m.sqrt(x * x + y * y + z * z)
     half = 0.5 * angle
     scale = m.sin(half) / (angle + _TINY)
     return m.cos(half), scale * x, scale * y, scale * z
-
-
-def _multiply(first: Quat, second: Quat) -> Quat:
-    (aw, ax, ay, az), (bw, bx, by, bz) = first, second
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
 
 
 def _normalised(quat: Quat) -> Quat:

@@ -5,21 +5,19 @@ The same filters as in flight: `kalman` and `attitude`, called as `estimator.ste
 every fresh frame is accepted after any gap, and stamps are on the simulation's clock.
 """
 
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.control.switching import Scalar
-from companion.core.types import Array, VehicleState
+from companion.core.types import Array, Mask, Scalar, VehicleState
 from companion.estimation import attitude as att
 from companion.estimation import kalman
 from companion.estimation.attitude import Attitude
 from companion.estimation.estimator import first_covariances
-from companion.estimation.kalman import Covariance, Motion
+from companion.estimation.kalman import Motion
 from companion.estimation.state import EstimatorParams
-from companion.geometry.array_math import column, stack, unstack
+from companion.geometry.array_math import column, stack, unstack, where_each
 from companion.geometry.frames import matrix_from_quat
 
 
@@ -52,7 +50,7 @@ def step(
     position_w_m: Array,
     q_w_flu_wxyz: Array,
     stamp_s: Scalar,
-    fresh: NDArray[np.bool_],
+    fresh: Mask,
     params: EstimatorParams,
 ) -> BatchEstimate:
     """Take one frame of every vehicle that is `fresh`, shape (...,); the others stay as they are.
@@ -66,8 +64,8 @@ def step(
         return before
     after = _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
     return BatchEstimate(
-        _chosen(fresh[..., None], after.motion, before.motion),
-        _chosen(fresh, after.attitude, before.attitude),
+        where_each(fresh[..., None], after.motion, before.motion),
+        where_each(fresh, after.attitude, before.attitude),
         np.where(fresh, after.seen_s, before.seen_s),
     )
 
@@ -76,8 +74,8 @@ def vehicle_state(estimate: BatchEstimate) -> VehicleState:
     """Return all states at `estimate.seen_s`: vectors (..., 3), quaternion (..., 4), time as `seen_s` has it."""
     return VehicleState(
         cast(float, estimate.seen_s),  # an array in a batch whose vehicles missed frames
-        estimate.motion.position,
-        estimate.motion.velocity,
+        np.asarray(estimate.motion.position),
+        np.asarray(estimate.motion.velocity),
         stack(*estimate.attitude.q),
         stack(*estimate.attitude.rate),
     )
@@ -91,14 +89,6 @@ def _seen(
     motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
-    surprise = att.surprise_of_quat_rad(attitude, tuple(unstack(q_w_flu_wxyz)))
+    w, x, y, z = unstack(q_w_flu_wxyz)
+    surprise = att.surprise_of_quat_rad(attitude, (w, x, y, z))
     return BatchEstimate(motion, att.update(attitude, surprise, params.noise_rad**2), stamp_s)
-
-
-def _chosen(fresh: NDArray[np.bool_], after: Any, before: Any) -> Any:
-    """Return the values of `after` where `fresh`, else of `before`; numbers, or tuples or dataclasses of them."""
-    if isinstance(after, tuple):
-        return tuple(_chosen(fresh, *pair) for pair in zip(after, before, strict=True))
-    if isinstance(after, Motion | Attitude | Covariance):
-        return replace(after, **{name: _chosen(fresh, part, vars(before)[name]) for name, part in vars(after).items()})
-    return np.where(fresh, after, before)

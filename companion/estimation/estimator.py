@@ -14,6 +14,7 @@ from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
+from companion.geometry.array_math import Components
 from companion.geometry.frames import quat_from_rotation_vector, quat_multiply
 
 __all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "predict_to", "step"]
@@ -144,7 +145,7 @@ def _apart(a: Pose, b: Pose) -> tuple[float, float]:
     return _distance(a[:3], b[:3]), acos(min(max(cosine, -1.0), 1.0))
 
 
-def _distance(a: kalman.Vector, b: kalman.Vector) -> float:
+def _distance(a: Components, b: Components) -> float:
     return hypot(*map(sub, a, b))
 
 

@@ -9,14 +9,10 @@ In steady state, with measurement noise sigma every dt, all three poles lie at
 w = (density / (sigma^2 dt))^(1/6) rad/s, and the velocity's standard deviation is sqrt(3 w^3 sigma^2 dt).
 """
 
-from typing import Any
-
-from companion.control.switching import Scalar
+from companion.core.types import Scalar
 from companion.core.values import value
-from companion.geometry.array_math import along_axes
+from companion.geometry.array_math import Components, along_axes
 
-Vector = Any
-"""Three floats for one vehicle, an array (..., 3) for a batch."""
 Gains = tuple[Scalar, Scalar, Scalar]
 """Correction of position, velocity and acceleration per unit of innovation in the position."""
 
@@ -37,9 +33,9 @@ class Covariance:
 class Motion:
     """Estimate at one instant; vectors in any frame and unit."""
 
-    position: Vector
-    velocity: Vector
-    acceleration: Vector
+    position: Components
+    velocity: Components
+    acceleration: Components
     """Part not explained by the known input; the whole acceleration without an input."""
     covariance: Covariance
     """Covariance of every axis: floats shared by the vehicles, or one per vehicle, (..., 1)."""
@@ -70,11 +66,11 @@ def shrink(c: Covariance, variance: float) -> tuple[Gains, Covariance]:
     return (kp, kv, ka), left
 
 
-def predict(state: Motion, dt: Scalar, density: float, accel_input: Vector | None = None) -> Motion:
+def predict(state: Motion, dt: Scalar, density: float, accel_input: Components | None = None) -> Motion:
     """Predict the estimate after `dt` s, () or (..., 1); `accel_input`, as the vectors, is known acceleration."""
     half = 0.5 * dt * dt
 
-    def ahead(position: Any, velocity: Any, acceleration: Any) -> Any:
+    def ahead(position: Scalar, velocity: Scalar, acceleration: Scalar) -> tuple[Scalar, ...]:
         return position + dt * velocity + half * acceleration, velocity + dt * acceleration
 
     acceleration = state.acceleration
@@ -84,11 +80,11 @@ def predict(state: Motion, dt: Scalar, density: float, accel_input: Vector | Non
     return Motion(position, velocity, state.acceleration, grow(state.covariance, dt, density))
 
 
-def update(state: Motion, measured: Vector, variance: float) -> Motion:
+def update(state: Motion, measured: Components, variance: float) -> Motion:
     """Correct the estimate by a measured position, as the vectors, with `variance` (unit^2) on every axis."""
     (kp, kv, ka), covariance = shrink(state.covariance, variance)
 
-    def corrected(position: Any, velocity: Any, acceleration: Any, measured: Any) -> Any:
+    def corrected(position: Scalar, velocity: Scalar, acceleration: Scalar, measured: Scalar) -> tuple[Scalar, ...]:
         surprise = measured - position
         return position + kp * surprise, velocity + kv * surprise, acceleration + ka * surprise
 

@@ -1,34 +1,78 @@
 """Component-wise maths, so that one formula serves one vehicle and a batch of vehicles.
 
 Components of one vehicle are Python floats: a tenth of the cost of numpy calls on single numbers. Those of a batch are
-arrays over its leading axes. Floats propagate NaN as numpy does, which Python's own min and max do not.
+arrays over its leading axes. Floats propagate NaN as numpy does, which Python's own min and max do not. Functions are
+named as numpy's where numpy has them.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Protocol, TypeVar, cast, overload
 
 import numpy as np
 
-from companion.core.types import Array
+from companion.core.types import Array, Flag, Scalar
+
+Components = tuple[float, ...] | Array
+"""Vector as a tuple of floats for one vehicle, as an array (..., n) for a batch."""
+Formula = Callable[..., Scalar]
+"""Formula for the components of one axis."""
+Formulas = Callable[..., Iterable[Scalar]]
+"""Formula that returns several numbers for one axis."""
+Value = TypeVar("Value")
 
 
-def unstack(vector: Array) -> Any:
+class MathModule(Protocol):
+    """Functions that math and numpy both have; math's take floats alone."""
+
+    def sqrt(self, x: Scalar, /) -> Scalar:
+        """Return the square root."""
+
+    def sin(self, x: Scalar, /) -> Scalar:
+        """Return the sine of an angle in rad."""
+
+    def cos(self, x: Scalar, /) -> Scalar:
+        """Return the cosine of an angle in rad."""
+
+    def atan(self, x: Scalar, /) -> Scalar:
+        """Return the arc tangent (rad)."""
+
+    def atan2(self, y: Scalar, x: Scalar, /) -> Scalar:
+        """Return the angle of (x, y), rad."""
+
+    def exp(self, x: Scalar, /) -> Scalar:
+        """Return e^x."""
+
+    def tanh(self, x: Scalar, /) -> Scalar:
+        """Return the hyperbolic tangent."""
+
+    def copysign(self, x: Scalar, y: Scalar, /) -> Scalar:
+        """Return x with the sign of y."""
+
+    def isfinite(self, x: Scalar, /) -> Flag:
+        """Return True where x is neither infinite nor NaN."""
+
+
+absolute = cast(Callable[[Scalar], Scalar], abs)
+"""Size of a number; Python's own abs, with the type of a component."""
+
+_MATH, _NUMPY = cast(MathModule, math), cast(MathModule, np)
+
+
+def math_module(component: Scalar) -> MathModule:
+    """Return the module, math or numpy, whose sqrt, sin, atan2, ... fit this component."""
+    return _NUMPY if isinstance(component, np.ndarray) else _MATH
+
+
+def unstack(vector: Array) -> list[Scalar]:
     """Return the components along the last axis: floats for shape (n,), arrays of shape (...) for (..., n)."""
-    return vector.tolist() if vector.ndim == 1 else [vector[..., i] for i in range(vector.shape[-1])]
+    if vector.ndim == 1:
+        components: list[Scalar] = vector.tolist()
+        return components
+    return [vector[..., i] for i in range(vector.shape[-1])]
 
 
-def columns(vector: Array) -> Any:
-    """Return the components as `unstack` does, but with shape (..., 1) for a batch, as a batch of gains has it."""
-    return vector.tolist() if vector.ndim == 1 else [vector[..., i : i + 1] for i in range(vector.shape[-1])]
-
-
-def as_column(component: Any) -> Array:
-    """Return one of `columns` as an array, (..., 1)."""
-    return component if isinstance(component, np.ndarray) else np.array((component,))
-
-
-def stack(*components: Any) -> Array:
+def stack(*components: Scalar) -> Array:
     """Return the vector (..., n) of these components; in a batch the first one must have the full shape."""
     first = components[0]
     if not isinstance(first, np.ndarray):
@@ -39,17 +83,34 @@ def stack(*components: Any) -> Array:
     return vector
 
 
-def number(scalar: Array) -> Any:
+def columns(vector: Array) -> list[Scalar]:
+    """Return the components as `unstack` does, but with shape (..., 1) for a batch, as a batch of gains has it."""
+    if vector.ndim == 1:
+        components: list[Scalar] = vector.tolist()
+        return components
+    return [vector[..., i : i + 1] for i in range(vector.shape[-1])]
+
+
+def as_column(component: Scalar) -> Array:
+    """Return one of `columns` as an array, (..., 1)."""
+    return component if isinstance(component, np.ndarray) else np.array((component,))
+
+
+@overload
+def column(component: Flag) -> Flag: ...
+@overload
+def column(component: Scalar) -> Scalar: ...
+def column(component: Scalar | Flag) -> Scalar | Flag:
+    """Return a factor or condition for vectors (..., n): shape (..., 1) for a batch, unchanged for one vehicle."""
+    return component[..., None] if isinstance(component, np.ndarray) else component
+
+
+def item(scalar: Array) -> Scalar:
     """Return a scalar of one vehicle, shape (), as a float; one of a batch, shape (...), unchanged."""
     return scalar if scalar.ndim else scalar.item()
 
 
-def column(component: Any) -> Any:
-    """Return a factor for vectors (..., n): shape (..., 1) for a batch, the float itself for one vehicle."""
-    return component[..., None] if isinstance(component, np.ndarray) else component
-
-
-def by_axis(formula: Callable[..., Any], first: Array, *others: Array) -> Array:
+def by_axis(formula: Formula, first: Array, *others: Array) -> Array:
     """Apply `formula`, written for one axis, to vectors (..., n): per axis for one vehicle, all at once for a batch.
 
     `first` must have the leading axes of the batch; the others, such as gains, may lack them.
@@ -59,56 +120,59 @@ def by_axis(formula: Callable[..., Any], first: Array, *others: Array) -> Array:
     return np.array([*map(formula, first.tolist(), *[vector.tolist() for vector in others])])
 
 
-def all_by_axis(formula: Callable[..., Any], first: Array, *others: Array) -> Sequence[Array]:
+def all_by_axis(formula: Formulas, first: Array, *others: Array) -> Iterable[Array]:
     """Apply a formula as `by_axis` does, for one that returns several numbers per axis."""
     if first.ndim > 1:
-        several: Sequence[Array] = formula(first, *others)
-        return several
-    of_each_axis = map(formula, first.tolist(), *[vector.tolist() for vector in others])
-    return [np.array(column_) for column_ in zip(*of_each_axis, strict=True)]
+        return cast(Iterable[Array], formula(first, *others))
+    return map(np.array, zip(*map(formula, first.tolist(), *[vector.tolist() for vector in others]), strict=True))
 
 
-def along_axes(formula: Callable[..., Any], first: Any, *others: Any) -> Any:
+def along_axes(formula: Formulas, first: Components, *others: Components) -> Iterable[Components]:
     """Apply a formula as `all_by_axis` does, to vectors that are tuples of floats for one vehicle, and return such."""
     if isinstance(first, np.ndarray):
-        return formula(first, *others)
+        return cast(Iterable[Array], formula(first, *others))
     return zip(*map(formula, first, *others), strict=True)
 
 
-def dot(a: Array, b: Array) -> Any:
+def dot(a: Array, b: Array) -> Scalar:
     """Return the scalar product along the last axis: a float for shape (n,), (...) for (..., n)."""
-    if a.ndim == b.ndim == 1:
-        return float(a.dot(b))
-    return np.vecdot(a, b)
+    return float(a.dot(b)) if a.ndim == b.ndim == 1 else np.asarray(np.vecdot(a, b))
 
 
-def math_module(component: Any) -> Any:
-    """Return the module, math or numpy, whose sqrt, sin, atan2, ... fit this component."""
-    return np if isinstance(component, np.ndarray) else math
-
-
-def where(condition: Any, if_true: Any, if_false: Any) -> Any:
+@overload
+def where(condition: Flag, if_true: Array, if_false: Array) -> Array: ...
+@overload
+def where(condition: Flag, if_true: Scalar, if_false: Scalar) -> Scalar: ...
+def where(condition: Flag, if_true: Scalar, if_false: Scalar) -> Scalar:
     """Return `if_true` where `condition` holds, else `if_false`: np.where for a batch."""
-    return (
-        np.where(condition, if_true, if_false)
-        if isinstance(condition, np.ndarray)
-        else (if_true if condition else if_false)
-    )
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, if_true, if_false)
+    return if_true if condition else if_false
 
 
-def any_true(condition: Any) -> bool:
+def where_each(condition: Flag, if_true: Value, if_false: Value) -> Value:
+    """Return the result of `where` for every number in two tuples, or dataclasses, of numbers or of such again."""
+    if isinstance(if_true, tuple) and isinstance(if_false, tuple):
+        return cast(Value, tuple(where_each(condition, *pair) for pair in zip(if_true, if_false, strict=True)))
+    if not hasattr(if_true, "__dataclass_fields__"):
+        return cast(Value, where(condition, cast(Scalar, if_true), cast(Scalar, if_false)))
+    other = vars(if_false)
+    return type(if_true)(**{name: where_each(condition, part, other[name]) for name, part in vars(if_true).items()})
+
+
+def any_true(condition: Flag) -> bool:
     """Return True if the condition holds for any vehicle."""
     return bool(condition.any() if isinstance(condition, np.ndarray) else condition)
 
 
-def maximum(a: Any, b: Any) -> Any:
+def maximum(a: Scalar, b: Scalar) -> Scalar:
     """Return the larger of both; NaN if either is NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.maximum(a, b)
     return a if a >= b or math.isnan(a) else b
 
 
-def minimum(a: Any, b: Any) -> Any:
+def minimum(a: Scalar, b: Scalar) -> Scalar:
     """Return the smaller of both; NaN if either is NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.minimum(a, b)

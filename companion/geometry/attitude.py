@@ -7,13 +7,13 @@ force, the heading fixes the rest, and the thrust is the force's size.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import overload
 
 import numpy as np
 
 from companion.core.paper_vehicle import GRAVITY_MPS2, MASS_KG
-from companion.core.types import Array, AttitudeThrust
-from companion.geometry.array_math import any_true, math_module, maximum, minimum, number, stack, unstack, where
+from companion.core.types import Array, AttitudeThrust, Scalar
+from companion.geometry.array_math import any_true, item, math_module, maximum, minimum, stack, unstack, where
 from companion.geometry.frames import up_axis_parts
 
 MIN_FORCE_N = 1e-3
@@ -59,7 +59,7 @@ def limit_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) ->
     return stack(share * x, share * y, z)
 
 
-def thrust_axis(x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
+def thrust_axis(x: Scalar, y: Scalar, z: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Return the unit axis in W along which the rotors must push, from the force's components (N).
 
     No force has no direction: level. A force that points down would turn the vehicle over: its horizontal part is
@@ -73,7 +73,7 @@ def thrust_axis(x: Any, y: Any, z: Any) -> tuple[Any, Any, Any]:
     return x / size, y / size, up / size
 
 
-def attitude_of(x: Any, y: Any, z: Any, yaw_rad: Array | float) -> Array:
+def attitude_of(x: Scalar, y: Scalar, z: Scalar, yaw_rad: Scalar) -> Array:
     """Return the quaternion W<-FLU with body z along (x, y, z) in W and the nose towards `yaw_rad`, (..., 4), w >= 0.
 
     Turns by the heading, then about the left axis (nose down), then about the nose: aerospace angles. With the axis
@@ -88,7 +88,7 @@ def attitude_of(x: Any, y: Any, z: Any, yaw_rad: Array | float) -> Array:
     return _of_turns(0.5 * yaw_rad, 0.5 * nose_down, 0.5 * lean)
 
 
-def _of_turns(half_yaw: Any, half_pitch: Any, half_roll: Any) -> Array:
+def _of_turns(half_yaw: Scalar, half_pitch: Scalar, half_roll: Scalar) -> Array:
     """Return the quaternion of turns about z, the new y and the new x, given as half angles; w >= 0."""
     m, turn = math_module(half_pitch), math_module(half_yaw)
     (cz, sz), (cy, sy) = (turn.cos(half_yaw), turn.sin(half_yaw)), (m.cos(half_pitch), m.sin(half_pitch))
@@ -101,7 +101,7 @@ def _of_turns(half_yaw: Any, half_pitch: Any, half_roll: Any) -> Array:
     return stack(sign * w, sign * x, sign * y, sign * z)
 
 
-def normalised_thrust(collective_n: Any, model: ThrustModel) -> Any:
+def normalised_thrust(collective_n: Scalar, model: ThrustModel) -> Scalar:
     """Return the thrust 0..1 (unclipped above) whose force is `collective_n`, float or (...,); negative ones give 0."""
     ratio = maximum(collective_n, 0.0) / model.max_force_n
     f = model.curve
@@ -110,13 +110,17 @@ def normalised_thrust(collective_n: Any, model: ThrustModel) -> Any:
     return (math_module(ratio).sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * f)
 
 
-def collective_force_n(thrust: Any, model: ThrustModel) -> Any:
+@overload
+def collective_force_n(thrust: float, model: ThrustModel) -> float: ...
+@overload
+def collective_force_n(thrust: Scalar, model: ThrustModel) -> Scalar: ...
+def collective_force_n(thrust: Scalar, model: ThrustModel) -> Scalar:
     """Return the force of a thrust (N), the inverse of `normalised_thrust`; a float or (...,)."""
     f = model.curve
     return model.max_force_n * (f * thrust * thrust + (1.0 - f) * thrust)
 
 
-def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: ThrustModel) -> AttitudeThrust:
+def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Scalar, model: ThrustModel) -> AttitudeThrust:
     """Return the attitude and thrust that give u, or the nearest that can be flown."""
     x, y, z = unstack(force_of_accel(accel_w_mps2, model))
     axis_x, axis_y, axis_z = thrust_axis(x, y, z)
@@ -126,6 +130,6 @@ def setpoint_of_accel(accel_w_mps2: Array, yaw_rad: Array | float, model: Thrust
 
 def accel_of_setpoint(setpoint: AttitudeThrust, model: ThrustModel) -> Array:
     """Return u of a setpoint (m/s^2), shape (..., 3): the command that was really sent, in the units of the law."""
-    push = collective_force_n(number(setpoint.thrust), model) / model.mass_kg
+    push = collective_force_n(item(setpoint.thrust), model) / model.mass_kg
     x, y, z = up_axis_parts(setpoint.q_w_flu_wxyz)
     return stack(push * x, push * y, push * z - model.gravity_mps2)

@@ -4,14 +4,16 @@ W has its x axis where the autopilot has north, so NED is (x, -y, -z) of W, and 
 Quaternions are unit, w x y z, and turn body coordinates into world coordinates. All broadcast over leading axes.
 """
 
+from collections.abc import Callable, Sequence
 from math import asin, atan2, degrees
-from typing import Any
+from typing import cast
 
 import numpy as np
 
-from companion.core.types import Array
-from companion.geometry.array_math import math_module, maximum, stack, unstack, where
+from companion.core.types import Array, Scalar, Vec3
+from companion.geometry.array_math import absolute, math_module, maximum, stack, unstack, where
 
+Quat = tuple[Scalar, Scalar, Scalar, Scalar]
 _FLIP = np.array([1.0, -1.0, -1.0])
 _FLIP_Q = np.array([1.0, 1.0, -1.0, -1.0])
 _TINY = 1e-100
@@ -31,8 +33,13 @@ def flip_quat(q: Array) -> Array:
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Return the Hamilton product, shape (..., 4)."""
-    (aw, ax, ay, az), (bw, bx, by, bz) = unstack(a), unstack(b)
-    return stack(
+    return stack(*quat_product(unstack(a), unstack(b)))
+
+
+def quat_product(a: Sequence[Scalar], b: Sequence[Scalar]) -> Quat:
+    """Return the Hamilton product of quaternions given by their components."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a, b
+    return (
         aw * bw - ax * bx - ay * by - az * bz,
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,
@@ -58,12 +65,12 @@ def rotation_vector_from_quat(q: Array) -> Array:
     """Return the shorter rotation vector of a quaternion (rad), shape (..., 3)."""
     w, x, y, z = unstack(q)
     m = math_module(w)
-    half = maximum(m.atan2(m.sqrt(x * x + y * y + z * z), abs(w)), _TINY)
+    half = maximum(m.atan2(m.sqrt(x * x + y * y + z * z), absolute(w)), _TINY)
     share = where(w < 0.0, -2.0, 2.0) * half / m.sin(half)
     return stack(share * x, share * y, share * z)
 
 
-def quat_from_yaw(yaw_rad: Array | float) -> Array:
+def quat_from_yaw(yaw_rad: Scalar) -> Array:
     """Return the level attitude with this heading, shape (..., 4)."""
     m, half, zero = math_module(yaw_rad), 0.5 * yaw_rad, 0.0 * yaw_rad
     return stack(m.cos(half), zero, zero, m.sin(half))
@@ -132,10 +139,14 @@ def up_axis(q_w_flu_wxyz: Array) -> Array:
     return stack(*up_axis_parts(q_w_flu_wxyz))
 
 
-def up_axis_parts(q_w_flu_wxyz: Array) -> Any:
+def up_axis_parts(q_w_flu_wxyz: Array) -> tuple[Scalar, Scalar, Scalar]:
     """Return the components of `up_axis`: floats, arrays (...,) for a batch."""
     w, x, y, z = unstack(q_w_flu_wxyz)
     return 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)
+
+
+up_axis_floats = cast(Callable[[Array], Vec3], up_axis_parts)
+"""Return the components of `up_axis` of one vehicle."""
 
 
 def yaw_of(q_w_flu_wxyz: Array) -> Array:

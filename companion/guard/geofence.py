@@ -3,9 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from companion.core.types import Array
+from companion.core.types import Array, Vec3
 
-Three = tuple[float, float, float]
 Range = tuple[float, float]
 """Least and largest acceleration that may be commanded along one axis, m/s^2."""
 Allowed = tuple[Range, Range, Range]
@@ -41,7 +40,7 @@ class Fence:
         (x0, y0), (x1, y1, z1) = self.low_m, self.high_m
         return float(max(x0 - x, x - x1, y0 - y, y - y1, z - z1))
 
-    def stopping_point_w_m(self, position_w_m: Array, velocity_w_mps: Array) -> Three:
+    def stopping_point_w_m(self, position_w_m: Array, velocity_w_mps: Array) -> Vec3:
         """Return where a vehicle with this position and velocity (3,) comes to rest: v t + v |v| / 2a further."""
         (x, y, z), (vx, vy, vz) = position_w_m.tolist(), velocity_w_mps.tolist()
         return self._stop_m(x, vx), self._stop_m(y, vy), self._stop_m(z, vz)
@@ -49,7 +48,7 @@ class Fence:
     def _stop_m(self, position_m: float, speed_mps: float) -> float:
         return position_m + speed_mps * self.reaction_s + speed_mps * abs(speed_mps) / (2.0 * self.braking_mps2)
 
-    def allowed_accel_w_mps2(self, position_w_m: Three, velocity_w_mps: Three, acting_w_mps2: Three) -> Allowed:
+    def allowed_accel_w_mps2(self, position_w_m: Vec3, velocity_w_mps: Vec3, acting_w_mps2: Vec3) -> Allowed:
         """Return the accelerations allowed along x, y and z, so that the vehicle comes to rest at a face at the latest.
 
         For the first half of the reaction time the acceleration that acts already continues, for the second half the

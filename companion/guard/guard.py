@@ -6,14 +6,13 @@ and the state the command was computed from. Pure, single vehicle, plain floats.
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from companion.core.types import Array, AttitudeThrust, VehicleState
+from companion.core.types import Array, AttitudeThrust, Vec3, VehicleState
 from companion.geometry.attitude import ThrustModel, collective_force_n, limit_tilt, setpoint_of_accel
-from companion.geometry.frames import quat_from_yaw, up_axis_parts, yaw_of
-from companion.guard.geofence import Allowed, Fence, Range, Three
+from companion.geometry.frames import quat_from_yaw, up_axis_floats, yaw_of
+from companion.guard.geofence import Allowed, Fence, Range
 from companion.guard.limits import LimitedSetpoint, Limits, inside_cone, limit_setpoint
 
 SINKING = 0.97
@@ -26,7 +25,7 @@ _LEAST_PUSH = 0.5
 """Share of the weight that the rotors keep carrying below a ceiling, as braking sideways needs thrust."""
 _YES = np.array(True)
 
-Motion = tuple[Three, Three, Array]
+Motion = tuple[Vec3, Vec3, Array]
 """Position (m), velocity (m/s), attitude."""
 Near = tuple[Allowed, Array]
 """Accelerations that the fence allows, and the vehicle's attitude."""
@@ -134,10 +133,10 @@ class Guard:
             return (self._degraded_s - abs(age_s)) / (self._degraded_s - self._coast_s)
         return 0.0
 
-    def _accel(self, q: Array, thrust: float) -> Three:
+    def _accel(self, q: Array, thrust: float) -> Vec3:
         """Return the acceleration (m/s^2) of a setpoint in floats; see attitude.accel_of_setpoint."""
         push = collective_force_n(thrust, self._model) / self._model.mass_kg
-        x, y, z = up_axis_parts(q)
+        x, y, z = up_axis_floats(q)
         return push * x, push * y, push * z - self._model.gravity_mps2
 
     def _allowed(self, motion: Motion, last: AttitudeThrust) -> Allowed:
@@ -156,7 +155,7 @@ class Guard:
         return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._stands(wanted)
 
     def _stands(self, wanted: AttitudeThrust) -> bool:
-        return up_axis_parts(wanted.q_w_flu_wxyz)[2] >= self._upright and not _unusable(wanted)
+        return up_axis_floats(wanted.q_w_flu_wxyz)[2] >= self._upright and not _unusable(wanted)
 
     def _braked(self, wanted: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
         """Return `wanted` itself if the fence allows it, else the nearest setpoint that brakes.
@@ -219,7 +218,7 @@ def _unusable(setpoint: AttitudeThrust) -> bool:
     return not (_is_rotation(setpoint.q_w_flu_wxyz) and math.isfinite(setpoint.thrust))
 
 
-def _heading_rad(*setpoints: Any) -> float:
+def _heading_rad(*setpoints: object) -> float:
     """Return the heading (rad) of the first valid setpoint, 0 without one; accepts any object."""
     for setpoint in setpoints:
         q = getattr(setpoint, "q_w_flu_wxyz", None)

@@ -5,14 +5,23 @@ Deliberately simpler than everything in front of it: any setpoint is cut to the 
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from companion.core.types import Array, AttitudeThrust
+from companion.core.types import Array, AttitudeThrust, Flag, Mask, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import any_true, column, dot, math_module, maximum, minimum, number, stack, where
+from companion.geometry.array_math import (
+    absolute,
+    any_true,
+    column,
+    dot,
+    item,
+    math_module,
+    maximum,
+    minimum,
+    stack,
+    where,
+)
 from companion.geometry.frames import (
     quat_conjugate,
     quat_from_rotation_vector,
@@ -20,8 +29,6 @@ from companion.geometry.frames import (
     rotation_vector_from_quat,
     up_axis_parts,
 )
-
-Mask = NDArray[np.bool_]
 
 _CLEARLY = 1e-9
 """Margin of the quick check of a limit: what passes is inside despite rounding, the rest is checked exactly."""
@@ -73,7 +80,7 @@ def limit_setpoint(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits,
     inside, tilt_cut = inside_cone(turned, limits.max_tilt_rad)
     thrust, before, step = (
         _between(commanded, limits.min_thrust, limits.max_thrust),
-        number(last.thrust),
+        item(last.thrust),
         limits.max_thrust_rate_ps * dt_s,
     )
     slewed = _between(thrust, before - step, before + step)
@@ -86,43 +93,43 @@ def limit_setpoint(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits,
     )
 
 
-def _between(value: Any, low: Any, high: Any) -> Any:
+def _between(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
     return minimum(maximum(value, low), high)
 
 
-def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Any, Any]:
+def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
     """Return unit quaternion (..., 4), thrust, and where they were not valid, (...,): there `last` replaces them."""
-    q, thrust = wanted.q_w_flu_wxyz, number(wanted.thrust)
+    q, thrust = wanted.q_w_flu_wxyz, item(wanted.thrust)
     length = _length(q)
-    usable = (abs(length - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
+    usable = (absolute(length - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
     bad = usable ^ True  # "not", of a truth value and of an array
     if not any_true(bad):
         return q / column(length), thrust, bad
     safe_q = where(column(bad), last.q_w_flu_wxyz, q)
-    return safe_q / column(_length(safe_q)), where(bad, number(last.thrust), thrust), bad
+    return safe_q / column(_length(safe_q)), where(bad, item(last.thrust), thrust), bad
 
 
-def _length(q: Array) -> Any:
+def _length(q: Array) -> Scalar:
     if q.ndim == 1:
         return math.hypot(*q.tolist())
     with np.errstate(invalid="ignore", over="ignore"):
         return np.sqrt(dot(q, q))
 
 
-def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, Any]:
-    far = abs(dot(last, q)) <= math.cos(min(0.5 * max_turn_rad, 0.5 * math.pi)) + _CLEARLY
+def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, Flag]:
+    far = absolute(dot(last, q)) <= math.cos(min(0.5 * max_turn_rad, 0.5 * math.pi)) + _CLEARLY
     if not any_true(far):
         return q, far
     vector = rotation_vector_from_quat(quat_multiply(quat_conjugate(last), q))
     square = dot(vector, vector)
     angle = math_module(square).sqrt(square)
     cut = angle > max_turn_rad
-    # the smaller of the two: without a time limit the allowed turn is infinite, and 0 times infinity is no number
+    # the smaller of the two: without a time limit the allowed turn is infinite, and 0 times infinity is no item
     shorter = vector * column(minimum(angle, max_turn_rad) / maximum(angle, 1e-12))
     return where(column(cut), quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut
 
 
-def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Any]:
+def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Flag]:
     """Turn attitudes back to the tilt cone the shortest way, about the horizontal axis they are tilted around.
 
     Returns unit quaternions (..., 4) that tilt by `max_tilt_rad` at most, and where one was cut, (...,).

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from companion.core.types import Array, Reference
+from companion.core.types import Array, Reference, Scalar
 from companion.geometry.array_math import all_by_axis
 
 _Pair = tuple[float, float]
@@ -62,7 +62,7 @@ class MinimumJerk:
         turn = (self.end_yaw_rad - self.start_yaw_rad + np.pi) % (2.0 * np.pi) - np.pi
         (p_v, v_v, a_v), (p_a, v_a, a_a) = self._run_out(x)
 
-        def moved(start: Any, end: Any, v: Any, a: Any) -> Any:
+        def moved(start: Scalar, end: Scalar, v: Scalar, a: Scalar) -> tuple[Scalar, Scalar, Scalar]:
             way = end - start
             return (
                 start + share * way + p_v * v + p_a * a,

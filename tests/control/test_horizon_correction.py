@@ -22,6 +22,7 @@ from companion.control.horizon_correction import (
     tilt_between,
 )
 from companion.core.types import Array, AttitudeThrust
+from companion.geometry.array_math import absolute
 from companion.geometry.frames import quat_conjugate, quat_from_rotation_vector, quat_from_yaw, quat_multiply, up_axis
 
 DT_S = 0.01
@@ -141,7 +142,7 @@ def test_in_doubt_the_correction_fades_without_a_jump_and_comes_back(doubt: str)
     horizon = held
     for _ in range(round(1.0 / DT_S)):
         before, horizon = horizon, step(horizon, bad, RULES, DT_S)
-        assert abs(horizon.x - before.x) <= RULES.rate_radps * DT_S + 1e-12
+        assert absolute(horizon.x - before.x) <= RULES.rate_radps * DT_S + 1e-12
         assert horizon.x <= 0.03 + 1e-9, "what is in doubt is not learnt into the correction"
     assert (horizon.x, horizon.y) == (0.0, 0.0)
     again = after(10.0, good, horizon)

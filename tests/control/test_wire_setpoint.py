@@ -10,7 +10,7 @@ import pytest
 from companion.control.horizon_correction import HorizonInput, HorizonRules
 from companion.control.pipeline import same_setpoint
 from companion.control.wire_setpoint import WireSetpoint
-from companion.core.types import Array, AttitudeThrust
+from companion.core.types import AttitudeThrust, Mask
 from companion.geometry.frames import quat_from_rotation_vector, up_axis
 from companion.guard.limits import Limits
 
@@ -115,7 +115,7 @@ def test_a_batch_is_its_vehicles() -> None:
     alone = [WireSetpoint(RULES, LIMITS) for _ in angles]
     wires: list[AttitudeThrust] = [HOVER] * 3
     for k in range(200):
-        new: Array = np.array([k % 7 == 0, k % 11 == 0, False])
+        new: Mask = np.array([k % 7 == 0, k % 11 == 0, False])
         wire = batch.put(AttitudeThrust(level, np.full(3, 0.5)), new, wire, together, DT_S).setpoint
         for i, angle in enumerate(angles):
             wires[i] = alone[i].put(HOVER, bool(new[i]), wires[i], off(angle), DT_S).setpoint

@@ -91,7 +91,7 @@ def test_broadcasting_equals_looping() -> None:
             alone = motion(paths[0, i, j])
             for measured in paths[1:, i, j]:
                 alone = update(predict(alone, 0.01, 4.0), measured, VARIANCE)
-            np.testing.assert_array_equal(together.velocity[i, j], alone.velocity)
+            np.testing.assert_array_equal(np.asarray(together.velocity)[i, j], alone.velocity)
             assert together.covariance == alone.covariance
 
 

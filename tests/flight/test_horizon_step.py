@@ -61,7 +61,7 @@ class Loop:
             events = [Event(fault, "") for fault in faults]
             wire = self.stage.correct(HOVER, estimate, status, events, flight, self.now_s)
             self.stream.send(HOVER, None if wire is None else wire.setpoint)
-            self.correction_rad = math.nan if wire is None else wire.horizon.x
+            self.correction_rad = math.nan if wire is None else float(wire.horizon.x)
         return self.correction_rad
 
 

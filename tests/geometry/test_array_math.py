@@ -1,12 +1,13 @@
 """One formula for one vehicle and for many: what the small functions give in both cases, and their ways with NaN."""
 
 import math
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 import pytest
 
-from companion.core.types import Array
+from companion.core.types import Array, Scalar
 from companion.geometry.array_math import (
     all_by_axis,
     along_axes,
@@ -14,12 +15,13 @@ from companion.geometry.array_math import (
     by_axis,
     column,
     dot,
+    item,
     maximum,
     minimum,
-    number,
     stack,
     unstack,
     where,
+    where_each,
 )
 
 ONE = np.array([1.0, -2.0, 3.0])
@@ -60,8 +62,8 @@ def test_scalars_of_one_vehicle_are_floats_and_scale_vectors_in_both_cases() -> 
     np.testing.assert_array_equal(dot(MANY, ONE), [14.0, -15.0])
     np.testing.assert_array_equal(ONE * column(dot(ONE, ONE)), [14.0, -28.0, 42.0])
     np.testing.assert_array_equal(MANY * column(dot(MANY, ONE)), [[14.0, -28.0, 42.0], [-60.0, -7.5, 90.0]])
-    assert number(np.array(0.5)) == 0.5
-    np.testing.assert_array_equal(number(np.array([0.5, 0.6])), [0.5, 0.6])
+    assert item(np.array(0.5)) == 0.5
+    np.testing.assert_array_equal(item(np.array([0.5, 0.6])), [0.5, 0.6])
 
 
 def test_conditions() -> None:
@@ -79,3 +81,16 @@ def test_bounds_are_numpys_also_for_floats(a: float, b: float) -> None:
         np.testing.assert_array_equal(bound(a, b), numpys(a, b))
         np.testing.assert_array_equal(bound(np.array([a]), b), [numpys(a, b)])
         np.testing.assert_array_equal(bound(a, np.array([b])), [numpys(a, b)])
+
+
+def test_values_are_chosen_number_by_number() -> None:
+    @dataclass(frozen=True)
+    class Filter:
+        state: tuple[Scalar, Scalar]
+        gain: Scalar
+
+    assert where_each(False, Filter((1.0, 2.0), 3.0), Filter((4.0, 5.0), 6.0)) == Filter((4.0, 5.0), 6.0)
+    new, old = Filter((1.0, MANY[0, :2]), 3.0), Filter((4.0, MANY[1, :2]), 6.0)
+    chosen = where_each(np.array([True, False]), new, old)
+    for part, expected in zip((*chosen.state, chosen.gain), ([1.0, 4.0], [1.0, 0.5], [3.0, 6.0]), strict=True):
+        np.testing.assert_array_equal(part, expected)

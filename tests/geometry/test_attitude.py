@@ -47,7 +47,7 @@ def rotation(q: Array) -> Array:
     ],
 )
 def test_where_the_rotors_push(force_w_n: tuple[float, ...], expected: tuple[float, ...], because: str) -> None:
-    np.testing.assert_allclose(thrust_axis(*force_w_n), expected, err_msg=because)
+    np.testing.assert_allclose(np.array(thrust_axis(*force_w_n)), np.array(expected), err_msg=because)
 
 
 HALF = math.sqrt(0.5)

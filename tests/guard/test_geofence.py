@@ -8,7 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from companion.guard.geofence import Fence, Three
+from companion.core.types import Vec3
+from companion.guard.geofence import Fence
 
 FENCE = Fence((-4.0, -3.0), (5.0, 2.0, 3.5), braking_mps2=2.0, reaction_s=0.4)
 AT_REST = (0.0, 0.0, 0.0)
@@ -31,7 +32,7 @@ AT_REST = (0.0, 0.0, 0.0)
         ((5.25, -3.5, 3.75), 0.5),
     ],
 )
-def test_how_far_outside(place: Three, beyond_m: float) -> None:
+def test_how_far_outside(place: Vec3, beyond_m: float) -> None:
     assert FENCE.beyond_m(np.array(place)) == pytest.approx(beyond_m, abs=1e-15)
 
 
@@ -60,7 +61,7 @@ def towards(face: tuple[int, float, float], left_m: float, speed_mps: float, car
     """Most that may be asked for towards a face, from so far before it, m/s^2."""
     axis, way, where = face
 
-    def along(value: float) -> Three:
+    def along(value: float) -> Vec3:
         three = [0.0, 0.0, 0.0]
         three[axis] = value
         return three[0], three[1], three[2]

@@ -2,12 +2,11 @@
 
 from math import atan2, cos, exp, isfinite, remainder, sin, sqrt, tau
 
-from companion.core.types import Array, AttitudeThrust, VehicleState
+from companion.core.types import Array, AttitudeThrust, Vec3, VehicleState
 from companion.core.values import value
-from companion.geometry.frames import up_axis_parts
+from companion.geometry.frames import up_axis_floats
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health.horizon import (
-    Axis,
     MotionMeans,
     angle_between_rad,
     autopilot_horizon_wrong,
@@ -42,7 +41,7 @@ class AttitudeHealth:
     heading_since_s: float = NOT_HELD
     answer: ExpectedTilt | None = None
     """None on the ground."""
-    stood: Axis | None = None
+    stood: Vec3 | None = None
     """The vehicle's up axis in W as it stood when the motors were armed."""
     not_followed_since_s: float = NOT_HELD
     means: MotionMeans | None = None
@@ -60,7 +59,7 @@ def check_attitude(memory: AttitudeHealth, now: HealthInputs, rules: SafetyRules
     if vehicle is None or not now.commanded:
         return _NOTHING, []
     fresh = now.seen.age_s < rules.degraded_s
-    up, theirs = up_axis_parts(vehicle.q_w_flu_wxyz), up_axis_parts(now.autopilot.q_w_flu_wxyz)
+    up, theirs = up_axis_floats(vehicle.q_w_flu_wxyz), up_axis_floats(now.autopilot.q_w_flu_wxyz)
     tilt_rad = heading_rad = 0.0
     means = None
     if fresh and now.time_s - now.autopilot.attitude_s <= ATTITUDE_MAX_AGE_S:
@@ -88,7 +87,7 @@ def check_attitude(memory: AttitudeHealth, now: HealthInputs, rules: SafetyRules
     return memory, _events(memory, now, (tilt_rad, heading_rad, off_rad), rules)
 
 
-def _events(memory: AttitudeHealth, now: HealthInputs, off_rad: Axis, rules: SafetyRules) -> list[Event]:
+def _events(memory: AttitudeHealth, now: HealthInputs, off_rad: Vec3, rules: SafetyRules) -> list[Event]:
     events, now_s = [], now.time_s
     if memory.horizon_wrong:
         text = f"the autopilot's horizon is {off_rad[0]:.2f} rad off: the vehicle moves as motion capture sees it"
@@ -116,7 +115,7 @@ def _heading_difference_rad(a: Array, b: Array) -> float:
     return abs(remainder(2.0 * atan2(z, w), tau))
 
 
-def _up_of(answer: ExpectedTilt) -> Axis:
+def _up_of(answer: ExpectedTilt) -> Vec3:
     return answer.x, answer.y, sqrt(max(0.0, 1.0 - answer.x * answer.x - answer.y * answer.y))
 
 
@@ -128,9 +127,9 @@ def _expected_tilt(
     Second order, solved exactly for a constant setpoint during the cycle, so that a late cycle causes no error.
     """
     if answer is None or answer.sent is None or not isfinite(answer.x + answer.y):
-        x, y, _ = up_axis_parts(vehicle.q_w_flu_wxyz)
+        x, y, _ = up_axis_floats(vehicle.q_w_flu_wxyz)
         return ExpectedTilt(x, y, 0.0, 0.0, now.sent, now.time_s)
-    target_x, target_y, _ = up_axis_parts(answer.sent.q_w_flu_wxyz)
+    target_x, target_y, _ = up_axis_floats(answer.sent.q_w_flu_wxyz)
     w, damping = rules.follow_radps, rules.follow_damping
     passed_s = min(max(0.0, now.time_s - answer.at_s), 1.0)
     turning_radps = w * sqrt(1.0 - damping * damping)

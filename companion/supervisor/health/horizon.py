@@ -8,7 +8,7 @@ vehicle of 5 kg turns it by 0.1 rad.
 from math import atan2, exp, hypot
 
 from companion.core.paper_vehicle import GRAVITY_MPS2
-from companion.core.types import Array
+from companion.core.types import Array, Vec3
 from companion.core.values import value
 
 AVERAGED_S = 0.15
@@ -18,7 +18,6 @@ NEARER = 0.4
 _LEAST_PUSH_MPS2 = 4.0
 """Least specific force whose direction is used: in near free fall it is noise."""
 
-Axis = tuple[float, float, float]
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
@@ -27,17 +26,17 @@ class MotionMeans:
     """Exponential means with one common weighting, at the time of a capture; in W."""
 
     at_s: float
-    velocity_mps: Axis
-    force_mps2: Axis = _NOWHERE
+    velocity_mps: Vec3
+    force_mps2: Vec3 = _NOWHERE
     """Specific force; too short until AVERAGED_S has passed a few times."""
-    ours: Axis = _NOWHERE
+    ours: Vec3 = _NOWHERE
     """Up axis by motion capture."""
-    theirs: Axis = _NOWHERE
+    theirs: Vec3 = _NOWHERE
     """Up axis by the autopilot."""
 
 
 def update_means(
-    before: MotionMeans | None, at_s: float, velocity_w_mps: Array, ours: Axis, theirs: Axis
+    before: MotionMeans | None, at_s: float, velocity_w_mps: Array, ours: Vec3, theirs: Vec3
 ) -> MotionMeans:
     """Update the means with a capture at `at_s`; `ours` and `theirs` are up axes in W. None starts new means."""
     vx, vy, vz = velocity_w_mps.tolist()
@@ -65,12 +64,12 @@ def autopilot_horizon_wrong(means: MotionMeans | None) -> bool:
     return angle_between_rad(means.force_mps2, means.ours) < NEARER * angle_between_rad(means.ours, means.theirs)
 
 
-def angle_between_rad(a: Axis, b: Axis) -> float:
+def angle_between_rad(a: Vec3, b: Vec3) -> float:
     """Return the angle between two directions, rad; NaN if one of them contains NaN."""
     (ax, ay, az), (bx, by, bz) = a, b
     return atan2(hypot(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), ax * bx + ay * by + az * bz)
 
 
-def _mean(before: Axis, now: Axis, left: float) -> Axis:
+def _mean(before: Vec3, now: Vec3, left: float) -> Vec3:
     (ax, ay, az), (bx, by, bz), new = before, now, 1.0 - left
     return left * ax + new * bx, left * ay + new * by, left * az + new * bz

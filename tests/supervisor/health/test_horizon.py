@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.core.types import Array
-from companion.geometry.frames import quat_multiply, up_axis_parts
+from companion.core.types import Array, Vec3
+from companion.geometry.frames import quat_multiply, up_axis_floats
 from companion.supervisor.faults import Event, Fault
 from companion.supervisor.health.attitude import AttitudeHealth, check_attitude
 from companion.supervisor.health.horizon import (
     AVERAGED_S,
-    Axis,
     MotionMeans,
     angle_between_rad,
     autopilot_horizon_wrong,
@@ -39,8 +38,8 @@ UP = (0.0, 0.0, 1.0)
 SAID = "the autopilot's horizon is 0.40 rad off: the vehicle moves as motion capture sees it"
 
 
-def up(q: Array) -> Axis:
-    x, y, z = up_axis_parts(q)
+def up(q: Array) -> Vec3:
+    x, y, z = up_axis_floats(q)
     return x, y, z
 
 
