@@ -2,11 +2,14 @@
 
 import multiprocessing
 import re
+from pathlib import Path
 
 import pytest
 
 from companion.supervisor.faults import TABLE, Fault
-from tests.flights.faults.report import FLOWN, PAGE, RECOGNISED, flown, part, recognised
+from tests.flights.faults.drift import Drift
+from tests.flights.faults.judge import Result
+from tests.flights.faults.report import FLOWN, PAGE, RECOGNISED, flown, part, read_json, recognised, write_json
 from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.table_real import REAL
 from tests.flights.faults.virtual import fly_named
@@ -40,13 +43,30 @@ def test_flights_in_simulated_time() -> None:
     assert [(result.name, result.problems) for result in results if result.problems] == []
 
 
+def flown_by(drift_m: float, problems: tuple[str, ...] = ()) -> dict[str, Result]:
+    """Return results of every row, as if PX4 had landed without a pose."""
+    return {row.name: Result(row.name, row.ends, 0.1, 1.0, -1.0, 0.5, drift_m, "", problems) for row in VIRTUAL}
+
+
+@pytest.mark.parametrize(("drift_m", "as_recorded"), [(0.2, False), (0.5, True), (2.0, False)])
+def test_blind_landings_must_drift_as_the_recorded_ones(drift_m: float, as_recorded: bool) -> None:
+    assert (Drift(flown_by(drift_m)).problems == []) is as_recorded
+
+
+def test_an_interrupted_run_keeps_what_was_right(tmp_path: Path) -> None:
+    write_json(flown_by(0.5), tmp_path / "right.json")
+    write_json(flown_by(0.5, ("it is not down",)), tmp_path / "wrong.json")
+    assert read_json(tmp_path / "right.json") == flown_by(0.5)
+    assert read_json(tmp_path / "wrong.json") == read_json(tmp_path / "none.json") == {}
+
+
 def test_the_page_prints_the_reaction_table() -> None:
     assert part(PAGE.read_text(encoding="utf-8"), RECOGNISED) == recognised(), "run `make faults`"
 
 
 def test_the_page_prints_the_flights() -> None:
     def without_measured(table: str) -> list[str]:
-        return [re.sub(r"[^|]*\|$", "", line) for line in table.splitlines()]
+        return [re.sub(r"[^|]*\|[^|]*\|$", "", line) for line in table.splitlines()]
 
     printed = part(PAGE.read_text(encoding="utf-8"), FLOWN)
-    assert without_measured(printed) == without_measured(flown((*VIRTUAL, *REAL), [])), "run `make faults`"
+    assert without_measured(printed) == without_measured(flown((*VIRTUAL, *REAL), {})), "run `make faults`"

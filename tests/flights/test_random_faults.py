@@ -19,4 +19,4 @@ def test_a_seed_is_a_schedule() -> None:
 def test_every_schedule_ends_on_the_ground_or_with_a_pilot_inside_the_fence() -> None:
     with multiprocessing.Pool() as workers:
         outcomes = workers.map(fly_schedule, SEEDS, chunksize=1)
-    assert [outcome for outcome in outcomes if not outcome.good] == []
+    assert [outcome for outcome in outcomes if outcome.problems] == []

@@ -1,90 +1,97 @@
-"""`make faults`: flies every row of the table and random schedules, prints what came of them, writes docs/safety.md."""
+"""`make faults`: flies every row of the table and random schedules, says what became of each, writes docs/safety.md."""
 
 import argparse
 import logging
-import multiprocessing
 import os
 import sys
-from collections.abc import Sequence
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
+from typing import TypeVar
 
-from rich.console import Console
-from rich.progress import Progress
-
+from tests.flights.faults.drift import Drift
 from tests.flights.faults.judge import Result
 from tests.flights.faults.real import fly_real_named
-from tests.flights.faults.report import FLOWN, RECOGNISED, flown, recognised, table_of, write_json, write_page
+from tests.flights.faults.report import FLOWN, RECOGNISED, flown, line_of, read_json, recognised, write_json, write_page
 from tests.flights.faults.schedules import Outcome, fly_schedule
 from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.table_real import REAL
 from tests.flights.faults.virtual import fly_named
 
 SCHEDULES = 100
-CONSOLE = Console()
+BEGUN_S = time.monotonic()
+Item = TypeVar("Item", str, int)
+Ended = TypeVar("Ended", Result, Outcome)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """0 when every flight is as it must be."""
+    """Return 0 when every flight is as it must be."""
     options = _parser().parse_args(arguments)
-    logging.disable(logging.CRITICAL)
-    results = _fly_table([row.name for row in VIRTUAL if options.only in row.name])
-    if not options.virtual:
-        results += _fly_real([row.name for row in REAL if options.only in row.name])
-    if results:
-        CONSOLE.print(table_of(results))
-    whole = not options.only and not options.virtual
-    outcomes = [] if options.only else _fly_schedules(options.random)
-    if whole:
-        write_json(results, options.json)
-        write_page({RECOGNISED: recognised(), FLOWN: flown((*VIRTUAL, *REAL), results)})
-    bad = [result for result in results if result.problems] + [outcome for outcome in outcomes if not outcome.good]
-    CONSOLE.print(f"{len(results)} flights and {len(outcomes)} random schedules, {len(bad)} not as they must be")
-    return 1 if bad else 0
+    results = read_json(options.json) if options.resume else {}
+    for result in _fly_rows(options, set(results)):
+        results[result.name] = result
+        if options.resume or not options.only:
+            write_json(results, options.json)
+    outcomes = [] if options.only else list(_fly("schedule", fly_schedule, range(options.random), os.cpu_count()))
+    rows = (*VIRTUAL, *REAL)
+    if all(row.name in results for row in rows):
+        write_page({RECOGNISED: recognised(), FLOWN: flown(rows, results)})
+    return _summary(results, outcomes)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="make faults", description=__doc__)
-    parser.add_argument("--only", default="", metavar="WORD", help="rows whose name contains it; writes no file")
-    parser.add_argument("--virtual", action="store_true", help="in simulated time only; writes no file")
-    parser.add_argument("--random", type=int, default=SCHEDULES, metavar="N", help="so many random schedules")
-    parser.add_argument("--json", type=Path, default=Path("faults.json"))
+    parser.add_argument("--only", default="", metavar="WORD", help="rows whose name contains it, no random schedules")
+    parser.add_argument("--virtual", action="store_true", help="rows in simulated time only")
+    parser.add_argument("--resume", action="store_true", help="keep the flights of the JSON file that were right")
+    parser.add_argument("--random", type=int, default=SCHEDULES, metavar="N", help="number of random schedules")
+    parser.add_argument("--json", type=Path, default=Path("faults.json"), help="results; --only needs --resume for it")
     return parser
 
 
-def _fly_table(chosen: Sequence[str]) -> list[Result]:
-    results: dict[str, Result] = {}
-    with Progress(console=CONSOLE) as progress, multiprocessing.Pool(os.cpu_count()) as workers:
-        task = progress.add_task("the table, simulated time", total=len(chosen))
-        for result in workers.imap_unordered(fly_named, chosen):
-            results[result.name] = result
-            progress.advance(task)
-    return [results[name] for name in chosen]
+def _fly_rows(options: argparse.Namespace, flown_before: set[str]) -> Iterator[Result]:
+    """Yield the results of the chosen rows; those in real time are flown one by one, each in a fresh process."""
+
+    def chosen(names: Iterator[str]) -> list[str]:
+        return [name for name in names if options.only in name and name not in flown_before]
+
+    yield from _fly("row", fly_named, chosen(row.name for row in VIRTUAL), os.cpu_count())
+    if not options.virtual:
+        yield from _fly("real-time row", fly_real_named, chosen(row.name for row in REAL), 1, flights_a_process=1)
 
 
-def _fly_real(chosen: Sequence[str]) -> list[Result]:
-    """One after the other, each in a fresh process: they are about time."""
-    results: list[Result] = []
-    with Progress(console=CONSOLE) as progress, multiprocessing.Pool(1, maxtasksperchild=1) as worker:
-        task = progress.add_task("the table, real time", total=len(chosen))
-        for result in worker.imap(fly_real_named, chosen):
-            results.append(result)
-            progress.advance(task)
-    return results
+def _fly(
+    what: str,
+    fly: Callable[[Item], Ended],
+    items: Sequence[Item],
+    processes: int | None,
+    flights_a_process: int | None = None,
+) -> Iterator[Ended]:
+    """Yield what became of each flight as it ends, and print a line of it; BrokenProcessPool when a process crashes."""
+    spawn, quiet = get_context("spawn"), (logging.CRITICAL,)
+    with ProcessPoolExecutor(processes, spawn, logging.disable, quiet, max_tasks_per_child=flights_a_process) as pool:
+        flights = [pool.submit(fly, item) for item in items]
+        for number, flight in enumerate(as_completed(flights), 1):
+            print(f"{_minutes()} {what} {number}/{len(flights)}: {line_of(flight.result())}", flush=True)
+            yield flight.result()
 
 
-def _fly_schedules(count: int) -> list[Outcome]:
-    outcomes: list[Outcome] = []
-    with Progress(console=CONSOLE) as progress, multiprocessing.Pool(os.cpu_count()) as workers:
-        task = progress.add_task("random schedules", total=count)
-        for outcome in workers.imap_unordered(fly_schedule, range(count)):
-            outcomes.append(outcome)
-            progress.advance(task)
-            if not outcome.good:
-                where = "" if outcome.inside_fence else f", {outcome.beyond_m:.2f} m outside"
-                CONSOLE.print(f"[red]seed {outcome.seed}: {outcome.end_state}{where}[/]: {'; '.join(outcome.faults)}")
-    ends = {end: sum(outcome.end_state == end for outcome in outcomes) for end in {o.end_state for o in outcomes}}
-    CONSOLE.print(", ".join(f"{end}: {number}" for end, number in sorted(ends.items())))
-    return outcomes
+def _summary(results: dict[str, Result], outcomes: list[Outcome]) -> int:
+    drift, ends = Drift(results), Counter(outcome.end_state for outcome in outcomes)
+    flights: list[Result | Outcome] = [*results.values(), *outcomes]
+    bad = [line_of(one) for one in flights if one.problems] + drift.problems
+    schedules = ", ".join(f"{count} {end}" for end, count in sorted(ends.items()))
+    lines = [drift.words, schedules and f"random schedules: {schedules}", *bad]
+    lines.append(f"{_minutes()} {len(results)} rows and {len(outcomes)} schedules, {len(bad)} not as they must be")
+    print(*filter(None, lines), sep="\n")
+    return 1 if bad else 0
+
+
+def _minutes() -> str:
+    return f"{(time.monotonic() - BEGUN_S) / 60.0:5.1f} min"
 
 
 if __name__ == "__main__":

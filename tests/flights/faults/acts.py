@@ -59,19 +59,27 @@ def take_off_by_another_body(flight: Flight) -> None:
     flight.room.bench.world.observers.append(go_on)
 
 
-def safety_line(flight: Flight) -> None:
-    """It hangs on its line, 0.7 m above the floor, and bobs there; after 19 s the line comes free."""
-    world = flight.room.bench.world
-    free_s = world.time_s + 19.0
+def safety_line(bobbing_n: float) -> Act:
+    """Return an act that holds the vehicle on its line 0.7 m above the floor, where it bobs; free after 19 s.
 
-    def pull(truth: Truth) -> None:
-        up_m, up_mps = -truth.position_ned_m[2], -truth.velocity_ned_mps[2]
-        pull_n = 250.0 * (0.7 - up_m) - 20.0 * up_mps + 8.0 * math.sin(6.0 * truth.time_s)
-        taut = up_m < 0.7 and truth.time_s < free_s
-        force = np.array([0.0, 0.0, -max(0.0, pull_n)]) if taut else np.zeros(3)
-        world.external_wrench = Wrench(force, np.zeros(3))
+    By 0.04 m/s for each newton. PX4's land detector takes 0.25 m/s for standing, in its later stages 0.62 m/s
+    (LNDMC_Z_VEL_MAX): 16 N are too fast for it; with 8 N the vehicle has landed, and its motors stop.
+    """
 
-    world.observers.append(pull)
+    def hang(flight: Flight) -> None:
+        world = flight.room.bench.world
+        free_s = world.time_s + 19.0
+
+        def pull(truth: Truth) -> None:
+            up_m, up_mps = -truth.position_ned_m[2], -truth.velocity_ned_mps[2]
+            pull_n = 250.0 * (0.7 - up_m) - 20.0 * up_mps + bobbing_n * math.sin(6.0 * truth.time_s)
+            taut = up_m < 0.7 and truth.time_s < free_s
+            force = np.array([0.0, 0.0, -max(0.0, pull_n)]) if taut else np.zeros(3)
+            world.external_wrench = Wrench(force, np.zeros(3))
+
+        world.observers.append(pull)
+
+    return hang
 
 
 def one_servo(kind: FaultKind, servo_id: int, **more: float) -> Act:

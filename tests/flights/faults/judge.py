@@ -31,11 +31,11 @@ class Result:
     reaction_s: float | None
     """None where there was none."""
     limit_s: float
-    inside_fence: bool
     beyond_m: float
+    """Furthest outside of the fence; negative: always inside."""
     touchdown_mps: float
     drift_m: float | None
-    """Horizontal, while PX4 landed without a pose."""
+    """Horizontal way while PX4 landed without a pose; None where it did not."""
     says: str
     """The companion's reason."""
     problems: tuple[str, ...]
@@ -45,11 +45,10 @@ class Result:
 def judged(row: Row, flown: Flown, told: Told, planned_s: float | None) -> Result:
     """`planned_s`: when the operator landed because nothing came of the fault; None when that was not needed."""
     end, reaction_s = end_of(flown, planned_s, told), reaction_of(row, flown, told, planned_s)
-    inside = flown.beyond_m <= 0.0
+    drift_m = flown.drift_m if flown.blinded and end is End.HANDED_OVER else None
     return Result(
-        row.name, end, reaction_s, row.limit_s, inside, flown.beyond_m, flown.touchdown_mps,
-        flown.drift_m if flown.blinded else None, _reason(told),
-        tuple(_problems(row, end, reaction_s, inside, flown, told)),
+        row.name, end, reaction_s, row.limit_s, flown.beyond_m, flown.touchdown_mps, drift_m, _reason(told),
+        tuple(_problems(row, end, reaction_s, flown, told)),
     )  # fmt: skip
 
 
@@ -111,12 +110,12 @@ def _reason(told: Told) -> str:
     return next((said.reason for said in reversed(told.changes) if said.reason), "")
 
 
-def _problems(row: Row, end: End, reaction_s: float | None, inside: bool, flown: Flown, told: Told) -> Iterable[str]:
+def _problems(row: Row, end: End, reaction_s: float | None, flown: Flown, told: Told) -> Iterable[str]:
     if flown.begin_s is None:
         yield "the fault never began"
     if end is not row.ends:
         yield f"it ended {end}, not {row.ends}"
-    if not inside:
+    if flown.beyond_m > 0.0:
         yield f"{flown.beyond_m:.2f} m outside of the fence"
     if not flown.on_ground:
         yield "it is not down"

@@ -32,7 +32,8 @@ from tests.mavlink_relay import Relay
 from tests.watchdog_timer import NoWatchdogTimer
 
 HEIGHT_M = 0.6
-_PATIENCE_S = 20.0
+_PATIENCE_S, _LONGEST_S = 20.0, 120.0
+"""Time that a landing may take, and a whole flight."""
 _PILOT_FLIES_S = 1.5
 _NOTHING_S = 3.0
 """If nothing has come of the fault after so long, the operator lands."""
@@ -101,7 +102,7 @@ async def _fly(row: Row) -> Result:
     [how] = row.make
     assert isinstance(how, str)
     with Relay() as relay:
-        async with mock(relay.ports) as autopilot:
+        async with asyncio.timeout(_LONGEST_S), mock(relay.ports) as autopilot:
             planned_s = await _WAYS.get(how, _in_the_air)(how, Scene(relay, autopilot, told))
             flown = await autopilot.flown()
     return judged(row, flown, told, planned_s)

@@ -1,49 +1,42 @@
-"""Output of the fault flights, printed and kept: a table, faults.json and docs/safety.md."""
+"""Output of the fault flights, printed and kept: a line each, faults.json and docs/safety.md."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-
-from rich.table import Table
 
 from companion.supervisor.faults import TABLE
 from tests.flights.command import ROOT
 from tests.flights.faults.judge import Result
 from tests.flights.faults.rows import RULES
 from tests.flights.faults.rows import Row as Flown
+from tests.flights.faults.schedules import Outcome
 
 PAGE = ROOT / "docs" / "safety.md"
 RECOGNISED, FLOWN = "recognised", "flown"
 """The parts of the page that are printed, between comments with these words."""
 
 
-def table_of(results: Sequence[Result]) -> Table:
-    """For the screen."""
-    table = Table(title="Fault flights")
-    for column in ("fault", "end", "reaction s", "limit s", "inside", ""):
-        table.add_column(column)
-    for result in results:
-        table.add_row(
-            result.name, result.end_state, _seconds(result.reaction_s), _seconds(result.limit_s or None),
-            "yes" if result.inside_fence else "NO", "; ".join(result.problems), style="red" if result.problems else "",
-        )  # fmt: skip
-    return table
+def line_of(one: Result | Outcome) -> str:
+    """Return a flight's outcome as one line."""
+    name, reaction = (one.name, _seconds(one.reaction_s)) if isinstance(one, Result) else (_schedule(one), "")
+    problems = f"  NOT AS IT MUST BE: {'; '.join(one.problems)}" if one.problems else ""
+    return f"{name}: {one.end_state}{reaction and f', reaction after {reaction} s'}{problems}"
 
 
-def write_json(results: Sequence[Result], path: Path) -> None:
-    """A list of what every flight came to."""
-    lines = [
-        {
-            "fault": result.name,
-            "end_state": result.end_state,
-            "reaction_s": result.reaction_s,
-            "limit_s": result.limit_s or None,
-            "inside_fence": result.inside_fence,
-        }
-        for result in results
-    ]
-    path.write_text(json.dumps(lines, indent=1) + "\n", encoding="utf-8")
+def _schedule(outcome: Outcome) -> str:
+    return f"seed {outcome.seed}, {'; '.join(outcome.faults)}"
+
+
+def write_json(results: Mapping[str, Result], path: Path) -> None:
+    """Write what every flight came to."""
+    path.write_text(json.dumps([asdict(result) for result in results.values()], indent=1) + "\n", encoding="utf-8")
+
+
+def read_json(path: Path) -> dict[str, Result]:
+    """Return those flights by name, less those that were not as they must be; none without a file."""
+    lines = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+    return {line["name"]: Result(**line | {"problems": ()}) for line in lines if not line["problems"]}
 
 
 def recognised() -> str:
@@ -60,17 +53,18 @@ def recognised() -> str:
     return "\n".join(lines)
 
 
-def flown(rows: Sequence[Flown], results: Sequence[Result]) -> str:
-    """Return what was flown as a Markdown table; a row that has no result has no measured reaction."""
-    by_name = {result.name: result for result in results}
-    lines = ["| fault | what goes wrong | when | reaction | ends | limit s | measured s |", "|" + " --- |" * 7]
+def flown(rows: Sequence[Flown], results: Mapping[str, Result]) -> str:
+    """Return what was flown as a Markdown table; a row that has no result has nothing measured."""
+    lines = [
+        "| fault | what goes wrong | when | reaction | ends | limit s | measured s | drift m |",
+        "|" + " --- |" * 8,
+    ]
     for row in rows:
-        result = by_name.get(row.name)
-        measured = _seconds(result.reaction_s) if result else ""
-        lines.append(
-            f"| {row.fault} | {row.variant} | {row.when} | {'none' if row.harmless else row.reaction.words} | "
-            f"{row.ends} | {'' if row.harmless else _seconds(row.limit_s)} | {measured} |"
-        )
+        result = results.get(row.name)
+        measured = [_seconds(result.reaction_s), _metres(result.drift_m)] if result else ["", ""]
+        limit, reaction = ("", "none") if row.harmless else (_seconds(row.limit_s), row.reaction.words)
+        cells = [row.fault, row.variant, row.when, reaction, row.ends, limit, *measured]
+        lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
@@ -96,3 +90,7 @@ def _marks(name: str) -> tuple[str, str]:
 
 def _seconds(value: float | None) -> str:
     return "" if value is None else f"{value:.2f}"
+
+
+def _metres(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"

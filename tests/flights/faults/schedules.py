@@ -35,7 +35,6 @@ _LAST_S = 22.0
 _FOR_EVER = 0.4
 """Share of the faults that stay."""
 _SHORTEST_S, _LONGEST_S = 0.03, 8.0
-GOOD = frozenset({End.LANDED, End.HANDED_OVER, End.PILOT, End.TERMINATED, End.FLIES_ON, End.NOT_STARTED})
 
 
 @dataclass(frozen=True)
@@ -45,14 +44,15 @@ class Outcome:
     seed: int
     faults: tuple[str, ...]
     end_state: str
-    inside_fence: bool
     beyond_m: float
+    """Furthest outside of the fence; negative: always inside."""
     says: str
 
     @property
-    def good(self) -> bool:
-        """Down or with a pilot, and never outside."""
-        return self.end_state in GOOD and self.inside_fence
+    def problems(self) -> tuple[str, ...]:
+        """Return what is not as it must be: down or with a pilot, and never outside of the fence."""
+        up = (self.end_state,) if self.end_state == End.IN_THE_AIR else ()
+        return up if self.beyond_m <= 0.0 else (*up, f"{self.beyond_m:.2f} m outside of the fence")
 
 
 def faults_of(seed: int) -> tuple[str, ...]:
@@ -138,6 +138,4 @@ async def _fly(seed: int) -> Outcome:
         end = End.PILOT  # who keeps it, if it cannot be taken back
     down = watch.flown.on_ground or end is End.PILOT
     reason = flight.loop.flight.reason
-    return Outcome(
-        seed, faults, end if down else End.IN_THE_AIR, watch.flown.beyond_m <= 0.0, watch.flown.beyond_m, reason
-    )
+    return Outcome(seed, faults, end if down else End.IN_THE_AIR, watch.flown.beyond_m, reason)

@@ -27,6 +27,8 @@ SHORT_HOLD = CompanionConfig(
     fence=NARROW.fence, room=NARROW.room, safety=SafetyConfig(tracking_m=4.0, lost_m=5.0, hold_s=3.0),
 )  # fmt: skip
 PID = Conditions(law="pid")
+HANGING_S = 8.0
+"""The law lowers the thrust (2 to 3 s), PX4 decides that it has landed (0.7 to 2.3 s), and COM_DISARM_LAND passes."""
 
 OWN_ERROR_RAD = 0.063
 """Three times what PX4's horizon errs by in flight, 1.2 degrees (recorded: 0.4 to 1.65, 5 at most): so much of a drift
@@ -72,6 +74,8 @@ AUTOPILOT = (
     Row(Fault.AUTOPILOT_SILENT, "it reboots in 3 s", ("autopilot wrong (reboot)",), OFF,
         within(RULES.autopilot_silent_s)),
     Row(Fault.AUTOPILOT_DISARMED, "it disarms in the air", ("autopilot wrong (disarms)",), OFF, within(1.0)),
+    Row(Fault.AUTOPILOT_DISARMED, "it takes its safety line for the ground", (acts.safety_line(8.0),), OFF,
+        within(HANGING_S), When.LANDING, flown_with=Conditions(PATIENT)),
     Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S)),
     Row(Fault.MODE_CHANGED, "a pilot takes over", ("autopilot wrong (pilot takes over)",), End.PILOT, within(MODE_S),
         When.TRACK),
@@ -123,7 +127,7 @@ VEHICLE = (
         within(RULES.not_followed_s, 0.5), When.HOVER),
     Row(Fault.TRACKING_ERROR, "a push of 20 N for 0.5 s", (acts.gust((20.0, 0.0, 0.0), 0.5),), OURS,
         within(RULES.tracking_s, 1.0), When.HOVER, flown_with=PID),
-    Row(Fault.TRACKING_LOST, "a push of 18 N that stays", (acts.gust((18.0, 0.0, 0.0), 3.0),), PX4,
+    Row(Fault.TRACKING_LOST, "a push of 18 N for 2 s", (acts.gust((18.0, 0.0, 0.0), 2.0),), PX4,
         within(RULES.growing_s, 1.0), When.HOVER, flown_with=PID),
     Row(Fault.THRUST_SATURATED, "the motors give 62 % of their thrust", ("autopilot wrong (weak) to 0.62",), PX4,
         within(RULES.saturated_s, 0.5), When.HOVER),
@@ -135,7 +139,7 @@ VEHICLE = (
         When.HOVER, flown_with=Conditions(NARROW, "pid")),
     Row(Fault.HOLD_TOO_LONG, "nobody answers a hold", (acts.gust((24.0, 0.0, 0.0), 0.7),), OURS, within(5.0),
         When.HOVER, patience_s=20.0, flown_with=Conditions(SHORT_HOLD, "pid")),
-    Row(Fault.LANDING_TOO_LONG, "it hangs on its safety line", (acts.safety_line,), PX4,
+    Row(Fault.LANDING_TOO_LONG, "it bobs on its safety line", (acts.safety_line(16.0),), PX4,
         within(RULES.landing_s, 6.0), When.LANDING, flown_with=Conditions(PATIENT)),
 )  # fmt: skip
 
