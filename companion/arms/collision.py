@@ -36,14 +36,14 @@ class Distances:
 
 
 def clearance(model: ArmModel, joints_rad: Array, floor_z_m: float | None = None) -> Clearance:
-    """The nearest pair at one pose (8,); `floor_z_m` is the floor's height in the body frame of a level vehicle."""
+    """Return the nearest pair at one pose (8,); `floor_z_m` is the floor's height in the level body's frame."""
     found = distances(model, joints_rad, floor_z_m)
     pair = int(np.argmin(found.distance_m))
     return Clearance(float(found.distance_m[pair]), found.what[pair])
 
 
 def distances(model: ArmModel, joints_rad: Array, floor_z_m: float | None = None) -> Distances:
-    """All pairs at poses (..., 8)."""
+    """Return the distances of all pairs at poses (..., 8)."""
     points = points_flu_m(model, joints_rad)
     start, end = points[..., :-1, :], points[..., 1:, :]
     columns = [
@@ -74,5 +74,5 @@ def _to_propellers(model: ArmModel, start: Array, end: Array) -> Array:
 
 
 def _flat(by_link: Array) -> Array:
-    """(..., 2 arms, links) as (..., pairs)."""
+    """Reshape (..., 2 arms, links) to (..., pairs)."""
     return by_link.reshape((*by_link.shape[:-2], -1))

@@ -29,7 +29,7 @@ class Airframe:
 
 
 def turning_b_radps2(model: ArmModel, airframe: Airframe, motion: JointMotion) -> Array:
-    """Angular acceleration that the arms cause before anything answers it, (..., 3), body FLU.
+    """Return the angular acceleration that the arms cause, before any reaction to it, (..., 3), body FLU.
 
     The links' reaction, and the thrust, which in a hover is the weight, beside the centre of mass.
     """
@@ -45,13 +45,13 @@ def trimmed_b_radps2(trimmed: Array, turning: Array, airframe: Airframe, dt_s: f
 
 
 def tilt_accel_b_mps2(untrimmed_b_radps2: Array, airframe: Airframe) -> Array:
-    """Horizontal acceleration (..., 3) of the tilt that a torque holds against the attitude loop: g (phi x e_3)."""
+    """Return the horizontal acceleration (..., 3) of the tilt that a torque holds against the attitude loop."""
     roll, pitch, _ = unstack(untrimmed_b_radps2 / airframe.attitude_bandwidth_radps**2)
     return stack(airframe.gravity_mps2 * pitch, -airframe.gravity_mps2 * roll, 0.0 * roll)
 
 
 def force_accel_b_mps2(model: ArmModel, airframe: Airframe, across: JointMotion, upward: JointMotion) -> Array:
-    """Acceleration (..., 3) that the links' reaction force gives the vehicle: x, y of one motion, z of the other."""
+    """Return the acceleration (..., 3) by the links' reaction force: x, y of one motion, z of the other."""
     ahead, above = (reaction_force_b_n(model, motion) / airframe.mass_kg for motion in (across, upward))
     (x, y, _), (_, _, z) = unstack(ahead), unstack(above)
     return stack(x, y, z)
@@ -70,7 +70,7 @@ class Leads:
 
 
 def leads_of(vehicle: VehicleModel, servo_lag_s: float) -> Leads:
-    """The leads of a vehicle whose joints follow their goals `servo_lag_s` late."""
+    """Return the leads of a vehicle whose joints follow their goals `servo_lag_s` late."""
     across_s = vehicle.setpoint_delay_s + 2.0 * vehicle.attitude_damping / vehicle.attitude_bandwidth_radps
     upward_s = vehicle.thrust_delay_s + vehicle.thrust_lag_s
     return Leads(across_s - servo_lag_s, upward_s - servo_lag_s, vehicle.setpoint_delay_s - servo_lag_s)

@@ -14,7 +14,7 @@ _ON_THE_EDGE = 1e-9
 
 
 def ways_rad(model: ArmModel, side: Side, tip_flu_m: Array) -> Array:
-    """All shoulder pitches, elbow pitches and elbow rolls with the tip at a point of body FLU (m): (n, 3), n up to 4.
+    """Return all pitches and rolls that bring the tip to a point of body FLU (m): (n, 3), n up to 4.
 
     Joint limits are not asked. The roll alone moves the tip sideways, o L_3 sin r = y: two rolls, the second with the
     forearm folded back. What is left is a plane arm of L_1 and L_2 + L_3 cos r with the elbow on either side (Craig,
@@ -62,7 +62,7 @@ def reach_rad(model: ArmModel, side: Side, tip_flu_m: Array, near_rad: Array) ->
 
 
 def reach_both_rad(model: ArmModel, tips_flu_m: Mapping[Side, Array], near_rad: Array) -> Array:
-    """Joints (8,) with the given arms' tips at their points, nearest to `near_rad` (8,); all else stays as there."""
+    """Return joints (8,) with the given tips at their points, nearest to `near_rad` (8,); others stay."""
     out = near_rad.copy()
     for side, tip in tips_flu_m.items():
         first = JOINTS_PER_ARM * SIDES.index(side)
@@ -71,7 +71,7 @@ def reach_both_rad(model: ArmModel, tips_flu_m: Mapping[Side, Array], near_rad: 
 
 
 def _plane_ways(upper: float, lower: float, x: float, z: float) -> list[tuple[float, float]]:
-    """Both pitches of two links (m) in the plane that end at x forward and z up of the shoulder; none out of reach."""
+    """Return both pitches of a plane arm (m) that end at x forward and z up of the shoulder; none out of reach."""
     if abs(lower) < _ON_THE_EDGE * upper:
         at_elbow = abs(math.hypot(x, z) - upper) <= _ON_THE_EDGE * upper
         return [(_turn(math.atan2(x, -z)), 0.0)] if at_elbow else []
@@ -86,7 +86,7 @@ def _plane_ways(upper: float, lower: float, x: float, z: float) -> list[tuple[fl
 
 
 def _turn(angle_rad: float) -> float:
-    """The same direction within a half turn of zero."""
+    """Return the same direction within a half turn of zero."""
     return math.remainder(angle_rad, 2.0 * math.pi)
 
 

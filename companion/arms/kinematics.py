@@ -22,13 +22,13 @@ POINTS = ("shoulder", "elbow", "wrist", "tip")
 
 
 def by_arm(joints: Array) -> Array:
-    """Joint vectors (..., 8) as pitch, pitch and roll of each arm, (..., 2, 3); the claws are left out."""
+    """Return joint vectors (..., 8) as pitch, pitch and roll of each arm, (..., 2, 3), without the claws."""
     shape = (*joints.shape[:-1], len(SIDES), JOINTS_PER_ARM)
     return np.reshape(joints, shape)[..., :CHAIN]
 
 
 def link_directions(joints_rad: Array) -> Array:
-    """Unit vectors along upper arm, elbow link and forearm, (..., 2 arms, 3 links, 3), body FLU."""
+    """Return unit vectors along upper arm, elbow link and forearm, (..., 2 arms, 3 links, 3), body FLU."""
     a, b, r = np.moveaxis(by_arm(joints_rad), -1, 0)
     s = a + b
     out = np.zeros((*a.shape, 3, 3))
@@ -40,7 +40,7 @@ def link_directions(joints_rad: Array) -> Array:
 
 
 def points_flu_m(model: ArmModel, joints_rad: Array) -> Array:
-    """Shoulder, elbow, wrist and tip of both arms, (..., 2 arms, 4 points, 3), body FLU, m; joints (..., 8)."""
+    """Return shoulder, elbow, wrist and tip, (..., 2 arms, 4 points, 3), body FLU, m; joints (..., 8)."""
     lengths = np.array([link.length_m for link in model.links])
     directions = link_directions(joints_rad)
     out = np.empty((*directions.shape[:-2], len(POINTS), 3))

@@ -82,7 +82,6 @@ class ArmModel:
         JointLimit(-0.6, 1.2, 3.0, 20.0),
         JointLimit(0.0, 1.0, 4.0, 30.0),
     )
-    """By kind; both arms alike."""
     link_radius_m: float = 0.025
     body_half_flu_m: tuple[float, float, float] = (0.14, 0.09, 0.06)
     """Half the sides of the box that holds frame, battery and computer, centred on the body's origin."""
@@ -91,12 +90,12 @@ class ArmModel:
     """Least distance that is kept between any two of these."""
 
     def shoulders_flu_m(self) -> Array:
-        """First axes, right then left, (2, 3)."""
+        """Return the first axes, right then left, (2, 3)."""
         x, y, z = self.shoulder_flu_m
         return np.array([[x, -y, z], [x, y, z]])
 
     def limit_arrays(self) -> tuple[Array, Array, Array, Array]:
-        """Least and largest angle (rad), velocity (rad/s) and acceleration (rad/s^2), each (8,)."""
+        """Return least and largest angle (rad), velocity (rad/s) and acceleration (rad/s^2), each (8,)."""
         rows = [*self.limits, *self.limits]
         return (
             np.array([r.min_rad for r in rows]),

@@ -22,7 +22,7 @@ class Poses:
     stop: bool
 
     def trajectory(self, model: ArmModel, present_rad: Array) -> JointTrajectory:  # noqa: ARG002
-        """Through all of them; joints (8,) that are left out stay at `present_rad`."""
+        """Return the motion through all of them; joints (8,) that are left out stay at `present_rad`."""
         poses = self.joints_rad.copy()
         last = present_rad
         for row, pose in enumerate(poses):
@@ -42,7 +42,7 @@ class Swing:
     fade_s: float
 
     def trajectory(self, model: ArmModel, present_rad: Array) -> JointTrajectory:  # noqa: ARG002
-        """The swing; joints (8,) that are left out stay at `present_rad`."""
+        """Return the swing; joints (8,) that are left out stay at `present_rad`."""
         centre_rad = np.where(np.isnan(self.centre_rad), present_rad, self.centre_rad)
         return Sinusoid(centre_rad, self.amplitude_rad, self.period_s, self.phase_rad, self.duration_s, self.fade_s)
 
@@ -58,7 +58,7 @@ class Tips:
     stop: bool
 
     def trajectory(self, model: ArmModel, present_rad: Array) -> JointTrajectory:
-        """Through joint angles that bring the tips there, each pose the nearest to the one before.
+        """Return joint angles that bring the tips there, each pose the nearest to the one before.
 
         Raises ArmError, naming the time, when a tip is out of reach. Between the points the joints move evenly, so the
         tips do not run along straight lines.

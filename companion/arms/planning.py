@@ -32,7 +32,6 @@ class Plan:
 
     trajectory: JointTrajectory
     slowed_by: float = 1.0
-    """1 when it runs at its own speed."""
     approach_s: float = 0.0
     """Duration of the approach to the start of the motion."""
     notes: tuple[str, ...] = ()
@@ -45,7 +44,7 @@ def plan(
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
-    """`trajectory`, reached from rest in the pose `start_rad` (8,), and slowed as a whole until its limits hold.
+    """Plan `trajectory` from rest at `start_rad` (8,), slowed as a whole until its limits hold.
 
     The way to its start is straight in the joints, or through one of the poses `via_rad` (8,) when that would collide;
     `floor_z_m` is the floor's height in the body frame. Raises ArmError, naming the joint or the pair and the time,
@@ -84,7 +83,7 @@ def to_pose(
 
 
 def grip(model: ArmModel, start_rad: Array, claw_rad: float) -> Plan:
-    """Both claws to an angle; nothing else moves."""
+    """Plan both claws to an angle; nothing else moves."""
     goal_rad = start_rad.copy()
     goal_rad[list(CLAWS)] = claw_rad
     return to_pose(model, start_rad, goal_rad)
@@ -97,7 +96,7 @@ def reach(
     via_rad: Iterable[Array] = (),
     floor_z_m: float | None = None,
 ) -> Plan:
-    """Tips to points of body FLU (m) by the joint angles nearest to the present ones; an arm not named stays."""
+    """Plan tips to points of body FLU (m) by the joint angles nearest to the present ones; other arms stay."""
     _check_known(start_rad)
     goal_rad = reach_both_rad(model, tips_flu_m, start_rad)
     return to_pose(model, start_rad, goal_rad, via_rad, floor_z_m)
@@ -144,7 +143,7 @@ def _angle(angle_rad: float) -> str:
 
 
 def _slowing(model: ArmModel, looked: Samples) -> tuple[float, tuple[str, ...]]:
-    """By which factor the motion has to take longer, and why."""
+    """Return the factor by which the motion has to take longer, and why."""
     _, _, speed, accel = model.limit_arrays()
     quickest = np.abs(looked.motion.velocity_radps).max(axis=0)
     sharpest = np.abs(looked.motion.acceleration_radps2).max(axis=0)
@@ -165,7 +164,7 @@ def _slowing(model: ArmModel, looked: Samples) -> tuple[float, tuple[str, ...]]:
 def _way(
     model: ArmModel, start_rad: Array, goal_rad: Array, via_rad: Iterable[Array], floor_z_m: float | None
 ) -> tuple[tuple[JointTrajectory, ...], str]:
-    """Moves from rest to rest, none if the joints are there already; and a note when they are not straight."""
+    """Return moves from rest to rest, none if the joints are there already; and a note when they are not straight."""
     if np.abs(goal_rad - start_rad).max() < _ROUNDING_RAD:
         return (), ""
     keep_m = _kept_m(model, start_rad, goal_rad, floor_z_m)
@@ -181,7 +180,7 @@ def _way(
 
 
 def _kept_m(model: ArmModel, start_rad: Array, goal_rad: Array, floor_z_m: float | None) -> Array:
-    """Distance that each pair keeps on the way: the margin, or what it has at the beginning if that is less.
+    """Return the distance that each pair keeps on the way: the margin, or its distance at the start if less.
 
     Raises ArmError when it is not kept at the goal.
     """
@@ -196,7 +195,7 @@ def _kept_m(model: ArmModel, start_rad: Array, goal_rad: Array, floor_z_m: float
 
 
 def _move(model: ArmModel, start_rad: Array, goal_rad: Array) -> MinimumJerk:
-    """Straight in the joints, as long as the pace asks for; never beyond the two ends of any joint's way."""
+    """Return the straight way in the joints at our own pace; never beyond the two ends of any joint's way."""
     _, _, speed, accel = model.limit_arrays()
     way = np.abs(goal_rad - start_rad)
     by_speed, by_accel = 1.875 * way / (OWN_PACE * speed), np.sqrt(5.7735 * way / (OWN_PACE * accel))

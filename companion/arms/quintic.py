@@ -18,7 +18,7 @@ class Quintics:
     """(n, 6, 8): of 1, x .. x^5, by piece."""
 
     def at(self, time_s: float | Array) -> JointMotion:
-        """The motion at one time (8,), or at each of an array (...,) of times (..., 8)."""
+        """Return the motion at one time (8,), or at each of an array (...,) of times (..., 8)."""
         if isinstance(time_s, np.ndarray):
             return self._at_many(time_s)
         piece = min(max(bisect_right(self.ends_s, time_s) - 1, 0), len(self.ends_s) - 2)
@@ -55,7 +55,7 @@ class Quintics:
 
 
 def between(start: JointMotion, end: JointMotion, duration_s: float | Array) -> Array:
-    """Coefficients (..., 6, 8) of the one quintic that meets place, velocity and acceleration (..., 8) at both ends.
+    """Return the quintic that meets position, velocity and acceleration (..., 8) at both ends, (..., 6, 8).
 
     The duration (s) is one for all, or (..., 1).
     """

@@ -39,7 +39,7 @@ class TooNear:
 
 
 def samples(trajectory: JointTrajectory) -> Samples:
-    """All of it, each simple piece in the same number of steps."""
+    """Return samples of the whole trajectory, each simple piece in the same number of steps."""
     ends = trajectory.pieces_s
     shares = np.arange(_PER_PIECE) / _PER_PIECE
     inside = ends[:-1, None] + np.diff(ends)[:, None] * shares
@@ -97,7 +97,7 @@ def _spare_m(
 
 
 def _travel(model: ArmModel, looked: Samples) -> tuple[Array, Array]:
-    """Times, and how far any point of both arms together has moved at most until then, (n,) m.
+    """Return times, and an upper bound of how far any point of both arms has moved until then, (n,) m.
 
     A joint moves no point faster than its rate times what hangs on it. A tenth is added for the trapezoids.
     """

@@ -12,7 +12,7 @@ length / 2^16, 3 micrometres on a link, where it pierces the shape's edge or fac
 
 
 def between_segments_m(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
-    """Least distance between segments a0-a1 and b0-b1, points (..., 3): (...,).
+    """Return the least distance between segments a0-a1 and b0-b1, points (..., 3): (...,).
 
     Ericson, Real-Time Collision Detection, section 5.1.9: the lines' nearest points, drawn back onto the segments.
     """
@@ -27,7 +27,7 @@ def between_segments_m(a0: Array, a1: Array, b0: Array, b1: Array) -> Array:
 
 
 def to_box_m(start: Array, end: Array, half: Array) -> Array:
-    """Least distance of segments, points (..., 3), from a box of half sides (3,) about the origin: (...,); inside 0."""
+    """Return the distance of segments (..., 3) from a box of half sides (3,) at the origin: (...,); inside 0."""
 
     def beyond(point: Array) -> Array:
         return np.asarray(point - np.clip(point, -half, half))
@@ -36,7 +36,7 @@ def to_box_m(start: Array, end: Array, half: Array) -> Array:
 
 
 def to_discs_m(start: Array, end: Array, centres: Array, radius: float) -> Array:
-    """Least distance of segments, points (..., 3), from each of the level discs with centres (n, 3): (..., n)."""
+    """Return the distance of segments, points (..., 3), from each level disc with centres (n, 3): (..., n)."""
 
     def beyond(point: Array) -> Array:
         over = np.sqrt(point[..., 0] ** 2 + point[..., 1] ** 2)
@@ -47,7 +47,7 @@ def to_discs_m(start: Array, end: Array, centres: Array, radius: float) -> Array
 
 
 def _least_to_convex(start: Array, end: Array, beyond: Callable[[Array], Array]) -> Array:
-    """`beyond` is the vector from a convex shape's nearest point to a given one.
+    """Return the distance to a convex shape; `beyond` is the vector from its nearest point to a given one.
 
     Along a segment the distance to a convex shape has one valley: halve towards where it stops falling.
     """
@@ -69,5 +69,5 @@ def _length(vector: Array) -> Array:
 
 
 def _share(part: Array, whole: Array) -> Array:
-    """part / whole, and 0 where the whole is nothing: parallel segments, a segment of less than 32 nm."""
+    """Return part / whole, and 0 where the whole is 0: parallel segments, a segment of less than 32 nm."""
     return np.asarray(np.divide(part, whole, out=np.zeros_like(part), where=whole > 1e-15))

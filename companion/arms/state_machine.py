@@ -11,12 +11,38 @@ from typing import Any
 
 import numpy as np
 
-from companion.arms.braking import Braked
 from companion.arms.model import JOINT_NAMES
-from companion.arms.trajectory import JointTrajectory, at_rest
+from companion.arms.trajectory import JointTrajectory, Times, at_rest
 from companion.core.interfaces import ArmError
 from companion.core.types import Array, JointMotion
 from companion.supervisor.flight_state import Phase
+
+
+@dataclass(frozen=True)
+class Braked:
+    """A trajectory whose own time slows down, from `begun_s` on, and stands still after `duration_s`."""
+
+    inner: JointTrajectory
+    begun_s: float
+    duration_s: float
+
+    @property
+    def pieces_s(self) -> Array:
+        """Eighths."""
+        return np.linspace(0.0, self.duration_s, 9)
+
+    def at(self, time_s: Times) -> JointMotion:
+        """Return the motion `time_s` after the braking began."""
+        x = np.clip(np.asarray(time_s) / self.duration_s, 0.0, 1.0)
+        gone_s = self.duration_s * x * (1.0 - x**3 * (2.5 - 3.0 * x + x * x))
+        speed = (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x * x))[..., None]
+        slowing_ps = (-30.0 * x * x * (1.0 - x) ** 2 / self.duration_s)[..., None]
+        motion = self.inner.at(self.begun_s + gone_s)
+        return JointMotion(
+            motion.position_rad,
+            motion.velocity_radps * speed,
+            motion.acceleration_radps2 * speed * speed + motion.velocity_radps * slowing_ps,
+        )
 
 
 class ArmPhase(StrEnum):
@@ -27,7 +53,6 @@ class ArmPhase(StrEnum):
     HOLDING = "holding"
     MOVING = "moving"
     STOWING = "stowing"
-    """Folding for the landing."""
     FAULT = "fault"
     """A servo failed: everything that can, holds still until the operator clears it."""
 
@@ -71,7 +96,6 @@ class ArmFacts:
     fault: str
     """The first latched fault in words; empty when there is none."""
     stowed: bool
-    """Folded, and at rest."""
     flight: Phase
     touched_down: bool
 
@@ -97,7 +121,7 @@ class ArmState:
 
 
 def goal_at(arms: ArmState, time_s: float) -> JointMotion | None:
-    """The joint motion asked for at a time (s), which may lie ahead; None while no goal is given."""
+    """Return the commanded joint motion at a time (s), which may lie ahead; None while there is no goal."""
     if arms.motion is not None:
         return arms.motion.at(time_s - arms.started_s)
     return None if arms.hold_rad is None else at_rest(arms.hold_rad)
@@ -124,7 +148,7 @@ def play(arms: ArmState, motion: JointTrajectory, facts: ArmFacts) -> ArmState:
 
 
 def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
-    """One cycle: what the facts make of the phase."""
+    """Advance by one cycle."""
     arms = replace(arms, action=None) if arms.action else arms
     if facts.flight is not Phase.DISARMED and arms.released:
         arms = replace(arms, released=False)
@@ -143,7 +167,7 @@ def advance(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
 
 
 def _next(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
-    """A motion that has ended is held; at rest the arms fold where they must, and may go limp after the landing."""
+    """Hold after a motion; at rest, fold where the flight needs it, and release torque after the landing."""
     if arms.motion is not None:
         if facts.time_s - arms.started_s < arms.motion.duration_s:
             return arms
@@ -158,7 +182,7 @@ def _next(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
 
 
 def _stow(arms: ArmState, facts: ArmFacts, rules: ArmRules) -> ArmState:
-    """If there is no way to fold them the arms stay as they are, and say so once."""
+    """Begin to fold; if there is no way, the arms stay as they are, and the reason is given once."""
     assert arms.hold_rad is not None
     try:
         fold = rules.stow_from(arms.hold_rad)
@@ -172,7 +196,7 @@ def _begin(arms: ArmState, phase: ArmPhase, motion: JointTrajectory, facts: ArmF
 
 
 def stop(arms: ArmState, facts: ArmFacts, reason: str) -> ArmState:
-    """Come to rest along the way that was planned, and hold."""
+    """Stop along the planned way, and hold."""
     if arms.motion is None or isinstance(arms.motion, Braked):
         return arms
     braking = Braked(arms.motion, facts.time_s - arms.started_s, _BRAKING_S)

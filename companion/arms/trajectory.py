@@ -30,11 +30,11 @@ class JointTrajectory(Protocol):
         """
 
     def at(self, time_s: Times) -> JointMotion:
-        """The motion at `time_s`; before 0 the start at rest, after the duration the end at rest."""
+        """Return the motion at `time_s`; before 0 the start at rest, after the duration the end at rest."""
 
 
 def at_rest(position_rad: Array) -> JointMotion:
-    """Standing still at a pose (..., 8)."""
+    """Return a motion that stands still at a pose (..., 8)."""
     nothing = np.zeros_like(position_rad)
     return JointMotion(position_rad, nothing, nothing)
 
@@ -52,7 +52,7 @@ class Hold:
         return np.array([0.0, self.duration_s])
 
     def at(self, time_s: Times) -> JointMotion:
-        """The one pose."""
+        """Return the one pose."""
         return at_rest(np.broadcast_to(self.position_rad, (*np.shape(time_s), *self.position_rad.shape)))
 
 
@@ -70,7 +70,7 @@ class MinimumJerk:
         return np.array([0.0, self.duration_s])
 
     def at(self, time_s: Times) -> JointMotion:
-        """The point of the fifth-order polynomial at `time_s`."""
+        """Return the point of the fifth-order polynomial at `time_s`."""
         return self._curve.at(time_s)
 
     @cached_property
@@ -104,7 +104,7 @@ class Waypoints:
         return self.times_s
 
     def at(self, time_s: Times) -> JointMotion:
-        """The motion at `time_s`."""
+        """Return the motion at `time_s`."""
         return self._curve.at(time_s)
 
     @cached_property
@@ -117,7 +117,7 @@ class Waypoints:
         return Quintics(tuple(self.times_s.tolist()), between(starts, ends, np.diff(self.times_s)[:, None]))
 
     def _passing(self) -> JointMotion:
-        """The motion at each pose, (n, 8)."""
+        """Return the motion at each pose, (n, 8)."""
         poses, spans = self.positions_rad, np.diff(self.times_s)[:, None]
         velocity, acceleration = np.zeros_like(poses), np.zeros_like(poses)
         if not self.stop:
@@ -155,7 +155,7 @@ class Sinusoid:
         return np.unique(np.concatenate((swings, fade, self.duration_s - fade)))
 
     def at(self, time_s: Times) -> JointMotion:
-        """The faded swing at `time_s`."""
+        """Return the faded swing at `time_s`."""
         t = time_s[..., None] if isinstance(time_s, np.ndarray) else time_s
         share, rate, bend = self._fade(t)
         turn = 2.0 * np.pi / self.period_s
@@ -204,7 +204,7 @@ class Slowed:
         return np.asarray(self.inner.pieces_s * self.factor)
 
     def at(self, time_s: Times) -> JointMotion:
-        """The inner motion, stretched."""
+        """Return the inner motion, stretched."""
         motion = self.inner.at(time_s / self.factor)
         return JointMotion(
             motion.position_rad, motion.velocity_radps / self.factor, motion.acceleration_radps2 / self.factor**2
@@ -229,7 +229,7 @@ class InTurn:
         return np.unique(np.concatenate(shifted))
 
     def at(self, time_s: Times) -> JointMotion:
-        """The motion of the part whose turn it is."""
+        """Return the motion of the part whose turn it is."""
         if isinstance(time_s, np.ndarray):
             return self._at_many(time_s)
         part = max(bisect_right(self._starts_s, time_s) - 1, 0)

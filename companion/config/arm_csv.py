@@ -34,7 +34,7 @@ def read_csv(path: Path) -> Poses:
 
 
 def _joints(header: tuple[str, ...], table: Array) -> Array:
-    """(n, 8), rad; NaN without a column."""
+    """Return the joints of each row, (n, 8), rad; NaN without a column."""
     out = np.full((len(table), len(JOINT_NAMES)), math.nan)
     for column, name in enumerate(header):
         if name in _COLUMNS:

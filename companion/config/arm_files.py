@@ -24,7 +24,7 @@ _STOP = "rest at each point; false: pass it smoothly"
 
 
 def motion_named(name: str, duration_s: float | None = None) -> Described:
-    """The motion of a file ending in .toml or .csv, or of a name in config/arms/; `duration_s` (s) is for sinusoids.
+    """Return the motion of a .toml or .csv file, or of a name in config/arms/; `duration_s` (s) is for sinusoids.
 
     A motion through poses takes as long as its file says. Raises ConfigError, one sentence a mistake.
     """
@@ -186,7 +186,7 @@ def _read_toml(path: Path, duration_s: float | None) -> Described:
 
 
 def _joints(angles: _Angles | None) -> Array:
-    """One arm's joints (4,), NaN where nothing is said."""
+    """Return one arm's joints (4,), NaN where the file has none."""
     given = angles or []
     return np.array([*given, *[math.nan] * (JOINTS_PER_ARM - len(given))])
 

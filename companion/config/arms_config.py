@@ -55,7 +55,7 @@ class ServoConfig(Section):
 
 
 def _default_servos() -> dict[str, ServoConfig]:
-    """IDs 1 to 4 right, 5 to 8 left; XM in the joints, AX in the claws, all assembled at their centre."""
+    """Return IDs 1 to 4 right, 5 to 8 left; XM in the joints, AX in the claws, all assembled at their centre."""
     claw, joint = ("AX-12A", math.radians(150.0)), ("XM430-W350", math.pi)
     servos = {}
     for number, name in enumerate(JOINT_NAMES, start=1):
@@ -195,7 +195,7 @@ class ArmsConfig(Section):
         return self
 
     def stow_rad(self) -> Array:
-        """The pose for take-off and landing, (8,), claws closed."""
+        """Return the pose for take-off and landing, (8,), claws closed."""
         return np.array([*self.poses.stow_rad, self.poses.claw_closed_rad] * 2)
 
     @property
@@ -204,11 +204,11 @@ class ArmsConfig(Section):
         return None if self.stands_at_m is None else -self.stands_at_m
 
     def home_rad(self) -> Array:
-        """The pose to work from, (8,), claws closed."""
+        """Return the pose to work from, (8,), claws closed."""
         return np.array([*self.poses.home_rad, self.poses.claw_closed_rad] * 2)
 
     def model(self) -> ArmModel:
-        """For the pure rooms."""
+        """Return the arms as `companion.arms` computes with them."""
         upper, elbow, fore = (Link(**link.model_dump()) for link in self.links)
         one, two, three, claw = (JointLimit(**self.limits[kind].model_dump()) for kind in KINDS)
         return ArmModel(

@@ -69,7 +69,7 @@ class VehicleConfig(Section):
     )
 
     def thrust_model(self) -> ThrustModel:
-        """For the conversion of force to thrust."""
+        """Return the conversion of force to thrust."""
         return ThrustModel(self.mass_kg, self.gravity_mps2, self.hover_thrust, self.thrust_curve)
 
 
@@ -93,7 +93,7 @@ class LimitsConfig(Section):
         return self
 
     def limits(self) -> Limits:
-        """For the gate."""
+        """Return the limits of setpoints."""
         return Limits(**self.model_dump())
 
 
@@ -186,7 +186,7 @@ class CompanionConfig(Section):
 
     @model_validator(mode="after")
     def _agrees(self) -> "CompanionConfig":
-        """No two tables may ask for what cannot be had together; the first sentence of what does."""
+        """Reject tables that contradict each other, with the first contradiction found."""
         of_mocap = mocap_and_operator(self.mocap, self.operator)
         for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap):
             if wrong:
@@ -194,7 +194,7 @@ class CompanionConfig(Section):
         return self
 
     def mocap_broker(self) -> OperatorConfig:
-        """Over which frames come when mocap.source is mqtt."""
+        """Return the broker of mocap.source = "mqtt"."""
         broker = self.mocap.broker or self.operator
         assert broker is not None, "a configuration without one is refused"
         return broker
@@ -216,7 +216,7 @@ class CompanionConfig(Section):
         )
 
     def guard(self) -> Guard:
-        """In front of the autopilot."""
+        """Return the guard in front of the autopilot."""
         safety = self.safety
         model, limits = self.vehicle.thrust_model(), self.limits.limits()
         return Guard(limits, model, self.fence.fence(), safety.coast_s, safety.degraded_s)
@@ -264,7 +264,7 @@ def _vehicle_and_limits(config: CompanionConfig) -> str:
 
 
 def _loop_and_safety(config: CompanionConfig) -> str:
-    """Limits of the health checks that a healthy flight would pass; empty when there are none."""
+    """Return which limit of the health checks a healthy flight would exceed; empty when none."""
     safety, rate_hz = config.safety, config.control.rate_hz
     most_hz = 0.8 * rate_hz
     if safety.slow_hz > most_hz:  # one frame is used in a cycle: a slow loop must not look like slow motion capture
@@ -304,5 +304,5 @@ def _room_and_fence(config: CompanionConfig) -> str:
 
 
 def load_config(path: Path) -> CompanionConfig:
-    """The configuration file; ConfigError naming file, key and what would be right."""
+    """Read the configuration file; ConfigError naming file, key and remedy."""
     return validate(CompanionConfig, read_toml(path), path)

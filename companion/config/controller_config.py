@@ -88,13 +88,12 @@ class LoadedController:
     description: str = ""
     """Description in the file, for reports; empty if there is none."""
     own_file: Path | None = None
-    """The Python file of a law of one's own."""
     unstable_allowed: bool = False
     """It was asked to be loaded although it may be unstable on its vehicle."""
 
 
 def controller_path(name: str) -> Path:
-    """`etnn` is the ET-NN law that flies, practical.toml; else a name in config/controllers/ or a path of a file.
+    """Return the file of a controller: a name in config/controllers/ or a path; `etnn` means practical.toml.
 
     Raises ConfigError naming the controllers there are.
     """
@@ -115,7 +114,7 @@ def controller_text(name: str) -> str:
 def load_controller(
     name: str, vehicle: VehicleModel, period_s: float, allow_unstable: bool = False
 ) -> LoadedController:
-    """The law of a controller file, for this vehicle and control period (s).
+    """Load the law of a controller file, for this vehicle and control period (s).
 
     Raises ConfigError for an unknown name, a bad file, a law of one's own that cannot work, or an unstable filter loop
     unless `allow_unstable` or the file itself allows that.
@@ -144,7 +143,7 @@ def load_controller(
 
 
 def read_etnn(name: str) -> EtnnFile:
-    """The controller file of an ET-NN law, to be changed before it is made one with `etnn_law`; stable or not.
+    """Read the controller file of an ET-NN law, stable or not, to change it before `etnn_law`.
 
     Raises ConfigError for an unknown name, a bad file, or one with another law.
     """
@@ -156,7 +155,7 @@ def read_etnn(name: str) -> EtnnFile:
 
 
 def etnn_law(file: EtnnFile, vehicle: VehicleModel, period_s: float) -> Etnn:
-    """The law of a file, stable or not."""
+    """Return the law of a file, stable or not."""
     p = file.prediction
     if not p.enabled:
         return Etnn(file.gains)

@@ -59,7 +59,7 @@ class CsvTable:
         return values
 
     def _decimal_point(self) -> str:
-        """The character in front of decimals: a comma where none separates columns; ConfigError where both are used."""
+        """Return the decimal mark: a comma where none separates columns; ConfigError where both marks are used."""
         if self.separator == ",":
             return "."  # "1,234" in quotes: nobody knows whether it is a thousand
         points, commas = ([line for line, cells in self.rows if any(mark in cell for cell in cells)] for mark in ".,")
@@ -102,7 +102,7 @@ def wrong_header(table: CsvTable, wanted: str) -> ConfigError:
 
 
 def _header_line(lines: list[str]) -> int | None:
-    """The first line that is neither blank, a comment, nor Excel's `sep=;`; None when there is none."""
+    """Return the first line that is neither blank, a comment, nor Excel's `sep=;`; None when there is none."""
     for number, line in enumerate(lines):
         text = line.strip(" \t,;")
         comment = text.startswith("#") and _MARK not in text.lower().replace(",", " ").replace(";", " ").split()
@@ -123,7 +123,7 @@ def _separator(before: list[str], header: str) -> str:
 
 
 def _rows(lines: list[str], separator: str, path: Path) -> Iterator[_Row]:
-    """The rows that hold something, with the number of the line on which each begins."""
+    """Yield the rows that hold something, with the number of the line on which each begins."""
     reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
     begun = 1
     try:

@@ -24,12 +24,12 @@ def is_law_file(law: object) -> bool:
 
 
 def law_path(law: str, toml: Path) -> Path:
-    """The Python file that `law` ('my_law.py:MyLaw') of the controller file `toml` means."""
+    """Return the Python file that `law` ("my_law.py:MyLaw") in the controller file `toml` names."""
     return toml.parent / law.rpartition(":")[0]
 
 
 def own_law(law: str, gains: dict[str, Any], toml: Path, vehicle: VehicleModel, period_s: float) -> Controller:
-    """The law that `law` ('my_law.py:MyLaw') of the controller file `toml` names, as MyLaw(gains, vehicle, period_s).
+    """Return the law that `law` ("my_law.py:MyLaw") names, as MyLaw(gains, vehicle, period_s).
 
     `gains` is that file's table; if MyLaw's first parameter is annotated with a subclass of `Gains`, it is checked and
     handed over as such, otherwise as the dict it is. Raises ConfigError, one sentence a mistake, for whatever is wrong.
@@ -51,13 +51,13 @@ class _Fresh(importlib.machinery.SourceFileLoader):
     """Compiles the file as it is now: a cache cannot tell two edits within a second apart, and would litter."""
 
     def get_code(self, fullname: str) -> CodeType | None:
-        """The code of the file, never from a cache."""
+        """Compile the file; never from a cache."""
         del fullname
         return self.source_to_code(self.get_data(self.path), self.path)
 
 
 def _imported(path: Path) -> ModuleType:
-    """The file as a module of its own, known to Python by a name that nothing else has."""
+    """Import the file as a module under a name that no other module has."""
     name = f"{path.stem}@{path.resolve()}"
     loader = _Fresh(name, str(path))
     module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=str(path)))
@@ -87,7 +87,7 @@ def _made_by(module: ModuleType, file: LawFile) -> Callable[..., Any]:
 
 
 def _gains_model(make: Callable[..., Any], module: ModuleType, file: LawFile) -> type[Gains] | None:
-    """The model its first parameter is annotated with; None when it wants the plain table."""
+    """Return the model that annotates its first parameter; None for a plain table."""
     wanted = next(iter(inspect.signature(make).parameters.values())).annotation
     if isinstance(wanted, str):
         wanted = getattr(module, wanted, None)  # from __future__ import annotations

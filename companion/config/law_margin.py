@@ -84,7 +84,7 @@ def require_margin(
 
 
 def _without_trigger(law: Controller) -> Controller:
-    """ET-NN with a command in every cycle: its trigger is a bounded disturbance, |u - u_bar| <= sigma + kappa/delta."""
+    """Return ET-NN with a command in every cycle: its trigger is a bounded disturbance, sigma + kappa/delta."""
     if isinstance(law, Etnn):
         return replace(law, gains=law.gains.model_copy(update={"every_cycle": True}))
     return law

@@ -60,7 +60,7 @@ class SafetyConfig(Section):
         return self
 
     def rules(self) -> SafetyRules:
-        """For the health checks."""
+        """Return the thresholds of the health checks."""
         return SafetyRules(**self.model_dump())
 
 
@@ -84,7 +84,7 @@ class FenceConfig(Section):
         return self
 
     def fence(self) -> Fence:
-        """For the guard and the health checks."""
+        """Return the fence of guard and health checks."""
         low = (self.x_m[0], self.y_m[0])
         high = (self.x_m[1], self.y_m[1], self.top_m)
         return Fence(low, high, self.braking_mps2, self.reaction_s)

@@ -23,7 +23,7 @@ class Section(BaseModel):
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The file's tables; ConfigError with one sentence when it is missing or not TOML."""
+    """Read a file's tables; ConfigError with one sentence when it is missing or not TOML."""
     text = read_text(path)
     try:
         return tomllib.loads(text)
@@ -32,7 +32,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = "") -> Model:
-    """`data` as `model`; ConfigError naming file, key, value and what would be right, for every mistake.
+    """Return `data` as `model`; ConfigError with file, key, value and remedy for each mistake.
 
     By way of JSON, because there a strict model takes an array for a tuple; TOML has no tuples either.
     """
@@ -44,7 +44,7 @@ def validate(model: type[Model], data: dict[str, Any], path: Path, under: str = 
 
 
 def _no_such_value(value: object) -> dict[str, str]:
-    """TOML's dates and times, which nothing here is: a table, so that no model takes them for text."""
+    """Return TOML's dates and times, which no key has, as a table, so that no model takes them for text."""
     return {type(value).__name__: str(value)}
 
 
@@ -72,7 +72,7 @@ def _toml(value: object) -> str:
 
 
 def _suggestion(model: type[BaseModel], parts: list[str]) -> str:
-    """The nearest key of the table in which the unknown one stands."""
+    """Return the nearest key of the table that has the unknown one."""
     table: Any = model
     for part in parts[:-1]:
         table = table.model_fields[part].annotation if part in getattr(table, "model_fields", {}) else None

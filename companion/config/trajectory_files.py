@@ -30,7 +30,7 @@ class Curve:
 
 
 def trajectory_named(name: str, curve: Curve) -> Trajectory:
-    """The trajectory of a name or a CSV file.
+    """Return the trajectory of a name or a CSV file.
 
     Raises ConfigError for an unknown name, a missing file, or waypoints that cannot be flown.
     """

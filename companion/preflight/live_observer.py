@@ -24,8 +24,8 @@ from companion.flight.arm_step import ArmStep
 from companion.flight.vision_step import VisionStep
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
+from companion.preflight.checks.mocap import MocapWatch
 from companion.preflight.device_opening import DeviceOpening, Tell, todo_of
-from companion.preflight.mocap_watch import MocapWatch
 from companion.preflight.service_facts import Running
 from companion.supervisor.flight_state import FlightState
 
@@ -62,7 +62,6 @@ class LiveObserver:
         self._params = EstimatorParams(delay_s=config.mocap.delay_s)
         self.estimate = EstimatorState()
         self.frame: MocapFrame | None = None
-        """The newest; None before the first."""
         self.each: Callable[[float, float], None] | None = None
 
     async def run(self) -> None:

@@ -26,21 +26,18 @@ from companion.preflight.checks.agreement import Apart, VisionSeen, apart, settl
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import MachineSeen
-from companion.preflight.checks.mocap import MocapSeen
+from companion.preflight.checks.mocap import MocapSeen, MocapWatch, median
 from companion.preflight.checks.vehicle import ArmsSeen
 from companion.preflight.hand_test_file import read_kept
-from companion.preflight.mocap_watch import MocapWatch, median
 from companion.trajectories.reference import Trajectory
 
 _WATCH_S = 1.0
 _POLL_S = 0.002
-"""Frames come every 3 ms at most."""
 _PAIR_S = 0.02
 _SETTLE_S = 6.0
 """EKF2 takes some 2 s to trust vision; its flags and the battery's state come once in 1 and 2 s."""
 _SETTLE_POLL_S = 0.05
 _HORIZON_S = 20.0
-"""Longest wait for PX4's horizon after a flight."""
 _LEVEL_SHARE = 0.9
 """Share of the allowed difference: the check itself runs a second later, with noise."""
 _TELL_S = 1.0
@@ -49,7 +46,6 @@ _FLAGS_S = 3.0
 _UNSYNCHRONISED = 5
 """TIME_ERROR of adjtimex(2)."""
 _TIMEX_BYTES = 512
-"""More than struct timex has."""
 
 
 class Answering(Protocol):
@@ -83,7 +79,6 @@ class Running:
     landed_age_s: Callable[[], float] = lambda: math.inf
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
     tell: Callable[[str], None] = lambda _: None
-    """Shows what is waited for."""
     law_loaded: bool = False
     """A service has a law, whose margins were looked at when it was loaded."""
 

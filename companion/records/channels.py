@@ -16,7 +16,6 @@ from companion.records.row_codec import Layout, RecordRow
 
 EVENT = "/event"
 META = "companion"
-"""Name of the metadata records."""
 _EVENT_SCHEMA = {
     "type": "object",
     "properties": {"time_s": {"type": "number"}, "kind": {"type": "string"}, "text": {"type": "string"}},

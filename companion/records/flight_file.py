@@ -33,7 +33,6 @@ class FlightFiles:
         self._begin: dict[str, Any] = {}
         self._offset_s = 0.0
         self._laws: dict[str, None] = {}
-        """Laws that flew in this flight, in order."""
         self._over_s: float | None = None
         self._flushed_s = self._looked_s = 0.0
         self._said = ("", "")

@@ -67,9 +67,7 @@ class RecordedTick:
     """Acceleration that the law commanded."""
     event: bool
     signals: dict[str, Array]
-    """The law's inner values, early and late ones."""
     setpoint: AttitudeThrust | None
-    """Setpoint after the limits."""
     sent_s: float
     wire: RecordedWire | None = None
     """Also in cycles in which it was as before and did not leave again; None in an old record."""

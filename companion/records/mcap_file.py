@@ -35,7 +35,6 @@ BROKEN = (
 LARGEST_CHUNK = 256_000_000
 """Bytes of a chunk, unpacked: a hundred times half a second of the largest law's row."""
 _RECORD = struct.Struct("<BQ")
-"""Opcode and length before each record."""
 _LARGEST_RECORD = 4 * 2**30
 _WINDOW = 2**23
 """Bytes that unpacking may look back; the writer's own take 2 MB."""

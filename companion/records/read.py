@@ -148,7 +148,6 @@ class _Metadata:
     begin: dict[str, Any] = field(default_factory=dict)
     start: dict[str, Any] = field(default_factory=dict)
     library: str = ""
-    """The program that wrote the file."""
 
     def take(self, record: Metadata) -> None:
         begin = json.loads(record.metadata.get("begin", "{}"))

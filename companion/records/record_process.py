@@ -58,7 +58,6 @@ class RecordSink:
         self._gone: list[subprocess.Popen[bytes]] = []
         """Writers that were given up and may still be ending."""
         self.dropped = 0
-        """Number of rows that the writer did not get."""
         self.failed: str | None = None
         """Reason why the flight is not recorded completely, known within half a second of ticks; None while it is.
 
@@ -66,7 +65,6 @@ class RecordSink:
         """
         self._behind = False
         self.file = ""
-        """Path of the newest record."""
         self._start_writer()
 
     @property

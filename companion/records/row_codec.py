@@ -180,7 +180,6 @@ class RecordRow:
     number: int
     layout: Layout
     block: Array
-    """The numbers of all columns, one after the other."""
     words: dict[str, Any]
     """Present values of WORDS, `events` and `arm_faults`; the same object until one changes."""
 

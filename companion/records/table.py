@@ -41,13 +41,11 @@ class Table:
 
     def __init__(self) -> None:
         self.topics: dict[int, str] = {}
-        """By channel."""
         self.ticks: list[int] = []
         self.events: list[RecordedEvent] = []
         self.health: list[HealthEvent] = []
         self._present: dict[str, int] = {}
         self._found: dict[str, tuple[list[int], list[Any]]] = {}
-        """Rows and values, by column."""
 
     def take(self, message: Message) -> None:
         """Add the next message, in the order in which they were written."""

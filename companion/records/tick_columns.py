@@ -235,7 +235,7 @@ def columns_of(values: Values, signals: Signals) -> list[Column]:
 
 
 def _column_of(signal: str) -> str:
-    """`law_name` is the law's own."""
+    """Return the column of a law's signal; `law_name` is taken by the law's own name."""
     if signal == _WANTED:
         return signal
     return "law_name_" if signal == "name" else f"law_{signal}"

@@ -25,7 +25,6 @@ from companion.records.row_codec import BATCH, BEGIN, LAYOUT, ROW, START, TOLD, 
 LOG = logging.getLogger(__name__)
 
 LARGEST = 4_000_000
-"""Bytes of a message."""
 _MOST_WAITING = 2_000
 """Messages in memory, some 50 MB: minutes of a disk that does not answer."""
 

@@ -19,7 +19,6 @@ class Score:
     mean_error_m: Array
     max_error_m: Array
     update_share: Array
-    """Share of the cycles that sent a setpoint."""
     event_share: Array
     """Share of the cycles in which the law's trigger fired; the rate limits may send more on the way to a setpoint."""
     diverged: NDArray[np.bool_]

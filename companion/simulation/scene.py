@@ -8,7 +8,15 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
+from companion.arms.feedforward import (
+    force_accel_b_mps2,
+    leads_of,
+    tilt_accel_b_mps2,
+    trimmed_b_radps2,
+    turning_b_radps2,
+)
 from companion.arms.planning import Plan, plan
+from companion.arms.trajectory import JointTrajectory
 from companion.config.arm_files import motion_named
 from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
@@ -16,8 +24,8 @@ from companion.config.controller_config import LoadedController
 from companion.config.locations import named_file, names_in
 from companion.config.toml_files import Section, read_toml, validate
 from companion.core.interfaces import ConfigError
+from companion.core.types import Array
 from companion.estimation.estimator import EstimatorParams
-from companion.simulation.arm_feedforward import known_push_b_mps2
 from companion.simulation.mission import Mission, mission_of
 from companion.simulation.simulation import Pilot
 from companion.simulation.virtual_world import STEP_S, Carried, VirtualVehicle
@@ -25,6 +33,27 @@ from companion.trajectories.reference import Ellipse, FigureEight, LapTiming, Tr
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.physics.arm_table import table_of
 from mock_autopilot.px4.params import ParamTable
+
+
+def known_push_b_mps2(config: CompanionConfig, arms: ArmsConfig, motion: JointTrajectory, time_s: Array) -> Array:
+    """Return the acceleration (n, 3), body frame, that the motion causes when a setpoint sent at `time_s` (n,) acts.
+
+    `time_s` counts from the motion's start, in steps of the control period. The torque of the arms' initial pose is
+    assumed to be trimmed out by the autopilot.
+    """
+    if arms.feedforward is Feedforward.OFF:
+        return np.zeros((len(time_s), 3))
+    model, airframe, leads = arms.model(), config.airframe(), leads_of(config.vehicle_model(), arms.servo_lag_s)
+    across, upward = motion.at(time_s + leads.across_s), motion.at(time_s + leads.upward_s)
+    force = force_accel_b_mps2(model, airframe, across, upward)
+    if arms.feedforward is Feedforward.FORCE:
+        return force
+    turning = turning_b_radps2(model, airframe, motion.at(time_s + leads.turning_s))
+    trimmed, before = np.empty_like(turning), turning[0]
+    for row, now in enumerate(turning):
+        before = trimmed_b_radps2(before, now, airframe, 1.0 / config.control.rate_hz)
+        trimmed[row] = before
+    return np.asarray(force + tilt_accel_b_mps2(turning - trimmed, airframe))
 
 
 class HorizonError(StrEnum):

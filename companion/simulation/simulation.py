@@ -40,7 +40,6 @@ class Pilot:
     known_b_mps2: Array | None = None
     """Acceleration that the arms' commanded motion causes per cycle (n, 3), body frame; None: no feed-forward."""
     horizon: HorizonRules = field(default_factory=HorizonRules)
-    """Correction of the autopilot's horizon."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +55,6 @@ class Trace:
     accel_w_mps2: Array
     """u, held between events."""
     event: Mask
-    """(n, ...)"""
     sent: Mask
     """Cycles in which a setpoint was sent: at events, and while the rate limits still move towards one."""
     signals: dict[str, Array] = field(default_factory=dict)

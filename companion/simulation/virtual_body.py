@@ -34,7 +34,6 @@ class Begin:
     attitude_error_rad: Array | None
     """Believed less true roll and pitch, (samples, ..., 2) at SAMPLE_HZ; None: a perfect horizon."""
     coupling: Coupling | None
-    """Coupling to the arms; None without arms."""
     step_s: float
 
 

@@ -45,7 +45,6 @@ class VirtualVehicle:
 
     plant: PlantParams = field(default_factory=PlantParams)
     mocap_delay_s: Each = 0.02
-    """Time from capture to arrival."""
     attitude_delay_s: Each = 0.02
     """Time from sending a setpoint to its use in the attitude loop."""
     thrust_delay_s: Each = 0.02
@@ -55,7 +54,6 @@ class VirtualVehicle:
     noise_rad: Each = 0.002
     """Standard deviation of a measured attitude, per body axis."""
     forces: Forces = field(default_factory=Forces)
-    """External forces, NED."""
     force_scale: Each = 1.0
     attitude_error: AttitudeErrorParams = PERFECT_HORIZON
     """Error of the autopilot's horizon, in which it flies and which it reports."""

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.arms.braking import Braked
 from companion.arms.state_machine import (
     MAY_MOVE,
     MUST_STOW,
@@ -15,6 +14,7 @@ from companion.arms.state_machine import (
     ArmPhase,
     ArmRules,
     ArmState,
+    Braked,
     advance,
     goal_at,
     play,

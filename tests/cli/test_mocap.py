@@ -12,8 +12,8 @@ from companion.cli.demo.mock_process import free_ports
 from companion.core.types import MocapFrame, VehicleState
 from companion.estimation.estimator import EstimatorState
 from companion.preflight.checks.check import Check
+from companion.preflight.checks.mocap import MocapWatch
 from companion.preflight.live_observer import DevicesMissingError
-from companion.preflight.mocap_watch import MocapWatch
 from mock_autopilot.qtm.server import QualisysServer
 from tests.adapters.qualisys.rig import capturing, serving
 from tests.flights.command import run, start

@@ -7,7 +7,7 @@ import pytest
 
 from companion.config.preflight_config import Recommended, load_recommended
 from companion.core.interfaces import ConfigError
-from companion.preflight.checks.parameters import check_parameters
+from companion.preflight.checks.vehicle import check_parameters
 from mock_autopilot.config import MockConfig
 from mock_autopilot.px4.params import ParamTable
 

@@ -12,7 +12,7 @@ from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
 from companion.core.types import ArmStatus, Array
 from companion.flight.arm_step import ArmStep
-from companion.simulation.arm_feedforward import known_push_b_mps2
+from companion.simulation.scene import known_push_b_mps2
 from companion.supervisor.flight_state import FlightState, Phase
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])

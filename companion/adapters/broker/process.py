@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from companion.adapters.system import child_process
+from companion.adapters.system.background import background
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
 
@@ -32,12 +33,8 @@ async def open_broker(config: OperatorConfig) -> AsyncIterator[None]:
     """Begin it, and begin it again when it dies, until the end; ConfigError when its port is another's."""
     _require_free(config)
     process = await _begin(config)
-    keeping = asyncio.create_task(_keep(config, process), name="companion.broker")
-    try:
+    async with background(_keep(config, process), "companion.broker"):
         yield
-    finally:
-        keeping.cancel()
-        await asyncio.gather(keeping, return_exceptions=True)
 
 
 def _require_free(config: OperatorConfig) -> None:

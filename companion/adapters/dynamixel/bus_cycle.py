@@ -21,12 +21,10 @@ LOG = logging.getLogger(__name__)
 ATTEMPTS = 5
 """Attempts for a read or write outside the cycles before its servo counts as not answering."""
 RETRY_S = 0.5
-"""Period at which a silent servo is read again."""
 _ASKED = 4
 """Single reads that must fail, over all of `silent_s`, before a servo counts as silent: a delay of this computer
 is no reason to stop the arms."""
 _QUESTION_S = 0.0045
-"""Duration of one unanswered read."""
 _DOUBTS = 10
 """Group reads that failed although every servo answered alone, until the next simpler way is taken."""
 _LONGEST_STEP_S = 0.05

@@ -23,7 +23,6 @@ class Inspected:
     complaints: tuple[str, ...] = ()
     """Missing servos and wrong settings, one line each."""
     remarks: tuple[str, ...] = ()
-    """Unusual settings of the servos with which they work."""
 
 
 def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool], strict: bool = True) -> Inspected:

@@ -25,7 +25,6 @@ class Joint:
     """One servo in its joint."""
 
     index: int
-    """Index of the joint in a joint vector."""
     name: str
     servo_id: int
     scale: JointScale
@@ -46,7 +45,6 @@ class Joint:
     driven: bool = False
     """We have switched its torque on, and send it goals."""
     sent_rad: float = math.nan
-    """Last goal sent."""
     wanted_rad: float = math.nan
     stopping: bool = False
     """The goals are being brought to rest, where they were going."""

@@ -21,7 +21,6 @@ class Register:
     unit: float = 1.0
     """SI value of one count."""
     signed: bool = False
-    """Two's complement."""
     sign_bit: int = 0
     """AX: this bit set means clockwise, a negative value; 0: none."""
 
@@ -74,7 +73,6 @@ XM_RATED_CURRENT_A = 2.3
 """Stall current at 12 V, "Specifications"; the whole of what `effort` is a share of."""
 
 MODEL_NUMBER = Block(0, 2)
-"""The same in both."""
 
 
 class Xm:

@@ -20,7 +20,6 @@ _DOUBT = 3
 TCP and UDP have checksums: a source of broken packets sends wrong numbers in readable ones, too.
 """
 _MOST_DOUBT = 10
-"""After however many."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +33,6 @@ class MocapCounts:
     late: int = 0
     """Frames dropped because a newer one, or the same, was already here."""
     malformed: int = 0
-    """Packets dropped because they cannot be read."""
     doubted: int = 0
     """Frames dropped because such packets came just before."""
 

@@ -9,7 +9,7 @@ import asyncio
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Iterable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
@@ -118,7 +118,12 @@ class Connection(aiomqtt.Client):
         """Subscribe at QoS 1, and not to what the broker has kept; MqttError when it does not let us."""
         kept = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=SubscribeOptions.RETAIN_DO_NOT_SEND)
         granted = await (self.subscribe(topic, options=kept) if self.version is V5 else self.subscribe(topic, qos=1))
-        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
+        self.require_granted(granted, topic)
+
+    @staticmethod
+    def require_granted(codes: Iterable[int | ReasonCode], topic: str) -> None:
+        """Raise MqttError when the broker has refused a subscription."""
+        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in codes):
             raise aiomqtt.MqttError(f"refuses the subscription to {topic}")
 
     def check(self) -> None:

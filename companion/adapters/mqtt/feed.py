@@ -31,9 +31,7 @@ class Feed(Connection):
 
         May be asked again, to see whether the broker is still there.
         """
-        granted = await self.subscribe(topic, qos=0)
-        if any((code if isinstance(code, int) else code.value) >= 0x80 for code in granted):
-            raise aiomqtt.MqttError(f"refuses the subscription to {topic}")
+        self.require_granted(await self.subscribe(topic, qos=0), topic)
 
     async def lost_within(self, timeout_s: float) -> None:
         """Return after that time; MqttError or OSError as soon as the connection is lost."""

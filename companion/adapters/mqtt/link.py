@@ -17,6 +17,7 @@ from companion.adapters.mqtt.connection import V5, V311, Connection
 from companion.adapters.mqtt.outbox import Outbox, OutboxMessage, ReplyAddress
 from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
+from companion.adapters.system.background import background
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, CompanionError
 from companion.protocol.commands import Command
@@ -67,14 +68,13 @@ class BusLink:
         self._events, self._replies = Outbox(_EVENTS), Outbox(_REPLIES)
         self._state: State | None = None
         self._shown = asyncio.Event()
-        self._heard_s = clock.now_s()
+        self._answered_s = clock.now_s()
         self._objection = ""
         self._deaf = False
-        """It was told that the broker does not let us read our own status."""
 
     def age_s(self) -> float:
         """Return the time since the broker last answered, s; 0 while it does."""
-        return 0.0 if self._broker_link.there else self._clock.now_s() - self._heard_s
+        return 0.0 if self._broker_link.there else self._clock.now_s() - self._answered_s
 
     def rival(self) -> str:
         """Return what is wrong when another service has this vehicle's name; empty when none is heard."""
@@ -102,15 +102,9 @@ class BusLink:
         `on_command` is called on this event loop for every valid command, and must not wait; a CompanionError that it
         raises is answered with a refusal.
         """
-        keeping = asyncio.create_task(
-            self._broker_link.keep(partial(self._connected, on_command)), name="companion.bus"
-        )
-        try:
+        async with background(self._broker_link.keep(partial(self._connected, on_command)), "companion.bus"):
             yield
             await self._last_words()
-        finally:
-            keeping.cancel()
-            await asyncio.wait([keeping])
 
     async def _last_words(self) -> None:
         """Wait until all is said that can be said soon."""
@@ -129,38 +123,29 @@ class BusLink:
                     await asyncio.sleep(LISTEN_S)
                     self._listened.set()
                 group.create_task(self._beat(broker), name="companion.bus.beat")
-                group.create_task(self._say(broker, self._replies), name="companion.bus.replies")
-                group.create_task(self._say(broker, self._events), name="companion.bus.events")
-                group.create_task(self._say_state(broker), name="companion.bus.state")
+                group.create_task(self._publish_from(broker, self._replies), name="companion.bus.replies")
+                group.create_task(self._publish_from(broker, self._events), name="companion.bus.events")
+                group.create_task(self._publish_state(broker), name="companion.bus.state")
 
     async def _beat(self, broker: Connection) -> None:
-        """Have a broker prove that it is there. TCP alone would not show one that hangs.
+        """Publish our presence again and again: a broker that hangs is noticed, which TCP alone would not show.
 
-        The presence again and again: the last will of a connection that broke may come after the next one's first.
+        And the last will of a broken connection may come after the first presence of the next one.
         """
         online = self._presence.model_dump_json().encode()
         for beat in itertools.count():
             await broker.publish(self._topics.status, online, qos=1, retain=True)
             broker.check()
-            self._heard()
-            self._tell_objection(broker.objection)
-            if beat == _ECHO_BEATS:
-                self._tell_deaf()
+            self._answered_s = self._clock.now_s()
+            self._broker_link.heard()
+            if broker.objection and broker.objection != self._objection:
+                self._objection = broker.objection
+                LOG.warning("the operator's broker does not forward %s/...: %s", self._topics.root, self._objection)
+            if beat == _ECHO_BEATS and not self._rival.echoed and not self._deaf:
+                self._deaf = True
+                unseen = "another service with this vehicle's name would not be noticed"
+                LOG.warning("the broker %s does not let us read %s: %s", self._where, self._topics.status, unseen)
             await asyncio.sleep(_BEAT_S)
-
-    def _tell_deaf(self) -> None:
-        if not self._rival.echoed and not self._deaf:
-            self._deaf = True
-            LOG.warning(
-                "the broker %s does not let us read %s: another service with this vehicle's name would not be noticed",
-                self._where,
-                self._topics.status,
-            )
-
-    def _tell_objection(self, why: str) -> None:
-        if why and why != self._objection:
-            LOG.warning("the operator's broker passes on nothing that we say below %s: %s", self._topics.root, why)
-            self._objection = why
 
     async def _listen(self, broker: Connection, on_command: OnCommand) -> None:
         async for message in broker.messages:
@@ -216,24 +201,20 @@ class BusLink:
         except Exception:  # text that is no Unicode, data that is no JSON
             LOG.exception("cannot be said over the bus: %r", type(said).__name__)
 
-    async def _say(self, broker: Connection, box: Outbox) -> None:
+    async def _publish_from(self, broker: Connection, box: Outbox) -> None:
         while True:
             message = await box.next()
             properties = message.properties() if broker.version is V5 else None
             try:
                 await broker.publish(message.topic, message.payload, qos=1, properties=properties)
             except BaseException:
-                box.not_said(message)
+                box.not_published(message)
                 raise
-            box.said()
+            box.published()
 
-    async def _say_state(self, broker: Connection) -> None:
+    async def _publish_state(self, broker: Connection) -> None:
         while True:
             await self._shown.wait()
             self._shown.clear()
             if self._state is not None:
                 await broker.publish(self._topics.state, self._state.model_dump_json().encode(), qos=0)
-
-    def _heard(self) -> None:
-        self._heard_s = self._clock.now_s()
-        self._broker_link.heard()

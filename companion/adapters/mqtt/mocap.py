@@ -1,6 +1,5 @@
 """Motion capture over MQTT: receives the poses that `companion mocap-bridge` publishes."""
 
-import asyncio
 import logging
 import math
 from collections.abc import AsyncIterator
@@ -15,6 +14,7 @@ from pydantic import ValidationError
 from companion.adapters.mocap.newest_frame import NewestFrame
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
+from companion.adapters.system.background import background
 from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, MocapError
@@ -41,14 +41,12 @@ async def open_mqtt_mocap(config: MocapConfig, broker: OperatorConfig, clock: Cl
     judges, while the source reconnects in the background.
     """
     source = MqttMocap(broker, clock, config.body)
-    keeping = asyncio.create_task(source.keep(), name="companion.mqtt_mocap")
     try:
-        if not await source.wait_unseen(config.first_frame_timeout_s):
-            raise MocapError(source.why_silent())
-        yield source
+        async with background(source.keep(), "companion.mqtt_mocap"):
+            if not await source.wait_unseen(config.first_frame_timeout_s):
+                raise MocapError(source.why_silent())
+            yield source
     finally:
-        keeping.cancel()
-        await asyncio.wait([keeping])
         source.fail("is not listened to any more")
 
 

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from companion.adapters.mqtt.feed import Feed
 from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
+from companion.adapters.system.background import background
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import MocapError
 from companion.protocol.mocap import BridgePresence, MocapPose
@@ -36,12 +37,8 @@ _LISTEN_S = 1.2
 async def open_mocap_out(broker: OperatorConfig) -> AsyncIterator["MocapOut"]:
     """Connect and reconnect in the background. ConfigError when password or certificate cannot be read."""
     out = MocapOut(broker)
-    keeping = asyncio.create_task(out.keep(), name="companion.mocap_out")
-    try:
+    async with background(out.keep(), "companion.mocap_out"):
         yield out
-    finally:
-        keeping.cancel()
-        await asyncio.wait([keeping])
 
 
 class MocapOut:
@@ -97,17 +94,15 @@ class MocapOut:
                 self._alone = True
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._beat(feed), name="companion.mocap_out.beat")
-                group.create_task(self._say_newest(feed), name="companion.mocap_out.poses")
+                group.create_task(self._publish_newest(feed), name="companion.mocap_out.poses")
 
     async def _beat(self, feed: Feed) -> None:
         """Publish the presence periodically; the broker's acknowledgement proves that it is alive."""
         for beat in itertools.count():
             if beat == _ECHO_BEATS and not self._echoed:
-                LOG.warning(
-                    "the broker %s does not let us read and write %s: a second bridge would not be noticed",
-                    self._where,
-                    self._topics.mocap_bridge,
-                )
+                unseen = "a second bridge would not be noticed"
+                topic = self._topics.mocap_bridge
+                LOG.warning("the broker %s does not let us read and write %s: %s", self._where, topic, unseen)
             online = self._presence.model_dump_json().encode()
             slow = asyncio.get_running_loop().call_later(_PATIENCE_S, self._answers.clear)
             try:
@@ -118,7 +113,7 @@ class MocapOut:
             self._broker_link.heard()
             await feed.lost_within(_BEAT_S)
 
-    async def _say_newest(self, feed: Feed) -> None:
+    async def _publish_newest(self, feed: Feed) -> None:
         while True:
             await self._shown.wait()
             await self._answers.wait()
@@ -139,8 +134,10 @@ class MocapOut:
         ours = self._presence
         if other.session == ours.session:
             self._echoed = True
-        if not other.online or other.session == ours.session or self.refused.done():
-            return
+        elif other.online and not self.refused.done():
+            self._give_way(other, ours)
+
+    def _give_way(self, other: BridgePresence, ours: BridgePresence) -> None:
         if not self._alone or (other.since_s, other.session) < (ours.since_s, ours.session):
             self.refused.set_exception(
                 MocapError(

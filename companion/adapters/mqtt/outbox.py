@@ -77,8 +77,8 @@ class Outbox:
     def __init__(self, most: int) -> None:
         self._most, self._messages, self._there = most, deque[OutboxMessage](), asyncio.Event()
         self._open = 0
-        self._all_said = asyncio.Event()
-        self._all_said.set()
+        self._all_published = asyncio.Event()
+        self._all_published.set()
 
     def __len__(self) -> int:
         return len(self._messages)
@@ -89,30 +89,30 @@ class Outbox:
             self._messages.popleft()
         self._messages.append(message)
         self._there.set()
-        self._all_said.clear()
+        self._all_published.clear()
 
     async def next(self) -> OutboxMessage:
-        """Wait for the oldest message and remove it; finish it with `said` or `not_said`."""
+        """Wait for the oldest message and remove it; finish it with `published` or `not_published`."""
         while not self._messages:
             self._there.clear()
             await self._there.wait()
         self._open += 1
         return self._messages.popleft()
 
-    def said(self) -> None:
+    def published(self) -> None:
         """Mark the message that was taken out as published."""
         self._open -= 1
         if not self._messages and not self._open:
-            self._all_said.set()
+            self._all_published.set()
 
-    def not_said(self, message: OutboxMessage) -> None:
+    def not_published(self, message: OutboxMessage) -> None:
         """Put a message back in front, up to the limit of its tries."""
         message.tries += 1
         if message.tries < _TRIES and len(self._messages) < self._most:
             self._messages.appendleft(message)
             self._there.set()
-        self.said()
+        self.published()
 
     async def empty(self) -> None:
-        """Wait until all is said."""
-        await self._all_said.wait()
+        """Wait until all messages are published."""
+        await self._all_published.wait()

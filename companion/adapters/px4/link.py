@@ -1,18 +1,24 @@
 """The connection to PX4: opened, the right autopilot found on it, and closed without leaving anything to call back."""
 
 import asyncio
+import contextlib
+import ctypes
+import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, closing
 from typing import Any
 
 from mavsdk.autopilot import Autopilot
+from mavsdk.cmavsdk_loader import _cmavsdk_lib
 from mavsdk.component_type import ComponentType
 from mavsdk.connection_result import ConnectionResult
+from mavsdk.logging import LogCallback
 from mavsdk.mavsdk import Configuration, Mavsdk
 
 from companion.adapters.px4.autopilot import Px4
-from companion.adapters.px4.native_log import take_native_log
 from companion.adapters.px4.sender_lock import SenderLock
+from companion.adapters.system.background import background
+from companion.adapters.system.log_lines import LineLimit, printable
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError, Clock
 
@@ -32,6 +38,35 @@ _NAMES = {
 }
 
 
+LOG = logging.getLogger("companion.adapters.px4.mavsdk")
+
+_LEVELS = {0: logging.DEBUG, 1: logging.DEBUG, 2: logging.INFO, 3: logging.INFO}
+"""One step quieter than MAVSDK thinks: what matters to the operator comes as an exception."""
+_OURS = "Received ack for not-existing command"
+"""Logged for every command that we send without MAVSDK."""
+
+
+_LIMIT = LineLimit()
+
+
+def _take(level: int, message: bytes | None, _file: bytes | None, _line: int, _data: Any) -> bool:
+    """Log one message; True: MAVSDK need not print it. Its own Python wrapper fails on bytes that are no UTF-8."""
+    with contextlib.suppress(Exception):  # without memory nothing can be said, and MAVSDK must not begin to print
+        text = printable((message or b"").decode("utf-8", "replace"))
+        if not text.startswith(_OURS):
+            _LIMIT.log(lambda more: LOG.log(_LEVELS.get(level, logging.INFO), "%s%s", text, more))
+    return True
+
+
+_CALLBACK = LogCallback(_take)
+"""Kept for as long as the process lives: MAVSDK's threads may say something at any time."""
+
+
+def take_native_log() -> None:
+    """Have MAVSDK's messages logged from now on instead of printed to standard output."""
+    _cmavsdk_lib.mavsdk_log_subscribe(_CALLBACK, ctypes.c_void_p(None))
+
+
 @asynccontextmanager
 async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
     """Connect and yield the autopilot.
@@ -49,14 +84,13 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
         with closing(SenderLock(config, clock)) as sender_lock:
             system = await _autopilot(mavsdk, sender_lock, config, clock)
             px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
-            looking = asyncio.create_task(_watch_strangers(mavsdk, sender_lock, px4), name="companion.px4.look")
-            try:
-                await px4.ask_for_messages()
-                px4.warnings += (sender_lock.warning,) if sender_lock.warning else ()
-                yield px4
-            finally:
-                looking.cancel()
-                await asyncio.gather(looking, px4.close(), return_exceptions=True)
+            async with background(_watch_strangers(mavsdk, sender_lock, px4), "companion.px4.look"):
+                try:
+                    await px4.ask_for_messages()
+                    px4.warnings += (sender_lock.warning,) if sender_lock.warning else ()
+                    yield px4
+                finally:
+                    await px4.close()
     finally:
         _destroy(mavsdk, configuration)
 

@@ -15,7 +15,6 @@ _RELATIVE = "1"
 """QTM's type of a body's coordinate system: 0 the room's, 1 another body's, 2 a fixed one (qualisys_cpp_sdk,
 `EOriginType`)."""
 _MOST_NAMES = 20
-"""In one sentence."""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from companion.adapters.qualisys.handshake import UnreachableError, agree_on_ver
 from companion.adapters.qualisys.link import Datagrams, Link
 from companion.adapters.qualisys.source import QualisysSource
 from companion.adapters.qualisys.stream_watch import end_when_silent, keep_bodies_current
+from companion.adapters.system.background import background
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import Clock, MocapError
 
@@ -36,12 +37,10 @@ async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[Qual
         if not await source.wait_unseen(config.first_frame_timeout_s):
             raise MocapError(_no_frames(config, source))
         link.on_failure, link.on_broken = LOG.debug, source.on_malformed
-        keeping = asyncio.create_task(_keep_streaming(config, source, link, connection), name="companion.qualisys")
         try:
-            yield source
+            async with background(_keep_streaming(config, source, link, connection), "companion.qualisys"):
+                yield source
         finally:
-            keeping.cancel()
-            await asyncio.gather(keeping, return_exceptions=True)
             source.fail("is not listened to any more")
 
 
@@ -52,7 +51,6 @@ async def _streaming(
     """Open a connection and request frames; `on_failure` gets the reason when it ends."""
     link = await connect(config)
     datagrams: asyncio.DatagramTransport | None = None
-    current: asyncio.Task[None] | None = None
     try:
         await agree_on_version(link, config)
         source.doubt_bodies()
@@ -62,15 +60,12 @@ async def _streaming(
             datagrams = await _open_datagrams(link, source, config)
         _start_stream(link, source, datagrams)
         reading = keep_bodies_current(link, source, config.connect_timeout_s)
-        current = asyncio.create_task(reading, name="companion.qualisys.bodies")
-        yield link
+        async with background(reading, "companion.qualisys.bodies"):
+            yield link
     finally:
         if datagrams is not None:
             datagrams.close()
         await link.close()
-        if current is not None:
-            current.cancel()
-            await asyncio.gather(current, return_exceptions=True)
 
 
 async def _keep_streaming(config: MocapConfig, source: QualisysSource, link: Link, connection: AsyncExitStack) -> None:

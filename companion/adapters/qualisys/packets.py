@@ -21,7 +21,6 @@ MAX_PACKET_BYTES: Mapping[int, int] = MappingProxyType(
 )
 """By type. A rigid body needs 52 bytes of a frame, and some kilobytes of the settings."""
 _MAX_UNKNOWN_BYTES = 64_000
-"""Limit for packets of other types."""
 MAX_TALK = 500
 """Packets in one read that are no frames: events and answers are few, and each is logged while the loop waits."""
 MAX_COMPONENTS = 32

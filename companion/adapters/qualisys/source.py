@@ -25,15 +25,12 @@ class QualisysSource(NewestFrame):
     def __init__(self, body: str, where: str, clock: Clock) -> None:
         super().__init__(f"QTM at {where}", clock)
         self.packets = 0
-        """Data packets so far, believed or not."""
         self.stray = ""
         """Address, other than QTM's, that frames came from; they are dropped."""
         self.list_wanted = asyncio.Event()
         """Set while QTM's list of bodies is to be read before another frame is believed."""
         self.doubts = 0
-        """Number of times the list was marked as outdated."""
         self.on_frame: Callable[[], None] | None = None
-        """Called once, with the next frame that is believed."""
         self._body = body
         self._bodies: tuple[RigidBody, ...] = ()
         self._objection = self._misfit = ""

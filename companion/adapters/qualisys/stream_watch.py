@@ -18,7 +18,6 @@ EVERY_S = 1.0
 _FIRST_PAUSE_S = 0.02
 """Between two readings while the list does not fit the frames, doubled every time up to EVERY_S."""
 SILENT_S = 3.0
-"""Silence after which a stream is ended and reopened."""
 _GLANCE_S = 0.1
 
 

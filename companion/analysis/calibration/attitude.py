@@ -18,7 +18,7 @@ _BLOCK_S = 3.0
 
 
 def fit_mocap_delay(seen: Observed) -> Fit:
-    """(1,): from a capture to its arrival, less the time that the autopilot's attitude is on its way, s.
+    """Fit the delay from capture to arrival, less that of the autopilot's attitude, s: (1,).
 
     Both see the same tilt; motion capture's is shifted until they agree. A constant difference (the body's definition
     in QTM, the autopilot's level horizon) is taken out.
@@ -41,7 +41,7 @@ def fit_mocap_delay(seen: Observed) -> Fit:
 
 
 def response(after_s: Array, bandwidth_radps: float, damping: float) -> Array:
-    """Impulse response of the second-order loop, 1/s; 0 before the impulse."""
+    """Return the impulse response of the second-order loop, 1/s; 0 before the impulse."""
     w, z = bandwidth_radps, damping
     t = np.maximum(after_s, 0.0)
     root = np.sqrt(complex(z * z - 1.0))
@@ -51,7 +51,7 @@ def response(after_s: Array, bandwidth_radps: float, damping: float) -> Array:
 
 
 def fit_attitude(seen: Observed) -> Fit:
-    """(3,): from setpoint sent to the frame's arrival (s), natural frequency (rad/s), damping ratio."""
+    """Fit delay from setpoint to the frame's arrival (s), natural frequency (rad/s) and damping ratio: (3,)."""
     grid_s = np.arange(seen.begin_s - _SETTLES_S, seen.end_s + _STEP_S, _STEP_S)
     asked = smooth_held(grid_s, seen.sent_s, seen.sent_up_w[:, :2])
     shown = seen.quiet & (seen.came_s > seen.begin_s + _SETTLES_S)

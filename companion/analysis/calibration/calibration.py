@@ -59,7 +59,7 @@ class Calibrated:
 
 
 def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
-    """Every quantity for itself; what cannot be had to a useful accuracy is left out and said to be."""
+    """Return each quantity by itself; those that cannot be determined well enough are listed as left."""
     vehicle = config.vehicle
     results: list[Finding | Left] = []
     delay = _mocap_delay(seen, config)

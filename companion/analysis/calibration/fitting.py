@@ -26,7 +26,7 @@ class Fit:
 def fit(
     residuals: Residuals, first: Array, steps: Array, bounds: tuple[Array, Array], block: NDArray[np.int_], power: float
 ) -> Fit:
-    """Levenberg and Marquardt from `first` (p,), derivatives by differences of `steps` (p,), inside `bounds`.
+    """Fit by Levenberg-Marquardt from `first` (p,), derivatives by differences of `steps` (p,), inside `bounds`.
 
     Errors of neighbouring samples are not independent: each sample belongs to a `block` (n,) of some seconds, and the
     standard deviations come from how much the blocks disagree (the sandwich estimator for clusters). `power` is the

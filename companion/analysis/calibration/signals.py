@@ -124,7 +124,7 @@ def _autopilots(flown: Flown) -> tuple[Array, Array]:
 
 
 def without_waiting(stamp_s: Array, came_s: Array) -> Array:
-    """Arrivals (n,) as they would have been had none waited on the way: by the quickest of the last seconds."""
+    """Return arrivals (n,) as if none had waited on the way: by the quickest of the last seconds."""
     on_way = came_s - stamp_s
     quickest = np.empty_like(on_way)
     first = 0
@@ -141,7 +141,7 @@ def held(at_s: Array, sent_s: Array, values: Array) -> Array:
 
 
 def smooth_held(grid_s: Array, sent_s: Array, values: Array) -> Array:
-    """The same on a grid, each step shared by the two points around it so that its instant is kept, (n, ...)."""
+    """Return the held values on a grid, each step shared by the two points around its instant, (n, ...)."""
     step_s = float(grid_s[1] - grid_s[0])
     start = held(grid_s[:1], sent_s, values)[0]
     inside = (sent_s > grid_s[0]) & (sent_s < grid_s[-2])

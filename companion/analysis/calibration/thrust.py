@@ -37,7 +37,7 @@ class Hover:
 
 
 def hover(seen: Observed, gravity_mps2: float) -> Hover | None:
-    """The level thrust that carries the weight; None when it never hovered for long enough."""
+    """Return the level thrust that carries the weight; None when it never hovered for long enough."""
     grid_s, height, cosine, asked = _on_grid(seen)
     lift = asked * cosine
     velocity = np.gradient(_averaged(height, 0.1), _STEP_S)
@@ -61,7 +61,7 @@ def hover(seen: Observed, gravity_mps2: float) -> Hover | None:
 
 
 def _on_grid(seen: Observed) -> tuple[Array, Array, Array, Array]:
-    """Times, height, cosine of the tilt, and the thrust asked for; (n,)."""
+    """Return times, height, cosine of the tilt, and commanded thrust; (n,)."""
     grid_s = np.arange(seen.came_s[0], seen.came_s[-1], _STEP_S)
     height = np.interp(grid_s, seen.came_s, seen.position_w_m[:, 2])
     cosine = np.interp(grid_s, seen.came_s, seen.up_w[:, 2])
@@ -98,7 +98,7 @@ class Rotors:
 
 
 def fit_rotors(seen: Observed, hover_thrust: float, gravity_mps2: float) -> Rotors:
-    """Vertical motion against the thrust asked for.
+    """Fit vertical motion to the commanded thrust.
 
     The curve shows in how much more force a little more thrust gives, beside what carries the weight. Drag and dry
     friction are fitted along: left out they would be taken for lag and curve.

@@ -14,7 +14,7 @@ from companion.records.read import FlightRecord, RecordError
 
 
 def config_of(record: FlightRecord) -> CompanionConfig:
-    """The configuration that was in force; RecordError where the record has none, ConfigError where it is not ours."""
+    """Return the configuration in force; RecordError where the record has none, ConfigError where it is foreign."""
     data = record.metadata.get("config")
     if not isinstance(data, dict):
         raise RecordError(f"{record.path}: has no configuration: too old for this, or not written by the service")
@@ -23,7 +23,7 @@ def config_of(record: FlightRecord) -> CompanionConfig:
 
 
 def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:
-    """Every law that flew, by its name; ConfigError or RecordError when one cannot be had any more."""
+    """Return the laws that flew, by name; ConfigError or RecordError when one cannot be loaded any more."""
     columns = record.columns
     if "law_name" not in columns:
         raise RecordError(
@@ -52,7 +52,7 @@ def law_of(name: str, text: str | None, config: CompanionConfig) -> Controller:
 
 
 def _is_same(name: str, text: str) -> bool:
-    """Then a law's own Python file is found beside it, too."""
+    """Return True if the file has this text; then a law's own Python file is found beside it."""
     try:
         return controller_text(name) == text
     except ConfigError:

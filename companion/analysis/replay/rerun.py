@@ -29,7 +29,6 @@ class Apart:
 
     name: str
     compared: int = 0
-    """Cycles."""
     differ: int = 0
     """Cycles in which it is not the same to the last bit."""
     most: float = 0.0
@@ -63,7 +62,6 @@ class Replayed:
     """That was replayed; the record's own where empty."""
     ticks: int = 0
     flown: int = 0
-    """Cycles in which the law was in charge."""
     apart: dict[str, Apart] = field(default_factory=dict)
     events: tuple[int, int] = (0, 0)
     """Cycles worth sending, in the record and now."""
@@ -85,7 +83,7 @@ class Replayed:
 def replay(
     record: FlightRecord, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None = None
 ) -> Replayed:
-    """The whole record again, by the laws that flew it (by name) or by another one in their place.
+    """Replay the whole record by the laws that flew it (by name), or by another one in their place.
 
     RecordError for a record that is too old for it, or in which no law was in charge. Another law is given what the
     recorded one was given: it shows what that law would have wanted there, not how the vehicle would have flown.

@@ -23,8 +23,8 @@ from companion.estimation.estimator import age_s
 from companion.geometry.frames import up_axis, yaw_of
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
+from companion.preflight.checks.mocap import MocapWatch
 from companion.preflight.live_observer import LiveObserver, mocap_place, open_mocap_onlooker
-from companion.preflight.mocap_watch import MocapWatch
 
 _REFRESH_HZ = 4.0
 _RATE_S = 2.0

@@ -14,8 +14,7 @@ from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import MachineSeen
 from companion.preflight.checks.hand_test import Kept, check_kept
 from companion.preflight.checks.mocap import MocapSeen
-from companion.preflight.checks.parameters import check_parameters
-from companion.preflight.checks.vehicle import ArmsSeen
+from companion.preflight.checks.vehicle import ArmsSeen, check_parameters
 from companion.trajectories.reference import Trajectory
 
 DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
@@ -27,7 +26,6 @@ class Facts:
     """Facts about vehicle, devices and computer that the checks need."""
 
     time_s: float
-    """On our monotonic clock."""
     when: datetime
     """On the system clock, with its time zone."""
     mocap: MocapSeen

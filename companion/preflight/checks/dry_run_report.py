@@ -14,7 +14,6 @@ class DrySeen:
     cycles: int
     """In which a setpoint was worked out."""
     not_finite: int
-    """Cycles among them whose command was not finite."""
     law_fault: str
     """Error raised by the law or the guard; empty when there was none."""
     most_tilt_rad: float

@@ -26,7 +26,6 @@ _FOLLOWS = 0.3
 _SCALE = (0.8, 1.25)
 _REST_S = 0.8
 _REST_M = 0.03
-"""A hand that holds a vehicle still."""
 _ENDS_S = 0.3
 """Both ends of a move are averaged over so long."""
 
@@ -65,7 +64,6 @@ class Track:
     time_s: Array
     """(n,), rising."""
     mocap_w_m: Array
-    """(n, 3)."""
     mocap_q_wxyz: Array
     """(n, 4), body FLU into W."""
     autopilot_w_m: Array

@@ -1,8 +1,10 @@
-"""The vehicle itself: link, battery, thrust, arms, and whether it stands disarmed."""
+"""The vehicle itself: link, battery, thrust, arms, parameters, and whether it stands disarmed."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
+from companion.config.preflight_config import Recommended
 from companion.core.types import AutopilotStatus, BatteryReading
 from companion.preflight.checks.check import Check
 
@@ -120,3 +122,21 @@ def _halves(remark: str) -> tuple[str, str]:
     """Return what is odd, and what to do, which a servo's remark has behind its last colon."""
     says, _, todo = remark.rpartition(": ")
     return says, todo
+
+
+def check_parameters(wanted: Mapping[str, Recommended], found: Mapping[str, float]) -> tuple[Check, ...]:
+    """Return one check for each parameter; one that the autopilot did not send fails, unless it is optional.
+
+    An autopilot that sends none at all counts as not heard, not as one without these parameters.
+    """
+    return tuple(_check(name, row, found.get(name, math.nan), heard=bool(found)) for name, row in wanted.items())
+
+
+def _check(name: str, row: Recommended, value: float, heard: bool) -> Check:
+    if math.isnan(value) and row.optional and heard:
+        return Check(name, True, "this PX4 does not have it", "", row.must)
+    if math.isnan(value):
+        todo = f"is this PX4 older than v1.15, or the link bad? It should be {row.wanted}: {row.why}"
+        return Check(name, False, "the autopilot does not tell it", todo, row.must)
+    todo = f"set it to {row.set_to:g}{' and reboot PX4' if row.reboot else ''}: {row.why}"
+    return Check(name, row.accepts(value), f"is {value:g}, should be {row.wanted}", todo, row.must)

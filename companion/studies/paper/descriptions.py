@@ -8,8 +8,7 @@ from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.config.arms_config import Feedforward
 from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
-from companion.simulation.arm_feedforward import known_push_b_mps2
-from companion.simulation.scene import Scene
+from companion.simulation.scene import Scene, known_push_b_mps2
 from mock_autopilot.physics.disturbance import Sinusoid
 
 Facts = tuple[tuple[str, str], ...]

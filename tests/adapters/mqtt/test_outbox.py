@@ -20,7 +20,7 @@ async def test_what_could_not_be_said_comes_first_again_three_times() -> None:
     for _ in range(3):
         letter = await box.next()
         assert letter.topic == "bad"
-        box.not_said(letter)
+        box.not_published(letter)
     assert (await box.next()).topic == "good"
 
 
@@ -30,7 +30,7 @@ async def test_what_could_not_be_said_is_the_oldest_when_there_is_no_room() -> N
     old = await box.next()
     box.put(OutboxMessage("new", b""))
     box.put(OutboxMessage("newer", b""))
-    box.not_said(old)
+    box.not_published(old)
     assert [(await box.next()).topic for _ in range(2)] == ["new", "newer"]
 
 
@@ -42,10 +42,10 @@ async def test_empty_is_when_all_is_said_or_given_up() -> None:
     for _ in range(3):
         letter = await box.next()
         assert not waiting.done()
-        box.not_said(letter)
+        box.not_published(letter)
         await asyncio.sleep(0)
     await asyncio.wait_for(waiting, 1.0)
     box.put(OutboxMessage("b", b""))
     await box.next()
-    box.said()
+    box.published()
     await asyncio.wait_for(box.empty(), 1.0)

@@ -214,7 +214,7 @@ async def test_the_service_says_when_the_broker_passes_on_nothing_that_it_says(
     mine.touch(0o600)
     mine.write_text("of operator")
     async with lab.link(Vehicle(), user="operator", password_file=str(mine)):
-        await until(lambda: "passes on nothing that we say below dauam/v1/vehicle: Not authorized" in caplog.text)
+        await until(lambda: "does not forward dauam/v1/vehicle/...: Not authorized" in caplog.text)
 
 
 @pytest.fixture(scope="module")
