@@ -66,11 +66,9 @@ def ended_by(flight: FlightState) -> str:
     """Return the reason why a motion ended, as part of a sentence; the flight itself may go on."""
     if flight.phase is Phase.HOLD and flight.level is FailsafeAction.WARN:
         return "ended by another command: a hold was ordered, the vehicle hovers"
-    if flight.phase in {Phase.STOW, Phase.LAND}:
-        return f"the flight was ended: {flight.reason or 'a landing was ordered'}"
-    if flight.phase in {Phase.DISARMED, Phase.TERMINATED}:
-        return f"the flight was ended: {flight.reason or f'the vehicle is down, phase {flight.phase}'}"
-    return f"the flight was ended: {flight.reason or f'it went to phase {flight.phase}'}"
+    landing = flight.phase in {Phase.STOW, Phase.LAND}
+    other = "a landing was ordered" if landing else f"it went to phase {flight.phase}"
+    return f"the flight was ended: {flight.reason or other}"
 
 
 class FlightActions:
@@ -85,7 +83,9 @@ class FlightActions:
         reports: DeviceReports,
     ) -> None:
         self.loop, self.reports = loop, reports
-        self._autopilot, self._config, self._ticking = autopilot, config, ticking
+        self.ticking = ticking
+        """Task of the flight loop; done when the loop has failed."""
+        self._autopilot, self._config = autopilot, config
         self.arms = ArmActions(loop, config.arms, self.until, self.require_ground)
         """Actions of the arms."""
 
@@ -98,11 +98,6 @@ class FlightActions:
     def status(self) -> AutopilotStatus:
         """Newest status of the autopilot."""
         return self._autopilot.status()
-
-    @property
-    def ticking(self) -> "asyncio.Task[None]":
-        """Task of the flight loop; done when the loop has failed."""
-        return self._ticking
 
     @property
     def phase(self) -> Phase:
@@ -300,7 +295,7 @@ class FlightActions:
 
         def down() -> bool:
             status = self._autopilot.status()
-            over = self._ticking.done() or self.phase in {Phase.DISARMED, Phase.TERMINATED}
+            over = self.ticking.done() or self.phase in {Phase.DISARMED, Phase.TERMINATED}
             return not status.connected or (over and not status.armed)
 
         stow_s = self._config.arms.stow_time_s if self._config.arms else 0.0
@@ -351,8 +346,8 @@ class FlightActions:
         clock = asyncio.get_running_loop()
         end_s = clock.time() + timeout_s
         while not condition():
-            if self._ticking.done() and not although_failed:
-                self._ticking.result()
+            if self.ticking.done() and not although_failed:
+                self.ticking.result()
             if clock.time() > end_s:
                 return False
             await asyncio.sleep(_POLL_S)
