@@ -127,6 +127,7 @@ def test_a_reason_is_printed_as_it_is() -> None:
             "config/mock.toml: this is the mock's configuration; give the companion's, ",
         ),
         (("--out", "FULL"), "cannot write to FULL: File too large"),
+        (("--trajectory", "NEAR"), "fence around the trajectory: 0.50 m inside, and braking would end 0.19 m inside"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_said(
@@ -136,11 +137,12 @@ def test_what_cannot_be_is_refused_before_anything_is_said(
     arguments: tuple[str, ...],
     sentence: str,
 ) -> None:
-    full = str(tmp_path / "full")
+    files = {name: str(tmp_path / name.lower()) for name in ("FULL", "NEAR")}
+    Path(files["NEAR"]).write_text("t_s,x_m,y_m,z_m\n0,0,0,1.2\n4,4,0,1.2\n")
     with disk_full_after(1000 if "FULL" in arguments else -1):
-        refused = typing("demo", monkeypatch, capsys)(*(full if one == "FULL" else one for one in arguments))
+        refused = typing("demo", monkeypatch, capsys)(*(files.get(one, one) for one in arguments))
     assert (refused.code, refused.out) == (2, "")
-    assert sentence.replace("FULL", full) in refused.err
+    assert sentence.replace("FULL", files["FULL"]) in refused.err
     assert len(refused.err.splitlines()) == 1
 
 

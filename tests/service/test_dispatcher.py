@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 
 from companion.config.companion_config import CompanionConfig, FlightConfig
+from companion.core.interfaces import FlightError
 from companion.preflight.checks.check import Check
 from companion.protocol.commands import COMMAND
 from companion.protocol.telemetry import ENDS, Answer, Reply
 from companion.service.dispatcher import CommandDispatcher
 from companion.service.flight_actions import DeviceReports, Tell
+from companion.service.local_operator import LocalOperator
 from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Room
 from tests.flights.test_simulated_arms import ARMS, mock_arms, no_params
@@ -106,9 +108,15 @@ async def flying(op: Operated) -> None:
 
 async def test_a_whole_flight_by_commands() -> None:
     async with operated() as op:
-        takeoff = [await op.do("arm"), await op.do("takeoff", height_m=0.8)]
-        assert [reply.answer for reply in takeoff] == [Answer.DONE] * 2
-        assert "0.8 m" in takeoff[1].text
+        steps: list[str] = []
+        operator = LocalOperator(op.one.service, op.dispatcher, steps.append)
+        with pytest.raises(FlightError, match=r"^takeoff rejected: the vehicle is disarmed; run `companion arm` first"):
+            await operator.do("takeoff")
+        await operator.do("arm")
+        assert steps == ["preflight checks, offboard mode, then arming"]
+        takeoff = await op.do("takeoff", height_m=0.8)
+        assert takeoff.answer is Answer.DONE
+        assert "0.8 m" in takeoff.text
         assert (await op.do("goto", x_m=0.5, y_m=-0.3, z_m=1.0)).answer is Answer.DONE
         np.testing.assert_allclose(op.one.room.truth_w_m, [0.5, -0.3, 1.0], atol=0.1)
         assert (await op.do("track", curve="ellipse", laps=1, period_s=5.0, size=0.5)).answer is Answer.DONE
