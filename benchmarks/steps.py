@@ -116,6 +116,6 @@ def flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
 
     def fly(cycle: int) -> None:
         nonlocal sent
-        sent = stage.fly(vehicles[cycle], AGE_S, references[cycle], sent, period_s).gated.setpoint
+        sent = stage.fly(vehicles[cycle], AGE_S, references[cycle], sent, period_s).limited.setpoint
 
     return fly

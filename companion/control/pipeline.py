@@ -26,8 +26,8 @@ class PipelineOutput:
     """Output of the law in one cycle, and the setpoint inside the limits."""
 
     reference: Reference
-    output: ControlOutput
-    gated: LimitedSetpoint
+    law_output: ControlOutput
+    limited: LimitedSetpoint
     given: ControlInput
     """Inputs of the law."""
     begun: bool
@@ -168,10 +168,10 @@ class ControlPipeline:
         self._disturbance = estimate_disturbance(before, now)
         self._wanted = self._latest(output, ahead.yaw_rad)
         if self._guard is None:
-            gated = limit_setpoint(self._wanted, sent, self._limits, dt_s)
+            limited = limit_setpoint(self._wanted, sent, self._limits, dt_s)
         else:
-            gated = self._guard.check(self._wanted, sent, vehicle, float(age_s), dt_s)
-        return PipelineOutput(ahead, output, gated, now, begun)
+            limited = self._guard.check(self._wanted, sent, vehicle, float(age_s), dt_s)
+        return PipelineOutput(ahead, output, limited, now, begun)
 
     def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> AttitudeThrust:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""

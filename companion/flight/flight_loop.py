@@ -56,7 +56,7 @@ class FlightLoop:
         self._sink: TickSink | None = sink
         self._period_s = 1.0 / config.control.rate_hz
         stages = stages_of(devices, controller, config)
-        self._rules, self._safety, self._stage = stages.rules, stages.safety, stages.control
+        self._rules, self._safety, self._pipeline = stages.rules, stages.safety, stages.control
         self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
         self._horizon = stages.horizon
         self.arms = stages.arms
@@ -135,7 +135,7 @@ class FlightLoop:
     def switch(self, controller: Controller, name: str) -> None:
         """Another control law from the next cycle on, in the air too, without a jump of the setpoint."""
         LOG.info("control law %s -> %s", self.law_name, name)
-        self._stage.switch(controller)
+        self._pipeline.switch(controller)
         self.law_name = name
 
     async def run(self) -> None:
@@ -194,8 +194,8 @@ class FlightLoop:
         self._look(now_s, late_s)
         stage = self._flight.stage
         self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
-        asked, gated = self._law.control(self._flight, self._estimate, self._stream.law_sent, now_s)
-        wire, sent_s = self._send(gated, now_s)
+        pipeline, limited = self._law.control(self._flight, self._estimate, self._stream.law_sent, now_s)
+        wire, sent_s = self._send(limited, now_s)
         self._keep_or_end_stream(now_s)
         late_signals = self._law.settle()
         self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
@@ -209,9 +209,9 @@ class FlightLoop:
                 age_s=estimator.age_s(self._estimate, now_s),
                 status=self._autopilot.status(),
                 flight=self._flight,
-                reference=state_machine.reference_at(self._flight, now_s) if asked else None,
-                asked=asked,
-                gated=gated,
+                reference=state_machine.reference_at(self._flight, now_s) if pipeline else None,
+                pipeline=pipeline,
+                limited=limited,
                 late_signals=late_signals,
                 arms=self.arms.tick(now_s, self._flight) if self.arms is not None else None,
                 events=self._events,
@@ -223,11 +223,11 @@ class FlightLoop:
             )
         )
 
-    def _send(self, gated: LimitedSetpoint | None, now_s: float) -> tuple[Wire | None, float]:
+    def _send(self, limited: LimitedSetpoint | None, now_s: float) -> tuple[Wire | None, float]:
         """Send this cycle's setpoint with the autopilot's horizon corrected; when it had left (s), or NaN."""
-        if gated is None:
+        if limited is None:
             return None, math.nan
-        status, setpoint = self._autopilot.status(), gated.setpoint
+        status, setpoint = self._autopilot.status(), limited.setpoint
         wire = self._horizon.correct(setpoint, self._estimate, status, self._events, self._flight, now_s)
         return wire, self._stream.send(setpoint, None if wire is None else wire.setpoint)
 
@@ -296,7 +296,7 @@ class FlightLoop:
         if flight.action is not None and flight is not before:
             self._calls.begin(flight.action)
         if flight.airborne and not before.airborne:
-            self._stage.forget()  # what was integrated on the ground would be of the ground
+            self._pipeline.forget()  # what was integrated on the ground would be of the ground
         if flight.phase is before.phase:
             return
         LOG.info("%s -> %s%s", before.phase, flight.phase, f": {flight.reason}" if flight.reason else "")
@@ -324,7 +324,7 @@ class FlightLoop:
         last = idle_setpoint(before.yaw_rad)
         if before.airborne:
             yaw_rad = float(yaw_of(self._stream.law_sent.q_w_flu_wxyz))
-            last = self._stage.level(yaw_rad, SINKING * self._rules.hover_thrust)
+            last = self._pipeline.level(yaw_rad, SINKING * self._rules.hover_thrust)
         self._stream.send(last)
 
     def hand_over(self, reason: str) -> None:

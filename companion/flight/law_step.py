@@ -21,14 +21,14 @@ class LawStep:
 
     def __init__(
         self,
-        stage: ControlPipeline,
+        pipeline: ControlPipeline,
         arms: ArmStep | None,
         rules: FlightRules,
         safety: SafetyRules,
         max_thrust: float,
         period_s: float,
     ) -> None:
-        self._stage, self._arms, self._rules = stage, arms, rules
+        self._pipeline, self._arms, self._rules = pipeline, arms, rules
         self._not_finite_limit, self._max_thrust, self._period_s = safety.not_finite_cycles, max_thrust, period_s
         self._last_s = -math.inf
         self._not_finite = 0
@@ -49,23 +49,23 @@ class LawStep:
         `sent` is the law's setpoint that was sent last.
         """
         try:
-            asked, gated = self._control(flight, estimate, sent, now_s)
+            output, limited = self._control(flight, estimate, sent, now_s)
         except Exception as error:
             self._lose(error)
             return None, None
-        if gated is not None and gated.failure:
-            self.fault = f"the guard failed: {gated.failure}"
-        bad = gated is not None and bool(gated.not_finite.any())
+        if limited is not None and limited.failure:
+            self.fault = f"the guard failed: {limited.failure}"
+        bad = limited is not None and bool(limited.not_finite.any())
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._not_finite_limit:
             self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
-        self.at_max_thrust = asked is not None and float(asked.gated.setpoint.thrust) >= self._max_thrust
-        return asked, gated
+        self.at_max_thrust = output is not None and float(output.limited.setpoint.thrust) >= self._max_thrust
+        return output, limited
 
     def settle(self) -> dict[str, Array]:
         """Do what the law left for after the setpoint, and return its late inner values; empty if it raises."""
         try:
-            return self._stage.settle()
+            return self._pipeline.settle()
         except Exception as error:
             self._lose(error)
             return {}
@@ -84,11 +84,11 @@ class LawStep:
             return None, None
         if not flight.airborne:
             thrust = state_machine.ground_thrust(flight, now_s, self._rules)
-            return None, self._stage.on_ground(flight.yaw_rad, thrust, sent, dt_s)
-        ahead = state_machine.reference_at(flight, now_s + self._stage.preview_s)
+            return None, self._pipeline.on_ground(flight.yaw_rad, thrust, sent, dt_s)
+        ahead = state_machine.reference_at(flight, now_s + self._pipeline.preview_s)
         if self._arms is None:
-            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s)
+            output = self._pipeline.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s)
         else:
             known_w_mps2 = self._arms.known_accel_w_mps2(vehicle.q_w_flu_wxyz)
-            asked = self._stage.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s, known_w_mps2)
-        return asked, asked.gated
+            output = self._pipeline.fly(vehicle, age_s(estimate, now_s), ahead, sent, dt_s, known_w_mps2)
+        return output, output.limited

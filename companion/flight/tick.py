@@ -29,8 +29,8 @@ class Tick:
     flight: FlightState
     reference: Reference | None
     """Reference at this tick."""
-    asked: PipelineOutput | None
-    gated: LimitedSetpoint | None
+    pipeline: PipelineOutput | None
+    limited: LimitedSetpoint | None
     late_signals: dict[str, Array]
     """Inner values of the law that it worked out after the setpoint had left."""
     arms: ArmTick | None

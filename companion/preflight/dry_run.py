@@ -31,7 +31,7 @@ class DryRun:
     ) -> None:
         self._running, self._trajectory, self._sink = running, trajectory, sink
         model, limits, safety = config.vehicle.thrust_model(), config.limits.limits(), config.safety.rules()
-        self._stage = ControlPipeline(law, model, limits, guard=config.guard())
+        self._pipeline = ControlPipeline(law, model, limits, guard=config.guard())
         self._sent = idle_setpoint(0.0)
         """As if each setpoint were sent."""
         self._health = HealthStep(safety, config.fence.fence(), Sides(disk_free_mb=running.disk_free_mb))
@@ -52,10 +52,10 @@ class DryRun:
         estimate, status = self._running.estimate(), self._running.autopilot.status()
         vehicle = estimate.vehicle
         age_s = math.inf if vehicle is None else now_s - vehicle.time_s
-        asked = None if vehicle is None or self._fault else self._fly(vehicle, now_s, age_s, dt_s)
+        output = None if vehicle is None or self._fault else self._fly(vehicle, now_s, age_s, dt_s)
         arms, frame = self._running.arms, self._running.mocap.latest()
         arm_fault = arms.fault if arms is not None else ""
-        streaming = asked is not None  # in its mind: the checks say nothing of motion capture before
+        streaming = output is not None  # in its mind: the checks say nothing of motion capture before
         cycle = Cycle(
             time_s=now_s,
             late_s=0.0,
@@ -82,10 +82,10 @@ class DryRun:
                 age_s=age_s,
                 status=status,
                 flight=FlightState(),
-                reference=self._reference(now_s) if asked is not None else None,
-                asked=asked,
-                gated=asked.gated if asked is not None else None,
-                late_signals={} if self._fault else self._stage.settle(),
+                reference=self._reference(now_s) if output is not None else None,
+                pipeline=output,
+                limited=output.limited if output is not None else None,
+                late_signals={} if self._fault else self._pipeline.settle(),
                 arms=arm_tick,
                 events=events,
             )
@@ -104,19 +104,21 @@ class DryRun:
         if math.isnan(self._begun_s):
             self._begun_s = now_s
         try:
-            asked = self._stage.fly(vehicle, age_s, self._reference(now_s + self._stage.preview_s), self._sent, dt_s)
+            output = self._pipeline.fly(
+                vehicle, age_s, self._reference(now_s + self._pipeline.preview_s), self._sent, dt_s
+            )
         except Exception as error:
             LOG.exception("the control law failed")
             self._fault = f"the control law failed: {type(error).__name__}: {error}"
             return None
-        self._sent = setpoint = asked.gated.setpoint
-        self._fault = asked.gated.failure
+        self._sent = setpoint = output.limited.setpoint
+        self._fault = output.limited.failure
         thrust = float(setpoint.thrust)
         self._cycles += 1
-        self._not_finite += bool(asked.gated.not_finite)
+        self._not_finite += bool(output.limited.not_finite)
         self._most_tilt_rad = max(self._most_tilt_rad, math.acos(min(1.0, float(up_axis(setpoint.q_w_flu_wxyz)[2]))))
         self._thrust = min(self._thrust[0], thrust), max(self._thrust[1], thrust)
-        return asked
+        return output
 
     def _reference(self, time_s: float) -> Reference:
         assert self._trajectory is not None

@@ -46,7 +46,7 @@ class Recorder:
 
     def __call__(self, tick: Tick) -> None:
         """Append the columns of one tick."""
-        vehicle, reference, asked, gated = tick.vehicle, tick.reference, tick.asked, tick.gated
+        vehicle, reference, output, limited = tick.vehicle, tick.reference, tick.pipeline, tick.limited
         scalars: dict[str, object] = {
             "time_s": tick.time_s,
             "phase": str(tick.flight.phase),
@@ -60,10 +60,12 @@ class Recorder:
             "faults": ", ".join(event.fault for event in tick.events),
             "armed": tick.status.armed,
             "mode": str(tick.status.mode),
-            "event": bool(asked.output.event.any()) if asked else False,
-            "setpoint_thrust": float(gated.setpoint.thrust) if gated else np.nan,
-            "gate_cut": bool(gated.not_finite | gated.tilt_cut | gated.thrust_cut | gated.slew_cut) if gated else False,
-            "guard_cut": bool(gated.age_cut | gated.fence_cut) if gated else False,
+            "event": bool(output and output.law_output.event.any()),
+            "setpoint_thrust": float(limited.setpoint.thrust) if limited else np.nan,
+            "limits_cut": bool(limited.not_finite | limited.tilt_cut | limited.thrust_cut | limited.slew_cut)
+            if limited
+            else False,
+            "guard_cut": bool(limited and (limited.age_cut | limited.fence_cut)),
         }
         vectors: dict[str, Array] = {
             "position_w_m": vehicle.position_w_m if vehicle else _NOWHERE,
@@ -71,8 +73,8 @@ class Recorder:
             "q_w_flu_wxyz": vehicle.q_w_flu_wxyz if vehicle else _NO_ATTITUDE,
             "reference_position_w_m": reference.position_w_m if reference else _NOWHERE,
             "reference_velocity_w_mps": reference.velocity_w_mps if reference else _NOWHERE,
-            "accel_w_mps2": asked.output.accel_w_mps2 if asked else _NOWHERE,
-            "setpoint_q_w_flu_wxyz": gated.setpoint.q_w_flu_wxyz if gated else _NO_ATTITUDE,
+            "accel_w_mps2": output.law_output.accel_w_mps2 if output else _NOWHERE,
+            "setpoint_q_w_flu_wxyz": limited.setpoint.q_w_flu_wxyz if limited else _NO_ATTITUDE,
         }
         if tick.arms is not None:
             goal, status = tick.arms.goal, tick.arms.status
@@ -89,7 +91,7 @@ class Recorder:
                 "joint_temperature_c": status.temperature_c,
                 "arms_known_accel_w_mps2": tick.arms.known_accel_w_mps2,
             }
-        signals = (asked.output.signals if asked else {}) | tick.late_signals
+        signals = (output.law_output.signals if output else {}) | tick.late_signals
         for name, value in scalars.items():
             self._columns.setdefault(name, []).append(value)
         for name, vector in (vectors | {f"law_{name}": signal for name, signal in signals.items()}).items():

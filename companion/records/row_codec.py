@@ -114,7 +114,7 @@ class RowEncoder:
             tick.status.last_text,
             tick.estimate.verdict if tick.estimate is not None else None,
             tick.law,
-            tick.gated.failure if tick.gated is not None else "",
+            tick.limited.failure if tick.limited is not None else "",
             arms.phase if arms is not None else None,
             arms.reason if arms is not None else None,
             tick.events,

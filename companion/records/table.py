@@ -124,4 +124,4 @@ def _derived(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     def cut(*names: str) -> np.ndarray:
         return np.asarray(sum(np.nan_to_num(columns.get(f"cut_{name}", nothing)) for name in names) > 0.0)
 
-    return {"gate_cut": cut("not_finite", "tilt", "thrust", "slew"), "guard_cut": cut("age", "fence")}
+    return {"limits_cut": cut("not_finite", "tilt", "thrust", "slew"), "guard_cut": cut("age", "fence")}

@@ -45,7 +45,7 @@ _REFERENCE = {
         "reference_position_w_m reference_velocity_w_mps reference_acceleration_w_mps2",
     )
 }
-_ASKED = {
+_PIPELINE = {
     "/given": (
         "given_age_s given_reference_yaw_rad given_dt_s begun",
         "given_position_w_m given_velocity_w_mps given_q_w_flu_wxyz given_rate_flu_radps "
@@ -54,7 +54,7 @@ _ASKED = {
     ),
     "/law": ("event", ""),
 }
-_GATED = {
+_LIMITED = {
     "/setpoint": (
         "setpoint_thrust cut_not_finite cut_tilt cut_thrust cut_slew cut_age cut_fence",
         "setpoint_q_w_flu_wxyz",
@@ -126,22 +126,22 @@ def gathered(tick: Tick) -> Values:
         parts.append(_REFERENCE)
         numbers.append(reference.yaw_rad)
         arrays += (reference.position_w_m, reference.velocity_w_mps, reference.acceleration_w_mps2)
-    if (asked := tick.asked) is not None:
-        parts.append(_ASKED)
-        given, ahead = asked.given, asked.given.reference
-        numbers += (given.age_s, ahead.yaw_rad, given.dt_s, asked.begun, bool(asked.output.event.any()))
+    if (output := tick.pipeline) is not None:
+        parts.append(_PIPELINE)
+        given, ahead = output.given, output.given.reference
+        numbers += (given.age_s, ahead.yaw_rad, given.dt_s, output.begun, bool(output.law_output.event.any()))
         arrays += (
             given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps,
             ahead.position_w_m, ahead.velocity_w_mps, ahead.acceleration_w_mps2,
             given.sent_accel_w_mps2, given.known_accel_w_mps2,
         )  # fmt: skip
-    if (gated := tick.gated) is not None:
-        parts.append(_GATED)
+    if (limited := tick.limited) is not None:
+        parts.append(_LIMITED)
         numbers += (
-            gated.setpoint.thrust, gated.not_finite, gated.tilt_cut, gated.thrust_cut, gated.slew_cut, gated.age_cut,
-            gated.fence_cut,
+            limited.setpoint.thrust, limited.not_finite, limited.tilt_cut, limited.thrust_cut, limited.slew_cut,
+            limited.age_cut, limited.fence_cut,
         )  # fmt: skip
-        arrays.append(gated.setpoint.q_w_flu_wxyz)
+        arrays.append(limited.setpoint.q_w_flu_wxyz)
     if (wire := tick.wire) is not None:
         parts.append(_WIRE)
         horizon, seen = wire.horizon, wire.seen
@@ -174,11 +174,11 @@ def frozen(tick: Tick) -> Frozen:
 
     For every tick at once, and cheap: the bytes alone are copied.
     """
-    asked = tick.asked
-    if asked is None:
+    output = tick.pipeline
+    if output is None:
         arrays = [*tick.late_signals.values()]
     else:
-        arrays = [asked.output.accel_w_mps2, *asked.output.signals.values(), *tick.late_signals.values()]
+        arrays = [output.law_output.accel_w_mps2, *output.law_output.signals.values(), *tick.late_signals.values()]
     try:
         return arrays, b"".join(arrays)  # type: ignore[arg-type]
     except TypeError:  # not one piece of memory, or what a user's law calls an array
@@ -198,8 +198,8 @@ def signals_of(tick: Tick, kept: Frozen) -> Signals:
     """Return the names, shapes and float64 block of `frozen` values, for a row."""
     arrays, block = kept
     names = (*tick.late_signals,)
-    if tick.asked is not None:
-        names = (_WANTED, *tick.asked.output.signals, *names)
+    if tick.pipeline is not None:
+        names = (_WANTED, *tick.pipeline.law_output.signals, *names)
     if any(array.dtype is not F64 and array.dtype != F64 for array in arrays):
         arrays, block = _as_f64(arrays, block)
     return Signals((names, *[array.shape for array in arrays]), block)

@@ -118,7 +118,7 @@ class Telemetry:
             age_s=_number(tick.age_s),
             reference_w_m=_vector(reference.position_w_m) if reference else None,
             error_m=error_m,
-            thrust=float(tick.gated.setpoint.thrust) if tick.gated else None,
+            thrust=float(tick.limited.setpoint.thrust) if tick.limited else None,
             controller=tick.law,
             sent_share=self._sent_share(tick, rate_hz),
             faults=tuple(str(event.fault) for event in tick.events),

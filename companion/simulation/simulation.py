@@ -89,11 +89,11 @@ def simulate(
             seen, age_s = eyes.see(look, cycle)
             known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
             result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), last, pilot.period_s, known)
-            setpoint = result.gated.setpoint
+            setpoint = result.limited.setpoint
             sent = out.send(setpoint, changed(setpoint, last), look, seen, age_s)
-            rows.put(world, result.output.accel_w_mps2, result.output.event, sent)
+            rows.put(world, result.law_output.accel_w_mps2, result.law_output.event, sent)
             last = setpoint
-            rows.keep(result.output.signals, pipeline.settle())
+            rows.keep(result.law_output.signals, pipeline.settle())
             world.advance(out.wire)
             if progress is not None:
                 progress(cycle)
@@ -108,7 +108,7 @@ class _Out:
     """Output stage: the setpoint on the wire, with the horizon corrected."""
 
     def __init__(self, pilot: Pilot, lead: tuple[int, ...], first: AttitudeThrust) -> None:
-        self._stage, self._period_s = WireSetpoint(pilot.horizon, pilot.limits, lead), pilot.period_s
+        self._corrector, self._period_s = WireSetpoint(pilot.horizon, pilot.limits, lead), pilot.period_s
         self.wire = first
 
     def send(
@@ -127,7 +127,7 @@ class _Out:
             trusted=True,
             flying=True,
         )
-        self.wire = self._stage.put(setpoint, is_new, before, horizon, self._period_s).setpoint
+        self.wire = self._corrector.put(setpoint, is_new, before, horizon, self._period_s).setpoint
         return changed(self.wire, before)
 
 

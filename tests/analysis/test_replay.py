@@ -125,7 +125,7 @@ def test_the_command_says_identical_and_ends_with_0(path: Path) -> None:
 
 def test_a_flight_in_which_no_law_ran_has_nothing_to_compare(record: FlightRecord, tmp_path: Path) -> None:
     """Arm, then disarm: written as such a flight is, without a law's column."""
-    ticks = [tick for tick in standing(start_s=50.0) if tick.asked is None]
+    ticks = [tick for tick in standing(start_s=50.0) if tick.pipeline is None]
     begin = {"config": CONFIG.model_dump(mode="json"), "unix_offset_s": 0.0}
     (path,) = written(tmp_path, ticks, begin)
     assert "event" not in read_flight(path).columns

@@ -79,7 +79,7 @@ def test_errors_are_those_of_the_ticks(frozen: Recorded) -> None:
 def test_triggers_and_latencies_are_those_of_the_ticks(frozen: Recorded) -> None:
     numbers = numbers_of(frozen.flown)
     flying = [tick for tick in frozen.flight.ticks if tick.flight.airborne]
-    fired = [tick.time_s for tick in flying if tick.asked is not None and bool(tick.asked.output.event.any())]
+    fired = [tick.time_s for tick in flying if tick.pipeline is not None and bool(tick.pipeline.law_output.event.any())]
     assert numbers.triggers_whole is not None
     assert numbers.triggers_whole.events == len(fired)
     assert numbers.triggers_whole.gap_max_s == pytest.approx(float(np.diff(fired).max()))

@@ -85,7 +85,9 @@ def test_errors_are_those_of_the_trajectory_alone(flown_session: Session, number
 def test_the_pause_between_two_trajectories_is_no_gap(flown_session: Session, numbers: Numbers) -> None:
     longest_s = []
     for ticks in tracked(flown_session)[1:]:
-        fired = [tick.time_s for tick in ticks if tick.asked is not None and bool(tick.asked.output.event.any())]
+        fired = [
+            tick.time_s for tick in ticks if tick.pipeline is not None and bool(tick.pipeline.law_output.event.any())
+        ]
         longest_s.append(float(np.diff(fired).max()))
     assert [one.triggers.gap_max_s for one in numbers.trajectories if one.triggers] == pytest.approx(longest_s)
     assert numbers.triggers_tracked is not None

@@ -54,13 +54,13 @@ def pressed(
     for _ in range(math.ceil(for_s / DT_S)):
         place, attitude = flip_yz(np.array(state.position_ned_m)), flip_quat(np.array(state.q_ned_frd_wxyz))
         vehicle = VehicleState(0.0, place, flip_yz(np.array(state.velocity_ned_mps)), attitude, np.zeros(3))
-        gated = guard.check(wanted, sent[-1], vehicle, 0.0, DT_S)
-        sent = [*sent[1:], gated.setpoint]
+        limited = guard.check(wanted, sent[-1], vehicle, 0.0, DT_S)
+        sent = [*sent[1:], limited.setpoint]
         asked = OneActuation(_four(flip_quat(sent[0].q_w_flu_wxyz)), float(sent[0].thrust))
         for _ in range(2):
             state = plant_one.moved(state, asked, NOTHING, NOTHING, fixed)
         beyond.append(fence.beyond_m(place))
-        cut.append(bool(gated.fence_cut))
+        cut.append(bool(limited.fence_cut))
         places.append(place)
     return Held(np.array(beyond), np.array(cut), np.array(places))
 

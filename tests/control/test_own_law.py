@@ -48,9 +48,9 @@ async def test_what_the_page_shows_takes_off_flies_a_lap_and_lands(tmp_path: Pat
     limits = load_controller(str(tmp_path / "mine.toml"), VEHICLE, 0.01).error_limits
     assert error.mean(axis=0).max() < limits.mean_m
     assert error.max() < limits.max_m
-    asked = [tick.asked for tick in flight.ticks if tick.asked is not None]
-    assert 0.02 < np.mean([a.output.event for a in asked]) < 0.5, "it sends what differs, and only that"
-    assert {"error", "surface", "wanted"} == asked[-1].output.signals.keys()
+    asked = [tick.pipeline for tick in flight.ticks if tick.pipeline is not None]
+    assert 0.02 < np.mean([a.law_output.event for a in asked]) < 0.5, "it sends what differs, and only that"
+    assert {"error", "surface", "wanted"} == asked[-1].law_output.signals.keys()
 
 
 def test_the_example_takes_its_gains_from_the_file() -> None:

@@ -67,7 +67,7 @@ def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
     law = Script(np.array([9.0, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)
     asked = stage.fly(VEHICLE, 0.012, reference(), SENT, DT_S)
-    stage.fly(VEHICLE, 0.012, reference(), asked.gated.setpoint, DT_S)
+    stage.fly(VEHICLE, 0.012, reference(), asked.limited.setpoint, DT_S)
     np.testing.assert_allclose(law.seen[0].sent_accel_w_mps2, np.zeros(3), atol=1e-12)
     # cut to 0.06 rad in 10 ms, and thrust 0.5 -> 0.55: f = 0.55/0.5 m g along an axis that leans by 0.06 rad
     push = 1.1 * 9.8
@@ -81,7 +81,7 @@ def test_the_law_sees_what_was_really_sent_not_what_it_asked_for() -> None:
 def test_what_counters_the_arms_is_not_told_as_something_that_moves_the_vehicle() -> None:
     law, arms_mps2 = Script(np.array([0.2, -0.1, 0.3]), event=1.0), np.array([0.15, 0.0, -0.1])
     stage = stage_of(law)
-    sent = stage.fly(VEHICLE, 0.012, reference(), SENT, DT_S, arms_mps2).gated.setpoint
+    sent = stage.fly(VEHICLE, 0.012, reference(), SENT, DT_S, arms_mps2).limited.setpoint
     stage.fly(VEHICLE, 0.012, reference(), sent, DT_S, 2.0 * arms_mps2)
     np.testing.assert_allclose(law.seen[1].known_accel_w_mps2, 2.0 * arms_mps2)
     np.testing.assert_allclose(law.seen[1].sent_accel_w_mps2, law.accel + arms_mps2, atol=1e-9)
@@ -95,7 +95,7 @@ def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> 
     stage = stage_of(law)
     sent, leans = SENT, []
     for n in range(12):
-        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).gated.setpoint
+        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).limited.setpoint
         leans.append(pitch_of(sent))
         law.event = 0.0
         law.accel = np.array([0.0, 0.0, float(n)])  # not an event: not worth sending
@@ -107,10 +107,10 @@ def test_a_heading_that_turns_is_sent_without_an_event() -> None:
     law = Script()
     stage, sent = stage_of(law), SENT
     for _ in range(3):
-        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).gated.setpoint
-    little = stage.fly(VEHICLE, 0.01, reference(0.9 * YAW_STEP_RAD), sent, DT_S).gated.setpoint
+        sent = stage.fly(VEHICLE, 0.01, reference(), sent, DT_S).limited.setpoint
+    little = stage.fly(VEHICLE, 0.01, reference(0.9 * YAW_STEP_RAD), sent, DT_S).limited.setpoint
     assert same_setpoint(little, sent)
-    more = stage.fly(VEHICLE, 0.01, reference(1.1 * YAW_STEP_RAD), sent, DT_S).gated.setpoint
+    more = stage.fly(VEHICLE, 0.01, reference(1.1 * YAW_STEP_RAD), sent, DT_S).limited.setpoint
     assert 2.0 * math.atan2(float(more.q_w_flu_wxyz[3]), float(more.q_w_flu_wxyz[0])) == pytest.approx(0.022)
 
 
@@ -118,9 +118,9 @@ def test_the_law_begins_afresh_after_forgetting() -> None:
     law = Script(event=1.0)
     stage = stage_of(law)
     for expected in (0, 1, 2):
-        assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).output.signals["cycle"] == expected
+        assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).law_output.signals["cycle"] == expected
     stage.forget()
-    assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).output.signals["cycle"] == 0
+    assert stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).law_output.signals["cycle"] == 0
     assert law.begun == 2
 
 
@@ -148,18 +148,18 @@ def test_a_second_half_that_raises_is_not_tried_again() -> None:
 
 def test_on_the_ground_the_rotors_may_idle_and_the_vehicle_stays_level() -> None:
     stage, sent = stage_of(Script()), idle_setpoint(0.4)
-    gated = stage.on_ground(0.4, 0.02, sent, DT_S)
-    assert float(gated.setpoint.thrust) == 0.02, "below the least thrust of flight"
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, [math.cos(0.2), 0.0, 0.0, math.sin(0.2)])
+    limited = stage.on_ground(0.4, 0.02, sent, DT_S)
+    assert float(limited.setpoint.thrust) == 0.02, "below the least thrust of flight"
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, [math.cos(0.2), 0.0, 0.0, math.sin(0.2)])
     assert float(stage.on_ground(0.4, 0.5, sent, DT_S).setpoint.thrust) == pytest.approx(0.05), "and climbs at its rate"
 
 
 def test_what_is_not_finite_never_goes_out() -> None:
     law = Script(np.array([math.nan, 0.0, 0.0]), event=1.0)
     stage = stage_of(law)
-    gated = stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).gated
-    assert gated.not_finite
-    assert same_setpoint(gated.setpoint, SENT)
+    limited = stage.fly(VEHICLE, 0.01, reference(), SENT, DT_S).limited
+    assert limited.not_finite
+    assert same_setpoint(limited.setpoint, SENT)
 
 
 @pytest.mark.parametrize("name", ["practical", "pid"])
@@ -172,7 +172,7 @@ def test_an_absurd_state_breaks_nothing_and_never_goes_out(name: str, absurd: fl
         setpoint = SENT
         with np.errstate(all="ignore"):
             for _ in range(20):
-                setpoint = stage.fly(vehicle, 0.01, reference(), setpoint, DT_S).gated.setpoint
+                setpoint = stage.fly(vehicle, 0.01, reference(), setpoint, DT_S).limited.setpoint
                 stage.settle()
                 assert np.isfinite(setpoint.q_w_flu_wxyz).all()
                 assert LIMITS.min_thrust <= float(setpoint.thrust) <= LIMITS.max_thrust
@@ -218,7 +218,7 @@ class Cycle:
         """One cycle after `sent`."""
         asked = stage.fly(self.vehicle, self.age_s, self.ahead, sent, DT_S, self.known_accel_w_mps2)
         stage.settle()
-        return asked.gated.setpoint, asked.output
+        return asked.limited.setpoint, asked.law_output
 
 
 def wandering(lead: tuple[int, ...], cycles: int) -> list[Cycle]:
@@ -278,7 +278,7 @@ def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_h
     stage.fly(batch, 0.01, reference(), sent, DT_S)
     law.accel = np.tile([0.0, 0.0, 0.49], (3, 1))  # 5 % of gravity: thrust 0.5 -> 0.525
     turned: Any = yaw_rad
-    setpoint = stage.fly(batch, 0.01, reference(turned), sent, DT_S).gated.setpoint
+    setpoint = stage.fly(batch, 0.01, reference(turned), sent, DT_S).limited.setpoint
     np.testing.assert_allclose(setpoint.thrust, [0.525, 0.5, 0.525])
     np.testing.assert_allclose(2.0 * np.arctan2(setpoint.q_w_flu_wxyz[:, 3], setpoint.q_w_flu_wxyz[:, 0]), yaw_rad)
 
@@ -296,14 +296,14 @@ def guarded(law: Script) -> ControlPipeline:
 def test_the_guard_has_the_last_word_on_the_state_and_its_age() -> None:
     law = Script(np.array([3.0, 0.0, 0.0]), event=1.0)
     wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
-    assert pitch_of(guarded(law).fly(VEHICLE, 0.01, reference(), SENT, DT_S).gated.setpoint) == pytest.approx(0.06)
-    gated = guarded(law).fly(wall, 0.01, reference(), SENT, DT_S).gated
-    assert gated.fence_cut
-    assert pitch_of(gated.setpoint) == pytest.approx(-0.06)
-    gated = guarded(law).fly(VEHICLE, 0.2, reference(), SENT, DT_S).gated
-    assert gated.age_cut
-    assert float(gated.setpoint.thrust) == pytest.approx(0.485)
-    assert pitch_of(stage_of(law).fly(wall, 0.2, reference(), SENT, DT_S).gated.setpoint) == pytest.approx(0.06), (
+    assert pitch_of(guarded(law).fly(VEHICLE, 0.01, reference(), SENT, DT_S).limited.setpoint) == pytest.approx(0.06)
+    limited = guarded(law).fly(wall, 0.01, reference(), SENT, DT_S).limited
+    assert limited.fence_cut
+    assert pitch_of(limited.setpoint) == pytest.approx(-0.06)
+    limited = guarded(law).fly(VEHICLE, 0.2, reference(), SENT, DT_S).limited
+    assert limited.age_cut
+    assert float(limited.setpoint.thrust) == pytest.approx(0.485)
+    assert pitch_of(stage_of(law).fly(wall, 0.2, reference(), SENT, DT_S).limited.setpoint) == pytest.approx(0.06), (
         "without one"
     )
 
@@ -314,7 +314,7 @@ def test_the_law_is_told_what_the_guard_made_of_it() -> None:
     law.seen.clear()
     wall = replace(VEHICLE, position_w_m=np.array([4.6, 0.0, 1.0]))
     for _ in range(2):
-        sent = stage.fly(wall, 0.01, reference(), sent, DT_S).gated.setpoint
+        sent = stage.fly(wall, 0.01, reference(), sent, DT_S).limited.setpoint
     # leaning back by 0.06 rad after 10 ms, the thrust from 0.5 to 0.55: see above
     assert law.seen[1].sent_accel_w_mps2[0] == pytest.approx(-1.1 * 9.8 * math.sin(0.06))
 
@@ -357,7 +357,7 @@ def test_a_legal_flight_is_the_same_to_the_last_bit_with_and_without_guard(name:
         rate, q = flip_yz(state.rate_frd_radps), flip_quat(state.q_ned_frd_wxyz)
         vehicle = VehicleState(0.0, place, velocity, q, rate)
         ahead = trajectory.at(n * DT_S + stage.preview_s)
-        setpoints = [one.fly(vehicle, 0.01, ahead, sent[-1], DT_S).gated.setpoint for one in (stage, bare)]
+        setpoints = [one.fly(vehicle, 0.01, ahead, sent[-1], DT_S).limited.setpoint for one in (stage, bare)]
         assert same_setpoint(*setpoints), f"at {n * DT_S:.2f} s"
         sent = [*sent[1:], setpoints[0]]
         asked = Actuation(flip_quat(sent[0].q_w_flu_wxyz), sent[0].thrust)

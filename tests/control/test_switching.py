@@ -61,13 +61,13 @@ def fly(stage: ControlPipeline, cycles: int, sent: AttitudeThrust) -> list[Pipel
     for cycle in range(cycles):
         vehicle = VehicleState(DT_S * cycle, zero, zero, sent.q_w_flu_wxyz, zero)
         asked = stage.fly(vehicle, 0.01, reference, sent, DT_S)
-        sent = asked.gated.setpoint
+        sent = asked.limited.setpoint
         flown.append(asked)
     return flown
 
 
 def sent_w_mps2(asked: PipelineOutput) -> Array:
-    return accel_of_setpoint(asked.gated.setpoint, MODEL)
+    return accel_of_setpoint(asked.limited.setpoint, MODEL)
 
 
 def switched(law: Any, cycles: int) -> tuple[PipelineOutput, list[PipelineOutput]]:
@@ -75,7 +75,7 @@ def switched(law: Any, cycles: int) -> tuple[PipelineOutput, list[PipelineOutput
     stage = ControlPipeline(Constant(-WIND_W_MPS2), MODEL, LIMITS)
     last = fly(stage, 800, idle_setpoint(0.0))[-1]
     stage.switch(law)
-    return last, fly(stage, cycles, last.gated.setpoint)
+    return last, fly(stage, cycles, last.limited.setpoint)
 
 
 @pytest.mark.parametrize("law", [Constant((-1.0, 0.5, 0.0)), Seeded((0.0, 0.0, 0.0))], ids=["unseeded", "seeded"])
@@ -92,8 +92,8 @@ def test_a_seeded_law_counters_at_once_what_the_old_one_did() -> None:
     for asked in after:
         np.testing.assert_allclose(sent_w_mps2(asked), -WIND_W_MPS2, atol=2e-3)
     done = round(BLEND_S / DT_S)
-    assert all(asked.output.event.all() for asked in after[:done])
-    assert not after[done + 1].output.event.any(), "and then its own word on what is worth sending"
+    assert all(asked.law_output.event.all() for asked in after[:done])
+    assert not after[done + 1].law_output.event.any(), "and then its own word on what is worth sending"
 
 
 CALM = EtnnGains.model_validate(
@@ -135,7 +135,7 @@ def test_with_an_observer_the_law_shares_it_between_push_and_network() -> None:
     gains = CALM.model_copy(update={"push_share": 0.8})
     law = Etnn(gains, Predictor(vehicle, DT_S, 0.1, 0.1, observer_radps=7.0))
     _, after = switched(law, 1)
-    signals = after[0].output.signals
+    signals = after[0].law_output.signals
     np.testing.assert_allclose(signals["u_bar"], -WIND_W_MPS2, atol=0.1)
     np.testing.assert_allclose(signals["push"], WIND_W_MPS2, atol=0.1)
 
@@ -147,9 +147,9 @@ def test_what_an_unseeded_law_does_not_know_is_held_for_it_and_fades_slowly() ->
     steps = np.diff(sent, axis=0)
     assert (steps[:, 0] >= -1e-9).all(), "in one direction"
     assert np.abs(steps[:, 0]).max() < 0.025 * 0.6, "by a fiftieth of it at most, and no more often"
-    assert sum(asked.output.event.any() for asked in after) < BLEND_S / DT_S + 55
+    assert sum(asked.law_output.event.any() for asked in after) < BLEND_S / DT_S + 55
     np.testing.assert_allclose(sent[-1], np.zeros(3), atol=1e-5)
-    assert not after[-1].output.event.any()
+    assert not after[-1].law_output.event.any()
 
 
 def test_a_law_that_finds_the_wind_by_itself_is_not_helped_any_longer() -> None:
@@ -166,6 +166,6 @@ def test_at_lift_off_nothing_is_known_and_a_switch_on_the_ground_is_no_switch() 
     law = Seeded((0.3, 0.0, 0.0))
     stage.switch(law)
     stage.forget()
-    after = fly(stage, 30, last.gated.setpoint)
+    after = fly(stage, 30, last.limited.setpoint)
     np.testing.assert_array_equal(law.accel_w_mps2, [0.3, 0.0, 0.0])
-    np.testing.assert_allclose(after[-1].output.accel_w_mps2, [0.3, 0.0, 0.0])
+    np.testing.assert_allclose(after[-1].law_output.accel_w_mps2, [0.3, 0.0, 0.0])

@@ -139,14 +139,14 @@ async def test_the_law_sleeps_on_the_ground() -> None:
     flight = await fly([*UP, wait(1.0), *DOWN])
     for tick, truth in zip(flight.ticks, flight.truths_w_m, strict=True):
         if tick.flight.phase in {Phase.PREFLIGHT, Phase.ARMED}:
-            assert tick.asked is None
-            assert tick.gated is not None
-            assert float(tick.gated.setpoint.thrust) == 0.0, "motors idle until takeoff"
-        if tick.asked is not None:
+            assert tick.pipeline is None
+            assert tick.limited is not None
+            assert float(tick.limited.setpoint.thrust) == 0.0, "motors idle until takeoff"
+        if tick.pipeline is not None:
             assert truth[2] > 0.005 or tick.flight.phase is Phase.LAND, "the law was awake on the ground"
-    touched = [tick for tick in flight.ticks if tick.flight.touched_down and tick.gated is not None]
-    assert all(tick.asked is None for tick in touched)
-    assert float(touched[-1].gated.setpoint.thrust) == 0.0  # type: ignore[union-attr]
+    touched = [tick for tick in flight.ticks if tick.flight.touched_down and tick.limited is not None]
+    assert all(tick.pipeline is None for tick in touched)
+    assert float(touched[-1].limited.setpoint.thrust) == 0.0  # type: ignore[union-attr]
 
 
 async def test_the_trigger_sends_a_fraction_of_the_cycles_and_every_setpoint_differs_from_the_last() -> None:
@@ -326,7 +326,7 @@ async def test_a_law_that_gives_no_number_any_more_is_handed_over() -> None:
 
 async def test_nan_never_leaves_the_gate() -> None:
     flight = await fly([*UP, wait(2.0)], controller=_NotANumber(PidGains()))
-    assert any(tick.gated is not None and bool(tick.gated.not_finite) for tick in flight.ticks)
+    assert any(tick.limited is not None and bool(tick.limited.not_finite) for tick in flight.ticks)
     for _, setpoint in flight.autopilot.setpoints:
         assert np.isfinite(setpoint.q_w_flu_wxyz).all()
         assert np.isfinite(setpoint.thrust)

@@ -65,9 +65,9 @@ def test_the_tilt_limit_holds_by_the_autopilots_horizon_too() -> None:
 
 def test_on_the_ground_nothing_is_corrected_and_the_rotors_idle() -> None:
     for tick in hovering(f"autopilot wrong (attitude off) by {OFF_RAD} rad").ticks:
-        if tick.wire is None or tick.gated is None or tick.flight.airborne:
+        if tick.wire is None or tick.limited is None or tick.flight.airborne:
             continue
-        assert tick.wire.setpoint.thrust == tick.gated.setpoint.thrust
+        assert tick.wire.setpoint.thrust == tick.limited.setpoint.thrust
         if not tick.flight.touched_down:
             assert (tick.wire.horizon.x, tick.wire.horizon.y) == (0.0, 0.0)
 
@@ -86,9 +86,9 @@ def test_a_motion_capture_that_is_off_moves_the_vehicle_by_little_and_is_told() 
 def test_the_record_has_both_setpoints() -> None:
     flight = hovering(f"autopilot wrong (attitude off) by {OFF_RAD} rad")
     tick = next(tick for tick in flight.ticks[::-1] if tick.flight.phase is Phase.HOLD)
-    assert tick.gated is not None
+    assert tick.limited is not None
     assert tick.wire is not None
-    lean = up_axis(tick.gated.setpoint.q_w_flu_wxyz) - up_axis(tick.wire.setpoint.q_w_flu_wxyz)
+    lean = up_axis(tick.limited.setpoint.q_w_flu_wxyz) - up_axis(tick.wire.setpoint.q_w_flu_wxyz)
     assert np.linalg.norm(lean) == pytest.approx(OFF_RAD, abs=0.01)
     assert b"wire_q_w_flu_wxyz" in b"".join(RowEncoder().messages(tick, frozen(tick)))
 

@@ -67,7 +67,7 @@ def since(flight: Flight, begun_s: float) -> tuple[float, float]:
     """Largest change of the acceleration asked for between two cycles, and largest error, from then on."""
     rows = [row for row in zip(flight.ticks, flight.truths_w_m, strict=True) if row[0].time_s >= begun_s - 0.02]
     model = CONFIG.vehicle.thrust_model()
-    asked = np.array([accel_of_setpoint(tick.gated.setpoint, model) for tick, _ in rows if tick.gated is not None])
+    asked = np.array([accel_of_setpoint(tick.limited.setpoint, model) for tick, _ in rows if tick.limited is not None])
     errors = [np.linalg.norm(truth - tick.reference.position_w_m) for tick, truth in rows if tick.reference is not None]
     return float(np.linalg.norm(np.diff(asked, axis=0), axis=1).max()), float(max(errors))
 

@@ -49,17 +49,17 @@ def checked(
     dt_s: float = 10.0,
 ) -> LimitedSetpoint:
     """With time enough to get to whatever is wanted, unless the test says otherwise."""
-    gated = guard().check(wanted, last, vehicle, age_s, dt_s)
-    assert gated.failure == ""
-    return gated
+    limited = guard().check(wanted, last, vehicle, age_s, dt_s)
+    assert limited.failure == ""
+    return limited
 
 
-def accel(gated: LimitedSetpoint) -> list[float]:
-    return [float(a) for a in accel_of_setpoint(gated.setpoint, MODEL)]
+def accel(limited: LimitedSetpoint) -> list[float]:
+    return [float(a) for a in accel_of_setpoint(limited.setpoint, MODEL)]
 
 
-def cuts(gated: LimitedSetpoint) -> set[str]:
-    return {name for name in FLAGS if getattr(gated, name)}
+def cuts(limited: LimitedSetpoint) -> set[str]:
+    return {name for name in FLAGS if getattr(limited, name)}
 
 
 def tilt_of(q: Array) -> float:
@@ -148,11 +148,11 @@ def test_towards_a_wall_is_braked_as_needed_and_the_rest_keeps_what_it_wants(axi
     """1 m/s 0.6 m before the drawn-in wall; after 0.2 s 0.4 m are left, 0.05 m too little for -0 m/s^2."""
     place, velocity, wanted = np.array([0.0, 0.0, 1.5]), np.zeros(3), np.array([1.2, 1.2, 0.5])
     place[axis], velocity[axis], wanted[axis] = way * ((4.45, 3.45)[axis] - 0.6), way, 3.0 * way
-    gated = checked(asking(*wanted), at(tuple(place), tuple(velocity)))
+    limited = checked(asking(*wanted), at(tuple(place), tuple(velocity)))
     expected = wanted.copy()
     expected[axis] = way * braking(0.4, 1.0)
-    np.testing.assert_allclose(accel(gated), expected, atol=1e-9)
-    assert cuts(gated) == {"fence_cut"}
+    np.testing.assert_allclose(accel(limited), expected, atol=1e-9)
+    assert cuts(limited) == {"fence_cut"}
 
 
 def test_what_acts_already_is_half_of_the_attitude_and_half_of_what_was_sent() -> None:
@@ -177,10 +177,10 @@ def test_what_acts_already_counts_along_the_other_axes_too() -> None:
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_no_harder_than_the_cone_allows_at_hover_and_the_other_axis_gives_way(way: float) -> None:
-    gated = checked(asking(3.0 * way, 2.0, 0.0), at((4.6 * way, 0.0, 1.5), (2.0 * way, 0.0, 0.0)))
-    np.testing.assert_allclose(accel(gated), [-way * G * SLOPE, 0.0, 0.0], atol=1e-6)
-    gated = checked(asking(2.0, 3.0 * way, 0.0), at((0.0, 3.6 * way, 1.5), (0.0, 2.0 * way, 0.0)))
-    np.testing.assert_allclose(accel(gated), [0.0, -way * G * SLOPE, 0.0], atol=1e-6)
+    limited = checked(asking(3.0 * way, 2.0, 0.0), at((4.6 * way, 0.0, 1.5), (2.0 * way, 0.0, 0.0)))
+    np.testing.assert_allclose(accel(limited), [-way * G * SLOPE, 0.0, 0.0], atol=1e-6)
+    limited = checked(asking(2.0, 3.0 * way, 0.0), at((0.0, 3.6 * way, 1.5), (0.0, 2.0 * way, 0.0)))
+    np.testing.assert_allclose(accel(limited), [0.0, -way * G * SLOPE, 0.0], atol=1e-6)
 
 
 def test_the_other_axis_has_what_the_brake_leaves_of_the_cone() -> None:
@@ -209,9 +209,9 @@ def test_one_that_wants_to_fall_is_held_as_far_as_the_brake_takes_it(axis: int) 
     def seen(left_m: float, speed_mps: float) -> list[float]:
         place, velocity, wanted = np.array([0.0, 0.0, 1.5]), np.zeros(3), np.array([0.5, 0.5, -8.0])
         place[axis], velocity[axis], wanted[axis] = (4.45, 3.45)[axis] - left_m, speed_mps, 0.8
-        gated = checked(asking(*wanted), at(tuple(place), tuple(velocity)))
-        assert "fence_cut" in cuts(gated)
-        x, y, z = accel(gated)
+        limited = checked(asking(*wanted), at(tuple(place), tuple(velocity)))
+        assert "fence_cut" in cuts(limited)
+        x, y, z = accel(limited)
         return [y, x, z] if axis else [x, y, z]
 
     assert seen(0.6, 1.0) == pytest.approx([braking(0.4, 1.0), 0.5, -8.0], abs=1e-9), "so little needs no more"
@@ -250,9 +250,9 @@ def test_one_that_climbs_goes_on_climbing_while_it_brakes() -> None:
 
 
 def test_below_the_ceiling_there_is_less_thrust_and_sideways_goes_on() -> None:
-    gated = checked(asking(1.0, -1.0, 2.0), at((0.0, 0.0, 2.85), (0.0, 0.0, 1.0)))
-    np.testing.assert_allclose(accel(gated), [1.0, -1.0, braking(0.4, 1.0)], atol=1e-9)
-    assert cuts(gated) == {"fence_cut"}
+    limited = checked(asking(1.0, -1.0, 2.0), at((0.0, 0.0, 2.85), (0.0, 0.0, 1.0)))
+    np.testing.assert_allclose(accel(limited), [1.0, -1.0, braking(0.4, 1.0)], atol=1e-9)
+    assert cuts(limited) == {"fence_cut"}
     assert "fence_cut" not in cuts(checked(asking(0.0, 0.0, -1.0), at((0.0, 0.0, 2.9), (0.0, 0.0, 1.0))))
     assert "fence_cut" not in cuts(checked(asking(0.0, 0.0, -1.0), at((0.0, 0.0, -3.0), (0.0, 0.0, -9.0))))
 
@@ -292,18 +292,18 @@ def test_a_ceiling_holds_who_presses_against_it_as_long_as_no_more_is_counted_on
 
 def test_the_heading_stays_the_vehicles_while_it_brakes() -> None:
     turned = at((3.85, 0.0, 1.5), (1.5, 0.0, 0.0), quat_from_yaw(0.7))
-    gated = checked(asking(3.0, 0.0, 0.0, yaw_rad=-1.0), turned)
-    assert float(yaw_of(gated.setpoint.q_w_flu_wxyz)) == pytest.approx(0.7)
-    np.testing.assert_allclose(accel(gated), [braking(0.3, 1.5), 0.0, 0.0], atol=1e-6)
+    limited = checked(asking(3.0, 0.0, 0.0, yaw_rad=-1.0), turned)
+    assert float(yaw_of(limited.setpoint.q_w_flu_wxyz)) == pytest.approx(0.7)
+    np.testing.assert_allclose(accel(limited), [braking(0.3, 1.5), 0.0, 0.0], atol=1e-6)
 
 
 def test_a_wild_setpoint_towards_the_wall_is_cut_to_the_cone_before_it_is_braked() -> None:
     """Upside down its thrust would push away from the wall; turned into the cone it pushes towards it."""
     lean = math.radians(170.0)
     wild = AttitudeThrust(np.array([math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0]), np.array(0.5))
-    gated = checked(wild, at((4.4, 0.0, 1.5), (0.2, 0.0, 0.0)))
-    assert {"tilt_cut", "fence_cut"} <= cuts(gated)
-    assert accel(gated)[0] == pytest.approx(braking(0.01, 0.2), abs=1e-6)
+    limited = checked(wild, at((4.4, 0.0, 1.5), (0.2, 0.0, 0.0)))
+    assert {"tilt_cut", "fence_cut"} <= cuts(limited)
+    assert accel(limited)[0] == pytest.approx(braking(0.01, 0.2), abs=1e-6)
     for thrust in (0.01, 0.95):
         strong = AttitudeThrust(asking(2.0, 0.0, 0.0).q_w_flu_wxyz, np.array(thrust))
         assert {"thrust_cut", "fence_cut"} <= cuts(checked(strong, at((4.6, 0.0, 1.5), (0.2, 0.0, 0.0))))
@@ -313,24 +313,24 @@ def test_a_wild_setpoint_that_asks_for_little_asks_for_much_once_it_is_cut() -> 
     """Leaning by 178 degrees it pushes with 0.34 m/s^2; turned into the cone with 4.9, where 4.1 are allowed."""
     lean = math.radians(178.0)
     wild = AttitudeThrust(np.array([math.cos(lean / 2), 0.0, math.sin(lean / 2), 0.0]), np.array(0.5))
-    gated = checked(wild, at((4.2, 0.0, 1.5)))
-    assert {"tilt_cut", "fence_cut"} <= cuts(gated)
-    assert accel(gated)[0] == pytest.approx(braking(0.25, 0.0), abs=1e-6)
+    limited = checked(wild, at((4.2, 0.0, 1.5)))
+    assert {"tilt_cut", "fence_cut"} <= cuts(limited)
+    assert accel(limited)[0] == pytest.approx(braking(0.25, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("q", [np.full(4, math.nan), 0.5 * LEVEL, 1.01 * LEVEL])
 def test_when_there_is_no_number_what_was_sent_last_is_braked(q: Array) -> None:
     pushing = asking(3.0, 0.0, 0.0)
     none = AttitudeThrust(q, np.array(0.5))
-    gated = checked(none, at((4.4, 0.0, 1.5), (0.5, 0.0, 0.0)), last=pushing)
-    assert {"not_finite", "fence_cut"} <= cuts(gated)
-    assert accel(gated)[0] < -2.0
+    limited = checked(none, at((4.4, 0.0, 1.5), (0.5, 0.0, 0.0)), last=pushing)
+    assert {"not_finite", "fence_cut"} <= cuts(limited)
+    assert accel(limited)[0] < -2.0
 
 
 def test_the_brake_is_slewed_like_everything_else() -> None:
-    gated = checked(HOVER, at((4.6, 0.0, 1.5), (2.0, 0.0, 0.0)), dt_s=DT_S)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(0.06)
-    assert cuts(gated) == {"fence_cut", "slew_cut"}
+    limited = checked(HOVER, at((4.6, 0.0, 1.5), (2.0, 0.0, 0.0)), dt_s=DT_S)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(0.06)
+    assert cuts(limited) == {"fence_cut", "slew_cut"}
 
 
 # --- any setpoints from anywhere ---
@@ -387,10 +387,10 @@ def test_pressed_against_the_wall_it_comes_to_rest_before_it_and_does_not_rattle
 )
 def test_with_age_the_cone_shrinks_and_the_thrust_is_drawn_to_just_below_hover(age_s: float, share: float) -> None:
     wanted = AttitudeThrust(asking(5.0, 0.0, 0.0).q_w_flu_wxyz, np.array(0.7))
-    gated = checked(wanted, MIDDLE, age_s)
-    assert cuts(gated) == ({"age_cut"} if share < 1.0 else set())
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(min(math.atan2(5.0, G), share * 0.52), abs=1e-9)
-    assert float(gated.setpoint.thrust) == pytest.approx(share * 0.7 + (1.0 - share) * SINKING)
+    limited = checked(wanted, MIDDLE, age_s)
+    assert cuts(limited) == ({"age_cut"} if share < 1.0 else set())
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(min(math.atan2(5.0, G), share * 0.52), abs=1e-9)
+    assert float(limited.setpoint.thrust) == pytest.approx(share * 0.7 + (1.0 - share) * SINKING)
 
 
 def test_a_lean_inside_the_smaller_cone_stays() -> None:
@@ -424,25 +424,25 @@ UNKNOWN = [
 
 @pytest.mark.parametrize("vehicle", UNKNOWN)
 def test_without_a_state_it_is_level_and_sinks_gently_whatever_is_wanted(vehicle: VehicleState | None) -> None:
-    gated = checked(asking(3.0, -2.0, 4.0, yaw_rad=0.8), vehicle, 0.0)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(0.0, abs=1e-9)
-    assert float(gated.setpoint.thrust) == pytest.approx(SINKING)
-    assert cuts(gated) == {"age_cut"}
+    limited = checked(asking(3.0, -2.0, 4.0, yaw_rad=0.8), vehicle, 0.0)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(0.0, abs=1e-9)
+    assert float(limited.setpoint.thrust) == pytest.approx(SINKING)
+    assert cuts(limited) == {"age_cut"}
 
 
 @pytest.mark.parametrize("age_s", [math.nan, math.inf, -math.inf])
 def test_an_age_that_is_no_number_is_no_state(age_s: float) -> None:
-    gated = checked(asking(3.0, 0.0, 4.0), MIDDLE, age_s)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(0.0, abs=1e-9)
-    assert float(gated.setpoint.thrust) == pytest.approx(SINKING)
+    limited = checked(asking(3.0, 0.0, 4.0), MIDDLE, age_s)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(0.0, abs=1e-9)
+    assert float(limited.setpoint.thrust) == pytest.approx(SINKING)
 
 
 def test_it_is_levelled_no_faster_than_the_limits_allow() -> None:
     leaning = asking(5.0, 0.0, 0.0)
-    gated = checked(leaning, None, last=leaning, dt_s=DT_S)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(math.atan2(5.0, G) - 0.06)
-    assert float(gated.setpoint.thrust) == pytest.approx(float(leaning.thrust) - 0.05)
-    assert cuts(gated) == {"age_cut", "slew_cut"}
+    limited = checked(leaning, None, last=leaning, dt_s=DT_S)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(math.atan2(5.0, G) - 0.06)
+    assert float(limited.setpoint.thrust) == pytest.approx(float(leaning.thrust) - 0.05)
+    assert cuts(limited) == {"age_cut", "slew_cut"}
 
 
 def test_the_gates_cuts_are_told_as_well_when_the_guard_has_cut() -> None:
@@ -459,8 +459,8 @@ def test_the_gates_cuts_are_told_as_well_when_the_guard_has_cut() -> None:
 @pytest.mark.parametrize("dt_s", [0.0, -1.0, math.nan, -math.inf, 1e-3])
 def test_a_clock_that_stands_does_not_hold_a_tilt_for_ever(dt_s: float) -> None:
     leaning = asking(3.0, 0.0, 0.0)
-    gated = checked(leaning, None, last=leaning, dt_s=dt_s)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(math.atan2(3.0, G) - 0.006)
+    limited = checked(leaning, None, last=leaning, dt_s=dt_s)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(math.atan2(3.0, G) - 0.006)
 
 
 NO_SETPOINTS = [
@@ -476,19 +476,19 @@ NO_SETPOINTS = [
 def test_when_the_last_setpoint_was_none_it_begins_from_level_sinking_at_the_wanted_heading(
     last: AttitudeThrust,
 ) -> None:
-    gated = checked(asking(3.0, 0.0, 0.0, yaw_rad=0.4), MIDDLE, last=last, dt_s=DT_S)
-    assert float(yaw_of(gated.setpoint.q_w_flu_wxyz)) == pytest.approx(0.4, abs=5e-3)
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(0.06, abs=1e-3)
-    assert float(gated.setpoint.thrust) == pytest.approx(0.5 * math.hypot(3.0, G) / G)
+    limited = checked(asking(3.0, 0.0, 0.0, yaw_rad=0.4), MIDDLE, last=last, dt_s=DT_S)
+    assert float(yaw_of(limited.setpoint.q_w_flu_wxyz)) == pytest.approx(0.4, abs=5e-3)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(0.06, abs=1e-3)
+    assert float(limited.setpoint.thrust) == pytest.approx(0.5 * math.hypot(3.0, G) / G)
 
 
 @pytest.mark.parametrize("last", NO_SETPOINTS)
 @pytest.mark.parametrize("wanted", NO_SETPOINTS)
 def test_with_no_setpoint_at_all_it_is_level_and_sinks(wanted: AttitudeThrust, last: AttitudeThrust) -> None:
-    gated = checked(wanted, MIDDLE, last=last)
-    np.testing.assert_allclose(np.abs(gated.setpoint.q_w_flu_wxyz), LEVEL, atol=1e-12)
-    assert float(gated.setpoint.thrust) == pytest.approx(SINKING)
-    assert cuts(gated) == {"not_finite"}
+    limited = checked(wanted, MIDDLE, last=last)
+    np.testing.assert_allclose(np.abs(limited.setpoint.q_w_flu_wxyz), LEVEL, atol=1e-12)
+    assert float(limited.setpoint.thrust) == pytest.approx(SINKING)
+    assert cuts(limited) == {"not_finite"}
 
 
 NUMBERS: Any = st.one_of(st.floats(-2.0, 2.0), st.sampled_from([math.nan, math.inf, -math.inf, 1e308, -1e200, 0.0]))
@@ -530,12 +530,12 @@ def test_whatever_comes_in_what_goes_out_is_inside_the_limits(
 ) -> None:
     vehicle = VehicleState(0.0, np.array(place), np.array(velocity), attitude, np.zeros(3))
     last = asking(*leaning)
-    gated = checked(AttitudeThrust(q, np.array(thrust)), vehicle, age_s, last, dt_s)
-    out, step_s = gated.setpoint.q_w_flu_wxyz, dt_s if dt_s > 1e-3 else 1e-3
+    limited = checked(AttitudeThrust(q, np.array(thrust)), vehicle, age_s, last, dt_s)
+    out, step_s = limited.setpoint.q_w_flu_wxyz, dt_s if dt_s > 1e-3 else 1e-3
     assert abs(float(out @ out) - 1.0) < 1e-9
     assert tilt_of(out) <= 0.52 + 1e-9
-    assert 0.05 <= float(gated.setpoint.thrust) <= 0.8
-    assert abs(float(gated.setpoint.thrust) - float(last.thrust)) <= 5.0 * step_s + 1e-12
+    assert 0.05 <= float(limited.setpoint.thrust) <= 0.8
+    assert abs(float(limited.setpoint.thrust) - float(last.thrust)) <= 5.0 * step_s + 1e-12
     turned = 2.0 * math.acos(min(1.0, abs(float(out @ last.q_w_flu_wxyz))))
     assert turned <= 6.0 * step_s * 1.003 + 1e-6
 
@@ -555,11 +555,11 @@ def test_whatever_comes_in_what_goes_out_is_inside_the_limits(
 def test_what_fits_no_shape_ends_level_sinking_with_every_flag_and_the_reason(
     wanted: Any, last: Any, vehicle: Any, yaw_rad: float, said: str
 ) -> None:
-    gated = guard().check(wanted, last, vehicle, 0.0, DT_S)
-    assert said in gated.failure
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, quat_from_yaw(yaw_rad), atol=1e-12)
-    assert float(gated.setpoint.thrust) == pytest.approx(SINKING)
-    assert cuts(gated) == set(FLAGS)
+    limited = guard().check(wanted, last, vehicle, 0.0, DT_S)
+    assert said in limited.failure
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, quat_from_yaw(yaw_rad), atol=1e-12)
+    assert float(limited.setpoint.thrust) == pytest.approx(SINKING)
+    assert cuts(limited) == set(FLAGS)
 
 
 def test_nothing_is_remembered() -> None:

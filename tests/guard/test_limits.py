@@ -52,8 +52,8 @@ def passed(wanted: AttitudeThrust, last: AttitudeThrust, dt_s: float = DT_S) -> 
     return limit_setpoint(wanted, last, LIMITS, dt_s)
 
 
-def untouched(gated: LimitedSetpoint) -> bool:
-    return not (gated.not_finite or gated.tilt_cut or gated.thrust_cut or gated.slew_cut)
+def untouched(limited: LimitedSetpoint) -> bool:
+    return not (limited.not_finite or limited.tilt_cut or limited.thrust_cut or limited.slew_cut)
 
 
 # --- tilt ---
@@ -63,35 +63,35 @@ def untouched(gated: LimitedSetpoint) -> bool:
 @pytest.mark.parametrize("over", EDGES)
 def test_the_tilt_is_cut_on_the_outer_side_of_the_cone_only(over: float, azimuth: float) -> None:
     near = setpoint(leaning(0.51, azimuth))
-    gated = passed(setpoint(leaning(0.52 + over, azimuth)), near)
-    assert bool(gated.tilt_cut) == (over > 0.0)
-    assert not gated.slew_cut
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, leaning(min(0.52 + over, 0.52), azimuth), atol=1e-12)
+    limited = passed(setpoint(leaning(0.52 + over, azimuth)), near)
+    assert bool(limited.tilt_cut) == (over > 0.0)
+    assert not limited.slew_cut
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, leaning(min(0.52 + over, 0.52), azimuth), atol=1e-12)
 
 
 @pytest.mark.parametrize("azimuth", AZIMUTHS)
 @pytest.mark.parametrize("tilt", [0.6, 1.0, math.pi / 2, 3.0, math.pi - 1e-12])
 def test_a_setpoint_far_outside_comes_in_along_the_shortest_way(tilt: float, azimuth: float) -> None:
-    gated = passed(setpoint(leaning(tilt, azimuth)), setpoint(LEVEL), dt_s=10.0)
-    assert gated.tilt_cut
-    np.testing.assert_allclose(tilt_of(gated.setpoint.q_w_flu_wxyz), 0.52, atol=1e-9)
+    limited = passed(setpoint(leaning(tilt, azimuth)), setpoint(LEVEL), dt_s=10.0)
+    assert limited.tilt_cut
+    np.testing.assert_allclose(tilt_of(limited.setpoint.q_w_flu_wxyz), 0.52, atol=1e-9)
     if tilt < 3.1:
-        np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, leaning(0.52, azimuth), atol=1e-9)
+        np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, leaning(0.52, azimuth), atol=1e-9)
 
 
 @pytest.mark.parametrize("q", [(0, 1, 0, 0), (0, 0, 1, 0), (0, math.sqrt(0.5), math.sqrt(0.5), 0)])
 def test_exactly_inverted_comes_out_on_the_cone(q: tuple[float, ...]) -> None:
-    gated = passed(setpoint(np.array(q, dtype=float)), setpoint(LEVEL), dt_s=10.0)
-    assert gated.tilt_cut
-    assert np.all(np.isfinite(gated.setpoint.q_w_flu_wxyz)), "there is no shortest way, but there must be one"
-    assert tilt_of(gated.setpoint.q_w_flu_wxyz) == pytest.approx(0.52, abs=1e-9)
+    limited = passed(setpoint(np.array(q, dtype=float)), setpoint(LEVEL), dt_s=10.0)
+    assert limited.tilt_cut
+    assert np.all(np.isfinite(limited.setpoint.q_w_flu_wxyz)), "there is no shortest way, but there must be one"
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == pytest.approx(0.52, abs=1e-9)
 
 
 @pytest.mark.parametrize("yaw", [-2.0, 0.0, 3.0])
 def test_tilting_along_or_across_the_nose_keeps_the_heading(yaw: float) -> None:
     for azimuth in (yaw, yaw + math.pi / 2, yaw + math.pi, yaw - math.pi / 2):
-        gated = passed(setpoint(leaning(1.2, azimuth, yaw)), setpoint(leaning(0.5, azimuth, yaw)), dt_s=10.0)
-        np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, leaning(0.52, azimuth, yaw), atol=1e-9)
+        limited = passed(setpoint(leaning(1.2, azimuth, yaw)), setpoint(leaning(0.5, azimuth, yaw)), dt_s=10.0)
+        np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, leaning(0.52, azimuth, yaw), atol=1e-9)
 
 
 @pytest.mark.parametrize(("wanted_tilt", "heading_deg"), [(0.6, 1.4), (0.8, 6.2), (1.0, 13.1), (1.2, 22.3)])
@@ -126,11 +126,11 @@ def test_a_billionth_beyond_the_cone_or_the_turn_is_cut_too(over: float) -> None
 
 
 def test_what_only_a_guard_cuts_is_not_cut_by_the_gate() -> None:
-    gated = passed(setpoint(leaning(1.2, 0.4), 0.9), setpoint(LEVEL))
-    for flag in (gated.age_cut, gated.fence_cut):
+    limited = passed(setpoint(leaning(1.2, 0.4), 0.9), setpoint(LEVEL))
+    for flag in (limited.age_cut, limited.fence_cut):
         assert flag.dtype == np.bool_
         assert not flag
-    assert gated.failure == ""
+    assert limited.failure == ""
 
 
 # --- thrust ---
@@ -154,10 +154,10 @@ def test_exactly_on_the_thrust_limits_is_allowed() -> None:
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 @pytest.mark.parametrize("over", EDGES)
 def test_the_thrusts_rate_is_cut_on_the_outer_side_only(over: float, way: float) -> None:
-    gated = passed(setpoint(LEVEL, 0.5 + way * (THRUST_STEP + over)), setpoint(LEVEL, 0.5))
-    assert bool(gated.slew_cut) == (over > 0.0)
-    assert not gated.thrust_cut
-    assert float(gated.setpoint.thrust) == pytest.approx(0.5 + way * min(THRUST_STEP + over, THRUST_STEP), abs=1e-15)
+    limited = passed(setpoint(LEVEL, 0.5 + way * (THRUST_STEP + over)), setpoint(LEVEL, 0.5))
+    assert bool(limited.slew_cut) == (over > 0.0)
+    assert not limited.thrust_cut
+    assert float(limited.setpoint.thrust) == pytest.approx(0.5 + way * min(THRUST_STEP + over, THRUST_STEP), abs=1e-15)
 
 
 def test_from_idle_on_the_ground_the_thrust_climbs_at_its_rate_through_the_forbidden_range() -> None:
@@ -178,16 +178,16 @@ def test_the_turn_is_cut_on_the_outer_side_only(over: float, axis: tuple[float, 
     def turned(angle: float) -> Array:
         return np.concatenate(([math.cos(angle / 2)], math.sin(angle / 2) * np.array(axis)))
 
-    gated = passed(setpoint(turned(TURN_RAD + over)), setpoint(LEVEL))
-    assert bool(gated.slew_cut) == (over > 0.0)
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, turned(min(TURN_RAD + over, TURN_RAD)), atol=1e-12)
+    limited = passed(setpoint(turned(TURN_RAD + over)), setpoint(LEVEL))
+    assert bool(limited.slew_cut) == (over > 0.0)
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, turned(min(TURN_RAD + over, TURN_RAD)), atol=1e-12)
 
 
 def test_the_other_sign_of_a_quaternion_is_no_turn() -> None:
     q = leaning(0.3, 1.0, 0.5)
-    gated = passed(setpoint(-q), setpoint(q))
-    assert untouched(gated)
-    assert turn_between(gated.setpoint.q_w_flu_wxyz, q) < 1e-9
+    limited = passed(setpoint(-q), setpoint(q))
+    assert untouched(limited)
+    assert turn_between(limited.setpoint.q_w_flu_wxyz, q) < 1e-9
 
 
 def test_a_wanted_attitude_is_reached_at_the_limits_rate() -> None:
@@ -208,10 +208,10 @@ def test_what_is_not_finite_is_replaced_by_what_went_out_last(place: int, number
     values = [*leaning(0.2, 0.3), 0.6]
     values[place] = number
     last = setpoint(leaning(0.1, 0.2), 0.4)
-    gated = passed(setpoint(np.array(values[:4]), values[4]), last)
-    assert gated.not_finite
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, last.q_w_flu_wxyz, atol=1e-15)
-    assert float(gated.setpoint.thrust) == 0.4
+    limited = passed(setpoint(np.array(values[:4]), values[4]), last)
+    assert limited.not_finite
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, last.q_w_flu_wxyz, atol=1e-15)
+    assert float(limited.setpoint.thrust) == 0.4
 
 
 @pytest.mark.parametrize(
@@ -230,9 +230,9 @@ def test_what_is_not_finite_is_replaced_by_what_went_out_last(place: int, number
 )
 def test_a_quaternion_that_is_no_rotation_is_refused_and_a_rounded_one_is_mended(scale: float, refused: bool) -> None:
     wanted, last = leaning(0.11, 0.2), leaning(0.1, 0.2)
-    gated = passed(setpoint(scale * wanted), setpoint(last))
-    assert bool(gated.not_finite) == refused
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, last if refused else wanted, atol=1e-12)
+    limited = passed(setpoint(scale * wanted), setpoint(last))
+    assert bool(limited.not_finite) == refused
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, last if refused else wanted, atol=1e-12)
 
 
 def test_one_bad_member_of_a_batch_spoils_no_other() -> None:
@@ -264,15 +264,15 @@ def test_from_an_allowed_setpoint_nothing_ever_leads_out(seed: int) -> None:
     rng = np.random.default_rng(seed)
     last = setpoint(leaning(rng.uniform(0.0, 0.52), rng.uniform(0, 6.3), rng.uniform(0, 6.3)), rng.uniform(0.05, 0.8))
     for _ in range(20):
-        gated = passed(anything(rng), last)
-        q, thrust = gated.setpoint.q_w_flu_wxyz, float(gated.setpoint.thrust)
+        limited = passed(anything(rng), last)
+        q, thrust = limited.setpoint.q_w_flu_wxyz, float(limited.setpoint.thrust)
         assert tilt_of(q) <= 0.52 + 1e-9
         assert abs(float(q @ q) - 1.0) < 1e-9
         assert 0.05 - 1e-12 <= thrust <= 0.80 + 1e-12
         assert abs(thrust - float(last.thrust)) <= THRUST_STEP + 1e-12
         # the cone is cut after the turn, and turning back to it may add a little: see the next test
         assert turn_between(q, last.q_w_flu_wxyz) <= TURN_RAD * 1.0001
-        last = gated.setpoint
+        last = limited.setpoint
 
 
 @pytest.mark.parametrize(("dt_s", "excess"), [(0.002, 1e-5), (0.01, 1e-4), (0.02, 1e-3), (0.05, 3e-3)])
@@ -314,10 +314,10 @@ def test_what_is_allowed_passes_as_it_is(tilt: float, azimuth: float, yaw: float
     nearby = product(q, np.concatenate(([1.0], rng.normal(0.0, 0.005, 3))))
     nearby /= math.sqrt(float(nearby @ nearby))
     near = thrust + rng.uniform(-0.04, 0.04)
-    gated = passed(setpoint(q, thrust), setpoint(nearby, near))
-    assert untouched(gated)
-    np.testing.assert_allclose(gated.setpoint.q_w_flu_wxyz, q, atol=1e-15)
-    assert float(gated.setpoint.thrust) == thrust
+    limited = passed(setpoint(q, thrust), setpoint(nearby, near))
+    assert untouched(limited)
+    np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, q, atol=1e-15)
+    assert float(limited.setpoint.thrust) == thrust
 
 
 @given(seed=SEED)

@@ -259,7 +259,7 @@ def test_a_dry_law_is_asked_as_often_as_in_flight_and_nothing_of_it_is_sent() ->
     assert check_law(law.seen).passed
     assert check_health(law.seen).passed
     assert law.seen.most_tilt_rad == pytest.approx(math.atan(1.0 / 9.8), abs=0.01)
-    assert ticks[-1].gated is not None
+    assert ticks[-1].limited is not None
     assert ticks[-1].reference is not None
 
 
@@ -268,7 +268,7 @@ def test_a_law_that_raises_fails_and_the_rest_goes_on() -> None:
     check = check_law(law.seen)
     assert not check.passed
     assert "ZeroDivisionError: gains" in check.says
-    assert ticks[-1].asked is None
+    assert ticks[-1].pipeline is None
     assert ticks[-1].vehicle is not None
 
 
@@ -281,7 +281,7 @@ def test_a_law_that_gives_no_number_fails() -> None:
 def test_a_room_without_the_body_leaves_the_law_without_work() -> None:
     law, ticks = dry(Scripted(tracked=False), Law((0.0, 0.0, 0.0)))
     assert "no setpoint at all" in check_law(law.seen).says
-    assert all(tick.asked is None for tick in ticks)
+    assert all(tick.pipeline is None for tick in ticks)
 
 
 def test_what_would_have_ended_a_flight_is_a_failure() -> None:

@@ -82,7 +82,7 @@ def flight(
                 )
                 estimate = estimator.step(estimate, frame, EstimatorParams())
             tick = _tick(time_s, phase, name, frame, estimate, (stage, sent) if stage and name else None)
-            sent = sent if tick.gated is None else tick.gated.setpoint
+            sent = sent if tick.limited is None else tick.limited.setpoint
             yield tick
 
 
@@ -96,10 +96,10 @@ def _tick(
 ) -> Tick:
     flown = law is not None and estimate.vehicle is not None
     reference = Reference(np.array([math.cos(time_s), math.sin(time_s), 1.0]), ZERO, ZERO, 0.1)
-    asked, late = None, {}
+    output, late = None, {}
     if law is not None and estimate.vehicle is not None:
         stage, sent = law
-        asked = stage.fly(estimate.vehicle, estimator.age_s(estimate, time_s), reference, sent, PERIOD_S)
+        output = stage.fly(estimate.vehicle, estimator.age_s(estimate, time_s), reference, sent, PERIOD_S)
         late = stage.settle()
     return Tick(
         time_s=time_s,
@@ -113,8 +113,8 @@ def _tick(
             phase=phase, airborne=flown, reason="the operator\nwants it" if phase is Phase.DISARMED else ""
         ),
         reference=reference if flown else None,
-        asked=asked,
-        gated=asked.gated if asked else None,
+        pipeline=output,
+        limited=output.limited if output else None,
         late_signals=late,
         arms=_arms(time_s),
         events=(DISK_FULL,) if phase is Phase.PREFLIGHT else (),

@@ -71,18 +71,18 @@ def test_a_replay_gets_exactly_what_the_law_and_the_estimator_had(tmp_path: Path
     assert len(read) == len(ticks)
     for was, now in zip(ticks, read, strict=True):
         assert (now.frame is None) == (was.frame is None)
-        assert (now.given is None) == (was.asked is None)
+        assert (now.given is None) == (was.pipeline is None)
         if now.frame is not None and now.number > read[0].number:
             assert state is not None
             state = estimator.step(state, now.frame, EstimatorParams())
         assert to_json(state) == to_json(was.estimate)
-        if was.asked is not None and was.gated is not None:
+        if was.pipeline is not None and was.limited is not None:
             assert now.given is not None
             assert now.setpoint is not None
-            assert to_json(now.given) == to_json(was.asked.given)
-            assert now.begun == was.asked.begun
-            assert to_json(now.setpoint) == to_json(was.gated.setpoint)
-            assert to_json(now.signals) == to_json(was.asked.output.signals | was.late_signals)
+            assert to_json(now.given) == to_json(was.pipeline.given)
+            assert now.begun == was.pipeline.begun
+            assert to_json(now.setpoint) == to_json(was.limited.setpoint)
+            assert to_json(now.signals) == to_json(was.pipeline.law_output.signals | was.late_signals)
 
 
 def test_another_law_brings_its_own_signals_in_the_same_flight(tmp_path: Path) -> None:
@@ -104,11 +104,11 @@ def test_faults_come_back_with_their_reaction_and_their_end(tmp_path: Path) -> N
 
 
 def test_a_laws_array_that_is_written_to_later_is_recorded_as_it_was() -> None:
-    tick = next(tick for tick in flight() if tick.asked is not None)
-    assert tick.asked is not None
+    tick = next(tick for tick in flight() if tick.pipeline is not None)
+    assert tick.pipeline is not None
     signals, decoder, encoder = frozen(tick), RowDecoder(), RowEncoder()
-    was = tick.asked.output.signals["x1"].copy()
-    tick.asked.output.signals["x1"] += 1.0
+    was = tick.pipeline.law_output.signals["x1"].copy()
+    tick.pipeline.law_output.signals["x1"] += 1.0
     for message in encoder.messages(tick, signals):
         if message[:1] == LAYOUT:
             decoder.learn(message)
@@ -195,7 +195,7 @@ def test_whatever_a_law_calls_a_signal_is_recorded_or_is_nan(tmp_path: Path) -> 
         "none": None,
         "name": 3.0,
     }
-    flown_ticks = [tick for tick in ticks if tick.asked is not None]
+    flown_ticks = [tick for tick in ticks if tick.pipeline is not None]
     for tick in flown_ticks[:5] + flown_ticks[20:]:
         object.__setattr__(tick, "late_signals", odd)
     for tick in flown_ticks[5:20]:  # all in one piece of memory

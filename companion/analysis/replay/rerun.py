@@ -133,16 +133,16 @@ class _Sending:
 
     def __init__(self, config: CompanionConfig) -> None:
         rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
-        self._stage = WireSetpoint(rules, config.limits.limits())
+        self._wire = WireSetpoint(rules, config.limits.limits())
 
     def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
         wire, setpoint = tick.wire, tick.setpoint
         if wire is None or setpoint is None:
             return
         if wire.begun:
-            self._stage.reset()
+            self._wire.reset()
         last = AttitudeThrust(wire.last_q_w_flu_wxyz, setpoint.thrust)
-        again = self._stage.put(setpoint, wire.is_new, last, wire.seen, wire.dt_s)
+        again = self._wire.put(setpoint, wire.is_new, last, wire.seen, wire.dt_s)
         done.compare("sent attitude", wire.setpoint.q_w_flu_wxyz, again.setpoint.q_w_flu_wxyz, at_s)
         done.compare("sent thrust", wire.setpoint.thrust, again.setpoint.thrust, at_s)
         h = again.horizon
@@ -159,7 +159,7 @@ class _Flying:
         self._laws, self._other = laws, other
         self._model = config.vehicle.thrust_model()
         first = other if other is not None else next(iter(laws.values()))
-        self._stage = ControlPipeline(first, self._model, config.limits.limits(), guard=config.guard())
+        self._pipeline = ControlPipeline(first, self._model, config.limits.limits(), guard=config.guard())
         self._sent = idle_setpoint(0.0)
         self._law: str | None = None
         self._airborne = False
@@ -172,15 +172,15 @@ class _Flying:
                 tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
             )
             known_mps2 = given.known_accel_w_mps2
-            asked = self._stage.fly(vehicle, given.age_s, given.reference, self._sent, given.dt_s, known_mps2)
-            late = self._stage.settle()
-            self._compare(tick, done, at_s, asked.output.accel_w_mps2, asked.output.signals | late)
+            output = self._pipeline.fly(vehicle, given.age_s, given.reference, self._sent, given.dt_s, known_mps2)
+            late = self._pipeline.settle()
+            self._compare(tick, done, at_s, output.law_output.accel_w_mps2, output.law_output.signals | late)
             if self._other is None and tick.setpoint is not None:
-                again = asked.gated.setpoint
+                again = output.limited.setpoint
                 done.compare("setpoint attitude", tick.setpoint.q_w_flu_wxyz, again.q_w_flu_wxyz, at_s)
                 done.compare("setpoint thrust", tick.setpoint.thrust, again.thrust, at_s)
             before, now = done.events
-            done.events = before + tick.event, now + bool(asked.output.event.any())
+            done.events = before + tick.event, now + bool(output.law_output.event.any())
             done.flown += 1
         self._airborne = given is not None
         if tick.setpoint is not None:
@@ -192,9 +192,9 @@ class _Flying:
             return
         switched = self._airborne and self._law is not None  # also to the law of the same name, loaded again
         if self._other is None and (switched or tick.law != self._law):
-            self._stage.switch(self._laws[tick.law])
+            self._pipeline.switch(self._laws[tick.law])
         if not switched:
-            self._stage.forget()
+            self._pipeline.forget()
         self._law = tick.law
 
     def _compare(

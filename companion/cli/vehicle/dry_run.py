@@ -185,13 +185,11 @@ class _DryRun:
 
 
 def _setpoint(tick: Tick) -> str:
-    if tick.gated is None:
+    if tick.limited is None:
         return "nothing"
-    up = up_axis(tick.gated.setpoint.q_w_flu_wxyz)
-    lean_deg = math.degrees(math.acos(min(1.0, float(up[2]))))
-    return (
-        f"lean {lean_deg:.1f} degrees ({up[0]:+.3f} {up[1]:+.3f} in W), thrust {float(tick.gated.setpoint.thrust):.3f}"
-    )
+    up = up_axis(tick.limited.setpoint.q_w_flu_wxyz)
+    lean_deg, thrust = math.degrees(math.acos(min(1.0, float(up[2])))), float(tick.limited.setpoint.thrust)
+    return f"lean {lean_deg:.1f} degrees ({up[0]:+.3f} {up[1]:+.3f} in W), thrust {thrust:.3f}"
 
 
 async def _disarmed(running: Running, timeout_s: float) -> None:

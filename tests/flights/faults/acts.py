@@ -106,12 +106,12 @@ class _GivesNan(Pid):
 
 def law_raises(flight: Flight) -> None:
     """Make the law raise from now on; flown with "pid"."""
-    flight.loop._stage._controller = _Raises(PidGains())
+    flight.loop._pipeline._controller = _Raises(PidGains())
 
 
 def law_gives_nan(flight: Flight) -> None:
     """Make the law give NaN from now on; flown with "pid"."""
-    flight.loop._stage._controller = _GivesNan(PidGains())
+    flight.loop._pipeline._controller = _GivesNan(PidGains())
 
 
 def disk_full(flight: Flight) -> None:
