@@ -1,12 +1,15 @@
-"""Parts of the flight loop, built from the configuration: the devices it speaks to, and the stages of a tick."""
+"""What each part of a flight needs, read from the configuration: laws, pipeline, and the stages of a tick."""
 
 from dataclasses import dataclass, field
 
 from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController, load_controller
+from companion.config.law_margin import LawMargin, Measure, measured, require_margin
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.interfaces import ArmBus, Autopilot, Clock, MocapSource, WatchdogTimer
+from companion.estimation.estimator import EstimatorParams
 from companion.flight.arm_step import ArmStep
 from companion.flight.health_step import HealthStep, Sides
 from companion.flight.horizon_step import HorizonStep
@@ -33,8 +36,10 @@ class Devices:
 class Stages:
     """Each does its part of every tick."""
 
+    period_s: float
     rules: FlightRules
     safety: SafetyRules
+    estimator: EstimatorParams
     control: ControlPipeline
     arms: ArmStep | None
     law: LawStep
@@ -44,27 +49,65 @@ class Stages:
     vision: VisionStep
 
 
+def period_s(config: CompanionConfig) -> float:
+    """Return the time from one control cycle to the next."""
+    return 1.0 / config.control.rate_hz
+
+
+def controller_of(config: CompanionConfig, name: str, allow_unstable: bool = False) -> LoadedController:
+    """Load a law for this vehicle; errors as of `load_controller`."""
+    return load_controller(name, config.vehicle_model(), period_s(config), allow_unstable)
+
+
+def margin_in(config: CompanionConfig, loaded: LoadedController, measure: Measure = measured) -> LawMargin:
+    """Return the law's margins on this vehicle; ConfigError where they are too small (`require_margin`)."""
+    return require_margin(loaded, config.vehicle_model(), period_s(config), measure)
+
+
+def pipeline_of(config: CompanionConfig, law: Controller) -> ControlPipeline:
+    """Return the law's pipeline, with the guard at its end."""
+    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), guard=config.guard())
+
+
+def wire_of(config: CompanionConfig) -> WireSetpoint:
+    """Return the correction of the autopilot's horizon, between the pipeline and the autopilot."""
+    return WireSetpoint(config.control.horizon_rules(config.safety.tilt_apart_rad), config.limits.limits())
+
+
+def health_of(config: CompanionConfig, sides: Sides) -> HealthStep:
+    """Return the health checks."""
+    return HealthStep(config.safety.rules(), config.fence.fence(), sides)
+
+
+def estimator_of(config: CompanionConfig) -> EstimatorParams:
+    """Return the estimator's parameters."""
+    return EstimatorParams(delay_s=config.mocap.delay_s)
+
+
+def arms_of(config: CompanionConfig, bus: ArmBus | None) -> ArmStep | None:
+    """Return the arms' part of a tick; None for a vehicle without."""
+    if bus is None or config.arms is None:
+        return None
+    return ArmStep(bus, config.arms, config.vehicle_model(), config.airframe(), period_s(config))
+
+
 def stages_of(devices: Devices, controller: Controller, config: CompanionConfig) -> Stages:
     """All of them, with their memories empty."""
-    period_s = 1.0 / config.control.rate_hz
-    rules, safety = config.flight_rules(), config.safety.rules()
-    model, limits, fence = config.vehicle.thrust_model(), config.limits.limits(), config.fence.fence()
-    control = ControlPipeline(controller, model, limits, guard=config.guard())
+    rules, safety, step_s = config.flight_rules(), config.safety.rules(), period_s(config)
+    control, arms = pipeline_of(config, controller), arms_of(config, devices.arms)
     stream = SetpointStream(devices.autopilot, devices.watchdog_timer, devices.clock, safety.not_followed_s)
-    horizon = config.control.horizon_rules(safety.tilt_apart_rad)
-    arms = None
-    if devices.arms is not None and config.arms is not None:
-        arms = ArmStep(devices.arms, config.arms, config.vehicle_model(), config.airframe(), period_s)
+    cap_rad = float(config.control.horizon_rules(safety.tilt_apart_rad).cap_rad)
+    horizon = HorizonStep(wire_of(config), stream, safety, cap_rad, config.px4.attitude_delay_s, step_s)
     return Stages(
+        period_s=step_s,
         rules=rules,
         safety=safety,
+        estimator=estimator_of(config),
         control=control,
         arms=arms,
-        law=LawStep(control, arms, rules, safety, limits.max_thrust, period_s),
-        health=HealthStep(safety, fence, devices.sides),
+        law=LawStep(control, arms, rules, safety, config.limits.max_thrust, step_s),
+        health=health_of(config, devices.sides),
         stream=stream,
-        horizon=HorizonStep(
-            WireSetpoint(horizon, limits), stream, safety, float(horizon.cap_rad), config.px4.attitude_delay_s, period_s
-        ),
-        vision=VisionStep(devices.autopilot, config.px4.vision_rate_hz, period_s),
+        horizon=horizon,
+        vision=VisionStep(devices.autopilot, config.px4.vision_rate_hz, step_s),
     )

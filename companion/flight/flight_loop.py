@@ -5,16 +5,15 @@ import logging
 import math
 from typing import TypeGuard
 
-from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.pipeline import idle_setpoint
 from companion.control.wire_setpoint import Wire
 from companion.core.interfaces import CompanionError
 from companion.core.types import FlightMode, MocapFrame
 from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
+from companion.estimation.estimator import EstimatorState, Verdict
 from companion.flight.arming import Arming, refused_for
-from companion.flight.assembly import Devices, stages_of
+from companion.flight.assembly import Devices, Stages
 from companion.flight.autopilot_calls import AutopilotCalls
 from companion.flight.health_step import Cycle, facts_of
 from companion.flight.shutdown import Shutdown, ShutdownTimes
@@ -49,13 +48,10 @@ _FAILED = "the flight loop has failed and the autopilot was told to land: only k
 class FlightLoop:
     """Owns the flight's phase and calls, in order, what is pure and what is a device."""
 
-    def __init__(
-        self, devices: Devices, controller: Controller, config: CompanionConfig, sink: TickSink, law_name: str = ""
-    ) -> None:
+    def __init__(self, devices: Devices, stages: Stages, sink: TickSink, law_name: str = "") -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
         self._sink: TickSink | None = sink
-        self._period_s = 1.0 / config.control.rate_hz
-        stages = stages_of(devices, controller, config)
+        self._period_s, self._estimator_params = stages.period_s, stages.estimator
         self._rules, self._safety, self._pipeline = stages.rules, stages.safety, stages.control
         self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
         self._horizon = stages.horizon
@@ -65,7 +61,6 @@ class FlightLoop:
         self._calls = AutopilotCalls(devices.autopilot)
         self.arming = Arming()
         """Arming, which comes before the phases of the flight."""
-        self._estimator_params = EstimatorParams(delay_s=config.mocap.delay_s)
         self._estimate = EstimatorState()
         self._frame: MocapFrame | None = None
         self._flight = FlightState()

@@ -7,10 +7,11 @@ import numpy as np
 
 from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
-from companion.control.pipeline import ControlPipeline, PipelineOutput, idle_setpoint
+from companion.control.pipeline import PipelineOutput, idle_setpoint
 from companion.core.types import Reference, VehicleState
 from companion.flight.arm_step import ArmTick
-from companion.flight.health_step import Cycle, HealthStep, Sides
+from companion.flight.assembly import health_of, period_s, pipeline_of
+from companion.flight.health_step import Cycle, Sides
 from companion.flight.tick import Tick, TickSink
 from companion.flight.tick_timer import control_step_s
 from companion.geometry.frames import up_axis, yaw_of
@@ -30,12 +31,10 @@ class DryRun:
         self, running: Running, config: CompanionConfig, law: Controller, trajectory: Trajectory | None, sink: TickSink
     ) -> None:
         self._running, self._trajectory, self._sink = running, trajectory, sink
-        model, limits, safety = config.vehicle.thrust_model(), config.limits.limits(), config.safety.rules()
-        self._pipeline = ControlPipeline(law, model, limits, guard=config.guard())
+        self._pipeline, self._period_s = pipeline_of(config, law), period_s(config)
         self._sent = idle_setpoint(0.0)
         """As if each setpoint were sent."""
-        self._health = HealthStep(safety, config.fence.fence(), Sides(disk_free_mb=running.disk_free_mb))
-        self._period_s = 1.0 / config.control.rate_hz
+        self._health = health_of(config, Sides(disk_free_mb=running.disk_free_mb))
         self._begun_s = math.nan
         self._last_s = -math.inf
         self._fault = ""

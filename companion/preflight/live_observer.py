@@ -21,6 +21,7 @@ from companion.core.types import MocapFrame
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.flight.arm_step import ArmStep
+from companion.flight.assembly import arms_of, estimator_of, period_s
 from companion.flight.vision_step import VisionStep
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
@@ -54,12 +55,12 @@ class LiveObserver:
         self,
         mocap: MocapSource,
         clock: Clock,
-        config: CompanionConfig,
-        arms: ArmStep | None,
-        vision: VisionStep | None,
+        params: EstimatorParams,
+        arms: ArmStep | None = None,
+        vision: VisionStep | None = None,
     ) -> None:
         self._mocap, self._clock, self._arms, self._vision = mocap, clock, arms, vision
-        self._params = EstimatorParams(delay_s=config.mocap.delay_s)
+        self._params = params
         self.estimate = EstimatorState()
         self.frame: MocapFrame | None = None
         self.each: Callable[[float, float], None] | None = None
@@ -109,13 +110,10 @@ async def open_onlooker(
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
             seen = () if mocap is None else await _mocap_checks(mocap, clock, config)
             raise DevicesMissingError(opening.checks, seen)
-        arms = None
-        cycle_s = 1.0 / config.control.rate_hz
-        if bus is not None and config.arms is not None:  # it reads only, and never moves them
-            arms = ArmStep(bus, config.arms, config.vehicle_model(), config.airframe(), cycle_s)
+        arms = arms_of(config, bus)  # it reads only, and never moves them
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
-        vision = VisionStep(autopilot, config.px4.vision_rate_hz, cycle_s) if forward_vision else None
-        onlooker = LiveObserver(mocap, clock, config, arms, vision)
+        vision = VisionStep(autopilot, config.px4.vision_rate_hz, period_s(config)) if forward_vision else None
+        onlooker = LiveObserver(mocap, clock, estimator_of(config), arms, vision)
         running = Running(
             mocap=mocap,
             autopilot=autopilot,
@@ -145,7 +143,7 @@ async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[Li
     """
     clock = MonotonicClock()
     async with open_mocap(config, clock) as mocap:
-        onlooker = LiveObserver(mocap, clock, config, None, None)
+        onlooker = LiveObserver(mocap, clock, estimator_of(config))
         watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
         async with _kept_going(onlooker):
             yield onlooker, watch
@@ -153,7 +151,7 @@ async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[Li
 
 async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfig) -> tuple[Check, ...]:
     """Return the mocap checks from a short observation, used when other devices are missing."""
-    onlooker = LiveObserver(mocap, clock, config, None, None)
+    onlooker = LiveObserver(mocap, clock, estimator_of(config))
     watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
     onlooker.each = lambda now_s, _: watch.look(now_s)
     begun_s = clock.now_s()

@@ -15,13 +15,13 @@ import numpy as np
 
 from companion.adapters.px4 import LocalEstimate
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import load_controller
 from companion.config.law_margin import REMEDY, margin_of
 from companion.config.preflight_config import PreflightConfig, load_recommended
 from companion.core.interfaces import Clock, ConfigError, MocapSource
 from companion.core.types import Array, AutopilotStatus
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
+from companion.flight.assembly import controller_of, period_s
 from companion.preflight.checks.agreement import Apart, VisionSeen, apart, settles
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
 from companion.preflight.checks.check import Check
@@ -104,12 +104,12 @@ async def preflight(
 
 def check_configured_law(config: CompanionConfig) -> Check:
     """Return whether the law that `control.controller` names can be loaded, and has enough margin on this vehicle."""
-    name, model, period_s = config.control.controller, config.vehicle_model(), 1.0 / config.control.rate_hz
+    name = config.control.controller
     try:
-        loaded = load_controller(name, model, period_s)
+        loaded = controller_of(config, name)
     except ConfigError as error:
         return Check("control law", False, f"{name} cannot be loaded: {error}", "mend its file")
-    margin = margin_of(loaded, model, period_s)
+    margin = margin_of(loaded, config.vehicle_model(), period_s(config))
     return Check("control law", margin.enough or loaded.unstable_allowed, f"{name}: {margin.says}", REMEDY)
 
 

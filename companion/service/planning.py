@@ -9,14 +9,12 @@ from companion.arms.trajectory import JointTrajectory
 from companion.config.arm_files import motion_named
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import load_controller
-from companion.config.law_margin import require_margin
 from companion.config.trajectory_files import Curve, trajectory_named
 from companion.control.controller import Controller
-from companion.control.pipeline import ControlPipeline
 from companion.core.interfaces import ConfigError, FlightError
 from companion.core.types import Array
 from companion.core.waypoint_limits import LONGEST_S, time_mistake
+from companion.flight.assembly import controller_of, margin_in, pipeline_of
 from companion.geometry.frames import yaw_of
 from companion.protocol import commands
 from companion.service.flight_actions import FlightActions
@@ -41,10 +39,9 @@ class Planned:
 
 def load_law(name: str, config: CompanionConfig) -> Controller:
     """Return a law that has run once; raise ConfigError for an unknown name or a law unfit for this vehicle."""
-    model, period_s = config.vehicle_model(), 1.0 / config.control.rate_hz
-    loaded = load_controller(name, model, period_s)
-    require_margin(loaded, model, period_s, measure_apart)
-    ControlPipeline(loaded.law, config.vehicle.thrust_model(), config.limits.limits())  # first calls are slow
+    loaded = controller_of(config, name)
+    margin_in(config, loaded, measure_apart)
+    pipeline_of(config, loaded.law)  # first calls are slow
     return loaded.law
 
 

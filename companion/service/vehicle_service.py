@@ -18,7 +18,8 @@ from companion.adapters.system.instance_lock import instance_lock
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.core.interfaces import Clock, OperatorLink, WatchdogTimer
-from companion.flight.flight_loop import Devices, FlightLoop
+from companion.flight.assembly import Devices, stages_of
+from companion.flight.flight_loop import FlightLoop
 from companion.flight.health_step import Sides
 from companion.flight.tick import TickSink
 from companion.preflight.checks.check import Check
@@ -52,13 +53,8 @@ async def open_service(
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
         remarks = arms.warnings if arms is not None else ()
         sides = Sides(operator, disk.free_mb)
-        loop = FlightLoop(
-            Devices(mocap, autopilot, clock, watchdog_timer, arms, sides),
-            controller.law,
-            config,
-            sink,
-            controller.name,
-        )
+        parts = Devices(mocap, autopilot, clock, watchdog_timer, arms, sides)
+        loop = FlightLoop(parts, stages_of(parts, controller.law, config), sink, controller.name)
         running = Running(
             mocap=mocap,
             autopilot=autopilot,

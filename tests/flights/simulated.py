@@ -19,7 +19,8 @@ from companion.config.controller_config import load_controller
 from companion.control.controller import Controller
 from companion.core.interfaces import MocapError
 from companion.core.types import Array, MocapFrame
-from companion.flight.flight_loop import Devices, FlightLoop
+from companion.flight.assembly import Devices, stages_of
+from companion.flight.flight_loop import FlightLoop
 from companion.flight.tick import Tick
 from companion.geometry.frames import flip_yz
 from companion.supervisor.flight_state import Phase
@@ -252,7 +253,8 @@ async def fly(
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
     cameras = SimulatedMocap(room, every_tick)
     cameras.lost_at_s = mocap_lost_at_s
-    loop = FlightLoop(Devices(cameras, autopilot, room, NoWatchdogTimer(), bus), law, config, sink)
+    devices = Devices(cameras, autopilot, room, NoWatchdogTimer(), bus)
+    loop = FlightLoop(devices, stages_of(devices, law, config), sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")

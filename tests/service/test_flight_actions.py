@@ -14,7 +14,8 @@ from companion.config.controller_config import load_controller
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError, ConfigError, FlightError
 from companion.core.types import AutopilotStatus
-from companion.flight.flight_loop import Devices, FlightLoop
+from companion.flight.assembly import Devices, stages_of
+from companion.flight.flight_loop import FlightLoop
 from companion.preflight.checks.check import Check
 from companion.service.flight_actions import DeviceReports, FlightActions, Preflight, Tell
 from companion.service.trajectory_space import check_room_and_fence
@@ -104,7 +105,7 @@ async def served(
         return ()
 
     devices = Devices(cameras(room, count), autopilot, room, NoWatchdogTimer(), servos)
-    loop = FlightLoop(devices, law, config, lambda _: None, "etnn")
+    loop = FlightLoop(devices, stages_of(devices, law, config), lambda _: None, "etnn")
     ticking = asyncio.create_task(loop.run())
     reports = DeviceReports(preflight or passed, no_params)
     one = Served(FlightActions(loop, autopilot, config, ticking, reports), room, autopilot)

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import controller_text, load_controller
+from companion.config.controller_config import controller_text
 from companion.config.toml_files import validate
 from companion.control.controller import Controller
 from companion.core.interfaces import ConfigError
+from companion.flight.assembly import controller_of
 from companion.records.read import FlightRecord, RecordError
 
 
@@ -38,14 +39,13 @@ def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controll
 
 def law_of(name: str, text: str | None, config: CompanionConfig) -> Controller:
     """Return the law of a controller file's text, or else of the file of that name; RecordError if it is foreign."""
-    period_s = 1.0 / config.control.rate_hz
     if text is None or _is_same(name, text):
-        return load_controller(name, config.vehicle_model(), period_s, allow_unstable=True).law
+        return controller_of(config, name, allow_unstable=True).law
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{Path(name).stem}.toml"
         path.write_text(text, encoding="utf-8")
         try:
-            return load_controller(str(path), config.vehicle_model(), period_s, allow_unstable=True).law
+            return controller_of(config, str(path), allow_unstable=True).law
         except ConfigError as error:
             why = str(error).removeprefix(f"{path}: ")
             raise RecordError(f"the law {name!r} as it flew cannot be had in this version: {why}") from error

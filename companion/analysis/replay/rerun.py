@@ -19,6 +19,7 @@ from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import Array, AttitudeThrust, VehicleState
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.flight.assembly import estimator_of, pipeline_of, wire_of
 from companion.records.errors import RecordError
 from companion.records.read import FlightRecord, RecordedTick
 
@@ -92,9 +93,10 @@ def replay(
         raise RecordError(f"{record.path}: the law was never in charge in this flight: nothing to compare")
     done = Replayed(law="" if other is None else "another")
     begin_s = float(record.columns["time_s"][0])
-    estimating = _Estimating(record, EstimatorParams(delay_s=config.mocap.delay_s))
-    flying = _Flying(record.path, config, laws, other)
-    sending = _Sending(config)
+    estimating = _Estimating(record, estimator_of(config))
+    first = other if other is not None else next(iter(laws.values()))
+    flying = _Flying(record.path, pipeline_of(config, first), laws, other)
+    sending = _Sending(wire_of(config))
     for row, tick in enumerate(record.ticks()):
         done.ticks += 1
         if row > 0 and other is None:
@@ -131,9 +133,8 @@ class _Estimating:
 class _Sending:
     """Replay of the horizon correction: limited setpoints to the setpoints sent."""
 
-    def __init__(self, config: CompanionConfig) -> None:
-        rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
-        self._wire = WireSetpoint(rules, config.limits.limits())
+    def __init__(self, wire: WireSetpoint) -> None:
+        self._wire = wire
 
     def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
         wire, setpoint = tick.wire, tick.setpoint
@@ -153,13 +154,10 @@ class _Flying:
     """Replay of the control pipeline: the law's inputs to limited setpoints."""
 
     def __init__(
-        self, path: Path, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None
+        self, path: Path, pipeline: ControlPipeline, laws: Mapping[str, Controller], other: Controller | None
     ) -> None:
-        self._path = path
+        self._path, self._pipeline = path, pipeline
         self._laws, self._other = laws, other
-        self._model = config.vehicle.thrust_model()
-        first = other if other is not None else next(iter(laws.values()))
-        self._pipeline = ControlPipeline(first, self._model, config.limits.limits(), guard=config.guard())
         self._sent = idle_setpoint(0.0)
         self._law: str | None = None
         self._airborne = False

@@ -22,11 +22,11 @@ from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName
 from companion.cli.output import as_typed, check_output, kept
 from companion.config.arms_config import Feedforward
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import LoadedController, load_controller
-from companion.config.law_margin import require_margin
+from companion.config.controller_config import LoadedController
 from companion.config.locations import default_config_path
 from companion.config.trajectory_files import Curve, rows_of, trajectory_named
 from companion.core.interfaces import ConfigError
+from companion.flight.assembly import controller_of, margin_in
 from companion.protocol.commands import Track
 from companion.service.local_operator import local_command
 from companion.service.planning import APPROACH_S, plan_motion
@@ -154,9 +154,8 @@ def _on_ports(config: CompanionConfig, ports: MockPorts) -> CompanionConfig:
 
 def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedController:
     """Load a law that has enough margin on this vehicle; ConfigError otherwise."""
-    model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
-    law = load_controller(name, model, period_s, allow_unstable)
-    require_margin(law, model, period_s)
+    law = controller_of(settings, name, allow_unstable)
+    margin_in(settings, law)
     return law
 
 

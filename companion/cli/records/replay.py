@@ -61,13 +61,12 @@ def replay_command(
 def _replayed(record: "FlightRecord", controller: str | None, allow_unstable: bool) -> "Replayed":
     from companion.analysis.replay.laws import config_of, laws_of  # noqa: PLC0415
     from companion.analysis.replay.rerun import replay  # noqa: PLC0415
-    from companion.config.controller_config import load_controller  # noqa: PLC0415
+    from companion.flight.assembly import controller_of  # noqa: PLC0415
 
     config = config_of(record)
     laws, other = laws_of(record, config), None
     if controller is not None:
-        period_s = 1.0 / config.control.rate_hz
-        other = load_controller(controller, config.vehicle_model(), period_s, allow_unstable).law
+        other = controller_of(config, controller, allow_unstable).law
     return replay(record, config, laws, other)
 
 

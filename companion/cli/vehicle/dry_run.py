@@ -23,10 +23,9 @@ from companion.cli.output import check_output, kept
 from companion.cli.terminal import show_cursor
 from companion.cli.vehicle.preflight import show, trajectory_of
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import load_controller
-from companion.config.law_margin import require_margin
 from companion.control.controller import Controller
 from companion.core.interfaces import AutopilotError, FlightError
+from companion.flight.assembly import controller_of, margin_in
 from companion.flight.tick import Tick
 from companion.geometry.frames import up_axis, yaw_of
 from companion.preflight.checks import agreement, vehicle
@@ -69,9 +68,8 @@ def dry_run(
     settings = vehicle_settings(config)
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
-    name, period_s = controller or settings.control.controller, 1.0 / settings.control.rate_hz
-    loaded = load_controller(name, settings.vehicle_model(), period_s, allow_unstable)
-    require_margin(loaded, settings.vehicle_model(), period_s)
+    loaded = controller_of(settings, controller or settings.control.controller, allow_unstable)
+    margin_in(settings, loaded)
     check_output(out, None)
     console = Console(stderr=as_json)
     dry = _DryRun(settings, loaded.law, flown, out, console)

@@ -17,10 +17,10 @@ from companion.adapters.system.realtime import lock_memory
 from companion.adapters.system.systemd import Notifier, logging_to
 from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import controller_text, load_controller
-from companion.config.law_margin import require_margin
+from companion.config.controller_config import controller_text
 from companion.config.locations import vehicle_config_path
 from companion.config.operator_config import OperatorConfig
+from companion.flight.assembly import controller_of, margin_in
 from companion.records.record_process import RecordSink
 from companion.service.daemon import DaemonSettings, serve
 
@@ -40,10 +40,8 @@ def serve_command(
     cannot be used.
     """
     settings = vehicle_settings(config, logs=True)
-    name = controller or settings.control.controller
-    vehicle_model, period_s = settings.vehicle_model(), 1.0 / settings.control.rate_hz
-    law = load_controller(name, vehicle_model, period_s, allow_unstable)
-    margin = require_margin(law, vehicle_model, period_s)
+    law = controller_of(settings, controller or settings.control.controller, allow_unstable)
+    margin = margin_in(settings, law)
     notifier = Notifier.from_environment()
     place = settings.operator or OperatorConfig(embedded=True)
     vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
