@@ -20,7 +20,7 @@ from benchmarks.flights import BenchError, first_line, python_process
 from benchmarks.servo_end import RATE_HZ, STAMP
 from benchmarks.steps import CYCLES, flying
 from benchmarks.synthetic import motion
-from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
 from companion.adapters.dynamixel.bus_thread import THREAD_NAME
 from companion.adapters.system.clock import MonotonicClock
 from companion.arms.planning import plan

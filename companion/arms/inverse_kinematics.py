@@ -86,7 +86,6 @@ def _plane_ways(upper: float, lower: float, x: float, z: float) -> list[tuple[fl
 
 
 def _turn(angle_rad: float) -> float:
-    """Return the same direction within a half turn of zero."""
     return math.remainder(angle_rad, 2.0 * math.pi)
 
 

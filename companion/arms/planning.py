@@ -143,7 +143,6 @@ def _angle(angle_rad: float) -> str:
 
 
 def _slowing(model: ArmModel, looked: Samples) -> tuple[float, tuple[str, ...]]:
-    """Return the factor by which the motion has to take longer, and why."""
     _, _, speed, accel = model.limit_arrays()
     quickest = np.abs(looked.motion.velocity_radps).max(axis=0)
     sharpest = np.abs(looked.motion.acceleration_radps2).max(axis=0)

@@ -117,7 +117,6 @@ class Waypoints:
         return Quintics(tuple(self.times_s.tolist()), between(starts, ends, np.diff(self.times_s)[:, None]))
 
     def _passing(self) -> JointMotion:
-        """Return the motion at each pose, (n, 8)."""
         poses, spans = self.positions_rad, np.diff(self.times_s)[:, None]
         velocity, acceleration = np.zeros_like(poses), np.zeros_like(poses)
         if not self.stop:

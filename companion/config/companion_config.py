@@ -186,7 +186,6 @@ class CompanionConfig(Section):
 
     @model_validator(mode="after")
     def _agrees(self) -> "CompanionConfig":
-        """Reject tables that contradict each other, with the first contradiction found."""
         of_mocap = mocap_and_operator(self.mocap, self.operator)
         for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap):
             if wrong:

@@ -90,7 +90,6 @@ class OperatorConfig(Section):
 
 
 def _mode_of(name: str) -> int:
-    """Return the mode of a regular file; ValueError when there is none."""
     try:
         mode = Path(name).stat().st_mode
     except (OSError, ValueError) as error:

@@ -79,7 +79,6 @@ def _network_fault(scheme: str, place: str, number: str) -> str:
 
 
 def _without_scheme(url: str) -> str:
-    """Say what a device, or an address alone, should look like."""
     if re.fullmatch(r"com\d+.*", url, re.IGNORECASE):
         return f"is a name of Windows: on Linux it is such as {_SERIAL}; `ls /dev/serial/by-id` shows what is there"
     if url.startswith("/dev/"):

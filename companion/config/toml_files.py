@@ -65,7 +65,6 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel], under: str) -> str:
 
 
 def _toml(value: object) -> str:
-    """Return the value as a person would write it in the file."""
     if isinstance(value, bool):
         return str(value).lower()
     return f"[{', '.join(map(_toml, value))}]" if isinstance(value, list) else repr(value)

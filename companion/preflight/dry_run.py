@@ -15,7 +15,7 @@ from companion.flight.health_step import Cycle, Sides
 from companion.flight.tick import Tick, TickSink
 from companion.flight.tick_timer import control_step_s
 from companion.geometry.frames import up_axis, yaw_of
-from companion.preflight.checks.dry_run_report import DrySeen
+from companion.preflight.checks.dry_run_report import DryRunFacts
 from companion.preflight.service_facts import Running
 from companion.supervisor.faults import Fault
 from companion.supervisor.flight_state import FlightState
@@ -91,9 +91,9 @@ class DryRun:
         )
 
     @property
-    def seen(self) -> DrySeen:
+    def seen(self) -> DryRunFacts:
         """All of it so far."""
-        return DrySeen(
+        return DryRunFacts(
             self._cycles, self._not_finite, self._fault, self._most_tilt_rad, self._thrust, dict(self._events)
         )
 

@@ -9,23 +9,23 @@ from pathlib import Path
 
 from companion.config.preflight_config import PreflightConfig
 from companion.core.errors import ConfigError
-from companion.preflight.checks.hand_test import Kept
+from companion.preflight.checks.hand_test import HandTest
 
 _NAME = "by_hand.json"
 
 
-def kept_file(wanted: PreflightConfig) -> Path:
+def hand_test_path(wanted: PreflightConfig) -> Path:
     """Return where it is kept; with `~` that is another place for each user."""
     return Path(wanted.state_folder).expanduser() / _NAME
 
 
-def read_kept(wanted: PreflightConfig) -> Kept | str:
+def read_hand_test(wanted: PreflightConfig) -> HandTest | str:
     """Return what the file says, or the reason why it says nothing, which names it."""
-    path = kept_file(wanted)
+    path = hand_test_path(wanted)
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         when = datetime.fromisoformat(data["when"])
-        kept = Kept(str(data["body"]), when, str(path))
+        kept = HandTest(str(data["body"]), when, str(path))
     except FileNotFoundError:
         return f"never: there is no {path}"
     except OSError as error:
@@ -35,17 +35,17 @@ def read_kept(wanted: PreflightConfig) -> Kept | str:
     return kept if when.tzinfo is not None else f"{path} is damaged"
 
 
-def write_kept(wanted: PreflightConfig, kept: Kept) -> Path:
+def write_hand_test(wanted: PreflightConfig, kept: HandTest) -> Path:
     """Replace the file and return its path. OSError naming the file when it cannot be written."""
-    path = kept_file(wanted)
+    path = hand_test_path(wanted)
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps({"body": kept.body, "when": kept.when.isoformat()}) + "\n", encoding="utf-8")
     return path
 
 
-def check_can_keep(wanted: PreflightConfig) -> None:
+def require_writable(wanted: PreflightConfig) -> None:
     """Raise ConfigError, with the command that can, when this user cannot write there; for before the carrying."""
-    path = kept_file(wanted)
+    path = hand_test_path(wanted)
     folder = next(one for one in path.parents if os.path.lexists(one))
     may_enter = os.access(folder, os.X_OK)  # one that it may not: what is in there cannot be seen either
     if may_enter and os.access(path if os.path.lexists(path) else folder, os.W_OK):

@@ -9,9 +9,9 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
 from companion.adapters.mocap.source import open_mocap
-from companion.adapters.px4 import open_px4
+from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
@@ -88,7 +88,7 @@ class LiveObserver:
 
 
 @asynccontextmanager
-async def open_onlooker(
+async def open_live_observer(
     config: CompanionConfig, records: Path, forward_vision: bool, tell: Tell = lambda _: None
 ) -> AsyncIterator[tuple[Running, LiveObserver]]:
     """Connect and read all devices; `records` is the folder whose disk is checked.
@@ -113,22 +113,21 @@ async def open_onlooker(
         arms = arms_of(config, bus)  # it reads only, and never moves them
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
         vision = VisionStep(autopilot, config.px4.vision_rate_hz, period_s(config)) if forward_vision else None
-        onlooker = LiveObserver(mocap, clock, estimator_of(config), arms, vision)
+        observer = LiveObserver(mocap, clock, estimator_of(config), arms, vision)
         running = Running(
             mocap=mocap,
             autopilot=autopilot,
             clock=clock,
-            estimate=lambda: onlooker.estimate,
+            estimate=lambda: observer.estimate,
             arms=arms,
             disk_free_mb=disk.free_mb,
             arms_remarks=bus.warnings if bus is not None else (),
         )
-        async with _kept_going(onlooker):
-            yield running, onlooker
+        async with _kept_going(observer):
+            yield running, observer
 
 
 async def _opened_arms(opening: DeviceOpening, config: CompanionConfig, clock: Clock) -> DynamixelBus | None:
-    """Return the arms' bus; None where it cannot be reached, and where none is configured."""
     if config.arms is None:
         return None
     opened = open_dynamixel(config.arms, clock, strict=False)
@@ -136,27 +135,27 @@ async def _opened_arms(opening: DeviceOpening, config: CompanionConfig, clock: C
 
 
 @asynccontextmanager
-async def open_mocap_onlooker(config: CompanionConfig) -> AsyncIterator[tuple[LiveObserver, MocapWatch]]:
+async def open_mocap_observer(config: CompanionConfig) -> AsyncIterator[tuple[LiveObserver, MocapWatch]]:
     """Connect and read motion capture alone, without autopilot and servos.
 
     MocapError when it cannot be reached, or fails later.
     """
     clock = MonotonicClock()
     async with open_mocap(config, clock) as mocap:
-        onlooker = LiveObserver(mocap, clock, estimator_of(config))
-        watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
-        async with _kept_going(onlooker):
-            yield onlooker, watch
+        observer = LiveObserver(mocap, clock, estimator_of(config))
+        watch = MocapWatch(mocap, lambda: observer.estimate, config.mocap.delay_s)
+        async with _kept_going(observer):
+            yield observer, watch
 
 
 async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfig) -> tuple[Check, ...]:
     """Return the mocap checks from a short observation, used when other devices are missing."""
-    onlooker = LiveObserver(mocap, clock, estimator_of(config))
-    watch = MocapWatch(mocap, lambda: onlooker.estimate, config.mocap.delay_s)
-    onlooker.each = lambda now_s, _: watch.look(now_s)
+    observer = LiveObserver(mocap, clock, estimator_of(config))
+    watch = MocapWatch(mocap, lambda: observer.estimate, config.mocap.delay_s)
+    observer.each = lambda now_s, _: watch.look(now_s)
     begun_s = clock.now_s()
     try:
-        async with _kept_going(onlooker):
+        async with _kept_going(observer):
             await asyncio.sleep(_LOOK_S)
     except MocapError as error:
         return (Check("motion capture", False, str(error), todo_of("motion capture")),)
@@ -172,11 +171,11 @@ def mocap_place(config: CompanionConfig) -> str:
 
 
 @asynccontextmanager
-async def _kept_going(onlooker: LiveObserver) -> AsyncIterator[None]:
+async def _kept_going(observer: LiveObserver) -> AsyncIterator[None]:
     """Run the observer beside the body; its error ends the body's wait with the same error."""
     try:
         async with asyncio.TaskGroup() as group:
-            looking = group.create_task(onlooker.run(), name="companion.onlooker")
+            looking = group.create_task(observer.run(), name="companion.observer")
             yield
             looking.cancel()
     except BaseExceptionGroup as errors:

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from companion.adapters.px4 import LocalEstimate
+from companion.adapters.px4.telemetry import LocalEstimate
 from companion.config.companion_config import CompanionConfig
 from companion.config.law_margin import REMEDY, margin_of
 from companion.config.preflight_config import PreflightConfig, load_recommended
@@ -22,13 +22,13 @@ from companion.core.types import Array, AutopilotStatus
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import controller_of, period_s
-from companion.preflight.checks.agreement import Apart, VisionSeen, apart, settles
+from companion.preflight.checks.agreement import Difference, VisionFacts, apart, settles
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.computer import MachineSeen
-from companion.preflight.checks.mocap import MocapSeen, MocapWatch, median
-from companion.preflight.checks.vehicle import ArmsSeen
-from companion.preflight.hand_test_file import read_kept
+from companion.preflight.checks.computer import ComputerFacts
+from companion.preflight.checks.mocap import MocapFacts, MocapWatch, median
+from companion.preflight.checks.vehicle import ServoFacts
+from companion.preflight.hand_test_file import read_hand_test
 from companion.trajectories.reference import Trajectory
 
 _WATCH_S = 1.0
@@ -173,29 +173,9 @@ def _operator_age_s(running: Running) -> float:
 class Watched:
     """Observation of motion capture and of both attitudes over some seconds."""
 
-    mocap: MocapSeen
-    apart: Apart
+    mocap: MocapFacts
+    apart: Difference
     vision_apart_m: float
-
-
-class _Watch:
-    """Collects while a loop reads and estimates; call `look` every few milliseconds."""
-
-    def __init__(self, running: Running, delay_s: float) -> None:
-        self._running = running
-        self.mocap = MocapWatch(running.mocap, running.estimate, delay_s)
-        self._pair_due_s = -math.inf
-        self.pairs: list[tuple[Array, Array]] = []
-        self.distances_m: list[float] = []
-
-    def look(self, now_s: float) -> None:
-        self.mocap.look(now_s)
-        vehicle = self._running.estimate().vehicle
-        if vehicle is not None and now_s >= self._pair_due_s:
-            self._pair_due_s = now_s + _PAIR_S
-            self.pairs.append((vehicle.q_w_flu_wxyz, self._running.autopilot.status().q_w_flu_wxyz))
-            distance_m = np.linalg.norm(self._running.autopilot.local().position_w_m - vehicle.position_w_m)
-            self.distances_m.append(float(distance_m))
 
 
 async def watch(
@@ -205,14 +185,21 @@ async def watch(
 
     `delay_s` is the configured least delay of motion capture.
     """
-    clock, seen = running.clock, _Watch(running, delay_s)
-    begun_s = now_s = clock.now_s()
+    clock, mocap = running.clock, MocapWatch(running.mocap, running.estimate, delay_s)
+    ours, theirs, distances_m = list[Array](), list[Array](), list[float]()
+    begun_s = now_s = pair_due_s = clock.now_s()
     while now_s - begun_s < for_s and not enough():
-        seen.look(now_s)
+        mocap.look(now_s)
+        vehicle = running.estimate().vehicle
+        if vehicle is not None and now_s >= pair_due_s:
+            pair_due_s = now_s + _PAIR_S
+            ours.append(vehicle.q_w_flu_wxyz)
+            theirs.append(running.autopilot.status().q_w_flu_wxyz)
+            distances_m.append(float(np.linalg.norm(running.autopilot.local().position_w_m - vehicle.position_w_m)))
         await asyncio.sleep(_POLL_S)
         now_s = clock.now_s()
-    ours, theirs = (np.array([pair[index] for pair in seen.pairs]).reshape(-1, 4) for index in (0, 1))
-    return Watched(seen.mocap.seen(body, now_s - begun_s), apart(ours, theirs), median(seen.distances_m))
+    off = apart(np.array(ours).reshape(-1, 4), np.array(theirs).reshape(-1, 4))
+    return Watched(mocap.seen(body, now_s - begun_s), off, median(distances_m))
 
 
 def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:
@@ -225,27 +212,27 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         position_w_m=vehicle.position_w_m if vehicle is not None else None,
         status=running.autopilot.status(),
         apart=watched.apart,
-        vision=VisionSeen(_fused(running), watched.vision_apart_m),
+        vision=VisionFacts(_fused(running), watched.vision_apart_m),
         parameters=parameters,
         arms=_arms_of(running, now_s),
         machine=machine_of(running),
-        kept=read_kept(wanted),
+        kept=read_hand_test(wanted),
         operator_age_s=_operator_age_s(running),
         landed_age_s=running.landed_age_s(),
     )
 
 
-def _arms_of(running: Running, now_s: float) -> ArmsSeen | None:
+def _arms_of(running: Running, now_s: float) -> ServoFacts | None:
     arms = running.arms
     if arms is None:
         return None
-    return ArmsSeen(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow, running.arms_remarks)
+    return ServoFacts(now_s - float(arms.status.read_s.min()), arms.fault, arms.off_stow, running.arms_remarks)
 
 
-def machine_of(running: Running) -> MachineSeen:
+def machine_of(running: Running) -> ComputerFacts:
     """Return the state of this computer and of this process, whose main thread runs the control loop."""
     realtime = os.sched_getscheduler(0) in {os.SCHED_FIFO, os.SCHED_RR}
-    return MachineSeen(
+    return ComputerFacts(
         running.disk_free_mb() if running.disk_free_mb is not None else math.inf,
         time.get_clock_info("monotonic").resolution,
         time.time() >= Path(__file__).stat().st_mtime,

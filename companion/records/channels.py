@@ -49,7 +49,6 @@ class Channels:
             self._json[message.topic].log(message.data.encode(), log_time=time_ns)
 
     def _widen(self, topic: str, shapes: Shapes) -> None:
-        """Replace a topic's channel by one whose schema has the additional fields."""
         if topic in self._json:
             self._json[topic].close()
         known = self._shapes[topic] = self._shapes.get(topic, {}) | shapes

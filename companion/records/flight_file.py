@@ -130,7 +130,6 @@ class FlightFiles:
             self.close()
 
     def _announce(self, row: RecordRow, time_ns: int) -> None:
-        """Log changes of phase and faults for the log panel."""
         said = (row.words["phase"], ", ".join(event["fault"] for event in row.words["events"]))
         if said == self._said:
             return

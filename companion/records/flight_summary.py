@@ -118,7 +118,6 @@ def _laws(file: BoundedFile, summary: bytes, last_law: str) -> str:
 
 
 def _of_all(path: Path) -> FlightSummary:
-    """Return the summary by reading the whole record, for files cut off and NPZ files."""
     from companion.records.read import read_flight  # noqa: PLC0415 - a list of whole flights does without numpy
 
     record = read_flight(path)

@@ -100,7 +100,6 @@ class RecordSink:
             self._flush()
 
     def _flush(self) -> None:
-        """Encode and send the queued ticks."""
         ticks, self._waiting = self._waiting, []
         try:
             messages = [message for tick, kept in ticks for message in self._encoder.messages(tick, kept)]
@@ -193,7 +192,6 @@ class RecordSink:
         self._behind = self._behind and bool(self._backlog)
 
     def _lose(self, error: OSError) -> None:
-        """Drop the connection to a writer that has failed, and report it."""
         self._warn(f"the process that writes records has ended ({error.strerror}): this flight is not recorded further")
         if self._link is not None:
             self._link.close()
@@ -203,7 +201,6 @@ class RecordSink:
             self._writer.poll()
 
     def _reap(self, wait_s: float = 0.0) -> None:
-        """Reap writers that were given up, so that they leave no zombies."""
         for writer in self._gone:
             with contextlib.suppress(subprocess.TimeoutExpired):
                 writer.wait(wait_s)

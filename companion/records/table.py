@@ -118,7 +118,6 @@ class Table:
 
 
 def _derived(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the columns that Recorder.arrays() has under other names."""
     nothing = np.zeros(len(columns["time_s"]))
 
     def cut(*names: str) -> np.ndarray:

@@ -68,7 +68,6 @@ def _serve(config: RecordsConfig, context: Context, name: str, tell: Callable[[d
 
 
 def _read(link: socket.socket, waiting: queue.Queue[bytes]) -> None:
-    """Read messages until the other side is gone; then return an empty one."""
     while message := _received(link):
         waiting.put(message)  # and when that is full the socket runs full, too, which the service sees
     waiting.put(b"")

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from companion.adapters.broker import open_broker
+from companion.adapters.broker.process import open_broker
 from companion.adapters.mqtt.link import BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.last_resort import LastResort
@@ -25,7 +25,7 @@ from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ArmError, CompanionError, ConfigError, MocapError
 from companion.flight.sinks import FanOutSink, LoopHeartbeat
 from companion.flight.tick import TickSink
-from companion.preflight.live_observer import DevicesMissingError, open_onlooker
+from companion.preflight.live_observer import DevicesMissingError, open_live_observer
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply
 from companion.records.record_process import RecordSink
@@ -109,7 +109,7 @@ async def _require_only_service(link: BusLink) -> None:
 
 def _end_on_signals(stop: asyncio.Event, settings: DaemonSettings) -> None:
     def end() -> None:
-        settings.last_resort.told_to_end()
+        settings.last_resort.begin_deadline()
         again = stop.is_set()
         stop.set()  # first: the calls below need memory, which may be exhausted
         LOG.warning("told to end%s", ": already ending" if again else "")
@@ -166,7 +166,7 @@ async def _serve_vehicles(
 async def _log_other_missing(settings: DaemonSettings, said: str) -> None:
     """Log once which other devices cannot be reached, as devices are opened one after the other."""
     try:
-        async with open_onlooker(settings.config, settings.records or Path(), forward_vision=False):
+        async with open_live_observer(settings.config, settings.records or Path(), forward_vision=False):
             return
     except DevicesMissingError as missing:
         for check in missing.checks:

@@ -5,7 +5,8 @@ import logging
 from dataclasses import dataclass
 
 from companion.adapters.mqtt.mocap_out import MocapOut, open_mocap_out
-from companion.adapters.qualisys import QualisysSource, open_qualisys
+from companion.adapters.qualisys.connect import open_qualisys
+from companion.adapters.qualisys.source import QualisysSource
 from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, MocapError

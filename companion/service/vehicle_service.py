@@ -9,9 +9,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.dynamixel.bus import open_dynamixel
 from companion.adapters.mocap.source import open_mocap
-from companion.adapters.px4 import open_px4
+from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock

@@ -69,7 +69,6 @@ class _FromLiftOff:
     duration_s: float
 
     def at(self, time_s: float) -> Reference:
-        """Return the reference at `time_s` as in the flight loop."""
         return state_machine.reference_at(self.flight, time_s)
 
 
@@ -97,7 +96,6 @@ def _up(height_m: float) -> Array:
 
 
 def _under_way(disturbance: DisturbanceConfig, since_s: float) -> DisturbanceConfig:
-    """Return the disturbance as it continues `since_s` after its begin."""
     waves = tuple(
         replace(wave, phase_rad=wave.phase_rad + math.tau * since_s / wave.period_s) for wave in disturbance.sinusoids
     )

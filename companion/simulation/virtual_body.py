@@ -117,7 +117,6 @@ class OneBody:
         self._report = self._reports.put((self._state.q_ned_frd_wxyz, self._turn))
 
     def _truly(self, q: Four) -> Four:
-        """Return where the vehicle is turned to when it believes to have reached `q`."""
         if self._errors_rad is None:
             return q
         w, x, y, z = self._turn
@@ -187,7 +186,6 @@ class ManyBodies:
         self._report = self._reports.put(self._believed())
 
     def _truly(self, q: Array) -> Array:
-        """Return where each vehicle is turned to when it believes to have reached `q`."""
         return q if self._turn is None else quat.multiply(q, quat.conjugate(self._turn))
 
     def _wrench(self, force_ned_n: Array, moving: Moving | None) -> Wrench:

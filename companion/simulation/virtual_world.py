@@ -179,7 +179,6 @@ def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
 
 
 def _hovering(start_w_m: Array, params: PlantParams) -> PlantState:
-    """Return the state of a vehicle in the air, level and at rest."""
     truth = plant.at_rest(flip_yz(start_w_m))
     weight_n = np.broadcast_to(np.asarray(params.mass_kg) * GRAVITY_MPS2, truth.thrust_n.shape)
     return replace(truth, thrust_n=np.array(weight_n), on_ground=np.zeros_like(truth.on_ground))

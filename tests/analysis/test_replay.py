@@ -61,13 +61,13 @@ def again(record: FlightRecord) -> Replayed:
 
 def test_it_is_identical_to_the_last_bit_also_where_another_law_took_over(record: FlightRecord) -> None:
     done = again(record)
-    assert done.identical, [one for one in done.apart.values() if one.differ]
+    assert done.identical, [one for one in done.differences.values() if one.differ]
     assert done.flown > 1000
     for name in ("command", "setpoint attitude", "setpoint thrust", "law f_hat", "law integral_mps2", "law kappa"):
-        assert done.apart[name].compared > 300, name
-    assert done.apart["estimate velocity_w_mps"].compared > 1000
+        assert done.differences[name].compared > 300, name
+    assert done.differences["estimate velocity_w_mps"].compared > 1000
     for name in ("sent attitude", "sent thrust", "horizon"):
-        assert done.apart[name].compared > 1000, name
+        assert done.differences[name].compared > 1000, name
     assert done.events[0] == done.events[1] > 0
 
 
@@ -76,9 +76,9 @@ def test_a_frame_that_is_not_as_it_was_shows_in_the_estimate_and_nowhere_else(re
     row = np.flatnonzero(np.isfinite(columns["frame_stamp_s"]))[500]
     columns["frame_position_w_m"][row, 0] += 1e-6
     done = again(replace(record, columns=columns))
-    assert done.apart["estimate position_w_m"].differ > 0
-    assert 0.0 < done.apart["estimate position_w_m"].most < 1e-5
-    assert done.apart["command"].differ == 0
+    assert done.differences["estimate position_w_m"].differ > 0
+    assert 0.0 < done.differences["estimate position_w_m"].most < 1e-5
+    assert done.differences["command"].differ == 0
 
 
 def test_another_horizon_of_the_autopilot_shows_in_what_is_sent_alone(record: FlightRecord) -> None:
@@ -87,9 +87,9 @@ def test_another_horizon_of_the_autopilot_shows_in_what_is_sent_alone(record: Fl
     assert np.abs(columns["horizon_roll_rad"][flying]).max() > 1e-4, "something was corrected"
     columns["horizon_autopilot_q_w_flu_wxyz"][np.flatnonzero(flying)[300:], 1] += 1e-3
     done = again(replace(record, columns=columns))
-    assert done.apart["horizon"].differ > 0
-    assert 0.0 < done.apart["sent attitude"].most < 2e-3
-    assert done.apart["sent thrust"].differ == done.apart["setpoint attitude"].differ == 0
+    assert done.differences["horizon"].differ > 0
+    assert 0.0 < done.differences["sent attitude"].most < 2e-3
+    assert done.differences["sent thrust"].differ == done.differences["setpoint attitude"].differ == 0
 
 
 def test_a_law_that_was_given_something_else_shows_in_its_command(record: FlightRecord) -> None:
@@ -97,18 +97,18 @@ def test_a_law_that_was_given_something_else_shows_in_its_command(record: Flight
     row = np.flatnonzero(np.isfinite(columns["given_dt_s"]))[400]
     columns["given_position_w_m"][row, 1] += 1e-3
     done = again(replace(record, columns=columns))
-    assert done.apart["estimate position_w_m"].differ == 0
-    assert done.apart["law x1"].differ == 1
-    assert done.apart["command"].differ > 1, "the law remembers"
-    assert done.apart["command"].first_s is not None
+    assert done.differences["estimate position_w_m"].differ == 0
+    assert done.differences["law x1"].differ == 1
+    assert done.differences["command"].differ > 1, "the law remembers"
+    assert done.differences["command"].first_s is not None
 
 
 def test_other_gains_are_compared_with_what_flew(record: FlightRecord, tmp_path: Path) -> None:
     text = controller_path("pid").read_text(encoding="utf-8")
     config = config_of(record)
     same = replay(record, config, laws_of(record, config), law_of("pid", text, config))
-    assert same.apart.keys() == {"command"}
-    assert same.apart["command"].differ > 0
+    assert same.differences.keys() == {"command"}
+    assert same.differences["command"].differ > 0
     flown_by_pid = np.array([str(name) == "pid" for name in record.columns["law_name"]])
     assert same.flown > flown_by_pid.sum()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.dynamixel import open_dynamixel
+from companion.adapters.dynamixel.bus import open_dynamixel
 from companion.adapters.system.clock import MonotonicClock
 from companion.arms.model import JOINT_NAMES
 from companion.config.arms_config import ArmsConfig

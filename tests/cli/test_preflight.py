@@ -20,8 +20,8 @@ from companion.config.companion_config import load_config
 from companion.config.preflight_config import PreflightConfig, load_recommended
 from companion.core.errors import ConfigError
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.hand_test import Kept, Move, check_kept
-from companion.preflight.hand_test_file import check_can_keep, kept_file, read_kept, write_kept
+from companion.preflight.checks.hand_test import HandTest, Move, check_hand_test
+from companion.preflight.hand_test_file import hand_test_path, read_hand_test, require_writable, write_hand_test
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.servos.packets import Instruction, Packet
@@ -305,8 +305,8 @@ async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_
         await hand
     assert [check.name for check in checks] == ["by hand: lift", "by hand: forward", "by hand: left", "by hand: frames"]
     assert [check for check in checks if not check.passed] == []
-    kept = read_kept(wanted)
-    assert check_kept(kept, "dauam", datetime.now(tz=UTC), wanted.by_hand_within_h).passed
+    kept = read_hand_test(wanted)
+    assert check_hand_test(kept, "dauam", datetime.now(tz=UTC), wanted.by_hand_within_h).passed
     show(checks, Console(file=said, width=300), as_json=False, good=CARRIED)
     answers = [line.strip() for line in said.getvalue().splitlines() if line.strip().startswith(("ok", "wrong"))]
     assert [answer.split(":")[0] for answer in answers] == ["ok"] * 4, said.getvalue()
@@ -319,17 +319,17 @@ async def test_a_vehicle_that_is_carried_shows_mocap_and_autopilot_the_same(tmp_
 
 def test_when_it_was_carried_is_kept(tmp_path: Path) -> None:
     wanted = PreflightConfig(state_folder=str(tmp_path / "state"))
-    path = kept_file(wanted)
-    assert read_kept(wanted) == f"never: there is no {path}"
-    kept = Kept("dauam", datetime(2026, 5, 1, 12, 0, tzinfo=UTC), str(path))
-    assert write_kept(wanted, kept) == path
-    assert read_kept(wanted) == kept
+    path = hand_test_path(wanted)
+    assert read_hand_test(wanted) == f"never: there is no {path}"
+    kept = HandTest("dauam", datetime(2026, 5, 1, 12, 0, tzinfo=UTC), str(path))
+    assert write_hand_test(wanted, kept) == path
+    assert read_hand_test(wanted) == kept
     for nonsense in ("", "[]", '{"body": "dauam"}', '{"body": "dauam", "when": "2026-05-01T12:00:00"}', "\x00"):
         path.write_text(nonsense)
-        assert read_kept(wanted) == f"{path} is damaged"
+        assert read_hand_test(wanted) == f"{path} is damaged"
     path.unlink()
     path.mkdir()
-    assert read_kept(wanted) == f"{path} cannot be read (Is a directory)"
+    assert read_hand_test(wanted) == f"{path} cannot be read (Is a directory)"
 
 
 def not_permitted(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
@@ -346,13 +346,13 @@ def test_who_may_not_keep_it_is_told_the_command_before_the_vehicle_is_carried(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wanted = PreflightConfig(state_folder=str(tmp_path))
-    check_can_keep(wanted)
+    require_writable(wanted)
     not_permitted(monkeypatch, tmp_path)
     monkeypatch.setattr(Path, "owner", lambda _: "dauam")
     typed = ["/usr/local/bin/companion", "preflight", "--by-hand", "--config", "/etc/dauam/my file.toml"]
     monkeypatch.setattr("sys.argv", typed)
     with pytest.raises(ConfigError) as refused:
-        check_can_keep(wanted)
+        require_writable(wanted)
     assert str(refused.value) == (
         f"cannot keep that the vehicle was carried in {tmp_path}/by_hand.json (preflight.state_folder): it belongs to "
         "the vehicle's service; carry it as that user: `sudo -u dauam -H /usr/local/bin/companion preflight --by-hand "
@@ -362,9 +362,9 @@ def test_who_may_not_keep_it_is_told_the_command_before_the_vehicle_is_carried(
 
 def test_a_vehicles_state_folder_on_another_computer_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = PreflightConfig(state_folder=str(tmp_path / "var" / "lib"))
-    check_can_keep(wanted)
+    require_writable(wanted)
     not_permitted(monkeypatch, tmp_path)
     with pytest.raises(
         ConfigError, match=r"var/lib is not there and cannot be made by this user; run this on the vehicle"
     ):
-        check_can_keep(wanted)
+        require_writable(wanted)

@@ -3,8 +3,8 @@
 import numpy as np
 from qtm_rt.packet import QRTPacket
 
-from companion.adapters.qualisys import QualisysSource
 from companion.adapters.qualisys.bodies import RigidBody
+from companion.adapters.qualisys.source import QualisysSource
 from companion.core.types import Array, VehicleState
 from companion.estimation.estimator import EstimatorParams, EstimatorState, predict_to, step
 from companion.geometry.frames import flip_quat, flip_yz, matrix_from_quat

@@ -212,7 +212,7 @@ async def mocks(site: Site, *changes: tuple[str, str]) -> AsyncIterator[None]:
 
 @dataclass
 class Seen:
-    """Record of what an onlooker has seen; the newest state is the last."""
+    """Record of what an observer has seen; the newest state is the last."""
 
     served: Served
     states: list[State] = field(default_factory=list)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from companion.adapters.px4 import flight_mode
+from companion.adapters.px4.mavlink import flight_mode
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError
 from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode

@@ -2,8 +2,8 @@
 
 from qtm_rt.packet import QRTPacket
 
-from companion.adapters.qualisys import QualisysSource
 from companion.adapters.qualisys.bodies import rigid_bodies
+from companion.adapters.qualisys.source import QualisysSource
 from companion.core.interfaces import Clock
 from companion.core.types import MocapFrame
 from mock_autopilot.faults.mocap import MocapFaults

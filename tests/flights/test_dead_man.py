@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.px4 import flight_mode
+from companion.adapters.px4.mavlink import flight_mode
 from companion.core.types import FlightMode
 from tests.flights.command import ROOT, mock_config
 from tests.mavlink_relay import Relay

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.px4 import flight_mode
+from companion.adapters.px4.mavlink import flight_mode
 from companion.core.types import FlightMode
 from companion.records.read import read_flight
 from tests.flights.command import run

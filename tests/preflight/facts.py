@@ -8,21 +8,21 @@ import numpy as np
 
 from companion.config.preflight_config import load_recommended
 from companion.core.types import AutopilotStatus, FlightMode
-from companion.preflight.checks.agreement import Apart, VisionSeen
+from companion.preflight.checks.agreement import Difference, VisionFacts
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts
-from companion.preflight.checks.computer import MachineSeen
-from companion.preflight.checks.hand_test import Kept
-from companion.preflight.checks.mocap import MocapSeen
-from companion.preflight.checks.vehicle import ArmsSeen
+from companion.preflight.checks.computer import ComputerFacts
+from companion.preflight.checks.hand_test import HandTest
+from companion.preflight.checks.mocap import MocapFacts
+from companion.preflight.checks.vehicle import ServoFacts
 from mock_autopilot.config import MockConfig
 from mock_autopilot.px4.params import ParamTable
 
 ROOT = Path(__file__).resolve().parents[2]
 NOW_S = 100.0
 RECOMMENDED = load_recommended("recommended")
-MOCAP = MocapSeen(body="dauam", frames=150, seconds_s=1.5, tracked=150, age_s=0.02, delay_s=0.011, residual_m=0.0005)
-MACHINE = MachineSeen(5000.0, 1e-9, True, True, 50, 0)
-ARMS = ArmsSeen(0.01, "", "")
+MOCAP = MocapFacts(body="dauam", frames=150, seconds_s=1.5, tracked=150, age_s=0.02, delay_s=0.011, residual_m=0.0005)
+MACHINE = ComputerFacts(5000.0, 1e-9, True, True, 50, 0)
+ARMS = ServoFacts(0.01, "", "")
 STATUS = AutopilotStatus(
     connected=True,
     heartbeat_s=NOW_S - 0.5,
@@ -53,11 +53,11 @@ def ready() -> Facts:
         mocap=MOCAP,
         position_w_m=np.array([0.3, -0.2, 0.1]),
         status=STATUS,
-        apart=Apart(0.01, -0.01, math.radians(2.0)),
-        vision=VisionSeen(True, 0.02),
+        apart=Difference(0.01, -0.01, math.radians(2.0)),
+        vision=VisionFacts(True, 0.02),
         parameters=mock_parameters(),
         arms=ARMS,
         machine=MACHINE,
-        kept=Kept("dauam", now),
+        kept=HandTest("dauam", now),
         operator_age_s=0.0,
     )

@@ -14,10 +14,10 @@ from companion.config.preflight_config import PreflightConfig
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array, AutopilotStatus, BatteryReading, Reference
 from companion.geometry.frames import quat_from_rotation_vector, quat_from_yaw
-from companion.preflight.checks.agreement import Apart, VisionSeen, apart, check_heading, check_tilts
+from companion.preflight.checks.agreement import Difference, VisionFacts, apart, check_heading, check_tilts
 from companion.preflight.checks.all_checks import Facts, check_all
 from companion.preflight.checks.check import Check, refusal
-from companion.preflight.checks.hand_test import Kept
+from companion.preflight.checks.hand_test import HandTest
 from companion.trajectories.reference import Ellipse, LapTiming
 from companion.trajectories.room_check import check_trajectory
 from tests.preflight.facts import ARMS, MACHINE, MOCAP, RECOMMENDED, STATUS, mock_parameters, ready
@@ -57,12 +57,12 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"status": replace(STATUS, battery_fraction=math.nan)}, "battery"),
         ({"status": replace(STATUS, battery_fraction=-0.01)}, "battery"),
         ({"status": replace(STATUS, system_id=1, strangers=("system 2 (PX4)",))}, "one autopilot"),
-        ({"apart": Apart(0.06, 0.0, 0.0)}, "roll agrees"),
-        ({"apart": Apart(0.0, -0.06, 0.0)}, "pitch agrees"),
-        ({"apart": Apart(0.0, 0.0, -0.11)}, "heading agrees"),
-        ({"vision": VisionSeen(False, 0.01)}, "vision fused"),
-        ({"vision": VisionSeen(True, 0.15)}, "vision fused"),
-        ({"vision": VisionSeen(True, math.nan)}, "vision fused"),
+        ({"apart": Difference(0.06, 0.0, 0.0)}, "roll agrees"),
+        ({"apart": Difference(0.0, -0.06, 0.0)}, "pitch agrees"),
+        ({"apart": Difference(0.0, 0.0, -0.11)}, "heading agrees"),
+        ({"vision": VisionFacts(False, 0.01)}, "vision fused"),
+        ({"vision": VisionFacts(True, 0.15)}, "vision fused"),
+        ({"vision": VisionFacts(True, math.nan)}, "vision fused"),
         ({"parameters": mock_parameters() | {"EKF2_EV_DELAY": 175.0}}, "vision delay"),
         ({"parameters": mock_parameters() | {"MPC_THR_HOVER": 0.35}}, "hover thrust"),
         ({"parameters": mock_parameters() | {"MPC_THR_HOVER": math.nan}}, "hover thrust"),
@@ -76,7 +76,7 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"machine": replace(MACHINE, clock_sane=False)}, "clock"),
         ({"machine": replace(MACHINE, realtime_priority=0)}, "real-time priority"),
         ({"kept": "never: there is no /var/lib/dauam/by_hand.json"}, "carried by hand"),
-        ({"kept": Kept("drone", ready().when)}, "carried by hand"),
+        ({"kept": HandTest("drone", ready().when)}, "carried by hand"),
     ],
 )
 def test_what_is_wrong_refuses_arming_and_says_what_to_do(change: dict[str, Any], name: str) -> None:
@@ -129,7 +129,7 @@ def test_a_configured_battery_that_is_not_heard_is_named() -> None:
 
 def test_a_missing_body_fails_all_that_depends_on_it_without_an_exception() -> None:
     nothing = replace(MOCAP, frames=0, tracked=0, age_s=math.inf, delay_s=math.nan, residual_m=math.nan)
-    unknown = Apart(math.nan, math.nan, math.nan)
+    unknown = Difference(math.nan, math.nan, math.nan)
     facts = replace(ready(), mocap=nothing, position_w_m=None, apart=unknown, parameters={})
     names = {check.name for check in failed(facts)}
     assert {"body seen", "mocap rate", "mocap age", "heading agrees", "roll agrees", "vision delay"} <= names
@@ -203,7 +203,7 @@ def test_a_trajectory_must_stay_inside_and_be_able_to_brake(
     assert good or "at " in check.todo
 
 
-def _pairs(mocap: Array, autopilot: Array) -> Apart:
+def _pairs(mocap: Array, autopilot: Array) -> Difference:
     return apart(np.tile(mocap, (20, 1)), np.tile(autopilot, (20, 1)))
 
 
@@ -235,17 +235,17 @@ def test_angles_around_half_a_turn_do_not_average_to_none() -> None:
 @pytest.mark.parametrize(
     ("off", "words"),
     [
-        (Apart(0.0, 0.0, math.radians(88.0)), "as if the frames were turned by 90 degrees"),
-        (Apart(0.0, 0.0, math.radians(-95.0)), "as if the frames were turned by -90 degrees"),
-        (Apart(0.0, 0.0, math.radians(179.0)), "as if the frames were turned by 180 degrees"),
+        (Difference(0.0, 0.0, math.radians(88.0)), "as if the frames were turned by 90 degrees"),
+        (Difference(0.0, 0.0, math.radians(-95.0)), "as if the frames were turned by -90 degrees"),
+        (Difference(0.0, 0.0, math.radians(179.0)), "as if the frames were turned by 180 degrees"),
     ],
 )
-def test_a_heading_off_by_a_quarter_is_told_so(off: Apart, words: str) -> None:
+def test_a_heading_off_by_a_quarter_is_told_so(off: Difference, words: str) -> None:
     assert words in check_heading(off, 0.1).todo
 
 
 def test_a_body_upside_down_is_told_so() -> None:
-    roll, pitch = check_tilts(Apart(math.pi, 0.01, 0.0), 0.05)
+    roll, pitch = check_tilts(Difference(math.pi, 0.01, 0.0), 0.05)
     assert not roll.passed
     assert "turned by 180 degrees about its x axis" in roll.todo
     assert pitch.passed

@@ -11,12 +11,12 @@ import pytest
 from companion.core.types import Array
 from companion.geometry.frames import matrix_from_quat, quat_from_matrix, quat_from_yaw
 from companion.preflight.checks.hand_test import (
-    Kept,
+    Displacement,
+    HandTest,
     Move,
-    Moved,
     Track,
     at_rest,
-    check_kept,
+    check_hand_test,
     is_over,
     judge,
     judge_together,
@@ -76,7 +76,7 @@ def carried(
     return Track(time_s, shown, many * ours, believed, many * theirs)
 
 
-def all_moves(**mistakes: object) -> dict[Move, Moved]:
+def all_moves(**mistakes: object) -> dict[Move, Displacement]:
     return {move: moved(carried(move, **mistakes)) for move in Move}  # type: ignore[arg-type]
 
 
@@ -252,16 +252,20 @@ NOW = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
 
 
 def test_a_carry_counts_for_its_body_and_for_a_while() -> None:
-    kept = Kept("dauam", NOW - timedelta(hours=3))
-    assert check_kept(kept, "dauam", NOW, 24.0).passed
-    assert not check_kept(kept, "dauam", NOW, 2.0).passed
-    stale = check_kept(Kept("dauam", NOW - timedelta(hours=30), "/var/lib/dauam/by_hand.json"), "dauam", NOW, 24.0)
+    kept = HandTest("dauam", NOW - timedelta(hours=3))
+    assert check_hand_test(kept, "dauam", NOW, 24.0).passed
+    assert not check_hand_test(kept, "dauam", NOW, 2.0).passed
+    stale = check_hand_test(
+        HandTest("dauam", NOW - timedelta(hours=30), "/var/lib/dauam/by_hand.json"), "dauam", NOW, 24.0
+    )
     assert stale.says == "'dauam' 30.0 h ago, 'dauam' within 24 h wanted (in /var/lib/dauam/by_hand.json)"
-    assert not check_kept(kept, "drone", NOW, 24.0).passed
-    assert not check_kept(Kept("dauam", NOW + timedelta(hours=1)), "dauam", NOW, 24.0).passed, "a clock that is wrong"
-    never = check_kept("never: there is no /var/lib/dauam/by_hand.json", "dauam", NOW, 24.0)
+    assert not check_hand_test(kept, "drone", NOW, 24.0).passed
+    assert not check_hand_test(HandTest("dauam", NOW + timedelta(hours=1)), "dauam", NOW, 24.0).passed, (
+        "a clock that is wrong"
+    )
+    never = check_hand_test("never: there is no /var/lib/dauam/by_hand.json", "dauam", NOW, 24.0)
     assert (never.refuses, never.says) == (True, "never: there is no /var/lib/dauam/by_hand.json")
-    assert check_kept("never", "dauam", NOW, 0.0).passed, "nobody asks for it"
+    assert check_hand_test("never", "dauam", NOW, 0.0).passed, "nobody asks for it"
 
 
 def test_moves_that_are_right_end_without_a_remedy() -> None:

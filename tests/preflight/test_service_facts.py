@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from companion.adapters.px4 import LocalEstimate
+from companion.adapters.px4.telemetry import LocalEstimate
 from companion.config.companion_config import CompanionConfig
 from companion.config.preflight_config import PreflightConfig
 from companion.control.controller import ControlInput, ControlOutput

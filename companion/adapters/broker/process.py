@@ -77,7 +77,6 @@ async def _begin(config: OperatorConfig) -> asyncio.subprocess.Process:
 
 
 async def _keep(config: OperatorConfig, process: asyncio.subprocess.Process) -> None:
-    """Restart the broker whatever ended it: a defect, the system, or another program that took its port."""
     try:
         while True:
             why = await _end_of(process)
@@ -105,7 +104,6 @@ async def _end_of(process: asyncio.subprocess.Process) -> str:
 
 
 async def _begin_again(config: OperatorConfig) -> asyncio.subprocess.Process:
-    """Restart the broker whenever it ends, for as long as it takes; log each reason once."""
     pause_s, last_error = _AGAIN_S, ""
     while True:
         await asyncio.sleep(pause_s)

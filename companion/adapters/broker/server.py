@@ -61,10 +61,9 @@ class EmbeddedBroker(Broker):  # type: ignore[misc] # amqtt has no types
         """Serve one connection from CONNECT to its end; what is not MQTT 3.1.1 is refused at once."""
         try:
             with contextlib.suppress(OSError, asyncio.IncompleteReadError):
-                first = await _read_connect(reader)
-                level = first.protocol_level
+                packet, level = await _read_connect(reader)
                 if level == _LEVEL_311:
-                    adapter = _PrefixedReader(first.packet, reader)
+                    adapter = _PrefixedReader(packet, reader)
                     await self._client_connected(listener_name, adapter, StreamWriterAdapter(writer))
                 elif level is not None:
                     writer.write(_BAD_VERSION_5 if level == _LEVEL_5 else _BAD_VERSION)
@@ -139,17 +138,6 @@ class _SnapshotDict(UserDict[str, Any]):
         return iter(list(self.data))
 
 
-class _ConnectPacket:
-    """The first bytes of a connection."""
-
-    def __init__(self, packet: bytes, body: bytes) -> None:
-        self.packet = packet
-        named = len(body) >= 7 and body[:2] == b"\x00\x04" and body[2:6] == b"MQTT"
-        older = body[:8] == b"\x00\x06MQIsdp"
-        self.protocol_level: int | None = body[6] if named else 3 if older else None
-        """4 for MQTT 3.1.1, 5 for MQTT 5; None when this is no MQTT."""
-
-
 class _PrefixedReader(StreamReaderAdapter):  # type: ignore[misc] # amqtt has no types
     """A stream of which the first bytes have been read already."""
 
@@ -167,8 +155,11 @@ class _PrefixedReader(StreamReaderAdapter):  # type: ignore[misc] # amqtt has no
         return taken + (await super().read(rest) if rest else b"")
 
 
-async def _read_connect(reader: asyncio.StreamReader) -> _ConnectPacket:
-    """Read the first packet; OSError or IncompleteReadError when there is none that could be a CONNECT."""
+async def _read_connect(reader: asyncio.StreamReader) -> tuple[bytes, int | None]:
+    """Return the first packet and its protocol level: 4 for MQTT 3.1.1, 5 for MQTT 5, None when this is no MQTT.
+
+    Raises OSError or IncompleteReadError when there is none that could be a CONNECT.
+    """
     async with asyncio.timeout(_CONNECT_S):
         head = await reader.readexactly(2)
         while head[-1] & 0x80 and len(head) < 5:
@@ -177,7 +168,9 @@ async def _read_connect(reader: asyncio.StreamReader) -> _ConnectPacket:
         if head[0] != _CONNECT or length > _MAX_CONNECT_BYTES:
             raise ConnectionError("not a CONNECT")
         body = await reader.readexactly(length)
-        return _ConnectPacket(head + body, body)
+    if body.startswith(b"\x00\x04MQTT") and len(body) >= 7:
+        return head + body, body[6]
+    return head + body, 3 if body.startswith(b"\x00\x06MQIsdp") else None
 
 
 async def _forever(

@@ -82,7 +82,6 @@ class FaultLog:
 
 
 def _has_rebooted(joint: Joint, health: Health) -> bool:
-    """Return True when a driven servo has lost torque or settings."""
     forgotten = health.moving_speed is not None and health.moving_speed != int.from_bytes(joint.profile, "little")
     return forgotten or not health.torque_on
 

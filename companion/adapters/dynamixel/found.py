@@ -75,7 +75,6 @@ def found_xm(identity: Answer, tuning: Answer, health: Answer, state: Answer) ->
 
 
 def _found(table: type[Ax] | type[Xm], identity: Answer, state: Answer, baud: float, level: int, errors: int) -> Found:
-    """Return what both kinds of servo say."""
     return Found(
         model_number=identity.raw(table.MODEL_NUMBER),
         firmware=identity.raw(table.FIRMWARE),

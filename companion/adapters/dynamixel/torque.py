@@ -181,7 +181,6 @@ def _repaired(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Repair:
 
 
 def _errors_left(bus_cycle: BusCycle, joint: Joint, clock: Clock) -> Generator[None, None, int | None]:
-    """Return the servo's errors, once they are gone or the settling time is over."""
     begun_s = clock.now_s()
     while (errors := _errors(bus_cycle, joint)) and clock.now_s() - begun_s < _SETTLE_S:
         yield

@@ -3,7 +3,7 @@
 from contextlib import AbstractAsyncContextManager
 
 from companion.adapters.mqtt.mocap import open_mqtt_mocap
-from companion.adapters.qualisys import open_qualisys
+from companion.adapters.qualisys.connect import open_qualisys
 from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import Clock, MocapSource
 

@@ -107,7 +107,6 @@ class BusLink:
             await self._last_words()
 
     async def _last_words(self) -> None:
-        """Wait until all is said that can be said soon."""
         with suppress(TimeoutError):
             async with asyncio.timeout(_LAST_WORDS_S if self._broker_link.there else 0.0):
                 await asyncio.gather(self._replies.empty(), self._events.empty())

@@ -203,7 +203,6 @@ class Px4:
             await asyncio.sleep(_KILL_AGAIN_S)
 
     async def _call(self, what: str, since_s: float, command: int, *params: float | None) -> None:
-        """Give a command and wait until it is accepted."""
         try:
             answer = await self._commands.send(command, *params, timeout_s=self._config.answer_timeout_s)
         except TimeoutError as error:

@@ -118,7 +118,6 @@ def _udp_socket(port: int) -> socket.socket:
 
 
 def _socket_of(number: int) -> socket.socket | None:
-    """Return another handle of a file of this process; None when it is no socket, or closed meanwhile."""
     try:
         handle = os.dup(number)
     except OSError:

@@ -121,7 +121,6 @@ class Link(QTMProtocol):  # type: ignore[misc]  # the SDK has no types
         self.end(f"sent {what}: is it really QTM's little-endian port?")
 
     def _end(self, reason: str) -> None:
-        """Keep and tell the first reason only."""
         if self.failure is None:
             self.failure = reason
             self.on_failure(reason)

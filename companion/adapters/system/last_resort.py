@@ -41,7 +41,7 @@ class LastResort:
         self._thread = threading.Thread(target=self._watch, name="last-resort", daemon=True)
         self._thread.start()
 
-    def told_to_end(self) -> None:
+    def begin_deadline(self) -> None:
         """Start the deadline: on the ground the process has 20 s to end in order."""
         if self._told_s is None:
             self._told_s = self._clock_s()
@@ -91,7 +91,6 @@ class LastResort:
 
 
 def _memory() -> bool:
-    """Return whether the kernel still gives us some."""
     try:
         mmap.mmap(-1, _TRIED_BYTES).close()
     except (OSError, MemoryError):

@@ -35,7 +35,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Left:
+class Unknown:
     """Parameter that the flight does not determine, with the reason."""
 
     name: str
@@ -47,7 +47,7 @@ class Calibrated:
     """Result of a calibration: findings, and parameters left as they are."""
 
     findings: tuple[Finding, ...]
-    left: tuple[Left, ...]
+    left: tuple[Unknown, ...]
 
     def toml(self) -> str:
         """Return the lines to set in the configuration, as TOML."""
@@ -61,7 +61,7 @@ class Calibrated:
 def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
     """Return each quantity by itself; those that cannot be determined well enough are listed as left."""
     vehicle = config.vehicle
-    results: list[Finding | Left] = []
+    results: list[Finding | Unknown] = []
     delay = _mocap_delay(seen, config)
     level = hover(seen, vehicle.gravity_mps2)
     results.append(_hover_thrust(level, config))
@@ -70,61 +70,61 @@ def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
     results += _attitude(fit_attitude(seen), known_s, config)
     results.append(delay)
     findings = tuple(one for one in results if isinstance(one, Finding))
-    return Calibrated(findings, tuple(one for one in results if isinstance(one, Left)))
+    return Calibrated(findings, tuple(one for one in results if isinstance(one, Unknown)))
 
 
-def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Left:
+def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Unknown:
     name = "mocap.delay_s"
     if len(seen.heard_s) < 100:
-        return Left(name, "the autopilot's attitude hardly came")
+        return Unknown(name, "the autopilot's attitude hardly came")
     found = fit_mocap_delay(seen)
     delay_s, sd_s = float(found.values[0]), math.hypot(float(found.sd[0]), _AUTOPILOT_S)
     if found.explained < _EXPLAINED:
-        return Left(name, _unlike("the tilts that motion capture and the autopilot saw", found, "fly an ellipse"))
+        return Unknown(name, _unlike("the tilts that motion capture and the autopilot saw", found, "fly an ellipse"))
     if sd_s > 0.01 or delay_s < 0.0:
-        return Left(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
+        return Unknown(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
     says = "from capture to arrival, less what the autopilot's attitude takes to get here"
     return Finding("mocap.delay_s", delay_s, sd_s, config.mocap.delay_s, 3, says)
 
 
-def _hover_thrust(level: Hover | None, config: CompanionConfig) -> Finding | Left:
+def _hover_thrust(level: Hover | None, config: CompanionConfig) -> Finding | Unknown:
     if level is None:
-        return Left("vehicle.hover_thrust", "it hovered for less than 10 s: hold for half a minute, arms stowed")
+        return Unknown("vehicle.hover_thrust", "it hovered for less than 10 s: hold for half a minute, arms stowed")
     says = f"over {level.for_s:.0f} s, in which it varied by {level.spread:.4f} (standard deviation)"
     return Finding("vehicle.hover_thrust", level.thrust, level.sd, config.vehicle.hover_thrust, 3, says)
 
 
-def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
+def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: CompanionConfig) -> list[Finding | Unknown]:
     vehicle = config.vehicle
     names = ("vehicle.thrust_curve", "vehicle.thrust_lag_s")
     if level is None:
-        return [Left(name, "hover thrust is not known") for name in names]
+        return [Unknown(name, "hover thrust is not known") for name in names]
     rotors = fit_rotors(seen, level.thrust, vehicle.gravity_mps2)
     found = rotors.fit
     if rotors.varied < _VARIED:
         why = f"the thrust varied by {rotors.varied:.1%} only: {_CLIMB}"
-        return [Left(name, why) for name in names]
+        return [Unknown(name, why) for name in names]
     if found.explained < _EXPLAINED:
         why = _unlike("vertical motion and the thrust asked for", found, _CLIMB)
-        return [Left(name, why) for name in names]
+        return [Unknown(name, why) for name in names]
     curve, curve_sd = max(float(found.values[2]), 0.0), math.hypot(float(found.sd[2]), _CURVE)
     lag_s = float(found.values[0]) - mocap_s - vehicle.thrust_delay_s
     lag_sd_s = math.hypot(float(found.sd[0]), _ROTORS_S)
-    results: list[Finding | Left] = []
+    results: list[Finding | Unknown] = []
     if curve_sd > 0.1:
-        results.append(Left(names[0], f"{curve:.2f} ± {curve_sd:.2f} is too uncertain: {_CLIMB}"))
+        results.append(Unknown(names[0], f"{curve:.2f} ± {curve_sd:.2f} is too uncertain: {_CLIMB}"))
     else:
         says = "f in force = f t^2 + (1 - f) t, as PX4 leaves it"
         results.append(Finding("vehicle.thrust_curve", curve, curve_sd, vehicle.thrust_curve, 2, says))
     if lag_sd_s > 0.012 or lag_s <= 0.0:
-        results.append(Left(names[1], f"{_ms(lag_s, lag_sd_s)} is too uncertain: {_CLIMB}"))
+        results.append(Unknown(names[1], f"{_ms(lag_s, lag_sd_s)} is too uncertain: {_CLIMB}"))
     else:
         says = f"with thrust_delay_s = {vehicle.thrust_delay_s:g} left as it is: only their sum shows"
         results.append(Finding("vehicle.thrust_lag_s", lag_s, lag_sd_s, vehicle.thrust_lag_s, 3, says))
     return results
 
 
-def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Finding | Left]:
+def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Finding | Unknown]:
     vehicle = config.vehicle
     names = ("vehicle.setpoint_delay_s", "vehicle.attitude_bandwidth_radps", "vehicle.attitude_damping")
     total_s, bandwidth, damping = (float(value) for value in found.values)
@@ -135,7 +135,7 @@ def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Findi
     elif bandwidth_sd > 0.15 * bandwidth or delay_sd_s > 0.015 or damping_sd > 0.15:
         why = f"{bandwidth:.1f} ± {bandwidth_sd:.1f} rad/s is too uncertain: it must tilt more, fly an ellipse"
     if why:
-        return [Left(name, why) for name in names]
+        return [Unknown(name, why) for name in names]
     says = f"delay and second order explain {found.explained:.1%} of the motion; take all three"
     delay_s = max(total_s - mocap_s, 0.0)
     return [

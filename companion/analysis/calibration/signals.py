@@ -116,7 +116,6 @@ def _arms_at_rest(flown: Flown) -> Mask:
 
 
 def _autopilots(flown: Flown) -> tuple[Array, Array]:
-    """Return times and values of the autopilot's attitudes, each once."""
     heard, boot = flown.column("attitude_s"), flown.column("boot_s")
     fresh = np.isfinite(heard) & np.isfinite(boot) & np.append(True, np.diff(heard) > 0.0)
     up_w = up_axis(flown.column("autopilot_q_w_flu_wxyz", 4)[fresh])

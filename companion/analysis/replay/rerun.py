@@ -25,7 +25,7 @@ from companion.records.read import FlightRecord, RecordedTick
 
 
 @dataclass
-class Apart:
+class Difference:
     """Difference of one quantity between the replay and the record."""
 
     name: str
@@ -63,7 +63,7 @@ class Replayed:
     """That was replayed; the record's own where empty."""
     ticks: int = 0
     flown: int = 0
-    apart: dict[str, Apart] = field(default_factory=dict)
+    differences: dict[str, Difference] = field(default_factory=dict)
     events: tuple[int, int] = (0, 0)
     """Cycles worth sending, in the record and now."""
     time_s: list[float] = field(default_factory=list)
@@ -74,11 +74,11 @@ class Replayed:
     @property
     def identical(self) -> bool:
         """All that was compared is the same to the last bit."""
-        return all(one.differ == 0 for one in self.apart.values())
+        return all(one.differ == 0 for one in self.differences.values())
 
     def compare(self, name: str, recorded: Array, again: Array, at_s: float) -> None:
         """Note one quantity of one cycle."""
-        self.apart.setdefault(name, Apart(name)).take(recorded, again, at_s)
+        self.differences.setdefault(name, Difference(name)).take(recorded, again, at_s)
 
 
 def replay(

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import typer
 
-from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
 from companion.adapters.system.clock import MonotonicClock
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import vehicle_settings

@@ -12,7 +12,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from companion.adapters.dynamixel import DynamixelBus
+from companion.adapters.dynamixel.bus import DynamixelBus
 from companion.arms.model import JOINT_NAMES
 from companion.arms.state_machine import ArmPhase
 from companion.arms.trajectory import JointTrajectory

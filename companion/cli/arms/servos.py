@@ -9,7 +9,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from companion.adapters.dynamixel import DynamixelBus
+from companion.adapters.dynamixel.bus import DynamixelBus
 from companion.cli.arms.bench import CLOCK, Bench, cycles, failed, open_bus
 from companion.cli.arms.table import REFRESH_HZ, CycleMeter, found_table, state_json, state_table, torque_words
 from companion.cli.operator.exit_codes import FAILED

@@ -6,7 +6,8 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
-from companion.adapters.dynamixel import Found, model_name
+from companion.adapters.dynamixel.checks import model_name
+from companion.adapters.dynamixel.found import Found
 from companion.arms.model import JOINT_NAMES
 from companion.config.arms_config import ArmsConfig, ServoConfig
 from companion.core.types import ArmStatus, Array

@@ -81,7 +81,7 @@ def summary_of(done: "Replayed", dropped: int) -> dict[str, object]:
         "sent_again": done.events[1],
         "apart": {
             one.name: {"compared": one.compared, "differ": one.differ, "most": one.most, "rms": one.rms}
-            for one in done.apart.values()
+            for one in done.differences.values()
         },
     }
 
@@ -91,7 +91,7 @@ def _show(done: "Replayed", dropped: int, controller: str | None, console: "Cons
     from rich.text import Text  # noqa: PLC0415
 
     if controller is None and done.identical:
-        names = len(done.apart)
+        names = len(done.differences)
         console.print(
             Text.assemble(
                 ("identical", "green"), f" to the last bit: {done.flown} cycles of the law, {names} quantities"
@@ -101,7 +101,7 @@ def _show(done: "Replayed", dropped: int, controller: str | None, console: "Cons
     table = Table(box=None, pad_edge=False)
     for title in ("quantity", "cycles", "that differ", "most", "rms", "first at"):
         table.add_column(title, justify="left" if title == "quantity" else "right")
-    for one in done.apart.values():
+    for one in done.differences.values():
         if one.differ or controller is not None:
             first = "" if one.first_s is None else f"{one.first_s:.2f} s"
             table.add_row(

@@ -32,9 +32,9 @@ from companion.preflight.checks import agreement, vehicle
 from companion.preflight.checks.agreement import apart
 from companion.preflight.checks.all_checks import Facts, check_mocap, check_place
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.dry_run_report import DrySeen, check_health, check_law
+from companion.preflight.checks.dry_run_report import DryRunFacts, check_health, check_law
 from companion.preflight.dry_run import DryRun
-from companion.preflight.live_observer import open_onlooker
+from companion.preflight.live_observer import open_live_observer
 from companion.preflight.service_facts import Running, facts_of, watch
 from companion.records.recorder import Recorder
 from companion.trajectories.reference import Trajectory
@@ -112,17 +112,17 @@ class _DryRun:
         async with AsyncExitStack() as devices:
             with self._console.status("connecting") as waiting:
                 show_cursor(self._console)
-                opened = open_onlooker(
+                opened = open_live_observer(
                     self._config, self._out, forward_vision=False, tell=lambda text: waiting.update(Text(text))
                 )
-                running, onlooker = await devices.enter_async_context(opened)
+                running, observer = await devices.enter_async_context(opened)
                 waiting.update("waiting until the autopilot says that it is disarmed")
                 await _disarmed(running, self._config.px4.answer_timeout_s)
             dry = DryRun(running, self._config, self._law, self._trajectory, self._take)
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 asyncio.get_running_loop().add_signal_handler(number, self._interrupt)
             self._console.print(f"observing for {seconds:g} s, sending nothing", highlight=False)
-            onlooker.each = dry
+            observer.each = dry
             self._end_s = running.clock.now_s() + seconds
             mocap = self._config.mocap
             live = Live(
@@ -131,7 +131,7 @@ class _DryRun:
             with live:
                 show_cursor(self._console)
                 watched = await watch(running, mocap.body, mocap.delay_s, seconds, lambda: self.interrupted)
-            onlooker.each = None
+            observer.each = None
             return self._judge(facts_of(running, watched, {}, self._config.preflight), dry.seen)
 
     def _interrupt(self) -> None:
@@ -141,7 +141,7 @@ class _DryRun:
         self._tick = tick
         self.recorder(tick)
 
-    def _judge(self, facts: Facts, seen: DrySeen) -> tuple[Check, ...]:
+    def _judge(self, facts: Facts, seen: DryRunFacts) -> tuple[Check, ...]:
         """Return the preflight checks that need nothing sent; the EKF gets no poses here."""
         config, wanted = self._config, self._config.preflight
         tilts = agreement.check_tilts(facts.apart, wanted.tilt_apart_rad)

@@ -12,8 +12,8 @@ from companion.cli.terminal import show_cursor
 from companion.core.types import Array
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.hand_test import (
+    Displacement,
     Move,
-    Moved,
     Track,
     at_rest,
     is_over,
@@ -37,7 +37,7 @@ _BEFORE = 60
 
 async def carry(running: Running, console: Console) -> tuple[Check, ...]:
     """Ask for each move and print its result; return one check for each move and one for all together."""
-    seen: dict[Move, Moved] = {}
+    seen: dict[Move, Displacement] = {}
     checks: list[Check] = []
     for move in Move:
         track = await _one_move(running, move, console)

@@ -24,7 +24,7 @@ from companion.geometry.frames import up_axis, yaw_of
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.mocap import MocapWatch
-from companion.preflight.live_observer import LiveObserver, mocap_place, open_mocap_onlooker
+from companion.preflight.live_observer import LiveObserver, mocap_place, open_mocap_observer
 
 _REFRESH_HZ = 4.0
 _RATE_S = 2.0
@@ -68,12 +68,12 @@ async def _look(config: CompanionConfig, for_s: float, console: Console) -> tupl
     loop, pressed = asyncio.get_running_loop(), asyncio.Event()
     with console.status(Text(f"connecting to motion capture {mocap_place(config)}")) as waiting:
         show_cursor(console)
-        async with open_mocap_onlooker(config) as (onlooker, watch):
+        async with open_mocap_observer(config) as (observer, watch):
             waiting.stop()
             for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
                 loop.add_signal_handler(number, pressed.set)
-            shown = _Shown(config.mocap.body, onlooker, watch)
-            onlooker.each = shown
+            shown = _Shown(config.mocap.body, observer, watch)
+            observer.each = shown
             until = "until Ctrl-C" if math.isinf(for_s) else f"for {for_s:g} s"
             console.print(f"looking at motion capture {mocap_place(config)} {until}", highlight=False, markup=False)
             begun_s = loop.time()
@@ -89,8 +89,8 @@ async def _look(config: CompanionConfig, for_s: float, console: Console) -> tupl
 class _Shown:
     """Live table, updated once a cycle as the observer's `each`."""
 
-    def __init__(self, body: str, onlooker: LiveObserver, watch: MocapWatch) -> None:
-        self._body, self._onlooker, self._watch = body, onlooker, watch
+    def __init__(self, body: str, observer: LiveObserver, watch: MocapWatch) -> None:
+        self._body, self._observer, self._watch = body, observer, watch
         self._now_s = math.nan
         self._arrivals_s: deque[float] = deque()
 
@@ -110,18 +110,18 @@ class _Shown:
         return table
 
     def _stream(self) -> str:
-        frame = self._onlooker.frame
+        frame = self._observer.frame
         late = f", {frame.late} dropped because they came late" if frame is not None and frame.late else ""
         return f"{len(self._arrivals_s) / _RATE_S:.0f} Hz, {self._watch.frames} so far{late}"
 
     def _tracked(self) -> str:
         missed = self._watch.frames - self._watch.tracked
-        frame = self._onlooker.frame
+        frame = self._observer.frame
         now = "is seen" if frame is not None and frame.tracked else "is NOT SEEN now"
         return f"{self._body!r} {now}; missed in {missed} of {self._watch.frames} frames"
 
     def _pose(self) -> list[tuple[str, str]]:
-        estimate, frame = self._onlooker.estimate, self._onlooker.frame
+        estimate, frame = self._observer.estimate, self._observer.frame
         if estimate.vehicle is None or frame is None:
             return [("place", "no pose yet")]
         x_m, y_m, z_m = estimate.vehicle.position_w_m.tolist()

@@ -29,9 +29,9 @@ from companion.config.trajectory_files import Curve, trajectory_named
 from companion.core.interfaces import FlightError
 from companion.preflight.checks.all_checks import check_operator
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.hand_test import Kept
-from companion.preflight.hand_test_file import check_can_keep, kept_file, write_kept
-from companion.preflight.live_observer import DevicesMissingError, open_onlooker
+from companion.preflight.checks.hand_test import HandTest
+from companion.preflight.hand_test_file import hand_test_path, require_writable, write_hand_test
+from companion.preflight.live_observer import DevicesMissingError, open_live_observer
 from companion.preflight.service_facts import preflight as check_everything
 from companion.preflight.service_facts import settle
 from companion.protocol.commands import Command
@@ -70,7 +70,7 @@ def preflight(
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     if by_hand:
-        check_can_keep(settings.preflight)
+        require_writable(settings.preflight)
     check_output(out, None)
     console = Console(stderr=as_json)
     try:
@@ -104,7 +104,7 @@ async def _look(
         show_cursor(console)
         async with _broker(config) as (operator_age_s, met_broker):
             try:
-                async with open_onlooker(
+                async with open_live_observer(
                     config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
                 ) as (running, _):
                     status.update("looking at motion capture and the autopilot, asking for its parameters")
@@ -141,18 +141,18 @@ def _refuse(command: Command, _: object) -> None:
 async def carry_and_keep(config: CompanionConfig, out: Path, console: Console) -> tuple[Check, ...]:
     """Run the hand test, and store that it passed if all checks pass.
 
-    Call `check_can_keep` first. FlightError while the vehicle is armed.
+    Call `require_writable` first. FlightError while the vehicle is armed.
     """
-    async with open_onlooker(config, out, forward_vision=True) as (running, _):
+    async with open_live_observer(config, out, forward_vision=True) as (running, _):
         await settle(running, config.preflight)
         if running.autopilot.status().armed:
             raise FlightError("the vehicle is armed: it is carried by hand only disarmed, better without propellers")
         checks = await carry(running, console)
     if all(check.passed for check in checks):
-        path = write_kept(config.preflight, Kept(config.mocap.body, datetime.now(tz=UTC)))
+        path = write_hand_test(config.preflight, HandTest(config.mocap.body, datetime.now(tz=UTC)))
         console.print(f"kept in {path}", markup=False, highlight=False, soft_wrap=True)
     else:
-        console.print(f"not kept in {kept_file(config.preflight)}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"not kept in {hand_test_path(config.preflight)}", markup=False, highlight=False, soft_wrap=True)
     return checks
 
 

@@ -16,7 +16,7 @@ HORIZON_APART_RAD = 0.1
 
 
 @dataclass(frozen=True)
-class Apart:
+class Difference:
     """The autopilot's angles less motion capture's, medians, rad."""
 
     roll_rad: float
@@ -28,7 +28,7 @@ class Apart:
 
 
 @dataclass(frozen=True)
-class VisionSeen:
+class VisionFacts:
     """State of the autopilot's vision fusion."""
 
     fused: bool
@@ -37,20 +37,20 @@ class VisionSeen:
     """Median distance between its position and motion capture's; NaN when it tells none."""
 
 
-def apart(mocap_q_wxyz: Array, autopilot_q_wxyz: Array) -> Apart:
+def apart(mocap_q_wxyz: Array, autopilot_q_wxyz: Array) -> Difference:
     """Return the median differences of attitudes (n, 4) taken at the same times, body FLU to W; NaN without any."""
     if not len(mocap_q_wxyz):
-        return Apart(math.nan, math.nan, math.nan)
+        return Difference(math.nan, math.nan, math.nan)
     ours, theirs = _angles_rad(mocap_q_wxyz), _angles_rad(autopilot_q_wxyz)
     off = (theirs - ours + math.pi) % math.tau - math.pi
     first = off[0]
     around = first + np.median((off - first + math.pi) % math.tau - math.pi, axis=0)
     roll, pitch, heading = (math.remainder(angle, math.tau) for angle in around.tolist())
-    return Apart(roll, pitch, heading)
+    return Difference(roll, pitch, heading)
 
 
 def _angles_rad(q: Array) -> Array:
-    """Return roll, pitch and heading, rad, (n, 3), with the signs of `Apart`."""
+    """Return roll, pitch and heading, rad, (n, 3), with the signs of `Difference`."""
     up_b = matrix_from_quat(q)[:, 2, :]
     roll = np.arctan2(up_b[:, 1], up_b[:, 2])
     pitch = np.arcsin(np.clip(up_b[:, 0], -1.0, 1.0))
@@ -62,7 +62,7 @@ def settles(tilt_rad: float, landed_age_s: float) -> bool:
     return landed_age_s < HORIZON_SETTLED_S and abs(tilt_rad) < HORIZON_APART_RAD
 
 
-def check_tilts(off: Apart, most_rad: float, landed_age_s: float = math.inf) -> tuple[Check, Check]:
+def check_tilts(off: Difference, most_rad: float, landed_age_s: float = math.inf) -> tuple[Check, Check]:
     """Check roll and pitch: the body's definition in QTM must be level when the autopilot is.
 
     `landed_age_s` is the time since a flight ended before which both agreed; infinite when none is known.
@@ -93,7 +93,7 @@ def _check(
     return Check(name, abs(angle_rad) <= most_rad, says, todo)
 
 
-def check_heading(off: Apart, most_rad: float) -> Check:
+def check_heading(off: Difference, most_rad: float) -> Check:
     """Check the heading: setpoints use motion capture's, so with another north the vehicle flies off sideways."""
     quarter = _quarter(off.heading_rad)
     about = f", as if the frames were turned by {quarter} degrees" if quarter else ""
@@ -122,7 +122,7 @@ def _quarter(angle_rad: float) -> int:
     return 90 * turns if near else 0
 
 
-def check_vision(seen: VisionSeen, most_m: float) -> Check:
+def check_vision(seen: VisionFacts, most_m: float) -> Check:
     """Check that EKF2 fuses the poses: without them PX4 cannot land or hold by itself."""
     where = "no position" if math.isnan(seen.apart_m) else f"its position {seen.apart_m:.2f} m from mocap's"
     says = f"{'fused' if seen.fused else 'not fused'}, {where}, at most {most_m:g} m wanted"

@@ -9,12 +9,12 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.preflight_config import PreflightConfig, Recommended
 from companion.core.types import Array, AutopilotStatus
 from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle
-from companion.preflight.checks.agreement import Apart, VisionSeen
+from companion.preflight.checks.agreement import Difference, VisionFacts
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.computer import MachineSeen
-from companion.preflight.checks.hand_test import Kept, check_kept
-from companion.preflight.checks.mocap import MocapSeen
-from companion.preflight.checks.vehicle import ArmsSeen, check_parameters
+from companion.preflight.checks.computer import ComputerFacts
+from companion.preflight.checks.hand_test import HandTest, check_hand_test
+from companion.preflight.checks.mocap import MocapFacts
+from companion.preflight.checks.vehicle import ServoFacts, check_parameters
 from companion.trajectories.reference import Trajectory
 
 DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
@@ -28,17 +28,17 @@ class Facts:
     time_s: float
     when: datetime
     """On the system clock, with its time zone."""
-    mocap: MocapSeen
+    mocap: MocapFacts
     position_w_m: Array | None
     """Position of the vehicle, (3,) in W; None when it is not known."""
     status: AutopilotStatus
-    apart: Apart
-    vision: VisionSeen
+    apart: Difference
+    vision: VisionFacts
     parameters: Mapping[str, float]
     """The autopilot's, by name; those that it did not tell are left out."""
-    arms: ArmsSeen | None
-    machine: MachineSeen
-    kept: Kept | str
+    arms: ServoFacts | None
+    machine: ComputerFacts
+    kept: HandTest | str
     """When it was carried by hand; the reason where that is not known."""
     operator_age_s: float
     """Since the operator's broker last answered; 0 while it does, and where none is configured."""
@@ -71,11 +71,11 @@ def check_all(
         *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
         *([facts.law] if facts.law is not None else []),
         *check_place(facts.position_w_m, config, trajectory),
-        check_kept(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
+        check_hand_test(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
     )
 
 
-def check_machine(seen: MachineSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def check_machine(seen: ComputerFacts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     """Check this computer's disk, clocks and scheduling."""
     return (
         computer.check_disk(seen, config.safety.disk_free_mb),
@@ -90,7 +90,7 @@ def check_operator(age_s: float, config: CompanionConfig) -> tuple[Check, ...]:
     return () if operator is None else (computer.check_broker(age_s, f"{operator.host}:{operator.port}"),)
 
 
-def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def check_mocap(seen: MocapFacts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     """Check body, rate, age and residual of motion capture."""
     return (
         mocap.check_body(seen),
@@ -100,7 +100,7 @@ def check_mocap(seen: MocapSeen, config: CompanionConfig, wanted: PreflightConfi
     )
 
 
-def check_agreement(apart: Apart, wanted: PreflightConfig, landed_age_s: float = math.inf) -> tuple[Check, ...]:
+def check_agreement(apart: Difference, wanted: PreflightConfig, landed_age_s: float = math.inf) -> tuple[Check, ...]:
     """Check both attitudes of a vehicle that stands, and has for `landed_age_s`; see check_tilts."""
     return (
         agreement.check_heading(apart, wanted.heading_apart_rad),

@@ -12,7 +12,7 @@ _NICE = -10
 
 
 @dataclass(frozen=True)
-class MachineSeen:
+class ComputerFacts:
     """State of this computer and this process."""
 
     disk_free_mb: float
@@ -28,7 +28,7 @@ class MachineSeen:
     nice: int
 
 
-def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
+def check_disk(seen: ComputerFacts, limit_mb: float) -> Check:
     """Check that the disk has room for the flight's record; below `limit_mb` a flight is ended."""
     wanted_mb = limit_mb + _RECORD_MB
     free = "nothing is recorded" if math.isinf(seen.disk_free_mb) else f"{seen.disk_free_mb:.0f} MB free"
@@ -36,7 +36,7 @@ def check_disk(seen: MachineSeen, limit_mb: float) -> Check:
     return Check("disk space", seen.disk_free_mb >= wanted_mb, says, "delete or move old records")
 
 
-def check_clock(seen: MachineSeen) -> tuple[Check, Check]:
+def check_clock(seen: ComputerFacts) -> tuple[Check, Check]:
     """Check both clocks: timing uses the monotonic one, the system clock only names records."""
     ticks = f"monotonic to {1e6 * seen.clock_resolution_s:g} us"
     good = seen.clock_resolution_s <= _RESOLUTION_S and seen.clock_sane
@@ -61,7 +61,7 @@ def check_broker(age_s: float, where: str) -> Check:
     return Check("operator's broker", age_s <= 0.0, says, todo)
 
 
-def check_priority(seen: MachineSeen, must: bool) -> Check:
+def check_priority(seen: ComputerFacts, must: bool) -> Check:
     """Check that the control loop has real-time priority over other programs."""
     realtime = seen.realtime_priority > 0
     says = f"real-time, {seen.realtime_priority}" if realtime else f"not real-time, nice {seen.nice}"

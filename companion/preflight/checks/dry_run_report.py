@@ -8,7 +8,7 @@ from companion.supervisor.faults import FailsafeAction, Fault, Stage, reaction_t
 
 
 @dataclass(frozen=True)
-class DrySeen:
+class DryRunFacts:
     """Some seconds of a law that was listened to and not obeyed."""
 
     cycles: int
@@ -24,7 +24,7 @@ class DrySeen:
     """Faults that the health checks found, each with its first message."""
 
 
-def check_law(seen: DrySeen) -> Check:
+def check_law(seen: DryRunFacts) -> Check:
     """Check that the law gave a finite command in every cycle."""
     todo = "look at the controller file, and at where the vehicle stands compared with the trajectory's start"
     low, high = seen.thrust
@@ -37,7 +37,7 @@ def check_law(seen: DrySeen) -> Check:
     return Check("law", seen.cycles > 0 and not seen.not_finite and not seen.law_fault, says, todo)
 
 
-def check_health(seen: DrySeen) -> Check:
+def check_health(seen: DryRunFacts) -> Check:
     """Check that the health checks of a flight found no fault."""
     says = "; ".join(f"{fault}: {text}" for fault, text in seen.events.items()) or "nothing"
     ended = [fault for fault in seen.events if reaction_to(fault, Stage.FLYING) > FailsafeAction.WARN]

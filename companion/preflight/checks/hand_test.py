@@ -73,7 +73,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Moved:
+class Displacement:
     """Displacements of a move between its rests: (3,), m, in W and along the initial body axes."""
 
     mocap_w_m: Array
@@ -104,7 +104,7 @@ def is_over(track: Track, move: Move) -> bool:
     return at_rest(track) and bool(np.linalg.norm(moved(track).mocap_w_m) >= move.least_m)
 
 
-def moved(track: Track) -> Moved:
+def moved(track: Track) -> Displacement:
     """Return the displacement between both ends."""
     first = track.time_s <= track.time_s[0] + _ENDS_S
     last = track.time_s >= track.time_s[-1] - _ENDS_S
@@ -114,10 +114,10 @@ def moved(track: Track) -> Moved:
 
     mocap, autopilot = between(track.mocap_w_m), between(track.autopilot_w_m)
     ours, theirs = matrix_from_quat(track.mocap_q_wxyz[0]), matrix_from_quat(track.autopilot_q_wxyz[0])
-    return Moved(mocap, ours.T @ mocap, autopilot, theirs.T @ autopilot)
+    return Displacement(mocap, ours.T @ mocap, autopilot, theirs.T @ autopilot)
 
 
-def judge(move: Move, seen: Moved) -> Check:
+def judge(move: Move, seen: Displacement) -> Check:
     """Judge one move; the first deviation found is reported."""
     says = f"mocap {_metres(seen.mocap_w_m)}, autopilot {_metres(seen.autopilot_w_m)}"
     for todo in (_of_mocap(move, seen), _of_position(seen), _of_heading(move, seen)):
@@ -126,7 +126,7 @@ def judge(move: Move, seen: Moved) -> Check:
     return Check(f"by hand: {move}", True, says)
 
 
-def _of_mocap(move: Move, seen: Moved) -> str:
+def _of_mocap(move: Move, seen: Displacement) -> str:
     """Return what is wrong with motion capture alone; empty when nothing is."""
     shown = seen.mocap_w_m if move is Move.LIFT else seen.mocap_b_m
     if _angle_rad(shown, move.direction) <= _OFF_RAD:
@@ -145,7 +145,7 @@ def _of_mocap(move: Move, seen: Moved) -> str:
     )
 
 
-def _of_position(seen: Moved) -> str:
+def _of_position(seen: Displacement) -> str:
     """Return what is wrong with the autopilot's position compared with motion capture's; empty when nothing is."""
     ours_m, theirs_m = float(np.linalg.norm(seen.mocap_w_m)), float(np.linalg.norm(seen.autopilot_w_m))
     if not theirs_m >= _FOLLOWS * ours_m:  # NaN, too
@@ -164,7 +164,7 @@ def _of_position(seen: Moved) -> str:
     return ""
 
 
-def _of_heading(move: Move, seen: Moved) -> str:
+def _of_heading(move: Move, seen: Displacement) -> str:
     """Return what is wrong with the autopilot's heading, which causes toilet-bowling; empty when nothing is."""
     if move is Move.LIFT:
         return ""
@@ -178,7 +178,7 @@ def _of_heading(move: Move, seen: Moved) -> str:
     )
 
 
-def judge_together(seen: Mapping[Move, Moved]) -> Check:
+def judge_together(seen: Mapping[Move, Displacement]) -> Check:
     """Judge all three moves together: a turned and a mirrored frame differ only in more than one direction."""
     name = "by hand: frames"
     ours = np.stack([seen[move].mocap_w_m for move in Move], axis=-1)
@@ -199,7 +199,7 @@ def judge_together(seen: Mapping[Move, Moved]) -> Check:
     )
 
 
-def _turn(seen: Moved) -> str:
+def _turn(seen: Displacement) -> str:
     """Return the turn about the vertical between both displacements as text; empty where it is not defined."""
     a, b = seen.mocap_w_m, seen.autopilot_w_m
     if min(math.hypot(a[0], a[1]), math.hypot(b[0], b[1])) < 0.5 * float(np.linalg.norm(a)):
@@ -227,7 +227,7 @@ def _metres(vector: Array) -> str:
 
 
 @dataclass(frozen=True)
-class Kept:
+class HandTest:
     """Last hand test that passed."""
 
     body: str
@@ -238,7 +238,7 @@ class Kept:
     """File that keeps the result."""
 
 
-def check_kept(kept: Kept | str, body: str, now: datetime, within_h: float) -> Check:
+def check_hand_test(kept: HandTest | str, body: str, now: datetime, within_h: float) -> Check:
     """Check that a hand test passed within `within_h`; 0: no hand test is required.
 
     Where nothing is kept, `kept` is the reason.

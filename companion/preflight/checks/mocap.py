@@ -23,7 +23,7 @@ _OFTEN = 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
-class MocapSeen:
+class MocapFacts:
     """Statistics of some seconds of motion capture."""
 
     body: str
@@ -45,7 +45,7 @@ class MocapSeen:
         return self.frames / self.seconds_s if self.seconds_s > 0.0 else 0.0
 
 
-def check_body(seen: MocapSeen) -> Check:
+def check_body(seen: MocapFacts) -> Check:
     """Check that the rigid body is tracked all the time."""
     share = seen.tracked / seen.frames if seen.frames else 0.0
     todo = (
@@ -56,14 +56,14 @@ def check_body(seen: MocapSeen) -> Check:
     return Check("body seen", share >= _SEEN, f"{seen.body!r} in {share:.0%} of {seen.frames} frames", todo)
 
 
-def check_rate(seen: MocapSeen, least_hz: float) -> Check:
+def check_rate(seen: MocapFacts, least_hz: float) -> Check:
     """Check the rate of frames."""
     says = f"{seen.rate_hz:.0f} Hz, at least {least_hz:g} wanted"
     todo = "raise the capture rate in QTM, or look for losses on the network: a cable, not Wi-Fi"
     return Check("mocap rate", seen.rate_hz >= least_hz, says, todo)
 
 
-def check_age(seen: MocapSeen, most_s: float) -> Check:
+def check_age(seen: MocapFacts, most_s: float) -> Check:
     """Check the age of poses against the limit for flight."""
     known = math.isfinite(seen.age_s)
     says = f"below {1e3 * seen.age_s:.0f} ms for 95 % of the time" if known else "no pose at all"
@@ -71,7 +71,7 @@ def check_age(seen: MocapSeen, most_s: float) -> Check:
     return Check("mocap age", seen.age_s <= most_s, f"{says}, at most {1e3 * most_s:.0f} wanted", todo)
 
 
-def check_residual(seen: MocapSeen, most_m: float) -> Check:
+def check_residual(seen: MocapFacts, most_m: float) -> Check:
     """Check the residual of the markers; passes when the system does not report it."""
     if math.isnan(seen.residual_m):
         return Check("mocap residual", True, "not reported")
@@ -109,10 +109,10 @@ class MocapWatch:
         if estimate.vehicle is not None:
             self._delays_s.append(frame.received_s - to_local_s(estimate.clock, frame.stamp_s, self._delay_s))
 
-    def seen(self, body: str, seconds_s: float) -> MocapSeen:
+    def seen(self, body: str, seconds_s: float) -> MocapFacts:
         """Return what was gathered in `seconds_s` of looking."""
         ages_s = sorted(self._ages_s)
-        return MocapSeen(
+        return MocapFacts(
             body=body,
             frames=self.frames,
             seconds_s=seconds_s,

@@ -14,7 +14,7 @@ _PLAUSIBLE = (0.2, 0.7)
 
 
 @dataclass(frozen=True)
-class ArmsSeen:
+class ServoFacts:
     """State of the arms' servos."""
 
     unread_s: float
@@ -99,7 +99,7 @@ def check_thrust_curve(thrust_curve: float, thr_mdl_fac: float) -> Check:
     return Check("thrust curve", once, says, todo)
 
 
-def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
+def check_arms(seen: ServoFacts | None, most_s: float) -> tuple[Check, ...]:
     """Check that all joints answer, without a fault, in their stowed pose; no checks for a vehicle without arms."""
     if seen is None:
         return ()
@@ -119,7 +119,6 @@ def check_arms(seen: ArmsSeen | None, most_s: float) -> tuple[Check, ...]:
 
 
 def _halves(remark: str) -> tuple[str, str]:
-    """Return what is odd, and what to do, which a servo's remark has behind its last colon."""
     says, _, todo = remark.rpartition(": ")
     return says, todo
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from companion.adapters.broker import open_broker, process
+from companion.adapters.broker import process
+from companion.adapters.broker.process import open_broker
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
 from tests.ports import free_port

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.adapters.dynamixel import DynamixelBus, open_dynamixel
+from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
 from companion.adapters.system.clock import MonotonicClock
 from companion.arms.model import JOINT_NAMES
 from companion.config.arms_config import ArmsConfig

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.adapters.dynamixel import DynamixelBus
+from companion.adapters.dynamixel.bus import DynamixelBus
 from companion.adapters.dynamixel.port import BusPort
 from companion.adapters.dynamixel.registers import Ax, Xm
 from companion.adapters.dynamixel.wire import Wire

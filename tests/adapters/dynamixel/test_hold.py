@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from companion.adapters.dynamixel import DynamixelBus
+from companion.adapters.dynamixel.bus import DynamixelBus
 from companion.core.types import Array
 from mock_autopilot.servos.config import FaultKind
 from tests.adapters.dynamixel.rig import CLOCK, BusRig, connected, cycles, fault_of, mock_bus, servos, until

@@ -23,7 +23,8 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from companion.adapters.px4 import Px4, open_px4
+from companion.adapters.px4.autopilot import Px4
+from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.px4_config import Px4Config
 from companion.control.pipeline import idle_setpoint

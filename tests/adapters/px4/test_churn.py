@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from companion.adapters.px4 import open_px4
+from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError

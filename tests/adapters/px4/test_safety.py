@@ -9,7 +9,8 @@ from contextlib import asynccontextmanager
 import numpy as np
 import pytest
 
-from companion.adapters.px4 import Px4, open_px4
+from companion.adapters.px4.autopilot import Px4
+from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.cli.demo.mock_process import free_ports
 from companion.config.px4_config import Px4Config

@@ -7,7 +7,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from companion.adapters.qualisys import QualisysSource, open_qualisys
+from companion.adapters.qualisys.connect import open_qualisys
+from companion.adapters.qualisys.source import QualisysSource
 from companion.config.mocap_config import MocapConfig
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.physics.truth import Truth

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.adapters.qualisys import QualisysSource, open_qualisys
+from companion.adapters.qualisys.connect import open_qualisys
 from companion.adapters.qualisys.packets import MAX_PACKET_BYTES
+from companion.adapters.qualisys.source import QualisysSource
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import MocapError

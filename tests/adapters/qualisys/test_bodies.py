@@ -11,9 +11,11 @@ import pytest
 from qtm_rt.packet import QRTPacket
 
 from companion.adapters.mocap.newest_frame import MocapCounts
-from companion.adapters.qualisys import QualisysSource, open_qualisys, stream_watch
+from companion.adapters.qualisys import stream_watch
 from companion.adapters.qualisys.bodies import RigidBody, index_in_frame, misfit, objection, rigid_bodies
+from companion.adapters.qualisys.connect import open_qualisys
 from companion.adapters.qualisys.packets import MalformedError
+from companion.adapters.qualisys.source import QualisysSource
 from mock_autopilot.faults.mocap import MocapFaults
 from mock_autopilot.faults.schedule import FaultSchedule
 from mock_autopilot.faults.sentences import parse

@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from companion.adapters.mocap.newest_frame import MocapCounts
-from companion.adapters.qualisys import QualisysSource, open_qualisys, stream_watch
+from companion.adapters.qualisys import stream_watch
+from companion.adapters.qualisys.connect import open_qualisys
+from companion.adapters.qualisys.source import QualisysSource
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.mocap_config import MocapConfig
 from companion.core.interfaces import MocapError

@@ -64,7 +64,7 @@ def test_nothing_ends_a_vehicle_in_the_air(short: Shortage, caplog: pytest.LogCa
 
 
 def test_who_is_told_to_end_lands_first_and_then_has_its_time(short: Shortage) -> None:
-    short.resort.told_to_end()
+    short.resort.begin_deadline()
     short.resort.flying = lambda: True
     assert short.ended_after(wait_s=60.0) == []
     short.resort.flying = lambda: False
