@@ -1,8 +1,12 @@
 """PX4's simulated battery: it drains while armed and is full again when disarmed."""
 
+import math
+
 from mock_autopilot.px4.failsafe import CRITICAL, EMERGENCY, LOW
 from mock_autopilot.px4.params import ParamTable
 
+FILTER_REST = 1e-6
+"""Percent by which the filtered charge stays above the true one."""
 REPORT_S = 1.0
 """PX4 filters the state of charge; recorded with 0.95 to 1.05 s."""
 
@@ -39,8 +43,11 @@ class Battery:
 
     @property
     def percent(self) -> int:
-        """Return the remaining charge as reported, 0..100."""
-        return round(100.0 * self._reported)
+        """Return the remaining charge as reported, 0..100: rounded up, as PX4's SYS_STATUS has it.
+
+        Its filter stays just above the charge at which a simulated battery stops: 51 % for 50 %.
+        """
+        return min(math.ceil(100.0 * self._reported + FILTER_REST), 100)
 
     @property
     def warning(self) -> int:

@@ -185,7 +185,7 @@ class Commander:
 
     def choose(self, mode: Mode, now: FailsafeFlags) -> Result:
         """Change to the user's mode from the next step on; while armed only to one that can be flown."""
-        if self.armed and not self._may_choose(mode, self._checked or now):
+        if self.armed and not self._may_choose(mode, self.last_checks(now)):
             self._say(Severity.CRITICAL, f"Switching to {mode.title} is currently not available")
             return Result.TEMPORARILY_REJECTED
         self.take(mode)
@@ -231,6 +231,10 @@ class Commander:
         if not self.armed:
             self.mode = self.user_mode
         self.intended_mode, self._just_chose = self.user_mode, False
+
+    def last_checks(self, now: FailsafeFlags) -> FailsafeFlags:
+        """Return the flags at the last checks, which chose the mode that is flown; `now` before the first."""
+        return self._checked or now
 
     @property
     def battery_low(self) -> bool:

@@ -40,7 +40,7 @@ def sensors_health(vehicle: Vehicle) -> int:
     """Return the health bits of SYS_STATUS; PREARM says that arming in the chosen mode would be accepted."""
     if vehicle.now_s < CHECKED_S:
         return BOOT
-    now = vehicle.failsafe_flags
+    now = vehicle.commander.last_checks(vehicle.failsafe_flags)
     ready = vehicle.commander.checked(now) and now.local_ok and not now.position_unstable
     bits = BASE | (POSITION_CONTROL if ready else 0) | (RC_RECEIVER if now.remote else 0)
     low = vehicle.commander.battery_low

@@ -64,11 +64,10 @@ class Horizon:
         """Return the estimated attitude for the true one, `q_wxyz`."""
         return quaternion_one.multiply(q_wxyz, turn_of(*self.error_rad))
 
-    def wrong_mps2(self, felt_mps2: Three, yaw_rad: float, dt_s: float, *, aided: bool, vertical: float) -> Three:
+    def wrong_mps2(self, felt_mps2: Three, yaw_rad: float, dt_s: float, *, aided: bool) -> Three:
         """Return the error of the acceleration that the estimator integrates, in its frame (NED).
 
         `felt_mps2` is the true one in that frame. A constant error is learnt as a bias while positions come in.
-        `vertical` is the share of the vertical error to apply.
         """
         if self.perfect:
             return (0.0, 0.0, 0.0)
@@ -79,4 +78,4 @@ class Horizon:
         left = [wrong[axis] - self._bias_mps2[axis] for axis in range(3)]
         if aided:
             self._bias_mps2 = [self._bias_mps2[axis] + left[axis] * dt_s / BIAS_S for axis in range(3)]
-        return (left[0], left[1], vertical * left[2])
+        return (left[0], left[1], left[2])

@@ -19,6 +19,8 @@ TAKEOFF_SPEED_MPS = 0.85
 """Recorded: MPC_TKO_SPEED is 1.5, but the smoothed climb of 2.5 m never gets faster than this."""
 HEIGHT_P = 0.8
 CONTACT_S = 0.35
+HOVER_LEARNT_S = 2.0
+"""PX4's hover thrust estimator begins 0.1 off, and learns within seconds."""
 COMING_DOWN = frozenset({Mode.LAND, Mode.DESCEND})
 """Standing still for this long while landing counts as ground contact."""
 
@@ -31,6 +33,8 @@ class Estimate:
     velocity_mps: tuple[float, float, float]
     yaw_rad: float
     local_ok: bool
+    falls_mps2: float = 0.0
+    """Downward acceleration."""
 
 
 @dataclass(kw_only=True)
@@ -44,6 +48,8 @@ class Pilot:
     takeoff_done: bool = False
     range_finder: bool = True
     """A distance sensor looks down."""
+    _hover_thrust: float = 0.0
+    """As learnt; PX4's parameter until then."""
     _target: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _yaw_rad: float = 0.0
     _braking: bool = True
@@ -68,6 +74,8 @@ class Pilot:
         if not goes_on:  # a failsafe in a landing changes nothing for a vehicle that stands already
             self._stuck_s = 0.0
             self._down_sp_mps, self._down_sp_mps2 = now.velocity_mps[2] if airborne else 0.0, 0.0
+        if not airborne or not self._hover_thrust:
+            self._hover_thrust = self.params["MPC_THR_HOVER"]
         if not airborne:
             self._integral_mps2 = [0.0, 0.0, 0.0]
         if mode is Mode.TAKEOFF:
@@ -91,6 +99,8 @@ class Pilot:
         acceleration = self._wanted_acceleration(now, dt_s)
         self._to_attitude(acceleration)
         self._notice_ground(now, dt_s)
+        if not landed and self._stuck_s == 0.0:
+            self._learn_hover_thrust(now, dt_s)
         if self.mode is Mode.TAKEOFF:
             self._ramp_up(now, now_s)
 
@@ -171,6 +181,14 @@ class Pilot:
             self.q_wxyz = _tilted(0.0, 0.0, self._yaw_rad)
             self.signal = min(self.signal, self.params["MPC_THR_MIN"])
 
+    def _learn_hover_thrust(self, now: Estimate, dt_s: float) -> None:
+        """Learn the thrust that carries the weight, as PX4's hover thrust estimator does in these modes only."""
+        if int(self.params["MPC_USE_HTE"]):
+            shown = self.signal * GRAVITY_MPS2 / max(GRAVITY_MPS2 - now.falls_mps2, 1.0)
+            usual, range_ = self.params["MPC_THR_HOVER"], self.params["HTE_THR_RANGE"]
+            learnt = self._hover_thrust + (shown - self._hover_thrust) * dt_s / HOVER_LEARNT_S
+            self._hover_thrust = usual + _clip(learnt - usual, range_)
+
     def _slewed(self, wanted_mps: float, dt_s: float) -> float:
         """Follow the wanted speed with limited acceleration and jerk, as PX4's trajectories do."""
         jerk = self.params["MPC_JERK_AUTO"]
@@ -194,13 +212,13 @@ class Pilot:
         roll = math.atan2(right, math.hypot(forward, lift))
         self.q_wxyz = _tilted(roll, pitch, self._yaw_rad)
         total = math.sqrt(forward**2 + right**2 + lift**2) / GRAVITY_MPS2
-        hover = self.params["MPC_THR_HOVER"]
+        hover = self._hover_thrust
         self.signal = min(max(hover * total, self.params["MPC_THR_MIN"]), self.params["MPC_THR_MAX"])
 
     def _ramp_up(self, now: Estimate, now_s: float) -> None:
         """Raise the thrust limit over MPC_TKO_RAMP_T after the spool-up; end the climb near its height."""
         since_s = now_s - self._ramp_start_s - self.params["COM_SPOOLUP_TIME"]
-        hover = self.params["MPC_THR_HOVER"]
+        hover = self._hover_thrust
         ramp = hover * since_s / max(self.params["MPC_TKO_RAMP_T"], 0.1)
         if since_s < 0.0:
             self.signal = IDLE_SIGNAL

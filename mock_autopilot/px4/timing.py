@@ -10,12 +10,13 @@ CHECKS_S, CHECKS_SPREAD_S = 4.0, 0.3
 """Boot to arming: 3.0 to 3.3 s after the first HEARTBEAT, which comes at 1.0 s, in nine of twelve recorded boots."""
 CHECKS_LATER_S, CHECKS_LATER_SHARE = 2.0, 0.25
 """Later by so much in the other three."""
-OWN_LANDINGS = ((0.70, 0.79), (0.90, 1.25), (1.90, 2.25))
+OWN_LANDINGS = ((0.68, 0.76), (0.90, 1.25), (1.90, 2.25))
 OWN_LANDING_SHARES = (5 / 9, 2 / 9, 2 / 9)
 """Idle thrust in OFFBOARD to "landed", of LNDMC_TRIG_TIME: nine recorded landings, asked every half second."""
-LANDINGS = ((1.15, 1.3), (1.8, 2.0))
-LANDING_SHARES = (0.8, 0.2)
-"""The same from low throttle where PX4 itself lands: touchdown to "landed" 1.4 to 1.6 s in four of five, 2.3 s once."""
+LANDINGS = ((1.2, 1.3), (1.8, 1.95))
+LANDING_SHARES = (0.6, 0.4)
+"""The same from low throttle where PX4 itself lands: touchdown to "landed" 1.2 to 1.6 s in three of five flights, 2.2 and
+2.3 s in the others."""
 LANDING_GPS = 2.7
 """With GPS and a range finder that did not count PX4 took three times as long for each stage."""
 RANGE_DOUBT_SHARE, RANGE_DOUBT_AFTER_S, RANGE_DOUBT_S = 0.75, (1.2, 2.6), (1.0, 3.0)

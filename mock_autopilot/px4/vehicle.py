@@ -105,9 +105,12 @@ class Vehicle:
             self.commander.check_now()
 
     def on_vision(self, sample: VisionSample) -> None:
-        """Handle an external pose: check it against the estimate on the ground, then fuse it."""
+        """Handle an external pose: check it against the estimate of a vehicle at rest, then fuse it.
+
+        Recorded: poses 0.7 m off that came back 0.25 s after disarming were taken over, 2.8 s after it they failed.
+        """
         away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
-        if away_m <= UNSTABLE_M or self.estimator.in_air or self.estimator.uses_gps:
+        if away_m <= UNSTABLE_M or not self.estimator.at_rest or self.estimator.uses_gps:
             self._away_since_s = math.inf
         else:
             self._away_since_s = min(self._away_since_s, self.now_s)
@@ -269,7 +272,8 @@ class Vehicle:
         x, y, z = self.estimator.position_m
         vx, vy, vz = self.estimator.velocity_mps
         yaw = self.sensor_state.motion.yaw_rad + self._yaw_error_rad
-        return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok)
+        falls_mps2 = self.sensor_state.motion.acceleration_ned_mps2[2]
+        return Estimate((x, y, z), (vx, vy, vz), yaw, self.estimator.local_ok, falls_mps2)
 
     @property
     def target(self) -> AttitudeSetpoint:

@@ -90,6 +90,7 @@ def _session(name: str, messages: Messages, gcs: Messages) -> Session:
         params=_params(ours),
         hover_thrust=_hover_thrust(setpoints, poses),
         start_yaw_rad=_start_yaw_rad(sent),
+        sunk_m=_sunk_m(ours),
         ends_at_s=round(ends_s, 3),
         silent_s=silent_s,
         frames=sorted(frames, key=lambda frame: frame.at_s),
@@ -154,6 +155,12 @@ def _poses(sent: Messages) -> list[Pose]:
 def _start_yaw_rad(sent: Messages) -> float:
     yaws = (m.yaw for _, _, m in sent if m is not None and m.get_type() == "VISION_POSITION_ESTIMATE")
     return round(next(yaws, 0.0), 4)
+
+
+def _sunk_m(ours: Messages) -> float:
+    """Return the last distance below zero, m; the sensor counts in 16 bits without a sign."""
+    told = [m.current_distance for _, _, m in ours if m is not None and m.get_type() == "DISTANCE_SENSOR"]
+    return (65536 - told[-1]) / 100.0 if told and told[-1] > 32767 else 0.0
 
 
 def _sticks(pilot: Messages) -> list[Sticks]:

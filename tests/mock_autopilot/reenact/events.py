@@ -52,6 +52,10 @@ class EventReader:
         self.events += new
         return new
 
+    def forget_charge(self) -> None:
+        """Skip the steps of the charge since the last message: they fell into a stretch that was left out."""
+        self._seen.pop("charge", None)
+
     # -- one reader per message ------------------------------------------------------------------
 
     def _ack(self, m: Any) -> list[tuple[str, str]]:

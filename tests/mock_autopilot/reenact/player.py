@@ -148,7 +148,8 @@ class _WireLink(MavlinkLink):
 class _Player:
     def __init__(self, session: Session, seed: int) -> None:
         plant = {**SIH_PLANT, "max_thrust_n": WEIGHT_N / session.hover_thrust}
-        vehicle = {"start_yaw_rad": session.start_yaw_rad}
+        start_ned_m = (0.0, 0.0, session.sunk_m)
+        vehicle = {"start_yaw_rad": session.start_yaw_rad, "start_position_ned_m": start_ned_m}
         config = {"px4": {"params": session.params}, "plant": plant, "vehicle": vehicle}
         self.world = World(MockConfig.from_dict(config), seed)
         self.links = [_WireLink(self.world, ONBOARD), _WireLink(self.world, GCS)]
@@ -280,6 +281,7 @@ class _Player:
         else:
             for _ in range(round(one.for_s / DRAIN_STEP_S)):
                 self.world.vehicle.battery.step(self.world.vehicle.armed, DRAIN_STEP_S)
+            self.links[0].reader.forget_charge()
 
     def _pose(self) -> Any:
         """Motion capture sees where the mock's vehicle is, not where the recorded one was."""

@@ -69,6 +69,8 @@ class Session:
     params: dict[str, float]
     hover_thrust: float
     start_yaw_rad: float
+    sunk_m: float
+    """Depth below its floor at which the recorded simulator stopped the vehicle, by the distance sensor."""
     ends_at_s: float
     silent_s: list[tuple[float, float]]
     """Beginning and end of each time in which PX4 was dead."""
@@ -111,7 +113,7 @@ def _packed(session: Session) -> dict[str, Any]:
     }
 
 
-PLAIN = ("name", "params", "hover_thrust", "start_yaw_rad", "ends_at_s", "silent_s", "inferred")
+PLAIN = ("name", "params", "hover_thrust", "start_yaw_rad", "sunk_m", "ends_at_s", "silent_s", "inferred")
 
 
 def _unpacked(values: dict[str, Any]) -> Session:
