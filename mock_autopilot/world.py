@@ -39,8 +39,9 @@ STEP_S = 0.002
 class World:
     """The simulated room; `advance` is the only way time passes in it."""
 
-    def __init__(self, config: MockConfig | None = None, seed: int = 1) -> None:
+    def __init__(self, config: MockConfig | None = None, seed: int = 1, step_s: float = STEP_S) -> None:
         config = config or MockConfig()
+        self._step_s = step_s
         self._seed = np.random.SeedSequence(seed)
         vehicle_rng, force_rng = (np.random.default_rng(part) for part in self._seed.spawn(2))
         start = config.vehicle
@@ -55,12 +56,12 @@ class World:
         self._estimator, self._horizon_rng = config.estimator, _horizon_rng(seed)
         self.vehicle = self._booted(ParamTable(config.px4.params), start.start_yaw_rad)
         self._full_thrust_n = self._params.max_thrust_n
-        self._disturbance = Disturbance(config.disturbance.forces(), force_rng, STEP_S)
+        self._disturbance = Disturbance(config.disturbance.forces(), force_rng, self._step_s)
         self._steps = 0
         still = ActuatorDemand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
         self.attitude_delay_s = start.attitude_delay_s
-        self._attitude_line = deque([still] * round(start.attitude_delay_s / STEP_S))
-        self._thrust_line = deque([still] * round(start.thrust_delay_s / STEP_S))
+        self._attitude_line = deque([still] * round(start.attitude_delay_s / self._step_s))
+        self._thrust_line = deque([still] * round(start.thrust_delay_s / self._step_s))
         self.external_wrench: Wrench = plant.no_wrench()
         """Force and angular acceleration from outside, for a payload or a gust; stays until it is changed."""
         self._handling = Handling()
@@ -88,7 +89,7 @@ class World:
     @property
     def time_s(self) -> float:
         """Return the simulated time since the start, when the autopilot booted for the first time."""
-        return self._steps * STEP_S
+        return self._steps * self._step_s
 
     @property
     def uptime_s(self) -> float:
@@ -114,8 +115,8 @@ class World:
         return self._state
 
     def advance(self, to_s: float) -> None:
-        """Let time pass in steps of STEP_S, as far as whole steps reach; never backwards."""
-        while (self._steps + 1) * STEP_S <= to_s + 1e-9:
+        """Let time pass step by step, as far as whole steps reach; never backwards."""
+        while (self._steps + 1) * self._step_s <= to_s + 1e-9:
             self._step()
             truth = self.truth
             for observer in self.observers:
@@ -125,10 +126,10 @@ class World:
         self._steps += 1
         self._update_faults()
         before = self._state_in_floats()
-        demand = self.vehicle.step(self.uptime_s, self._sensor_state(before), STEP_S)
+        demand = self.vehicle.step(self.uptime_s, self._sensor_state(before), self._step_s)
         actuation = self._delayed(demand)
         force, push = self._pushed(before)
-        after = plant_one.moved(before, actuation, force, push, plant_one.fixed_of(self._params, STEP_S))
+        after = plant_one.moved(before, actuation, force, push, plant_one.fixed_of(self._params, self._step_s))
         self._state = plant_one.in_arrays(after)
         self._in_floats = self._state, after
         self._handling.holds = self._handling.holds and not demand.motors_on
@@ -146,7 +147,7 @@ class World:
         ex, ey, ez = self.external_wrench.force_ned_n.tolist()
         p, q, r = self.external_wrench.angular_frd_radps2.tolist()
         if self.arms is not None:
-            (ax, ay, az), (ap, aq, ar) = self.arms.step_one(state, STEP_S)
+            (ax, ay, az), (ap, aq, ar) = self.arms.step_one(state, self._step_s)
             ex, ey, ez, p, q, r = ex + ax, ey + ay, ez + az, p + ap, q + aq, r + ar
         return (x + ex, y + ey, z + ez), (p, q, r)
 

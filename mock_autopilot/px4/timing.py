@@ -13,7 +13,7 @@ CHECKS_LATER_S, CHECKS_LATER_SHARE = 2.0, 0.25
 OWN_LANDINGS = ((0.68, 0.76), (0.90, 1.25), (1.90, 2.25))
 OWN_LANDING_SHARES = (5 / 9, 2 / 9, 2 / 9)
 """Idle thrust in OFFBOARD to "landed", of LNDMC_TRIG_TIME: nine recorded landings, asked every half second."""
-LANDINGS = ((1.2, 1.3), (1.8, 1.95))
+LANDINGS = ((1.2, 1.3), (1.75, 1.9))
 LANDING_SHARES = (0.6, 0.4)
 """The same from low throttle where PX4 itself lands: touchdown to "landed" 1.2 to 1.6 s in three of five flights, 2.2 and
 2.3 s in the others."""

@@ -6,6 +6,9 @@ from functools import cache
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from mock_autopilot.px4.land_detector import LandDetector
+from mock_autopilot.px4.params import ParamTable
+from mock_autopilot.px4.timing import Timing
 from tests.mock_autopilot.bench import NO_GPS, SIH_PLANT, Bench
 from tests.mock_autopilot.fact import Fact, acks, near, same, state
 
@@ -16,6 +19,10 @@ FLIGHT = NO_GPS | {
 """Parameters of the recorded vehicle; RC means a joystick at rest on the ground station's link."""
 HOVER = 0.4905
 STICK_PERIOD_S = 0.05
+OWN_LANDINGS = 400
+"""So many draws repeat a recorded share to 0.05 (two standard deviations)."""
+PASS_S, FIRST_QUESTION_S = 0.014, 0.27
+"""The commander's mean period, and when the companion first asks to disarm after idle thrust."""
 PREARM, XY_CONTROL, RC, BATTERY = 0x10000000, 0x4000, 0x10000, 0x2000000
 
 
@@ -126,22 +133,17 @@ def _arming_texts() -> list[tuple[float, str]]:
 
 @cache
 def _own_landings() -> list[float]:
-    """Eighteen times: from the first question (0.27 s after idle thrust, then every half second) to the disarming."""
-    bench = _hovering()
-    bench.target(0.45)
-    _until(bench, lambda: bool(bench.world.truth.on_ground))
-    found = []
-    for _ in range(18):
-        bench.target(0.0)
-        bench.run(0.27)
-        first_s = bench.now_s
-        while bench.command(400, 0.0) != [0] and bench.now_s < first_s + 5.0:
-            bench.run(0.4)
-        found.append(bench.now_s - 0.1 - first_s)
-        bench.run(0.5)
-        bench.target(0.2)
-        bench.arm()
-        bench.run(0.5)
+    """Return, for OWN_LANDINGS of them, the times from the first question to the grant: 0.27 s after idle thrust, then every
+    half second, as the companion asks.
+    """
+    params, timing, found = ParamTable(FLIGHT), Timing(1), []
+    for _ in range(OWN_LANDINGS):
+        detector, now_s = LandDetector(params, timing), 0.0
+        detector.landed = False
+        while not detector.landed:
+            detector.step(now_s, armed=True, climb_controlled=False, signal=0.0, down_mps=0.0)
+            now_s += PASS_S
+        found.append(max(0.0, math.ceil((now_s - PASS_S - FIRST_QUESTION_S) / 0.5) * 0.5))
     return found
 
 
@@ -399,11 +401,11 @@ FACTS = (
     same("m-denied", "disarming in OFFBOARD in the air", "TEMPORARILY_REJECTED: Disarming denied: not landed",
          lambda: _landed_by_disarming()["denied"], source="px4-pilot_position"),
     near("m-own-early", "own landing: share of disarmings granted 0.45 to 0.6 s after the first was asked", "5 of 9",
-         lambda: sum(0.45 < s < 0.6 for s in _own_landings()) / 18, (0.3, 0.8), "", source=ALL_OWN),
+         lambda: sum(0.45 < s < 0.6 for s in _own_landings()) / OWN_LANDINGS, (0.505, 0.605), "", source=ALL_OWN),
     near("m-own-late", "own landing: share granted after more than 1.4 s", "2 of 9",
-         lambda: sum(s > 1.4 for s in _own_landings()) / 18, (0.05, 0.45), "", source=ALL_OWN),
+         lambda: sum(s > 1.4 for s in _own_landings()) / OWN_LANDINGS, (0.18, 0.265), "", source=ALL_OWN),
     near("m-own-first", "own landing: share granted at once", "0 of 9",
-         lambda: sum(s < 0.2 for s in _own_landings()) / 18, (0.0, 0.0), "", source=ALL_OWN),
+         lambda: sum(s < 0.2 for s in _own_landings()) / OWN_LANDINGS, (0.0, 0.0), "", source=ALL_OWN),
     same("m-own-after", "after it", "17, 6/0, 3", lambda: _landed_by_disarming()["after"], source="nominal-px4-b"),
     same("m-own-text", "and its text", "Disarmed by external command", lambda: _landed_by_disarming()["text"],
          source="nominal-px4-b"),

@@ -17,7 +17,6 @@ from mock_autopilot.px4.params import ParamTable, UnknownParamError
 from tests.mock_autopilot.reenact.events import Event, EventReader, param_value
 from tests.mock_autopilot.reenact.pilot import inferred_pilot
 from tests.mock_autopilot.reenact.session import GCS, ONBOARD, Pose, SentFrame, Session, Setpoint, Sticks
-from tests.mock_autopilot.reenact.shorten import shortened
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame, TlogError, read
 
 PX4 = 1
@@ -44,7 +43,7 @@ def capture(paths: Sequence[Path]) -> Session:
     messages = [(at_s - boot_s, frame, message) for at_s, frame, message in messages]
     pilots = [path for path in paths if path not in onboard]
     gcs = [one for path in pilots for one in _decoded(read(path), boot_s)]
-    return shortened(_session(session_name(onboard[0]), messages, gcs))
+    return _session(session_name(onboard[0]), messages, gcs)
 
 
 def session_name(path: Path) -> str:

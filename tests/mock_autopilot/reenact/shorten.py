@@ -9,13 +9,17 @@ from tests.mock_autopilot.reenact.events import Event
 from tests.mock_autopilot.reenact.session import Cut, Pose, SentFrame, Session, Setpoint, Sticks
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame
 
-WORTH_S = 60.0
-BEFORE_S, AFTER_S = 8.0, 12.0
-"""Kept after the last event before the cut, and before the first one after it."""
+WORTH_S = 4.0
+BEFORE_S, AFTER_S = 1.0, 1.0
+"""Kept after the last event before a cut, and before the first one after it."""
+BOOTED_S = 10.0
+"""Nothing is cut before: what a boot brings comes at its own time."""
 PERIOD_S = 2.0
 """Period of the slowest message: with whole periods left out all others keep their rhythm."""
+APART_S = 0.05
 STEADY_S = 0.15
-QUIET_CHANNELS = {"battery"}
+CLIMBS_M, CLIMBS_WITHIN_S = 0.03, 0.2
+"""A vehicle that climbs or sinks faster takes off or lands."""
 QUESTIONS = {511, 512}
 """Commands whose answers are alike all the time."""
 
@@ -23,20 +27,44 @@ Timed = TypeVar("Timed", SentFrame, Setpoint, Pose, Sticks, Event)
 
 
 def shortened(session: Session) -> Session:
-    """Cut the longest uneventful stretch, if it is worth while; the battery drains through it all the same."""
+    """Cut all uneventful stretches, the last one first; the battery drains through them all the same."""
     busy = sorted(_busy_s(session))
-    gap_s, start_s = max((after - before, before) for before, after in itertools.pairwise(busy))
-    if gap_s < WORTH_S:
-        return session
-    for_s = (gap_s - BEFORE_S - AFTER_S) // PERIOD_S * PERIOD_S
-    return _without(session, Cut(at_s=start_s + BEFORE_S, for_s=for_s))
+    times_s = sorted([*(event.at_s for event in session.events), *(one.at_s for one in session.frames)])
+    for before_s, after_s in reversed(list(itertools.pairwise(busy))):
+        for_s = (after_s - before_s - BEFORE_S - AFTER_S) // PERIOD_S * PERIOD_S
+        if before_s >= BOOTED_S and after_s - before_s >= WORTH_S and for_s > 0.0:
+            session = _without(session, Cut(at_s=_between_answers(before_s + BEFORE_S, for_s, times_s), for_s=for_s))
+    return session
+
+
+def _between_answers(earliest_s: float, for_s: float, times_s: Sequence[float]) -> float:
+    """Return a begin at or after `earliest_s` where neither edge parts a question from its answer."""
+    at_s = earliest_s
+    while any(abs(edge_s - one) < APART_S for edge_s in (at_s, at_s + for_s) for one in times_s):
+        at_s += APART_S
+    return round(at_s, 3)
 
 
 def _busy_s(session: Session) -> list[float]:
     """Return all times at which something happened."""
-    events = [e.at_s for e in session.events if e.channel not in QUIET_CHANNELS and not _is_answer(e)]
+    events = [event.at_s for event in session.events if not _is_answer(event)]
     frames = [one.at_s for one in session.frames if _matters(one)]
-    return [*events, *frames, *_pauses([one.at_s for one in session.poses]), session.ends_at_s]
+    poses = [*_pauses([one.at_s for one in session.poses]), *_climbs(session.poses)]
+    return [*events, *frames, *poses, *_dead(session), session.ends_at_s]
+
+
+def _dead(session: Session) -> list[float]:
+    return [at_s for silence in session.silent_s for at_s in silence]
+
+
+def _climbs(poses: Sequence[Pose]) -> list[float]:
+    """Return the times of a take-off or landing; one pose in twenty shows them."""
+    some = poses[::20]
+    return [
+        after.at_s
+        for before, after in itertools.pairwise(some)
+        if abs(after.position_m[2] - before.position_m[2]) > CLIMBS_M * (after.at_s - before.at_s) / CLIMBS_WITHIN_S
+    ]
 
 
 def _is_answer(event: Event) -> bool:
@@ -64,7 +92,7 @@ def _without(session: Session, cut: Cut) -> Session:
         poses=_spliced(session.poses, cut),
         sticks=_spliced(session.sticks, cut),
         events=_spliced(session.events, cut),
-        cuts=[cut],
+        cuts=[cut, *(replace(one, at_s=one.at_s - cut.for_s) for one in session.cuts)],
     )
 
 

@@ -47,6 +47,8 @@ RULES: tuple[tuple[str, str, Tolerance], ...] = (
     ("COMMAND_ACK", "", ANSWER),
     ("reply", "", ANSWER),
     ("PARAM_VALUE", "", _around(0.05, "answers to a burst of questions")),
+    ("CURRENT_MODE", r"wanted \d+/\d+$", Tolerance(early_s=0.09, late_s=0.06,
+        source="as its text, and told 0.004 to 0.039 s after it")),
     ("CURRENT_MODE", "", _around(0.06, "told within 60 ms")),
     ("COMMAND_LONG", "", _around(0.6, "repeated after 0.5 to 1.0 s")),
     ("HEARTBEAT", "", SAMPLED_1HZ),
