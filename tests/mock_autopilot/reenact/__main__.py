@@ -13,7 +13,7 @@ from tests.mock_autopilot.reenact.compare import compare, table
 from tests.mock_autopilot.reenact.known import SAVED
 from tests.mock_autopilot.reenact.player import play
 from tests.mock_autopilot.reenact.session import Session, load, save
-from tests.mock_autopilot.reenact.shorten import shortened
+from tests.mock_autopilot.reenact.shorten import FOR_A_FILE, shortened
 from tests.mock_autopilot.reenact.tlog import TlogError
 
 
@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mock_autopilot.reenact", description=__doc__)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="telemetry logs, or captures of them")
     parser.add_argument("--differences", action="store_true", help="print only what differs")
-    parser.add_argument("--save", type=Path, metavar="FOLDER", help="write a small capture of each session, too, without its quiet stretches")
+    parser.add_argument("--save", type=Path, metavar="FOLDER", help="write a small capture of each session, too, without a long quiet stretch")
     chosen = parser.parse_args(arguments)
     try:
         sessions = [read_session(paths) for paths in grouped(chosen.files)]
@@ -32,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     differing = 0
     for session in sessions:
         if chosen.save is not None:
-            save(shortened(session), chosen.save / f"{session.name}{SAVED}")
+            save(shortened(session, FOR_A_FILE), chosen.save / f"{session.name}{SAVED}")
         differing += report(session, chosen.differences)
     return 1 if differing else 0
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from tests.mock_autopilot.reenact.compare import Row, compare
 from tests.mock_autopilot.reenact.player import play
 from tests.mock_autopilot.reenact.session import load
+from tests.mock_autopilot.reenact.shorten import FOR_A_TEST, shortened
 
 CAPTURES = Path(__file__).parents[2] / "data" / "reenact"
 LIST = CAPTURES / "known_differences.json"
@@ -28,8 +29,8 @@ def names() -> list[str]:
 
 @cache
 def rows_of(name: str) -> list[Row]:
-    """Return the comparison of one of them."""
-    session = load(CAPTURES / f"{name}{SAVED}")
+    """Return the comparison of one of them, without its uneventful stretches."""
+    session = shortened(load(CAPTURES / f"{name}{SAVED}"), FOR_A_TEST)
     return compare(session.events, play(session))
 
 

@@ -9,9 +9,9 @@ from tests.mock_autopilot.reenact.events import Event
 from tests.mock_autopilot.reenact.session import Cut, Pose, SentFrame, Session, Setpoint, Sticks
 from tests.mock_autopilot.reenact.tlog import Decoder, Frame
 
-WORTH_S = 4.0
-BEFORE_S, AFTER_S = 1.0, 1.0
-"""Kept after the last event before a cut, and before the first one after it."""
+FOR_A_FILE = (60.0, 8.0, 12.0)
+"""Least length of an uneventful stretch (s), and what is kept of it after the last event and before the next."""
+FOR_A_TEST = (4.0, 1.0, 1.0)
 BOOTED_S = 10.0
 """Nothing is cut before: what a boot brings comes at its own time."""
 PERIOD_S = 2.0
@@ -26,14 +26,16 @@ QUESTIONS = {511, 512}
 Timed = TypeVar("Timed", SentFrame, Setpoint, Pose, Sticks, Event)
 
 
-def shortened(session: Session) -> Session:
+def shortened(session: Session, what: tuple[float, float, float]) -> Session:
     """Cut all uneventful stretches, the last one first; the battery drains through them all the same."""
+    worth_s, kept_before_s, kept_after_s = what
     busy = sorted(_busy_s(session))
     times_s = sorted([*(event.at_s for event in session.events), *(one.at_s for one in session.frames)])
     for before_s, after_s in reversed(list(itertools.pairwise(busy))):
-        for_s = (after_s - before_s - BEFORE_S - AFTER_S) // PERIOD_S * PERIOD_S
-        if before_s >= BOOTED_S and after_s - before_s >= WORTH_S and for_s > 0.0:
-            session = _without(session, Cut(at_s=_between_answers(before_s + BEFORE_S, for_s, times_s), for_s=for_s))
+        for_s = (after_s - before_s - kept_before_s - kept_after_s) // PERIOD_S * PERIOD_S
+        if before_s >= BOOTED_S and after_s - before_s >= worth_s and for_s > 0.0:
+            at_s = _between_answers(before_s + kept_before_s, for_s, times_s)
+            session = _without(session, Cut(at_s=at_s, for_s=for_s))
     return session
 
 
@@ -92,8 +94,13 @@ def _without(session: Session, cut: Cut) -> Session:
         poses=_spliced(session.poses, cut),
         sticks=_spliced(session.sticks, cut),
         events=_spliced(session.events, cut),
-        cuts=[cut, *(replace(one, at_s=one.at_s - cut.for_s) for one in session.cuts)],
+        cuts=[cut, *(_brought_forward(one, cut) for one in session.cuts)],
     )
+
+
+def _brought_forward(earlier: Cut, cut: Cut) -> Cut:
+    """Move a cut that was made before this one with what follows it."""
+    return earlier if earlier.at_s < cut.at_s else replace(earlier, at_s=max(earlier.at_s - cut.for_s, cut.at_s))
 
 
 def _spliced(items: Sequence[Timed], cut: Cut) -> list[Timed]:
