@@ -49,7 +49,7 @@ class Pilot:
     range_finder: bool = True
     """A distance sensor looks down."""
     _hover_thrust: float = 0.0
-    """As learnt; PX4's parameter until then."""
+    """Learnt thrust of a hover; the parameter until then."""
     _target: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _yaw_rad: float = 0.0
     _braking: bool = True
