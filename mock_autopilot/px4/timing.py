@@ -15,8 +15,8 @@ OWN_LANDING_SHARES = (5 / 9, 2 / 9, 2 / 9)
 """Idle thrust in OFFBOARD to "landed", of LNDMC_TRIG_TIME: nine recorded landings, asked every half second."""
 LANDINGS = ((1.2, 1.3), (1.75, 1.9))
 LANDING_SHARES = (0.6, 0.4)
-"""The same from low throttle where PX4 itself lands: touchdown to "landed" 1.2 to 1.6 s in three of five flights, 2.2 and
-2.3 s in the others."""
+"""The same from low throttle where PX4 itself lands: touchdown to "landed" 1.2 to 1.6 s in three of five flights, 2.2
+and 2.3 s in the others."""
 LANDING_GPS = 2.7
 """With GPS and a range finder that did not count PX4 took three times as long for each stage."""
 RANGE_DOUBT_SHARE, RANGE_DOUBT_AFTER_S, RANGE_DOUBT_S = 0.75, (1.2, 2.6), (1.0, 3.0)

@@ -133,9 +133,7 @@ def _arming_texts() -> list[tuple[float, str]]:
 
 @cache
 def _own_landings() -> list[float]:
-    """Return, for OWN_LANDINGS of them, the times from the first question to the grant: 0.27 s after idle thrust, then every
-    half second, as the companion asks.
-    """
+    """Return the times from the first question to the grant; the companion asks every half second."""
     params, timing, found = ParamTable(FLIGHT), Timing(1), []
     for _ in range(OWN_LANDINGS):
         detector, now_s = LandDetector(params, timing), 0.0

@@ -22,7 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mock_autopilot.reenact", description=__doc__)
     parser.add_argument("files", nargs="+", type=Path, metavar="FILE", help="telemetry logs, or captures of them")
     parser.add_argument("--differences", action="store_true", help="print only what differs")
-    parser.add_argument("--save", type=Path, metavar="FOLDER", help="write a small capture of each session, too, without a long quiet stretch")
+    parser.add_argument("--save", type=Path, metavar="FOLDER", help="write a small capture of each, too")
     chosen = parser.parse_args(arguments)
     try:
         sessions = [read_session(paths) for paths in grouped(chosen.files)]
