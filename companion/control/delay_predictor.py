@@ -40,7 +40,7 @@ class Prediction:
 
     position_w_m: Array
     velocity_w_mps: Array
-    push_w_mps2: Array
+    disturbance_w_mps2: Array
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,11 @@ class Predictor:
         thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
         return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
 
-    def knowing(self, memory: PredictorMemory, push_w_mps2: Array) -> PredictorMemory:
+    def with_disturbance(self, memory: PredictorMemory, disturbance_w_mps2: Array) -> PredictorMemory:
         """Return the memory with a known disturbance (m/s^2), (..., 3) in W; unchanged without an observer."""
         if not np.any(self.observer_radps):
             return memory
-        return replace(memory, observed=replace(memory.observed, push=push_w_mps2))
+        return replace(memory, observed=replace(memory.observed, disturbance=disturbance_w_mps2))
 
     def step(self, memory: PredictorMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory]:
         """Return the predicted state, and the memory with the newest command."""
@@ -91,7 +91,7 @@ class Predictor:
         drives[..., -2] = accel
         drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
         observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
-        return self._propagate(now, drives, observed.push), PredictorMemory(drives, stack(thrust), observed)
+        return self._propagate(now, drives, observed.disturbance), PredictorMemory(drives, stack(thrust), observed)
 
     def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Scalar:
         """Return the specific thrust at capture time, when the oldest kept command acted."""
@@ -100,13 +100,13 @@ class Predictor:
         size = math_module(x).sqrt(x * x + y * y + up * up)
         return before + (size - before) * self._thrust_share
 
-    def _propagate(self, now: ControlInput, drives: Array, push: Array) -> Prediction:
+    def _propagate(self, now: ControlInput, drives: Array, disturbance: Array) -> Prediction:
         w, velocity = self._weights, now.velocity_w_mps
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
         driven = np.vecdot(w.drives, drives[..., None, :, :])
-        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * push + driven[..., 0, :]
-        return Prediction(position, velocity + ahead * push + driven[..., 1, :], push)
+        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * disturbance + driven[..., 0, :]
+        return Prediction(position, velocity + ahead * disturbance + driven[..., 1, :], disturbance)
 
     @cached_property
     def _thrust_share(self) -> float:

@@ -45,9 +45,9 @@ def estimate_disturbance(before: Disturbance, now: ControlInput) -> Disturbance:
     ) -> tuple[Scalar, ...]:
         acting = acting + follow * (commanded - acting)
         sent = sent + share * (acting - sent)
-        surprise = measured - velocity
-        accel = minimum(maximum(surprise / AVERAGE_S - sent, -MOST_MPS2), MOST_MPS2)
-        return accel, velocity + share * surprise, acting, sent
+        innovation = measured - velocity
+        accel = minimum(maximum(innovation / AVERAGE_S - sent, -MOST_MPS2), MOST_MPS2)
+        return accel, velocity + share * innovation, acting, sent
 
     vectors = now.velocity_w_mps, now.sent_accel_w_mps2, before.velocity, before.acting, before.sent
     return Disturbance(*all_by_axis(estimated, *vectors))

@@ -20,7 +20,7 @@ class DisturbanceEstimate:
     """Observed velocity (m/s) and disturbance (m/s^2), (..., 3) in W; rotors' acceleration and age at the last step."""
 
     velocity: Array
-    push: Array
+    disturbance: Array
     accel: Array
     age_s: Scalar
 
@@ -47,12 +47,14 @@ def observe(
     turn = poles_radps * minimum(elapsed_s, _LONGEST_S)
     share = minimum(2.0 * turn, 1.0)
 
-    def seen(
-        measured: Scalar, velocity: Scalar, push: Scalar, accel_before: Scalar, accel: Scalar
+    def corrected(
+        measured: Scalar, velocity: Scalar, disturbance: Scalar, accel_before: Scalar, accel: Scalar
     ) -> tuple[Scalar, Scalar]:
-        expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + push)
-        surprise = measured - expected
-        return expected + share * surprise, push + poles_radps * turn * surprise
+        expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + disturbance)
+        innovation = measured - expected
+        return expected + share * innovation, disturbance + poles_radps * turn * innovation
 
-    velocity, push = all_by_axis(seen, velocity_w_mps, before.velocity, before.push, before.accel, accel_w_mps2)
-    return DisturbanceEstimate(velocity, push, accel_w_mps2, age_s)
+    velocity, disturbance = all_by_axis(
+        corrected, velocity_w_mps, before.velocity, before.disturbance, before.accel, accel_w_mps2
+    )
+    return DisturbanceEstimate(velocity, disturbance, accel_w_mps2, age_s)

@@ -67,7 +67,7 @@ class Etnn:
         known = known_disturbance_w_mps2 + np.zeros_like(now.position_w_m)
         left, predictor = known, start.predictor
         if self.predictor is not None and predictor is not None:
-            predictor = self.predictor.knowing(predictor, known)
+            predictor = self.predictor.with_disturbance(predictor, known)
             left = known * (1.0 - g.push_share) if np.any(self.predictor.observer_radps) else known
         state, _ = self._state(EtnnMemory(start.filter, start.network, start.trigger, predictor), now)
         iota1, iota2 = cf.compensation_at_rest(left, g)
@@ -94,7 +94,7 @@ class Etnn:
         alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
         u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g) - now.known_accel_w_mps2
         if self.predictor:
-            u_bar = u_bar - g.push_share * state.push_w_mps2
+            u_bar = u_bar - g.push_share * state.disturbance_w_mps2
         trigger, u, event = et.trigger_step(memory.trigger, u_bar, g, now.dt_s)
         signals = {
             "x1": x1,
@@ -108,7 +108,7 @@ class Etnn:
             "iota1": f.iota1,
             "iota2": f.iota2,
             "kappa": memory.trigger.kappa,
-            "push": state.push_w_mps2,
+            "push": state.disturbance_w_mps2,
         }
         return Decided(memory, trigger, predictor, now, alpha1, y2), ControlOutput(u, event, signals)
 

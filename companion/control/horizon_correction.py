@@ -97,16 +97,16 @@ def no_horizon(lead: tuple[int, ...] = ()) -> Horizon:
     return Horizon(zero, zero, zero, zero, np.full(lead, math.inf), zero)
 
 
-def tilt_between(seen: HorizonInput) -> tuple[Scalar, Scalar]:
+def tilt_between(inputs: HorizonInput) -> tuple[Scalar, Scalar]:
     """Return the tilt of the true attitude against the autopilot's (x, y; rad) at the instant of the latter.
 
     The turn from one attitude to the other is split into one about the vertical, the headings' difference, and the
     remaining one about a horizontal axis.
     """
-    ahead_s = minimum(maximum(seen.age_s - seen.autopilot_age_s, -_LARGEST_TURN_S), _LARGEST_TURN_S)
-    turn = quat_from_rotation_vector(np.asarray(seen.rate_flu_radps * column(ahead_s)))
-    then = quat_multiply(seen.q_w_flu_wxyz, turn)
-    w, x, y, z = unstack(quat_multiply(then, quat_conjugate(seen.autopilot_q_w_flu_wxyz)))
+    ahead_s = minimum(maximum(inputs.age_s - inputs.autopilot_age_s, -_LARGEST_TURN_S), _LARGEST_TURN_S)
+    turn = quat_from_rotation_vector(np.asarray(inputs.rate_flu_radps * column(ahead_s)))
+    then = quat_multiply(inputs.q_w_flu_wxyz, turn)
+    w, x, y, z = unstack(quat_multiply(then, quat_conjugate(inputs.autopilot_q_w_flu_wxyz)))
     m = math_module(w)
     upright = maximum(m.sqrt(w * w + z * z), _TINY)
     lean = maximum(m.sqrt(x * x + y * y), _TINY)
@@ -114,19 +114,19 @@ def tilt_between(seen: HorizonInput) -> tuple[Scalar, Scalar]:
     return _turned(share * (x * w - y * z), share * (y * w + x * z), yaw_of(then), -1.0)
 
 
-def step(before: Horizon, seen: HorizonInput, rules: HorizonRules, dt_s: float) -> Horizon:
+def step(before: Horizon, inputs: HorizonInput, rules: HorizonRules, dt_s: float) -> Horizon:
     """Update the correction with the attitudes of one cycle, `dt_s` after the last."""
-    x, y = tilt_between(seen)
+    x, y = tilt_between(inputs)
     tilt_rad = _size(x, y)
-    apart_s = absolute(seen.age_s - seen.autopilot_age_s)
+    apart_s = absolute(inputs.age_s - inputs.autopilot_age_s)
     known = (apart_s <= _LARGEST_TURN_S) & math_module(tilt_rad).isfinite(tilt_rad)
     left = where(before.unseen_s > HELD_S, 0.0, _left(rules.time_constant_s, dt_s))
     off_x = where(known, x + left * (before.off_x - x), before.off_x)
     off_y = where(known, y + left * (before.off_y - y), before.off_y)
     unseen_s = where(known, 0.0, before.unseen_s + dt_s)
-    doubtful = (known & (tilt_rad > rules.apart_rad)) | _not(seen.trusted)
+    doubtful = (known & (tilt_rad > rules.apart_rad)) | _not(inputs.trusted)
     sound_s = where(doubtful, 0.0, before.sound_s + dt_s)
-    used = (sound_s >= SOUND_S) & (unseen_s <= HELD_S) & seen.flying & rules.enabled
+    used = (sound_s >= SOUND_S) & (unseen_s <= HELD_S) & inputs.flying & rules.enabled
     share = where(used, _share(_size(off_x, off_y), rules.cap_rad), 0.0)
     to_x, to_y = share * off_x - before.x, share * off_y - before.y
     part = _share(_size(to_x, to_y), rules.rate_radps * dt_s)

@@ -54,7 +54,7 @@ class ControlPipeline:
         self._halves = controller if isinstance(controller, TwoHalves) else None
         self._memory: Memory = None
         self._decided: Memory = None
-        self._wanted: AttitudeThrust | None = None
+        self._law_setpoint: AttitudeThrust | None = None
         self._yaw_rad: Scalar = 0.0
         self._countered_w_mps2 = _NOTHING
         """Part of the setpoint sent that only compensates the arms."""
@@ -71,7 +71,7 @@ class ControlPipeline:
 
     def forget(self) -> None:
         """Reset the law, so that the next `fly` begins with nothing learnt, as at lift-off."""
-        self._memory, self._decided, self._wanted = None, None, None
+        self._memory, self._decided, self._law_setpoint = None, None, None
         self._countered_w_mps2, self._disturbance = _NOTHING, None
         self._switched, self._switching = False, None
 
@@ -129,9 +129,9 @@ class ControlPipeline:
 
     def level(self, yaw_rad: float, thrust: float) -> AttitudeThrust:
         """Return a level setpoint within the limits, without rate limit; the guard's own if it is not valid."""
-        wanted = idle_setpoint(yaw_rad, thrust)
-        fallback = wanted if self._guard is None else self._guard.level(0.0)
-        return limit_setpoint(wanted, fallback, self._limits, inf).setpoint
+        level = idle_setpoint(yaw_rad, thrust)
+        fallback = level if self._guard is None else self._guard.level(0.0)
+        return limit_setpoint(level, fallback, self._limits, inf).setpoint
 
     def fly(
         self,
@@ -166,16 +166,16 @@ class ControlPipeline:
             self._switching = None if after.over else after
         before = no_disturbance(now) if self._disturbance is None else self._disturbance
         self._disturbance = estimate_disturbance(before, now)
-        self._wanted = self._latest(output, ahead.yaw_rad)
+        self._law_setpoint = self._latest(output, ahead.yaw_rad)
         if self._guard is None:
-            limited = limit_setpoint(self._wanted, sent, self._limits, dt_s)
+            limited = limit_setpoint(self._law_setpoint, sent, self._limits, dt_s)
         else:
-            limited = self._guard.check(self._wanted, sent, vehicle, float(age_s), dt_s)
+            limited = self._guard.check(self._law_setpoint, sent, vehicle, float(age_s), dt_s)
         return PipelineOutput(ahead, output, limited, now, begun)
 
     def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> AttitudeThrust:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""
-        held, (event,) = self._wanted, unstack(output.event)
+        held, (event,) = self._law_setpoint, unstack(output.event)
         fresh = (event > 0.0) | (absolute(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
         if held is not None and not any_true(fresh):
             return held

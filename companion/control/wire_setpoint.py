@@ -38,7 +38,7 @@ class Wire:
     """Setpoint on the wire before it."""
     is_new: Flag
     """True where the law's setpoint differs from the one before."""
-    seen: HorizonInput
+    inputs: HorizonInput
     horizon: Horizon
     dt_s: float
     begun: bool
@@ -64,20 +64,22 @@ class WireSetpoint:
         self._turn_w: Array = np.broadcast_to(_STRAIGHT, (*self._lead, 4))
 
     def put(
-        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, seen: HorizonInput, dt_s: float
+        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, inputs: HorizonInput, dt_s: float
     ) -> Wire:
         """Return the setpoint to send, `dt_s` after `last`; `is_new` where the law's `setpoint` has changed."""
         begun, self._begun = self._begun, False
-        self._horizon = step(self._horizon, seen, self._rules, dt_s)
-        leaves = self._leaving(setpoint, is_new, last, seen, dt_s) if self._rules.enabled else setpoint
-        return Wire(setpoint=leaves, last=last, is_new=is_new, seen=seen, horizon=self._horizon, dt_s=dt_s, begun=begun)
+        self._horizon = step(self._horizon, inputs, self._rules, dt_s)
+        leaves = self._leaving(setpoint, is_new, last, inputs, dt_s) if self._rules.enabled else setpoint
+        return Wire(
+            setpoint=leaves, last=last, is_new=is_new, inputs=inputs, horizon=self._horizon, dt_s=dt_s, begun=begun
+        )
 
     def _leaving(
-        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, seen: HorizonInput, dt_s: float
+        self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, inputs: HorizonInput, dt_s: float
     ) -> AttitudeThrust:
         fresh = is_new | is_worth_sending(self._horizon, self._held, self._rules)
         if any_true(fresh):
             self._held = where_each(fresh, self._horizon, self._held)
-            turn_w = correction_of(self._horizon, seen.q_w_flu_wxyz)
+            turn_w = correction_of(self._horizon, inputs.q_w_flu_wxyz)
             self._turn_w = where(column(fresh), turn_w, self._turn_w)
         return limit_setpoint(corrected(setpoint, self._turn_w), last, self._limits, dt_s).setpoint

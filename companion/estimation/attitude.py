@@ -55,7 +55,7 @@ def predict(state: Attitude, dt_s: Scalar, density: float) -> Attitude:
     return Attitude(quat_product(state.q, step), rate, state.turn, grow(state.covariance, dt_s, density))
 
 
-def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vector:
+def innovation_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vector:
     """Return the rotation vector (FLU, rad) from the estimate to a measured matrix, nine numbers row by row.
 
     The logarithm of R' M, with the columns of the estimate's R written out: a third of the time of the array calls.
@@ -75,7 +75,7 @@ def surprise_rad(state: Attitude, rotation_rows: tuple[Scalar, ...]) -> Vector:
     return scale * about_x, scale * about_y, scale * about_z
 
 
-def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vector:
+def innovation_of_quat_rad(state: Attitude, measured: Quat) -> Vector:
     """Return the same for a measured unit quaternion (w x y z, either sign): cheaper for a batch without matrices."""
     w, x, y, z = state.q
     turn_w, turn_x, turn_y, turn_z = quat_product((w, -x, -y, -z), measured)
@@ -85,10 +85,10 @@ def surprise_of_quat_rad(state: Attitude, measured: Quat) -> Vector:
     return scale * turn_x, scale * turn_y, scale * turn_z
 
 
-def update(state: Attitude, surprise: Vector, variance: float) -> Attitude:
-    """Correct by the rotation vector of `surprise_rad`, measured with `variance` (rad^2) about every axis."""
+def update(state: Attitude, innovation: Vector, variance: float) -> Attitude:
+    """Correct by the rotation vector of `innovation_rad`, measured with `variance` (rad^2) about every axis."""
     (ka, kr, kt), covariance = shrink(state.covariance, variance)
-    (x, y, z), (p, q, r), (dp, dq, dr) = surprise, state.rate, state.turn
+    (x, y, z), (p, q, r), (dp, dq, dr) = innovation, state.rate, state.turn
     return Attitude(
         _normalised(quat_product(state.q, _exp((ka * x, ka * y, ka * z)))),
         (p + kr * x, q + kr * y, r + kr * z),

@@ -90,5 +90,5 @@ def _seen(
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
     w, x, y, z = unstack(q_w_flu_wxyz)
-    surprise = att.surprise_of_quat_rad(attitude, (w, x, y, z))
-    return BatchEstimate(motion, att.update(attitude, surprise, params.noise_rad**2), stamp_s)
+    innovation = att.innovation_of_quat_rad(attitude, (w, x, y, z))
+    return BatchEstimate(motion, att.update(attitude, innovation, params.noise_rad**2), stamp_s)

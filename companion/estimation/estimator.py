@@ -57,12 +57,12 @@ def step(
     known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
-    surprise = att.surprise_rad(attitude, pose[3:])
-    off = _distance(pose[:3], motion.position), hypot(*surprise)
+    innovation = att.innovation_rad(attitude, pose[3:])
+    off = _distance(pose[:3], motion.position), hypot(*innovation)
     if not _possible(*off, motion, attitude, dt_s, params) or _goes_on_beside(state, pose, off, params):
         return _outlier(state, seen, params)
     motion = kalman.update(motion, pose[:3], params.noise_m**2)
-    attitude = att.update(attitude, surprise, params.noise_rad**2)
+    attitude = att.update(attitude, innovation, params.noise_rad**2)
     return _known(state, Verdict.ACCEPTED, seen, params, motion, attitude)
 
 

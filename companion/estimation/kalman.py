@@ -85,8 +85,8 @@ def update(state: Motion, measured: Components, variance: float) -> Motion:
     (kp, kv, ka), covariance = shrink(state.covariance, variance)
 
     def corrected(position: Scalar, velocity: Scalar, acceleration: Scalar, measured: Scalar) -> tuple[Scalar, ...]:
-        surprise = measured - position
-        return position + kp * surprise, velocity + kv * surprise, acceleration + ka * surprise
+        innovation = measured - position
+        return position + kp * innovation, velocity + kv * innovation, acceleration + ka * innovation
 
     vectors = state.position, state.velocity, state.acceleration
     position, velocity, acceleration = along_axes(corrected, *vectors, measured)

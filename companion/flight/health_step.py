@@ -87,7 +87,7 @@ class HealthStep:
             commanded=flight.phase in COMMANDED and flight.disarm_asked_s is None,
             streaming=cycle.streaming,
             airborne=flight.airborne,
-            seen=_seen(cycle),
+            mocap=_seen(cycle),
             autopilot=cycle.status,
             reference_w_m=_reference_w_m(flight, cycle) if flight.airborne else None,
             sent=cycle.sent,

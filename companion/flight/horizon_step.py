@@ -87,7 +87,7 @@ class HorizonStep:
 
     def _judge(self, wire: Wire) -> None:
         off_rad = wire.horizon.off_rad
-        beyond = wire.seen.flying and off_rad > self._cap_rad
+        beyond = wire.inputs.flying and off_rad > self._cap_rad
         self._capped_s = self._capped_s + wire.dt_s if beyond else 0.0
         self.fault = ""
         if self._capped_s >= self._capped_limit_s:

@@ -65,17 +65,17 @@ class Guard:
         self._slope, self._upright = math.tan(limits.max_tilt_rad), math.cos(limits.max_tilt_rad)
 
     def check(
-        self, wanted: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
+        self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
     ) -> LimitedSetpoint:
-        """Return the setpoint to send instead of `wanted`, `dt_s` after `last`: always finite and inside the limits.
+        """Return the setpoint to send instead of `setpoint`, `dt_s` after `last`: always finite and inside the limits.
 
-        `vehicle` is the state that `wanted` was computed from, None when there is none; `age_s` is the time since its
+        `vehicle` is the state that `setpoint` was computed from, None when there is none; `age_s` is the time since its
         capture.
         """
         try:
-            return self._checked(wanted, last, vehicle, age_s, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
+            return self._checked(setpoint, last, vehicle, age_s, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
         except Exception as error:  # any error: no setpoint is sent unguarded
-            level = self.level(_heading_rad(last, wanted))
+            level = self.level(_heading_rad(last, setpoint))
             message = f"{type(error).__name__}: {error}"
             return LimitedSetpoint(
                 setpoint=level,
@@ -93,28 +93,28 @@ class Guard:
         return AttitudeThrust(quat_from_yaw(yaw_rad), np.array(SINKING * self._model.hover_thrust))
 
     def _checked(
-        self, wanted: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
+        self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
     ) -> LimitedSetpoint:
         if _unusable(last):
-            last = self.level(_heading_rad(wanted))
+            last = self.level(_heading_rad(setpoint))
         motion = _motion(vehicle)
         known = 0.0 if motion is None else self._share_known(age_s)
         if motion is None or known == 0.0:
-            return self._steered(wanted, last, dt_s, None, 0.0)
+            return self._steered(setpoint, last, dt_s, None, 0.0)
         allowed = self._allowed(motion, last)
-        if known == 1.0 and self._passes(wanted, allowed):
-            return limit_setpoint(wanted, last, self._limits, dt_s)
-        return self._steered(wanted, last, dt_s, (allowed, motion[2]), known)
+        if known == 1.0 and self._passes(setpoint, allowed):
+            return limit_setpoint(setpoint, last, self._limits, dt_s)
+        return self._steered(setpoint, last, dt_s, (allowed, motion[2]), known)
 
     def _steered(
-        self, wanted: AttitudeThrust, last: AttitudeThrust, dt_s: float, near: Near | None, known: float
+        self, setpoint: AttitudeThrust, last: AttitudeThrust, dt_s: float, near: Near | None, known: float
     ) -> LimitedSetpoint:
         """Limit tilt and thrust first, so that braking starts from what would be sent; then limit the rates."""
-        within = limit_setpoint(wanted, last, self._limits, math.inf)
+        within = limit_setpoint(setpoint, last, self._limits, math.inf)
         braked = within.setpoint if near is None else self._braked(within.setpoint, *near)
         target = braked if known == 1.0 else self._flattened(braked, known)
         if target is within.setpoint:
-            return limit_setpoint(wanted, last, self._limits, dt_s)
+            return limit_setpoint(setpoint, last, self._limits, dt_s)
         out = limit_setpoint(target, last, self._limits, dt_s)
         return replace(
             out,
@@ -146,29 +146,29 @@ class Guard:
         acting = 0.5 * (now[0] + next_[0]), 0.5 * (now[1] + next_[1]), 0.5 * (now[2] + next_[2])
         return self._fence.allowed_accel_w_mps2(position, velocity, acting)
 
-    def _passes(self, wanted: AttitudeThrust, allowed: Allowed) -> bool:
+    def _passes(self, setpoint: AttitudeThrust, allowed: Allowed) -> bool:
         """Return True for a setpoint inside limits and fence, by a quick check; False for one that is not finite."""
-        thrust = float(wanted.thrust)
-        x, y, z = self._accel(wanted.q_w_flu_wxyz, thrust)
+        thrust = float(setpoint.thrust)
+        x, y, z = self._accel(setpoint.q_w_flu_wxyz, thrust)
         (x0, x1), (y0, y1), (_, z1) = allowed
         inside = x0 <= x <= x1 and y0 <= y <= y1 and z <= z1
-        return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._stands(wanted)
+        return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._stands(setpoint)
 
-    def _stands(self, wanted: AttitudeThrust) -> bool:
-        return up_axis_floats(wanted.q_w_flu_wxyz)[2] >= self._upright and not _unusable(wanted)
+    def _stands(self, setpoint: AttitudeThrust) -> bool:
+        return up_axis_floats(setpoint.q_w_flu_wxyz)[2] >= self._upright and not _unusable(setpoint)
 
-    def _braked(self, wanted: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
-        """Return `wanted` itself if the fence allows it, else the nearest setpoint that brakes.
+    def _braked(self, setpoint: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
+        """Return `setpoint` itself if the fence allows it, else the nearest setpoint that brakes.
 
         It keeps the present heading: turning would take time of the attitude loop that braking needs.
         """
         gravity = self._model.gravity_mps2
-        x, y, z = self._accel(wanted.q_w_flu_wxyz, float(wanted.thrust))
+        x, y, z = self._accel(setpoint.q_w_flu_wxyz, float(setpoint.thrust))
         full = gravity * self._slope
         bx, by = _clipped(x, allowed[0], full), _clipped(y, allowed[1], full)
         bz = _clipped(z, allowed[2], (1.0 - _LEAST_PUSH) * gravity)
         if (bx, by, bz) == (x, y, z):
-            return wanted
+            return setpoint
         brake = math.hypot(bx if bx != x else 0.0, by if by != y else 0.0)
         if bz == z:
             bz = max(z, min(brake / self._slope - gravity, 0.0))
@@ -180,10 +180,10 @@ class Guard:
         accel = limit_tilt(np.array((bx, by, bz)), self._limits.max_tilt_rad, gravity)
         return setpoint_of_accel(accel, float(yaw_of(now_q)), self._model)
 
-    def _flattened(self, wanted: AttitudeThrust, known: float) -> AttitudeThrust:
+    def _flattened(self, setpoint: AttitudeThrust, known: float) -> AttitudeThrust:
         """Blend to level and sinking gently as `known` goes from 1 to 0."""
-        q, _ = inside_cone(wanted.q_w_flu_wxyz, known * self._limits.max_tilt_rad)
-        thrust, sinking = float(wanted.thrust), SINKING * self._model.hover_thrust
+        q, _ = inside_cone(setpoint.q_w_flu_wxyz, known * self._limits.max_tilt_rad)
+        thrust, sinking = float(setpoint.thrust), SINKING * self._model.hover_thrust
         return AttitudeThrust(q, np.array(known * thrust + (1.0 - known) * sinking))
 
 

@@ -69,13 +69,13 @@ class LimitedSetpoint:
     """Error for which the guard failed and levelled the vehicle; empty when it did not fail."""
 
 
-def limit_setpoint(wanted: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: float) -> LimitedSetpoint:
-    """Cut `wanted` to the limits, `dt_s` after `last` was sent; shapes (..., 4) and (...,).
+def limit_setpoint(setpoint: AttitudeThrust, last: AttitudeThrust, limits: Limits, dt_s: float) -> LimitedSetpoint:
+    """Cut `setpoint` to the limits, `dt_s` after `last` was sent; shapes (..., 4) and (...,).
 
     Values that are not finite, or no valid attitude, are replaced by those of `last`. The tilt is cut after the rate,
     so that no path between two allowed attitudes leaves the cone.
     """
-    q, commanded, not_finite = _usable(wanted, last)
+    q, commanded, not_finite = _usable(setpoint, last)
     turned, turn_cut = _slew_attitude(q, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
     inside, tilt_cut = inside_cone(turned, limits.max_tilt_rad)
     thrust, before, step = (
@@ -97,9 +97,9 @@ def _between(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
     return minimum(maximum(value, low), high)
 
 
-def _usable(wanted: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
+def _usable(setpoint: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
     """Return unit quaternion (..., 4), thrust, and where they were not valid, (...,): there `last` replaces them."""
-    q, thrust = wanted.q_w_flu_wxyz, item(wanted.thrust)
+    q, thrust = setpoint.q_w_flu_wxyz, item(setpoint.thrust)
     length = _length(q)
     usable = (absolute(length - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
     bad = usable ^ True  # "not", of a truth value and of an array

@@ -41,7 +41,7 @@ class RecordedWire:
     setpoint: AttitudeThrust
     last_q_w_flu_wxyz: Array
     is_new: bool
-    seen: HorizonInput
+    inputs: HorizonInput
     error_rad: Array
     """Roll and pitch of the slow difference, then those of the correction, (4,)."""
     dt_s: float
@@ -168,7 +168,7 @@ class FlightRecord:
 
     def _wire(self, row: int) -> RecordedWire:
         c = self.columns
-        seen = HorizonInput(
+        inputs = HorizonInput(
             q_w_flu_wxyz=c["q_w_flu_wxyz"][row],
             rate_flu_radps=c["rate_flu_radps"][row],
             age_s=float(c["age_s"][row]),
@@ -181,7 +181,7 @@ class FlightRecord:
             setpoint=AttitudeThrust(c["wire_q_w_flu_wxyz"][row], np.asarray(c["wire_thrust"][row])),
             last_q_w_flu_wxyz=c["wire_last_q_w_flu_wxyz"][row],
             is_new=bool(c["wire_is_new"][row]),
-            seen=seen,
+            inputs=inputs,
             error_rad=np.array([float(c[name][row]) for name in _HORIZON]),
             dt_s=float(c["horizon_dt_s"][row]),
             begun=bool(c["horizon_begun"][row]),

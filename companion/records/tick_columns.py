@@ -144,7 +144,7 @@ def gathered(tick: Tick) -> Values:
         arrays.append(limited.setpoint.q_w_flu_wxyz)
     if (wire := tick.wire) is not None:
         parts.append(_WIRE)
-        horizon, seen = wire.horizon, wire.seen
+        horizon, seen = wire.horizon, wire.inputs
         numbers += (
             wire.setpoint.thrust, wire.is_new, horizon.off_x, horizon.off_y, horizon.x, horizon.y,
             seen.autopilot_age_s, seen.trusted, seen.flying, wire.dt_s, wire.begun,

@@ -35,7 +35,7 @@ from mock_autopilot.physics.arm_table import table_of
 from mock_autopilot.px4.params import ParamTable
 
 
-def known_push_b_mps2(config: CompanionConfig, arms: ArmsConfig, motion: JointTrajectory, time_s: Array) -> Array:
+def arm_feedforward_b_mps2(config: CompanionConfig, arms: ArmsConfig, motion: JointTrajectory, time_s: Array) -> Array:
     """Return the acceleration (n, 3), body frame, that the motion causes when a setpoint sent at `time_s` (n,) acts.
 
     `time_s` counts from the motion's start, in steps of the control period. The torque of the arms' initial pose is
@@ -130,7 +130,7 @@ class Scene:
             limits=c.limits.limits(),
             estimator=EstimatorParams(delay_s=c.mocap.delay_s),
             period_s=self.period_s,
-            known_b_mps2=self._known(feedforward),
+            feedforward_b_mps2=self._known(feedforward),
             horizon=c.control.horizon_rules(c.safety.tilt_apart_rad),
         )
 
@@ -140,7 +140,7 @@ class Scene:
             return None
         if feedforward is not None:
             config = config.model_copy(update={"feedforward": feedforward})
-        return known_push_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s)
+        return arm_feedforward_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s)
 
     def vehicle(self) -> VirtualVehicle:
         """Return the simulated vehicle and its room."""

@@ -37,7 +37,7 @@ class Pilot:
     limits: Limits = field(default_factory=Limits)
     estimator: EstimatorParams = field(default_factory=EstimatorParams)
     period_s: float = 0.01
-    known_b_mps2: Array | None = None
+    feedforward_b_mps2: Array | None = None
     """Acceleration that the arms' commanded motion causes per cycle (n, 3), body frame; None: no feed-forward."""
     horizon: HorizonRules = field(default_factory=HorizonRules)
 
@@ -87,7 +87,7 @@ def simulate(
         for cycle in range(count):
             look = world.look()
             seen, age_s = eyes.see(look, cycle)
-            known = _turned(pilot.known_b_mps2, cycle, seen.q_w_flu_wxyz)
+            known = _turned(pilot.feedforward_b_mps2, cycle, seen.q_w_flu_wxyz)
             result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), last, pilot.period_s, known)
             setpoint = result.limited.setpoint
             sent = out.send(setpoint, changed(setpoint, last), look, seen, age_s)
@@ -100,8 +100,8 @@ def simulate(
     return rows.trace(mission)
 
 
-def _turned(known_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
-    return _NOTHING if known_b_mps2 is None else turned(q_w_flu_wxyz, known_b_mps2[cycle])
+def _turned(feedforward_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:
+    return _NOTHING if feedforward_b_mps2 is None else turned(q_w_flu_wxyz, feedforward_b_mps2[cycle])
 
 
 class _Out:

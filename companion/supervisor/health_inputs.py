@@ -38,7 +38,7 @@ class HealthInputs:
     """Our setpoints are being sent."""
     airborne: bool
     """The vehicle is in the air and the control law flies it."""
-    seen: MocapInputs
+    mocap: MocapInputs
     autopilot: AutopilotStatus
     reference_w_m: Array | None
     """Reference position now, (3,); None while the law is not active."""

@@ -252,7 +252,7 @@ def test_a_batch_of_leads_predicts_as_each_alone() -> None:
         alone_memory = one.initial(now)
         for _ in range(3):
             alone, alone_memory = one.step(alone_memory, now)
-        for name in ("position_w_m", "velocity_w_mps", "push_w_mps2"):
+        for name in ("position_w_m", "velocity_w_mps", "disturbance_w_mps2"):
             np.testing.assert_allclose(getattr(predicted, name)[i], getattr(alone, name), atol=1e-12)
 
 
@@ -290,6 +290,6 @@ def test_a_push_that_goes_on_is_part_of_the_prediction() -> None:
         )
         predicted, memory = predictor.step(memory, now)
     then = 3.0 + 0.15
-    np.testing.assert_allclose(predicted.push_w_mps2, push, atol=1e-4)
+    np.testing.assert_allclose(predicted.disturbance_w_mps2, push, atol=1e-4)
     np.testing.assert_allclose(predicted.velocity_w_mps, then * push, atol=1e-4)
     np.testing.assert_allclose(predicted.position_w_m, 0.5 * then * then * push, atol=1e-4)

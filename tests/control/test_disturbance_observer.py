@@ -20,7 +20,7 @@ def test_a_step_is_learnt_with_the_double_pole(push: float, poles: float) -> Non
         observed = observe(observed, np.full(3, push * n * DT_S), NOTHING, 0.0, DT_S, poles)
         turn = poles * n * DT_S
         wanted = push * (1.0 - (1.0 + turn) * math.exp(-turn))
-        assert abs(observed.push[0] - wanted) <= 0.08 * abs(push) * max(1.0, poles / 5.0)
+        assert abs(observed.disturbance[0] - wanted) <= 0.08 * abs(push) * max(1.0, poles / 5.0)
 
 
 def test_what_the_rotors_explain_is_no_push() -> None:
@@ -29,7 +29,7 @@ def test_what_the_rotors_explain_is_no_push() -> None:
         before, accel = accel, np.array([math.sin(0.05 * n), 0.3, -0.2])
         velocity = velocity + 0.5 * DT_S * (before + accel)
         observed = observe(observed, velocity, accel, 0.0, DT_S, 5.0)
-        assert np.abs(observed.push).max() < 0.05  # the first step's half
+        assert np.abs(observed.disturbance).max() < 0.05  # the first step's half
 
 
 def test_a_state_that_only_grows_older_teaches_nothing() -> None:
@@ -37,14 +37,14 @@ def test_a_state_that_only_grows_older_teaches_nothing() -> None:
     waiting = observed
     for n in range(1, 8):
         waiting = observe(waiting, np.full(3, 0.1), NOTHING, 0.01 + n * DT_S, DT_S, 5.0)
-        np.testing.assert_allclose(waiting.push, observed.push, atol=1e-12)
+        np.testing.assert_allclose(waiting.disturbance, observed.disturbance, atol=1e-12)
     # the next frame, 80 ms after the last, has moved on as the push says: nothing more to learn
-    after = observe(waiting, waiting.velocity + 0.08 * waiting.push, NOTHING, 0.01, DT_S, 5.0)
-    np.testing.assert_allclose(after.push, waiting.push, atol=1e-12)
+    after = observe(waiting, waiting.velocity + 0.08 * waiting.disturbance, NOTHING, 0.01, DT_S, 5.0)
+    np.testing.assert_allclose(after.disturbance, waiting.disturbance, atol=1e-12)
 
 
 def test_no_poles_no_push() -> None:
     observed = nothing_observed(NOTHING, 0.0)
     for n in range(50):
         observed = observe(observed, np.full(3, 0.3 * n), NOTHING, 0.0, DT_S, 0.0)
-    np.testing.assert_array_equal(observed.push, NOTHING)
+    np.testing.assert_array_equal(observed.disturbance, NOTHING)

@@ -11,10 +11,10 @@ from companion.core.types import Array
 from companion.estimation.attitude import (
     Attitude,
     at_rest,
+    innovation_of_quat_rad,
+    innovation_rad,
     is_rotation,
     predict,
-    surprise_of_quat_rad,
-    surprise_rad,
     update,
 )
 from companion.estimation.kalman import Covariance
@@ -44,29 +44,29 @@ def test_the_surprise_is_the_rotation_from_the_belief_to_the_measurement(believe
     q, q_measured = quat_from_rotation_vector(believed), quat_from_rotation_vector(measured)
     expected = rotation_vector_from_quat(quat_multiply(quat_conjugate(q), q_measured))
     if np.linalg.norm(expected) < 3.0:  # near half a turn the two directions are alike
-        surprise = np.array(surprise_rad(estimate(believed), rows(q_measured)))
-        np.testing.assert_allclose(surprise, expected, atol=1e-7)
+        innovation = np.array(innovation_rad(estimate(believed), rows(q_measured)))
+        np.testing.assert_allclose(innovation, expected, atol=1e-7)
 
 
 @given(believed=VECTORS, measured=VECTORS, sign=st.sampled_from((1.0, -1.0)))
 def test_a_quaternion_surprises_as_much_as_its_matrix(believed: Array, measured: Array, sign: float) -> None:
     state, q_measured = estimate(believed), quat_from_rotation_vector(measured)
-    surprise = np.array(surprise_of_quat_rad(state, tuple((sign * q_measured).tolist())))
-    if np.linalg.norm(surprise) < 3.0:
-        np.testing.assert_allclose(surprise, np.array(surprise_rad(state, rows(q_measured))), rtol=0.0, atol=1e-14)
+    innovation = np.array(innovation_of_quat_rad(state, tuple((sign * q_measured).tolist())))
+    if np.linalg.norm(innovation) < 3.0:
+        np.testing.assert_allclose(innovation, np.array(innovation_rad(state, rows(q_measured))), rtol=0.0, atol=1e-14)
 
 
 def test_half_a_turn_is_no_small_surprise() -> None:
     state = estimate(np.zeros(3))
-    assert surprise_of_quat_rad(state, (0.0, 0.0, 1.0, 0.0)) == pytest.approx((0.0, np.pi, 0.0))
+    assert innovation_of_quat_rad(state, (0.0, 0.0, 1.0, 0.0)) == pytest.approx((0.0, np.pi, 0.0))
 
 
 def test_no_surprise_is_zero_not_nan() -> None:
-    assert surprise_rad(estimate(np.zeros(3)), rows(quat_from_rotation_vector(np.zeros(3)))) == (0.0, 0.0, 0.0)
+    assert innovation_rad(estimate(np.zeros(3)), rows(quat_from_rotation_vector(np.zeros(3)))) == (0.0, 0.0, 0.0)
     both = estimate(np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.1]]))
-    surprise = np.array(surprise_of_quat_rad(both, both.q))
-    np.testing.assert_array_equal(surprise[:, 0], np.zeros(3))
-    np.testing.assert_allclose(surprise[:, 1], np.zeros(3), atol=1e-16)
+    innovation = np.array(innovation_of_quat_rad(both, both.q))
+    np.testing.assert_array_equal(innovation[:, 0], np.zeros(3))
+    np.testing.assert_allclose(innovation[:, 1], np.zeros(3), atol=1e-16)
 
 
 @given(angle=st.floats(0.0, 1e-6) | st.sampled_from((5e-324, 1e-310, 1e-200, 1e-162, 1e-154)))
@@ -76,7 +76,7 @@ def test_the_smallest_turns_are_turned(angle: float) -> None:
 
 
 NUMBERS = st.tuples(*[st.floats(-4.0, 4.0)] * 12, st.floats(0.001, 0.1))
-"""Turn so far, rate, its change, turn measured; time. Small enough to keep away from half a turn of surprise."""
+"""Turn so far, rate, its change, turn measured; time. Small enough to keep away from half a turn of innovation."""
 
 
 @given(st.lists(NUMBERS, min_size=1, max_size=5))
@@ -97,7 +97,7 @@ def flown(numbers: Any, covariance: Covariance, q_measured: Any, rotation_rows: 
     q = estimate(0.15 * np.array(numbers[0:3]).T).q
     start = Attitude(q, tuple(numbers[3:6]), tuple(numbers[6:9]), covariance)
     ahead = predict(start, numbers[12], 80.0)
-    by_matrix, by_quat = surprise_rad(ahead, rotation_rows), surprise_of_quat_rad(ahead, q_measured)
+    by_matrix, by_quat = innovation_rad(ahead, rotation_rows), innovation_of_quat_rad(ahead, q_measured)
     after = update(ahead, by_quat, 4e-6)
     return np.array(
         [
@@ -117,7 +117,7 @@ def flown(numbers: Any, covariance: Covariance, q_measured: Any, rotation_rows: 
 def test_an_unsure_filter_takes_the_measurement(believed: Array, measured: Array) -> None:
     q_measured = quat_from_rotation_vector(measured)
     state = estimate(believed)
-    taken = update(state, surprise_rad(state, rows(q_measured)), 1e-6)
+    taken = update(state, innovation_rad(state, rows(q_measured)), 1e-6)
     np.testing.assert_allclose(matrix_from_quat(np.array(taken.q)), matrix_from_quat(q_measured), atol=1e-6)
     assert taken.q[0] >= 0.0
 

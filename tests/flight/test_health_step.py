@@ -24,8 +24,8 @@ SLOW = 100
 def cycle(time_s: float, position_w_m: Array, mode: FlightMode = FlightMode.OFFBOARD, late: int = 0) -> Cycle:
     """One good frame, an autopilot that hears and is heard."""
     seen = healthy(0)
-    assert seen.seen.vehicle is not None
-    vehicle = replace(seen.seen.vehicle, time_s=time_s - 0.01, position_w_m=position_w_m)
+    assert seen.mocap.vehicle is not None
+    vehicle = replace(seen.mocap.vehicle, time_s=time_s - 0.01, position_w_m=position_w_m)
     frame = MocapFrame(
         frame=round(time_s / CYCLE_S),
         stamp_s=time_s - 0.01,
@@ -96,7 +96,7 @@ def test_frames_dropped_on_their_way_are_known() -> None:
 def test_the_facts_tell_what_the_autopilot_and_the_last_setpoint_say() -> None:
     status = replace(healthy(0).autopilot, in_air=False)
     events = (Event(Fault.ARMS, "an arm"),)
-    for vehicle in (None, healthy(0).seen.vehicle):
+    for vehicle in (None, healthy(0).mocap.vehicle):
         known = facts_of(5.0, vehicle, status, None, events, 0.25)
         assert (known.in_air, known.thrust, known.events) == (False, 0.25, events)
         assert math.isnan(facts_of(5.0, vehicle, status, None, events).thrust), "not known"

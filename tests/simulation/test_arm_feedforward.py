@@ -12,7 +12,7 @@ from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
 from companion.core.types import ArmStatus, Array
 from companion.flight.arm_step import ArmStep
-from companion.simulation.scene import known_push_b_mps2
+from companion.simulation.scene import arm_feedforward_b_mps2
 from companion.supervisor.flight_state import FlightState, Phase
 
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -90,7 +90,7 @@ def test_a_whole_flight_at_once_is_what_the_arms_stage_says_cycle_by_cycle(feedf
     config = CompanionConfig(arms=ARMS)
     arms, motion, cycles = ARMS.model_copy(update={"feedforward": feedforward}), swing(), 700
     flown = told_in_flight(config, arms, motion, cycles)
-    at_once = known_push_b_mps2(config, arms, motion.trajectory, PERIOD_S * np.arange(float(cycles)))
+    at_once = arm_feedforward_b_mps2(config, arms, motion.trajectory, PERIOD_S * np.arange(float(cycles)))
     assert at_once.shape == (cycles, 3)
     largest = float(np.abs(flown).max())
     assert (largest > 0.0) == (feedforward is not Feedforward.OFF)
@@ -99,5 +99,5 @@ def test_a_whole_flight_at_once_is_what_the_arms_stage_says_cycle_by_cycle(feedf
 
 def test_arms_that_stand_push_nobody() -> None:
     config = CompanionConfig(arms=ARMS)
-    push = known_push_b_mps2(config, ARMS, Hold(ARMS.stow_rad(), 5.0), PERIOD_S * np.arange(100.0))
+    push = arm_feedforward_b_mps2(config, ARMS, Hold(ARMS.stow_rad(), 5.0), PERIOD_S * np.arange(100.0))
     assert np.abs(push).max() < 1e-12

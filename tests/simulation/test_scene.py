@@ -92,8 +92,8 @@ def test_arms_move_from_the_first_cycle_and_the_law_is_told(tmp_path: Path) -> N
     swung = np.ptp(arms.table.joints_rad, axis=0)
     assert np.degrees(swung[[0, 1, 4, 5]]).min() > 20.0
     law = law_for(scene)
-    told = {name: scene.pilot(law, name).known_b_mps2 for name in Feedforward}
-    as_configured = scene.pilot(law).known_b_mps2
+    told = {name: scene.pilot(law, name).feedforward_b_mps2 for name in Feedforward}
+    as_configured = scene.pilot(law).feedforward_b_mps2
     assert as_configured is not None
     assert {name: push.shape for name, push in told.items() if push is not None} == dict.fromkeys(told, (count, 3))
     assert np.array_equal(as_configured, told[Feedforward(scene.companion.arms.feedforward)])  # type: ignore[union-attr,arg-type]
@@ -112,7 +112,7 @@ def test_without_arms_there_is_nothing_to_tell(tmp_path: Path) -> None:
     scene = load(tmp_path, ('arms = "swing"', 'arms = "off"'))
     assert scene.arms is None
     assert scene.vehicle().arms is None
-    assert scene.pilot(law_for(scene)).known_b_mps2 is None
+    assert scene.pilot(law_for(scene)).feedforward_b_mps2 is None
 
 
 def test_another_bandwidth_is_the_vehicles_and_the_companion_knows(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
         commanded=True,
         streaming=True,
         airborne=True,
-        seen=seen,
+        mocap=seen,
         autopilot=status,
         reference_w_m=place,
         sent=sent,
@@ -100,13 +100,13 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
 
 def with_seen(now: HealthInputs, **changes: Any) -> HealthInputs:
     """Motion capture seen differently."""
-    return replace(now, seen=replace(now.seen, **changes))
+    return replace(now, mocap=replace(now.mocap, **changes))
 
 
 def with_vehicle(now: HealthInputs, **changes: Any) -> HealthInputs:
     """The estimate differently."""
-    assert now.seen.vehicle is not None
-    return with_seen(now, vehicle=replace(now.seen.vehicle, **changes))
+    assert now.mocap.vehicle is not None
+    return with_seen(now, vehicle=replace(now.mocap.vehicle, **changes))
 
 
 def with_status(now: HealthInputs, **changes: Any) -> HealthInputs:

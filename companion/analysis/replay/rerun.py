@@ -143,7 +143,7 @@ class _Sending:
         if wire.begun:
             self._wire.reset()
         last = AttitudeThrust(wire.last_q_w_flu_wxyz, setpoint.thrust)
-        again = self._wire.put(setpoint, wire.is_new, last, wire.seen, wire.dt_s)
+        again = self._wire.put(setpoint, wire.is_new, last, wire.inputs, wire.dt_s)
         done.compare("sent attitude", wire.setpoint.q_w_flu_wxyz, again.setpoint.q_w_flu_wxyz, at_s)
         done.compare("sent thrust", wire.setpoint.thrust, again.setpoint.thrust, at_s)
         h = again.horizon

@@ -8,7 +8,7 @@ from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.config.arms_config import Feedforward
 from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
-from companion.simulation.scene import Scene, known_push_b_mps2
+from companion.simulation.scene import Scene, arm_feedforward_b_mps2
 from mock_autopilot.physics.disturbance import Sinusoid
 
 Facts = tuple[tuple[str, str], ...]
@@ -49,7 +49,7 @@ def _arms(scene: Scene) -> str:
     degrees, fastest = np.degrees(moved.position_rad[late]), np.abs(moved.velocity_radps[late]).max()
     ranges = ", ".join(f"{KINDS[joint].replace('_', ' ')} {_range(degrees, joint)}" for joint in range(CHAIN))
     arms = scene.companion.arms.model_copy(update={"feedforward": Feedforward.FULL})
-    push = known_push_b_mps2(scene.companion, arms, scene.arms.trajectory, time_s)[late]
+    push = arm_feedforward_b_mps2(scene.companion, arms, scene.arms.trajectory, time_s)[late]
     return (
         f"both swing: {ranges}, up to {fastest:.2f} rad/s; through force and tilt they push the vehicle by up to "
         f"{_largest_norm(push):.2f} m/s²"

@@ -55,10 +55,10 @@ _NOTHING = AttitudeHealth()
 
 def check_attitude(memory: AttitudeHealth, now: HealthInputs, rules: SafetyRules) -> tuple[AttitudeHealth, list[Event]]:
     """Check the attitude while the autopilot is commanded; before that the preflight checks the EKF's heading."""
-    vehicle = now.seen.vehicle
+    vehicle = now.mocap.vehicle
     if vehicle is None or not now.commanded:
         return _NOTHING, []
-    fresh = now.seen.age_s < rules.degraded_s
+    fresh = now.mocap.age_s < rules.degraded_s
     up, theirs = up_axis_floats(vehicle.q_w_flu_wxyz), up_axis_floats(now.autopilot.q_w_flu_wxyz)
     tilt_rad = heading_rad = 0.0
     means = None

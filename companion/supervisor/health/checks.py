@@ -39,7 +39,7 @@ class Health:
 
 def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) -> tuple[Health, tuple[Event, ...]]:
     """Return the checks' next memory and the faults present now, in the table's order, each at most once."""
-    new = now.seen.verdict is not None and now.seen.received_s != memory.received_s
+    new = now.mocap.verdict is not None and now.mocap.received_s != memory.received_s
     mocap, mocap_events = check_mocap(memory.mocap, now, rules, new)
     stream, stream_events = check_stream(memory.stream, now, rules, new)
     attitude, attitude_events = check_attitude(memory.attitude, now, rules)
@@ -51,7 +51,7 @@ def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) 
         found = _without_autopilot(found)
     events = {event.fault: event for event in found}.values()
     memory = Health(
-        received_s=now.seen.received_s,
+        received_s=now.mocap.received_s,
         mocap=mocap,
         stream=stream,
         attitude=attitude,

@@ -44,17 +44,17 @@ def check_mocap(
     memory: MocapHealth, now: HealthInputs, rules: SafetyRules, new: bool
 ) -> tuple[MocapHealth, list[Event]]:
     """Check the newest pose; `new`: this cycle has a new frame. No events unless poses are `relied_on`."""
-    seen = now.seen
+    mocap = now.mocap
     in_the_air = now.airborne or (now.autopilot.armed and now.autopilot.in_air is not False)
     if new:
-        memory = _update(memory, seen, in_the_air)
+        memory = _update(memory, mocap, in_the_air)
     elif not in_the_air:
         memory = MocapHealth(memory.vehicle, memory.repeats_from_s)
     if not relied_on(now):
         return memory, []
     events = _age_events(now, rules)
-    repeats_s = seen.received_s - memory.repeats_from_s
-    if repeats_s >= rules.frozen_s and seen.age_s <= rules.silent_s:
+    repeats_s = mocap.received_s - memory.repeats_from_s
+    if repeats_s >= rules.frozen_s and mocap.age_s <= rules.silent_s:
         events.append(Event(Fault.MOCAP_FROZEN, f"the pose is the same to the last bit for {repeats_s:.2f} s"))
     if memory.jump:
         events.append(Event(Fault.MOCAP_JUMPED, memory.jump))
@@ -66,14 +66,14 @@ def relied_on(now: HealthInputs) -> bool:
     return now.streaming or now.autopilot.armed
 
 
-def _update(memory: MocapHealth, seen: MocapInputs, in_the_air: bool) -> MocapHealth:
+def _update(memory: MocapHealth, mocap: MocapInputs, in_the_air: bool) -> MocapHealth:
     jump = memory.jump if in_the_air else ""
-    if in_the_air and seen.verdict is Verdict.STARTED:
-        jump = _jump_message(memory.vehicle, seen.vehicle)
+    if in_the_air and mocap.verdict is Verdict.STARTED:
+        jump = _jump_message(memory.vehicle, mocap.vehicle)
     repeats_from_s = NOT_HELD
-    if seen.verdict is Verdict.REPEATED:
-        repeats_from_s = min(memory.repeats_from_s, seen.received_s)
-    return MocapHealth(seen.vehicle, repeats_from_s, jump)
+    if mocap.verdict is Verdict.REPEATED:
+        repeats_from_s = min(memory.repeats_from_s, mocap.received_s)
+    return MocapHealth(mocap.vehicle, repeats_from_s, jump)
 
 
 def _jump_message(before: VehicleState | None, after: VehicleState | None) -> str:
@@ -86,14 +86,14 @@ def _jump_message(before: VehicleState | None, after: VehicleState | None) -> st
 
 def _age_events(now: HealthInputs, rules: SafetyRules) -> list[Event]:
     """Return the event of the newest usable frame's age, at most one; an age of NaN counts as infinite."""
-    seen = now.seen
-    age_s = inf if isnan(seen.age_s) else seen.age_s
+    mocap = now.mocap
+    age_s = inf if isnan(mocap.age_s) else mocap.age_s
     if age_s <= rules.coast_s:
         return []
     if age_s <= rules.silent_s:
         fault = Fault.MOCAP_DEGRADED if age_s > rules.degraded_s else Fault.MOCAP_LATE
         return [Event(fault, f"the newest usable pose is {age_s:.3f} s old")]
-    fault, why = _why_silent(now.time_s - seen.received_s, age_s, seen.verdict, rules)
+    fault, why = _why_silent(now.time_s - mocap.received_s, age_s, mocap.verdict, rules)
     how_long = f"no usable pose for {age_s:.2f} s" if isfinite(age_s) else "no usable pose yet"
     return [Event(fault, f"{how_long}: {why}")]
 

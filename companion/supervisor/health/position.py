@@ -38,11 +38,11 @@ def check_position(
     """Check tracking error and fence; `new`: this cycle has a new frame."""
     far_since_s, errors, tracking = _tracking_events(memory, now, rules)
     beyond_m, seen_inside = None, memory.seen_inside and now.autopilot.armed
-    vehicle = now.seen.vehicle
-    if vehicle is not None and now.seen.age_s < rules.silent_s:
+    vehicle = now.mocap.vehicle
+    if vehicle is not None and now.mocap.age_s < rules.silent_s:
         beyond_m = fence.beyond_m(vehicle.position_w_m)
         seen_inside = seen_inside or beyond_m <= 0.0
-    doubted = now.autopilot.armed and (memory.doubted or (new and now.seen.verdict is Verdict.STARTED))
+    doubted = now.autopilot.armed and (memory.doubted or (new and now.mocap.verdict is Verdict.STARTED))
     memory = PositionHealth(far_since_s, errors, seen_inside, doubted)
     return memory, tracking + _fence_events(memory, now, beyond_m, rules, fence)
 
@@ -50,8 +50,8 @@ def check_position(
 def _tracking_events(
     memory: PositionHealth, now: HealthInputs, rules: SafetyRules
 ) -> tuple[float, Window, list[Event]]:
-    vehicle, reference = now.seen.vehicle, now.reference_w_m
-    if vehicle is None or reference is None or not now.airborne or not now.seen.age_s < rules.degraded_s:
+    vehicle, reference = now.mocap.vehicle, now.reference_w_m
+    if vehicle is None or reference is None or not now.airborne or not now.mocap.age_s < rules.degraded_s:
         return NOT_HELD, Window(), []
     error_m = dist(vehicle.position_w_m.tolist(), reference.tolist())
     if not error_m > rules.tracking_m:
@@ -81,7 +81,7 @@ def _grows(errors: Window) -> bool:
 def _fence_events(
     memory: PositionHealth, now: HealthInputs, beyond_m: float | None, rules: SafetyRules, fence: Fence
 ) -> list[Event]:
-    vehicle = now.seen.vehicle
+    vehicle = now.mocap.vehicle
     if vehicle is None or beyond_m is None or not now.autopilot.armed:
         return []
     if not beyond_m > 0.0:

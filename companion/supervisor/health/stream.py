@@ -85,8 +85,8 @@ def check_stream(
 
 
 def _update(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bool) -> StreamHealth:
-    time_s, seen = now.time_s, now.seen
-    begun_s = memory.begun_s if seen.age_s <= rules.silent_s else NOT_HELD
+    time_s, mocap = now.time_s, now.mocap
+    begun_s = memory.begun_s if mocap.age_s <= rules.silent_s else NOT_HELD
     frames = memory.frames.kept(time_s - WINDOW_S)
     stale = memory.stale.kept(time_s - WINDOW_S)
     dropped = memory.dropped.kept(time_s - WINDOW_S)
@@ -99,24 +99,24 @@ def _update(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bo
         clock = replace(clock, jump="")
     if new:
         clock = _update_clock(clock, now, rules)
-        if seen.late > memory.late:
-            dropped = dropped.added(time_s, float(seen.late - memory.late))
-        usable = seen.verdict in USABLE
+        if mocap.late > memory.late:
+            dropped = dropped.added(time_s, float(mocap.late - memory.late))
+        usable = mocap.verdict in USABLE
         frames = frames.added(time_s, float(usable))
         if usable:
-            begun_s = min(begun_s, time_s) if seen.age_s <= rules.silent_s else NOT_HELD
+            begun_s = min(begun_s, time_s) if mocap.age_s <= rules.silent_s else NOT_HELD
             grown_s = clock.latency_s - clock.least_s if not clock.off else 0.0
-            delay_s = max(seen.age_s, grown_s)
+            delay_s = max(mocap.age_s, grown_s)
             if delay_s > rules.delayed_s:
                 delayed = delayed.added(time_s, delay_s)
-        elif seen.verdict is Verdict.STALE:
+        elif mocap.verdict is Verdict.STALE:
             stale = stale.added(time_s, 1.0)
     return StreamHealth(
         begun_s=begun_s,
         frames=frames,
         stale=stale,
         dropped=dropped,
-        late=seen.late,
+        late=mocap.late,
         late_cycles=late_cycles,
         delayed=delayed,
         clock=clock,
@@ -125,17 +125,17 @@ def _update(memory: StreamHealth, now: HealthInputs, rules: SafetyRules, new: bo
 
 def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> StampClock:
     """Update the clock with a frame; a stamp that fits neither its arrival nor its frame number is off the clock."""
-    seen = now.seen
-    latency_s = seen.received_s - seen.stamp_s
+    mocap = now.mocap
+    latency_s = mocap.received_s - mocap.stamp_s
     step_s = latency_s - clock.latency_s
-    if not abs(step_s) > rules.clock_jump_s or _stamp_follows_number(clock, seen, rules):
-        frames = seen.frame - clock.frame
-        period_s = (seen.stamp_s - clock.stamp_s) / frames if frames > 0 else clock.period_s
+    if not abs(step_s) > rules.clock_jump_s or _stamp_follows_number(clock, mocap, rules):
+        frames = mocap.frame - clock.frame
+        period_s = (mocap.stamp_s - clock.stamp_s) / frames if frames > 0 else clock.period_s
         drifted_s = clock.least_s + DRIFT * (now.time_s - clock.at_s)
         least_s = drifted_s if latency_s >= drifted_s else latency_s
         return StampClock(
-            frame=seen.frame,
-            stamp_s=seen.stamp_s,
+            frame=mocap.frame,
+            stamp_s=mocap.stamp_s,
             latency_s=latency_s,
             period_s=period_s,
             off=0,
@@ -147,8 +147,8 @@ def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> S
         return replace(clock, off=clock.off + 1)
     jump = f"motion capture's stamps jumped by {-step_s:+.2f} s against their arrival" if relied_on(now) else ""
     return StampClock(
-        frame=seen.frame,
-        stamp_s=seen.stamp_s,
+        frame=mocap.frame,
+        stamp_s=mocap.stamp_s,
         latency_s=latency_s,
         period_s=nan,
         off=0,
@@ -158,10 +158,10 @@ def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> S
     )
 
 
-def _stamp_follows_number(clock: StampClock, seen: MocapInputs, rules: SafetyRules) -> bool:
+def _stamp_follows_number(clock: StampClock, mocap: MocapInputs, rules: SafetyRules) -> bool:
     """Return true if the stamp advanced with the frame number: then only the arrival was early or late."""
-    frames = seen.frame - clock.frame
-    off_s = seen.stamp_s - clock.stamp_s - frames * clock.period_s
+    frames = mocap.frame - clock.frame
+    off_s = mocap.stamp_s - clock.stamp_s - frames * clock.period_s
     return frames > 0 and abs(off_s) <= rules.clock_jump_s
 
 

@@ -135,7 +135,7 @@ def flight_of(seed: int) -> Iterator[HealthInputs]:
             time_s=t,
             commanded=k > 20,  # shorter than what would be tipping over: nothing sways on the ground
             airborne=k > 50,
-            seen=seen,
+            mocap=seen,
             reference_w_m=state.vehicle.position_w_m + rng.normal(0.0, 0.03, 3),
             sent=AttitudeThrust(attitude(t + 0.2), np.array(0.5)),
             at_max_thrust=bool(rng.uniform() < 0.1),
@@ -161,7 +161,7 @@ GARBAGE = st.builds(
     commanded=st.booleans(),
     streaming=st.booleans(),
     airborne=st.booleans(),
-    seen=st.builds(
+    mocap=st.builds(
         MocapInputs,
         age_s=ANY,
         verdict=st.none() | st.sampled_from(Verdict),

@@ -196,7 +196,7 @@ def test_the_next_flight_is_believed_again() -> None:
 
 def test_the_first_frame_of_all_before_arming_raises_no_doubt() -> None:
     first = on_ground(with_seen(at(0, 3.5), verdict=Verdict.STARTED))
-    same_frame = replace(at(0, 3.5), seen=first.seen)
+    same_frame = replace(at(0, 3.5), mocap=first.mocap)
     assert beyond(watched([first, same_frame, *(at(k, 3.5 + k * 0.125) for k in range(1, 30))])) == list(range(10, 31))
 
 

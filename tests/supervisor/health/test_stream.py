@@ -108,7 +108,7 @@ def test_a_start_is_usable_too() -> None:
 def test_a_second_without_new_frames_counts() -> None:
     """Every third cycle brings one."""
     flight = [with_seen(healthy(k), frame=k // 3, stamp_s=(k // 3) * 3 * CYCLE_S) for k in range(2 * SECOND)]
-    events = watched([with_seen(now, received_s=now.seen.stamp_s + 900.0) for now in flight])
+    events = watched([with_seen(now, received_s=now.mocap.stamp_s + 900.0) for now in flight])
     assert when(events, Fault.MOCAP_SLOW) == list(range(SECOND, 2 * SECOND))
     assert events[-1][0].text == "43 usable frames in a second, fewer than 50"
 
@@ -227,7 +227,7 @@ def test_the_middle_one_of_an_odd_number_is_told() -> None:
     """Half a second holds 64 frames; the last is of no use."""
     flight = [late(k, 0.0626 + (k % 64) * 0.0025) for k in range(SECOND)]
     flight[-1] = with_seen(flight[-1], verdict=Verdict.OUTLIER)
-    ages_s = sorted(now.seen.age_s for now in flight[-64:-1])
+    ages_s = sorted(now.mocap.age_s for now in flight[-64:-1])
     told = text_of(watched(flight)[-1], Fault.MOCAP_DELAYED)
     assert told.startswith(f"poses come {ages_s[31]:.3f} s late")
 
@@ -257,7 +257,7 @@ def test_the_age_between_frames_is_no_delay() -> None:
 
 def delayed_by(now: HealthInputs, delay_s: float) -> HealthInputs:
     """The estimator's clock has got used to it: the age does not show it."""
-    return with_seen(now, stamp_s=now.seen.stamp_s - delay_s, frame=now.seen.frame - round(delay_s / CYCLE_S))
+    return with_seen(now, stamp_s=now.mocap.stamp_s - delay_s, frame=now.mocap.frame - round(delay_s / CYCLE_S))
 
 
 @pytest.mark.parametrize(("delay_s", "told"), [(0.0625, False), (0.0703125, True)])
@@ -276,21 +276,21 @@ def test_clocks_may_part_slowly(drift: float, told: bool) -> None:
     """A quarter of an hour, four frames a second."""
     rare = replace(RULES, slow_hz=5.0)
     flight = [
-        with_seen(now := healthy(k), stamp_s=now.seen.stamp_s - drift * k * CYCLE_S) for k in range(0, 115200, 32)
+        with_seen(now := healthy(k), stamp_s=now.mocap.stamp_s - drift * k * CYCLE_S) for k in range(0, 115200, 32)
     ]
     assert bool(when(watched(flight, rare), Fault.MOCAP_DELAYED)) is told
 
 
 def test_a_drift_beyond_crystals_shows_when_it_adds_up() -> None:
     rare = replace(RULES, slow_hz=3.0)
-    flight = [with_seen(now := healthy(k), stamp_s=now.seen.stamp_s - 3e-4 * k * CYCLE_S) for k in range(0, 57600, 32)]
+    flight = [with_seen(now := healthy(k), stamp_s=now.mocap.stamp_s - 3e-4 * k * CYCLE_S) for k in range(0, 57600, 32)]
     first = when(watched(flight, rare), Fault.MOCAP_DELAYED)[0] * 32 * CYCLE_S
     assert first == pytest.approx(0.0625 / (3e-4 - 1e-4), abs=1.0)
 
 
 def jumped(cycle: int, by_s: float) -> HealthInputs:
     now = healthy(cycle)
-    return with_seen(now, stamp_s=now.seen.stamp_s + by_s)
+    return with_seen(now, stamp_s=now.mocap.stamp_s + by_s)
 
 
 @pytest.mark.parametrize(
@@ -320,7 +320,7 @@ def test_a_small_step_from_the_frame_number_is_none_whatever_the_arrival_says() 
     flight = [healthy(k) for k in range(10)]
     for k in range(10, SECOND):
         now = jumped(k, -0.125)
-        flight.append(with_seen(now, received_s=now.seen.received_s + 0.25))
+        flight.append(with_seen(now, received_s=now.mocap.received_s + 0.25))
     assert not when(watched(flight), Fault.MOCAP_CLOCK_JUMP)
 
 
@@ -413,7 +413,7 @@ def test_a_new_measurement_counts_from_zero() -> None:
 def test_frames_from_before_a_reordering_are_no_jump() -> None:
     flight = [healthy(k) for k in range(40)]
     for k in (30, 31):
-        old = healthy(k - 20).seen
+        old = healthy(k - 20).mocap
         flight[k] = with_seen(flight[k], frame=old.frame, stamp_s=old.stamp_s, verdict=Verdict.STALE)
     assert not any(watched(flight))
 
@@ -425,7 +425,7 @@ def test_a_stalled_network_that_delivers_all_at_once_is_no_jump() -> None:
         flight.append(replace(flight[99], time_s=healthy(k).time_s, autopilot=healthy(k).autopilot))
     for k in range(130, 150):
         held = healthy(100 + 2 * (k - 130) if k < 145 else k)
-        flight.append(with_seen(healthy(k), frame=held.seen.frame, stamp_s=held.seen.stamp_s))
+        flight.append(with_seen(healthy(k), frame=held.mocap.frame, stamp_s=held.mocap.stamp_s))
     flight += [healthy(k) for k in range(150, 300)]
     assert not any(watched(flight))
 
@@ -437,7 +437,7 @@ def test_a_delay_that_comes_and_goes_is_a_delay_and_no_jump(per_cycle: int) -> N
     flight += [replace(flight[99], time_s=(now := healthy(k)).time_s, autopilot=now.autopilot) for k in range(100, 124)]
     flight += [delayed_by(healthy(k), 0.1875) for k in range(124, 300)]
     flight += [healthy(k) for k in range(300, 500)]
-    events = watched([with_seen(now, frame=per_cycle * now.seen.frame) for now in flight])
+    events = watched([with_seen(now, frame=per_cycle * now.mocap.frame) for now in flight])
     assert not when(events, Fault.MOCAP_CLOCK_JUMP)
     assert when(events, Fault.MOCAP_DELAYED) == list(range(144, 331))
 
