@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from companion.analysis.report.charts import page_style, phase_patches, rows_over_time, shades_of, thinned, xyz
+from companion.analysis.report.charts import Medium, phase_patches, rows_over_time, shades_of, style_of, thinned, xyz
 from companion.analysis.report.control_figures import draw_gap_histogram, draw_gaps
 from companion.analysis.report.motion_figures import (
     GOAL,
@@ -32,7 +32,7 @@ def plot_flight(columns: Columns, summary: Summary | None, title: str, path: Pat
     """Write path, numbers, and position, error, command, trigger gaps and joints over time; format by suffix."""
     flown = Flown(FlightRecord(path=path, columns=columns))
     labels = [*_LABELS, *(_ARMS if flown.has("joint_position_rad") else ())]
-    with page_style():
+    with style_of(Medium.PAGE):
         figure = Figure(figsize=(sum(_WIDTHS_IN), 0.9 + _ROW_IN * len(labels)), layout="constrained")
         left, right = figure.subfigures(1, 2, squeeze=False, width_ratios=_WIDTHS_IN)[0]
         above_in = above_height_in(flown, _WIDTHS_IN[0]) + 0.4

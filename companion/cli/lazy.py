@@ -13,9 +13,9 @@ from companion.cli.help_pages import HelpCommand, HelpGroup
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Command:
-    """Entry of one command: `place` is MODULE:FUNCTION, `summary` its line in the list of commands."""
+    """Entry of one command: `place` is MODULE:FUNCTION in companion.cli, `summary` its line in the list of commands."""
 
     place: str
     summary: str
@@ -86,7 +86,7 @@ def imported(name: str, entry: Command | Group, before_command: Prepare = lambda
         )(_nothing)
     else:
         module, function = entry.place.split(":")
-        command = getattr(import_module(module), function)
+        command = getattr(import_module(f"companion.cli.{module}"), function)
         app.command(name, cls=HelpCommand, epilog=epilog, context_settings={**SETTINGS, **entry.settings})(command)
     made = typer.main.get_command(app)
     made.name = name

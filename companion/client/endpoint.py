@@ -25,7 +25,7 @@ _SERVICE_TABLES = frozenset({"mocap", "fence", "room"})
 
 
 @dataclass(frozen=True)
-class Given:
+class EndpointOptions:
     """Options of the command line; None for each that is not given."""
 
     broker: str | None = None
@@ -40,7 +40,7 @@ class Given:
         return bool(self.broker or self.vehicle or os.environ.get(BROKER) or os.environ.get(VEHICLE))
 
 
-def endpoint_of(given: Given) -> OperatorConfig:
+def endpoint_of(given: EndpointOptions) -> OperatorConfig:
     """Return the endpoint: options override a file's [operator] or else the environment; default is this computer.
 
     Raises ConfigError with one sentence for an invalid value.

@@ -91,8 +91,8 @@ def test_the_comparison_marks_what_is_reduced_as_much_as_in_the_paper() -> None:
     law = flown([[0.02, 0.05, 0.087]], [[0.1, 0.12, 0.16]])
     grid = comparison([pid, law])
     texts = [[cell.text for cell in row] for row in grid.rows]
-    assert texts[0][1:7] == ["0.0841", "0.0773", "0.0430", "0.2383", "0.2510", "0.1464"]
-    assert texts[3] == ["pid", "0.1000", "0.1000", "0.1000", "0.2000", "0.2000", "0.2000", "100.0%"]
+    assert texts[0][1:7] == ["8.41", "7.73", "4.30", "23.83", "25.10", "14.64"]
+    assert texts[3] == ["pid", *["10.00"] * 3, *["20.00"] * 3, "100.0%"]
     assert texts[5][1:7] == ["✓ 80.00", "50.00", "✓ 13.00", "50.00", "✓ 40.00", "20.00"]
     assert "are not within 20 % of the paper's: x +19 %, y +29 %, z +133 %" in grid.note
 
@@ -108,7 +108,7 @@ def test_a_lost_law_is_in_the_table_without_a_reduction() -> None:
     pid = flown([[0.1, 0.1, 0.1]], controller="pid", experiment="mine.toml")
     grid = comparison([pid, flown([[np.inf, 2000.0, 3.0]], experiment="mine.toml", diverged=1)])
     assert [row[0].text for row in grid.rows] == ["pid", "practical, lost 1 of 1"]
-    assert [cell.text for cell in grid.rows[1][1:4]] == ["–", "–", "3.0000"]
+    assert [cell.text for cell in grid.rows[1][1:4]] == ["–", "–", "300.00"]
 
 
 def test_events_and_what_lies_between_them() -> None:
@@ -133,11 +133,11 @@ def test_an_ablation_says_what_was_left_out_and_what_it_cost() -> None:
     worse = flown([[0.06, 0.08, 0.0]], without=Ablation.NETWORK)
     lost = flown([[9.0, 9.0, 9.0], [0.1, 0.1, 0.1]], without=Ablation.PREDICTION, share=0.5, diverged=1)
     grid = ablation_grid(whole, [worse, lost])
-    assert [cell.text for cell in grid.rows[1][:5]] == ["without network", "0.1000", "2.00", "0.240", "5.0%"]
+    assert [cell.text for cell in grid.rows[1][:5]] == ["without network", "10.00", "2.00", "24.00", "5.0%"]
     assert grid.rows[1][5].text.endswith("The error is 2.00 times as large; about as many updates.")
     assert [cell.text for cell in grid.rows[2][:2]] == ["without prediction", "lost 1 of 2"]
     assert grid.rows[2][5].text.endswith("It diverges: lost 1 of 2.")
-    assert "what it means" not in grid.narrow.columns
+    assert "meaning" not in grid.narrow.columns
     assert all(len(row) == 5 for row in grid.narrow.rows)
 
 

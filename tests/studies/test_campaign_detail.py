@@ -174,7 +174,8 @@ class _References(HTMLParser):
         self.open: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.fetched += [value or "" for name, value in attrs if name in {"src", "href", "srcset", "data", "action"}]
+        self.fetched += [value or "" for name, value in attrs if name in {"src", "href", "srcset", "data", "action"}
+                         and not str(value).startswith("#")]  # fmt: skip
         self.open += [] if tag in self.VOID else [tag]
 
     def handle_endtag(self, tag: str) -> None:

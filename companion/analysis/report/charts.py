@@ -43,6 +43,8 @@ class Medium(StrEnum):
     """A column of a two-column paper."""
 
 
+TEXT_WIDTH_IN = 7.16
+"""Width of a figure over both columns of a paper."""
 _WIDTHS_IN = {Medium.PAGE: (4.7, 9.6), Medium.PAPER: (3.5, 3.5)}
 """Widths of narrow and of wide figures."""
 _LEFT_IN = {Medium.PAGE: 0.74, Medium.PAPER: 0.56}
@@ -78,7 +80,7 @@ class Chart:
     def figure(self, medium: Medium) -> Figure:
         """Return the drawn figure in the size of its medium."""
         height_in = self.paper_height_in if medium is Medium.PAPER and self.paper_height_in else self.height_in
-        with mpl.rc_context(_ALWAYS | _STYLES[medium]):
+        with style_of(medium):
             figure = Figure(figsize=(_WIDTHS_IN[medium][self.wide], height_in), layout="constrained")
             self.draw(figure)
             _align_left(figure, _LEFT_IN[medium])
@@ -87,13 +89,13 @@ class Chart:
     def save(self, into: Path | BytesIO, medium: Medium) -> None:
         """Draw into a file, in the format of its suffix, or into memory as PNG."""
         figure = self.figure(medium)
-        with mpl.rc_context(_ALWAYS | _STYLES[medium]):
+        with style_of(medium):
             figure.savefig(into, dpi=300 if medium is Medium.PAPER else _DPI)
 
 
-def page_style() -> AbstractContextManager[object]:
-    """Return the context in which figures look like those of a page."""
-    return mpl.rc_context(_ALWAYS | _STYLES[Medium.PAGE])
+def style_of(medium: Medium) -> AbstractContextManager[object]:
+    """Return the context in which figures have the fonts and lines of a medium."""
+    return mpl.rc_context(_ALWAYS | _STYLES[medium])
 
 
 def _align_left(figure: Figure, left_in: float) -> None:

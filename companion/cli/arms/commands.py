@@ -1,34 +1,60 @@
 """`companion arms`: the servos of both arms on the bench, without autopilot and motion capture."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
 from companion.cli import complete
-from companion.cli.arms.bench import bench_of, run
+from companion.cli.arms.bench import Bench, bench_of, run
 from companion.cli.arms.carry_out import From, How, carry_out
 from companion.cli.arms.plan import grip_wish, play_wish, pose_wish
 from companion.cli.arms.servos import clear_servos, ping_servos, read_servos, switch_torque
+from companion.cli.option_groups import Group, with_group
 from companion.cli.options import VehicleConfigFile
+from companion.core.types import Array
 
 PortOption = Annotated[str | None, typer.Option("--port", help="Use this serial port instead of the configured one.")]
-YesOption = Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before moving.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Plan and print only, without servos.")]
-PlotOption = Annotated[Path | None, typer.Option("--plot", help="Draw the plan into this PNG file.")]
-FloorOption = Annotated[
-    float | None,
-    typer.Option(
-        "--floor-z",
-        max=0.0,
-        help="Height of the floor in the body frame, m, such as -0.3.  [default: [arms] stands_at_m]",
-    ),
-]
+_MOVING: Group = {
+    "config": VehicleConfigFile,
+    "port": PortOption,
+    "yes": Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before moving.")],
+    "dry_run": Annotated[bool, typer.Option("--dry-run", help="Plan and print only, without servos.")],
+    "start": Annotated[From | None, typer.Option("--from", help="Start pose of a dry run.  [default: stow]")],
+    "plot": Annotated[Path | None, typer.Option("--plot", help="Draw the plan into this PNG file.")],
+}
+_FLOOR: Group = {
+    "floor_z_m": Annotated[
+        float | None,
+        typer.Option(
+            "--floor-z",
+            max=0.0,
+            help="Height of the floor in the body frame, m, such as -0.3.  [default: [arms] stands_at_m]",
+        ),
+    ],
+}
 
 
-FromOption = Annotated[From | None, typer.Option("--from", help="Start pose of a dry run.  [default: stow]")]
+@dataclass(frozen=True)
+class MovingOptions:
+    """Bench and options of a moving command."""
+
+    bench: Bench
+    how: How
+
+
+def _collect(config: Path | None, port: str | None, floor_z_m: float | None = None, **how: Any) -> MovingOptions:
+    bench = bench_of(config, port)
+    return MovingOptions(bench, How(floor_z_m=bench.floor(floor_z_m), **how))
+
+
+def _moving(command: Callable[..., None]) -> Callable[..., None]:
+    """Give `command` the options of one that moves the arms; its first parameter is `MovingOptions`."""
+    return with_group(command, {**_MOVING, **_FLOOR}, _collect)
 
 
 class Claws(StrEnum):
@@ -64,39 +90,26 @@ def read(
     raise typer.Exit(run(read_servos(bench, console, once or as_json or not console.is_terminal, as_json)))
 
 
-def home(
-    config: VehicleConfigFile = None,
-    port: PortOption = None,
-    yes: YesOption = False,
-    dry_run: DryRunOption = False,
-    start: FromOption = None,
-    plot: PlotOption = None,
-    floor_z_m: FloorOption = None,
-) -> None:
+@_moving
+def home(options: MovingOptions) -> None:
     """Move both arms to the pose they work from, claws closed."""
-    bench = bench_of(config, port)
-    floor = bench.floor(floor_z_m)
-    wish = pose_wish("home", bench.arms, bench.arms.home_rad(), floor)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
+    _to_pose("home", options.bench.arms.home_rad(), options)
 
 
-def stow(
-    config: VehicleConfigFile = None,
-    port: PortOption = None,
-    yes: YesOption = False,
-    dry_run: DryRunOption = False,
-    start: FromOption = None,
-    plot: PlotOption = None,
-    floor_z_m: FloorOption = None,
-) -> None:
+@_moving
+def stow(options: MovingOptions) -> None:
     """Fold both arms as for take-off and landing, claws closed."""
-    bench = bench_of(config, port)
-    floor = bench.floor(floor_z_m)
-    wish = pose_wish("stow", bench.arms, bench.arms.stow_rad(), floor)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
+    _to_pose("stow", options.bench.arms.stow_rad(), options)
 
 
+def _to_pose(name: str, pose_rad: Array, options: MovingOptions) -> None:
+    wish = pose_wish(name, options.bench.arms, pose_rad, options.how.floor_z_m)
+    carry_out(options.bench, wish, options.how)
+
+
+@_moving
 def play(
+    options: MovingOptions,
     motion: Annotated[
         str,
         typer.Argument(
@@ -104,39 +117,24 @@ def play(
             autocompletion=complete.motions,
         ),
     ],
-    config: VehicleConfigFile = None,
-    port: PortOption = None,
     duration: Annotated[
         float | None, typer.Option(min=0.1, max=3600.0, help="Duration of sinusoids, s.  [default: their file's]")
     ] = None,
     repeat: Annotated[int, typer.Option(min=1, max=100, help="Play the motion this many times.")] = 1,
-    yes: YesOption = False,
-    dry_run: DryRunOption = False,
-    start: FromOption = None,
-    plot: PlotOption = None,
-    floor_z_m: FloorOption = None,
 ) -> None:
     """Play a motion; the arms move to its start first."""
-    bench = bench_of(config, port)
-    floor = bench.floor(floor_z_m)
-    wish = play_wish(motion, bench.arms, duration, repeat, floor)
-    carry_out(bench, wish, How(yes, dry_run, start, plot, floor))
+    wish = play_wish(motion, options.bench.arms, duration, repeat, options.how.floor_z_m)
+    carry_out(options.bench, wish, options.how)
 
 
-def grip(
-    claws: Annotated[Claws, typer.Argument(help="open or close")],
-    config: VehicleConfigFile = None,
-    port: PortOption = None,
-    yes: YesOption = False,
-    dry_run: DryRunOption = False,
-    start: FromOption = None,
-    plot: PlotOption = None,
-) -> None:
+def _grip(options: MovingOptions, claws: Annotated[Claws, typer.Argument(help="open or close")]) -> None:
     """Open or close both claws; nothing else moves."""
-    bench = bench_of(config, port)
-    poses = bench.arms.poses
+    poses = options.bench.arms.poses
     angle_rad = poses.claw_open_rad if claws is Claws.OPEN else poses.claw_closed_rad
-    carry_out(bench, grip_wish(f"grip {claws}", bench.arms, angle_rad), How(yes, dry_run, start, plot, None))
+    carry_out(options.bench, grip_wish(f"grip {claws}", options.bench.arms, angle_rad), options.how)
+
+
+grip = with_group(_grip, _MOVING, _collect)
 
 
 def torque(

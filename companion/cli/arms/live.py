@@ -5,23 +5,19 @@ from typing import Annotated
 import typer
 
 from companion.cli.complete import service_motions
-from companion.cli.operator.options import CommandOptions, commanding
-from companion.cli.operator.run import operate
+from companion.cli.operator.options import CommandOptions, with_waiting
+from companion.cli.operator.run import operate, without_arguments
+
+ready = without_arguments("arms", "Switch torque on, then fold the arms; on the ground only.", do="ready")
+stow = without_arguments("arms", "Fold both arms as for take-off and landing.", do="stow")
+hold = without_arguments("arms", "Stop the arms and hold them there, torque on.", do="hold")
+limp = without_arguments("arms", "Switch torque off, on the ground only: the arms FALL, so support them.", do="limp")
+clear = without_arguments(
+    "arms", "Clear the servos' faults; `arms live ready` is needed before they move again.", do="clear"
+)
 
 
-@commanding
-def ready(options: CommandOptions) -> None:
-    """Switch torque on, then fold the arms; on the ground only."""
-    operate(options, "arms", do="ready")
-
-
-@commanding
-def stow(options: CommandOptions) -> None:
-    """Fold both arms as for take-off and landing."""
-    operate(options, "arms", do="stow")
-
-
-@commanding
+@with_waiting
 def play(
     options: CommandOptions,
     motion: Annotated[
@@ -31,21 +27,3 @@ def play(
 ) -> None:
     """Play a motion, in flight also during hold. Ctrl-C stops it."""
     operate(options, "arms", do="play", motion=motion)
-
-
-@commanding
-def hold(options: CommandOptions) -> None:
-    """Stop the arms and hold them there, torque on."""
-    operate(options, "arms", do="hold")
-
-
-@commanding
-def limp(options: CommandOptions) -> None:
-    """Switch torque off, on the ground only: the arms FALL, so support them."""
-    operate(options, "arms", do="limp")
-
-
-@commanding
-def clear(options: CommandOptions) -> None:
-    """Clear the servos' faults; `arms live ready` is needed before they move again."""
-    operate(options, "arms", do="clear")

@@ -1,16 +1,21 @@
-"""The end of a flight in numbers: a table for people, JSON for programs."""
+"""Numbers of a flight: tables for people, JSON for programs."""
 
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
 from companion.analysis.summary import ArmSummary, Summary
+from companion.cli.terminal import numbers_table
 from companion.config.controller_config import ErrorLimits, LoadedController
+from companion.core.types import Array
+
+ErrorRow = tuple[str, Sequence[float] | Array, float | None]
+"""Name, errors of x, y and z (m), and their limit (m), if any."""
 
 
 def within_limits(summary: Summary | None, limits: ErrorLimits) -> bool:
@@ -58,54 +63,52 @@ def print_report(
 
 def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]) -> None:
     """Print a table of several controllers on one trajectory, with the first one's reduction against the last."""
-    table = Table(title="side by side, errors in cm", title_justify="left")
-    for name in ("controller", "mean x", "y", "z", "max x", "y", "z", "updates"):
-        table.add_column(name, justify="left" if name == "controller" else "right")
+    rows: list[tuple[str, ...]] = []
     for name, summary in flights:
         if summary is not None:
             errors = [f"{100.0 * value:.2f}" for value in (*summary.mean_error_m, *summary.max_error_m)]
-            table.add_row(escape(name), *errors, f"{summary.update_share:.1%}")
+            rows.append((name, *errors, f"{summary.update_share:.1%}"))
     (_, first), (_, last) = flights[0], flights[-1]
     if first is not None and last is not None:
         pairs = zip((*first.mean_error_m, *first.max_error_m), (*last.mean_error_m, *last.max_error_m), strict=True)
-        table.add_row("reduced by", *(f"{1.0 - mine / other:.0%}" for mine, other in pairs), "")
-    console.print(table)
+        rows.append(("reduced by", *(f"{1.0 - mine / other:.0%}" for mine, other in pairs), ""))
+    columns = ("controller", "mean x", "y", "z", "max x", "y", "z", "updates")
+    console.print(numbers_table("comparison, errors in cm", columns, rows))
 
 
 def _error_table(controller: LoadedController, summary: Summary) -> Table:
     limits = controller.error_limits
-    table = Table(title=f"tracking error, {escape(controller.name)}", title_justify="left")
-    for name in ("cm", "x", "y", "z", "limit"):
-        table.add_column(name, justify="left" if name == "cm" else "right")
-    for name, values, limit in (
-        ("mean", summary.mean_error_m, limits.mean_m),
-        ("RMS", summary.rms_error_m, None),
-        ("max", summary.max_error_m, limits.max_m),
-    ):
-        cells = [error_cell(value, limit) for value in values]
-        table.add_row(name, *cells, "" if limit is None else f"{100.0 * limit:g}")
-    return table
+    return error_table(
+        f"tracking error, {controller.name}",
+        [
+            ("mean", summary.mean_error_m, limits.mean_m),
+            ("RMS", summary.rms_error_m, None),
+            ("max", summary.max_error_m, limits.max_m),
+        ],
+    )
 
 
-def error_cell(error_m: float, limit_m: float | None) -> str:
-    """Return an error in cm for a table; red beyond its limit."""
-    text = f"{100.0 * error_m:.2f}"
-    return text if limit_m is None or error_m <= limit_m else f"[red]{text}[/]"
+def error_table(title: str, rows: Iterable[ErrorRow]) -> Table:
+    """Return a table of errors in cm, red where they exceed their limit."""
+    cells: list[list[str | Text]] = []
+    for name, errors_m, limit_m in rows:
+        styles = ["red" if limit_m is not None and error_m > limit_m else "" for error_m in errors_m]
+        errors = [Text(f"{100.0 * one:.2f}", style=style) for one, style in zip(errors_m, styles, strict=True)]
+        cells.append([name, *errors, "" if limit_m is None else f"{100.0 * limit_m:g}"])
+    return numbers_table(title, ("cm", "x", "y", "z", "limit"), cells)
 
 
 def _timing_table(summary: Summary) -> Table:
-    table = Table(
-        title=f"updates in {summary.update_share:.1%} of {summary.control_cycles} cycles", title_justify="left"
-    )
-    for name in ("timing (ms)", "median", "p99"):
-        table.add_column(name, justify="left" if "(" in name else "right")
-    for name, spread in (
+    spreads = (
         ("tick late", summary.tick_late_ms),
         ("frame arrival to setpoint", summary.frame_to_setpoint_ms),
         ("frame capture to setpoint", summary.capture_to_setpoint_ms),
-    ):
-        table.add_row(name, f"{spread.median:.2f}", f"{spread.p99:.2f}")
-    return table
+    )
+    return numbers_table(
+        f"updates in {summary.update_share:.1%} of {summary.control_cycles} cycles",
+        ("timing (ms)", "median", "p99"),
+        [(name, f"{spread.median:.2f}", f"{spread.p99:.2f}") for name, spread in spreads],
+    )
 
 
 def _arms_line(arms: ArmSummary) -> str:

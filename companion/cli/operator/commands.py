@@ -8,8 +8,8 @@ import typer
 
 from companion.cli.complete import controllers, service_motions, trajectories
 from companion.cli.operator.exit_codes import INTERRUPTED
-from companion.cli.operator.options import CommandOptions, commanding
-from companion.cli.operator.run import operate
+from companion.cli.operator.options import CommandOptions, with_waiting
+from companion.cli.operator.run import operate, without_arguments
 from companion.core.errors import ConfigError
 from companion.protocol.telemetry import Reply
 
@@ -17,31 +17,36 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 _CURVES = ("ellipse", "figure8")
+_DECIMALS = 6
+"""Decimals of m, rad and s: 400 waypoints must fit into one message."""
 
 Height = Annotated[
     float | None, typer.Option(metavar="M", help="Height above the take-off point, m.  [default: as configured]")
 ]
 
+arm = without_arguments(
+    "arm", "Check everything, fold the arms, enter offboard mode, idle the motors. Ctrl-C aborts: the motors stop."
+)
+hold = without_arguments("hold", "Brake and hover; the trajectory is ended, not paused. Ctrl-C stops waiting.")
+land = without_arguments(
+    "land", "Fold the arms, land where the vehicle is, disarm. After Ctrl-C the landing continues."
+)
+abort = without_arguments(
+    "abort", "Land now, or stop the motors on the ground; the record notes the abort. After Ctrl-C it continues."
+)
+resume = without_arguments(
+    "resume", "Take the vehicle back from PX4 or its pilot, and hover where it is. After Ctrl-C it continues."
+)
+disarm = without_arguments("disarm", "Stop the motors, on the ground only. Ctrl-C stops waiting.")
 
-@commanding
-def arm(options: CommandOptions) -> None:
-    """Check everything, fold the arms, enter offboard mode, idle the motors. Ctrl-C aborts: the motors stop."""
-    operate(options, "arm")
 
-
-@commanding
+@with_waiting
 def takeoff(options: CommandOptions, height: Height = None) -> None:
     """Climb and hold. Ctrl-C holds; while the vehicle is still on the ground, it stops the motors."""
     operate(options, "takeoff", height_m=height)
 
 
-@commanding
-def hold(options: CommandOptions) -> None:
-    """Brake and hover; the trajectory is ended, not paused. Ctrl-C stops waiting."""
-    operate(options, "hold")
-
-
-@commanding
+@with_waiting
 def goto(
     options: CommandOptions,
     x: Annotated[float, typer.Argument(help="Position along the room's x axis, m.")],
@@ -56,7 +61,7 @@ def goto(
     operate(options, "goto", x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
 
 
-@commanding
+@with_waiting
 def track(
     options: CommandOptions,
     path: Annotated[
@@ -94,15 +99,24 @@ def track(
 
 
 def _waypoints(name: str) -> list[dict[str, float]]:
-    from companion.config import trajectory_files  # noqa: PLC0415 - numpy takes time
+    from companion.config.trajectory_files import Curve, read_waypoints, trajectory_named  # noqa: PLC0415 - numpy takes time
 
     path = Path(name)
     if not path.exists():
-        trajectory_files.trajectory_named(name, trajectory_files.Curve())  # raises with the names that exist
-    return trajectory_files.rows_of(trajectory_files.read_waypoints(path))
+        trajectory_named(name, Curve())  # raises with the names that exist
+    read = read_waypoints(path)
+    table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
+    return [
+        {
+            "t_s": round(float(t_s), _DECIMALS),
+            **{axis: round(float(value), _DECIMALS) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
+            "yaw_rad": round(float(yaw_rad), _DECIMALS),
+        }
+        for t_s, place, yaw_rad in table
+    ]
 
 
-@commanding
+@with_waiting
 def controller(
     options: CommandOptions,
     name: Annotated[
@@ -120,31 +134,7 @@ def controller(
     operate(options, "controller", name=name)
 
 
-@commanding
-def land(options: CommandOptions) -> None:
-    """Fold the arms, land where the vehicle is, disarm. After Ctrl-C the landing continues."""
-    operate(options, "land")
-
-
-@commanding
-def abort(options: CommandOptions) -> None:
-    """Land now, or stop the motors on the ground; the record notes the abort. After Ctrl-C it continues."""
-    operate(options, "abort")
-
-
-@commanding
-def resume(options: CommandOptions) -> None:
-    """Take the vehicle back from PX4 or its pilot, and hover where it is. After Ctrl-C it continues."""
-    operate(options, "resume")
-
-
-@commanding
-def disarm(options: CommandOptions) -> None:
-    """Stop the motors, on the ground only. Ctrl-C stops waiting."""
-    operate(options, "disarm")
-
-
-@commanding
+@with_waiting
 def kill(
     options: CommandOptions, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False
 ) -> None:
@@ -162,7 +152,7 @@ def kill(
     operate(options, "kill", confirm="kill")
 
 
-@commanding
+@with_waiting
 def params(options: CommandOptions) -> None:
     """Print the configuration, gains and autopilot parameters that the service uses."""
     operate(options, "params", show=_show_params)

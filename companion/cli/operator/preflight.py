@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from companion.cli.complete import trajectories
-from companion.cli.operator.options import CommandOptions, commanding
+from companion.cli.operator.options import CommandOptions, with_waiting
 from companion.cli.operator.run import operate
 from companion.client.client import open_console
-from companion.client.endpoint import Given, endpoint_of
+from companion.client.endpoint import EndpointOptions, endpoint_of
 from companion.client.errors import NobodyThereError
 from companion.core.errors import ConfigError
 from companion.preflight.checks.check import Check
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _PANEL = "Only where no service runs"
 
 
-@commanding
+@with_waiting
 def preflight(
     options: CommandOptions,
     trajectory: Annotated[
@@ -54,14 +54,14 @@ def preflight(
     one document. Nothing is commanded; only poses are sent, to the autopilot's estimator.
     """
     only_here = by_hand or trajectory is not None or out is not None
-    if not only_here and _service_runs(options.given):
+    if not only_here and _service_runs(options.endpoint):
         operate(options, "preflight", show=show_checks)
     from companion.cli.vehicle.preflight import preflight as look  # noqa: PLC0415 - a second, for all the devices' libraries
 
-    look(options.given.config, trajectory, by_hand, options.as_json, out)
+    look(options.endpoint.config, trajectory, by_hand, options.as_json, out)
 
 
-def _service_runs(given: Given) -> bool:
+def _service_runs(given: EndpointOptions) -> bool:
     """Return true also when --broker or --vehicle names one: its absence is then the answer."""
     if given.of_a_broker:
         return True
@@ -71,7 +71,7 @@ def _service_runs(given: Given) -> bool:
         return False  # reading the whole file later gives a better message
 
 
-async def _is_there(given: Given) -> bool:
+async def _is_there(given: EndpointOptions) -> bool:
     try:
         async with open_console(endpoint_of(given)) as console:
             await console.find()

@@ -2,7 +2,7 @@
 
 import asyncio
 import signal
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -10,7 +10,7 @@ import typer
 
 from companion.cli.operator.exit_codes import BAD_INPUT, FAILED, INTERRUPTED, code_of
 from companion.cli.operator.json_output import JsonVoice, Voice
-from companion.cli.operator.options import CommandOptions
+from companion.cli.operator.options import CommandOptions, with_waiting
 from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
 from companion.client.endpoint import endpoint_of
@@ -39,12 +39,22 @@ _AFTER_CTRL_C: dict[str, tuple[dict[str, Any], ...]] = {
 
 
 class _PressedError(Exception):
-    """Ctrl-C was pressed while something was being waited for."""
+    """Ctrl-C while the command waits."""
 
 
 def operate(options: CommandOptions, verb: str, show: "Show | None" = None, **fields: object) -> NoReturn:
     """Send `verb`, wait for its end, and exit with the code that docs/commands.md lists."""
     raise typer.Exit(asyncio.run(_Run(options, _voice_of(options, show)).code(verb, fields)))
+
+
+def without_arguments(verb: str, about: str, **fields: object) -> Callable[..., None]:
+    """Return the command that sends `verb` with these fields; `about` is the text of its --help."""
+
+    def command(options: CommandOptions) -> None:
+        operate(options, verb, None, **fields)
+
+    command.__doc__ = about
+    return with_waiting(command)
 
 
 def _voice_of(options: CommandOptions, show: "Show | None") -> Voice:
@@ -64,32 +74,32 @@ class _Run:
         """Run the command, print its end, and return its exit code."""
         asyncio.get_running_loop().add_signal_handler(signal.SIGINT, self._presses.put_nowait, None)
         try:
-            code, text = await self._carried_out(CommandDraft(verb, **fields))
+            code, text = await self._execute(CommandDraft(verb, **fields))
         except CompanionError as error:
             code, text = code_of(error), str(error)
         self._voice.end(code, text)
         return code
 
-    async def _carried_out(self, draft: CommandDraft) -> tuple[int, str]:
+    async def _execute(self, draft: CommandDraft) -> tuple[int, str]:
         async with AsyncExitStack() as stack:
-            place = endpoint_of(self._options.given)
             try:
-                console = await self._unless_pressed(stack.enter_async_context(open_console(place)))
+                opening = stack.enter_async_context(open_console(endpoint_of(self._options.endpoint)))
+                console = await self._unless_pressed(opening)
             except _PressedError:
                 return INTERRUPTED, "interrupted, nothing was sent"
-            errand = PendingCommand(console, draft, self._options.timeout_s)
+            pending = PendingCommand(console, draft, self._options.timeout_s)
             self._voice.begin(draft.verb)
             try:
-                reply = await self._unless_pressed(self._followed(errand, draft))
+                reply = await self._unless_pressed(self._follow(pending, draft))
             except _PressedError:
-                return INTERRUPTED, await self._made_safe(console, errand, draft)
+                return INTERRUPTED, await self._make_safe(console, pending, draft)
             text = reply.text or str(reply.answer)
-            return _CODES[reply.answer], text if reply.answer in _GOOD else reply.sentence(draft.verb)
+            return _CODES[reply.answer], text if reply.answer in _GOOD else f"{draft.verb} {reply.answer}: {text}"
 
-    async def _followed(self, errand: PendingCommand, draft: CommandDraft) -> Reply:
-        """Print what the service says; return the last reply, or the acceptance with --no-wait."""
+    async def _follow(self, pending: PendingCommand, draft: CommandDraft) -> Reply:
+        """Print the service's messages; return the last reply, or the acceptance with --no-wait."""
         last: Reply | None = None
-        async for said in errand.said():
+        async for said in pending.said():
             self._voice.say(said)
             if isinstance(said, Reply) and said.id == draft.id:
                 last = said
@@ -98,9 +108,9 @@ class _Run:
         assert last is not None
         return last
 
-    async def _made_safe(self, console: Console, errand: PendingCommand, draft: CommandDraft) -> str:
+    async def _make_safe(self, console: Console, pending: PendingCommand, draft: CommandDraft) -> str:
         """Send the commands that make it safe after Ctrl-C; return the sentence about their result."""
-        if errand.sent is Sent.NO:
+        if pending.sent is Sent.NO:
             return "interrupted, nothing was sent"
         remedies = _AFTER_CTRL_C.get(draft.verb, ())
         if not remedies:
@@ -111,12 +121,12 @@ class _Run:
             what = " ".join(str(value) for value in remedy.values())
             self._voice.note(f"interrupted: {what} is sent; Ctrl-C again leaves without waiting")
             try:
-                reply = await self._unless_pressed(self._followed(PendingCommand(console, safe, _SAFE_S), safe))
+                reply = await self._unless_pressed(self._follow(PendingCommand(console, safe, _SAFE_S), safe))
             except _PressedError:
                 return f"interrupted: {what} was sent and continues; not waiting for its end"
             except CompanionError as error:
                 return f"interrupted, but it is not known whether {what} was executed: {error}"
-            said = reply.sentence(what)
+            said = f"{what} {reply.answer}: {reply.text}"
             if reply.answer is not Answer.REFUSED:
                 break
         return f"interrupted; {said}"

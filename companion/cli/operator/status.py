@@ -13,7 +13,7 @@ import typer
 
 from companion.cli.operator.exit_codes import INTERRUPTED, code_of
 from companion.cli.operator.json_output import line_of
-from companion.cli.operator.options import CommandOptions, looking
+from companion.cli.operator.options import CommandOptions, with_connection
 from companion.client import client
 from companion.client.client import Said, open_console
 from companion.client.endpoint import endpoint_of
@@ -23,7 +23,7 @@ from companion.protocol.telemetry import Happened, State
 _SILENT_S = 1.0
 
 
-@looking
+@with_connection
 def status(
     options: CommandOptions,
     once: Annotated[bool, typer.Option("--once", help="Print the state once; the default without a terminal.")] = False,
@@ -34,7 +34,7 @@ def status(
     _end(options, _show_live(options) if sys.stdout.isatty() and not once else _show_once(options))
 
 
-@looking
+@with_connection
 def watch(options: CommandOptions) -> None:
     """Print phases, faults, commands and replies as they happen, until Ctrl-C."""
     _end(options, _print_events(options))
@@ -63,7 +63,7 @@ async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
 
 
 async def _print_states(options: CommandOptions, once: bool) -> None:
-    async with open_console(endpoint_of(options.given)) as console:
+    async with open_console(endpoint_of(options.endpoint)) as console:
         async for said in _heard(console):
             if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
                 typer.echo(line_of(said))
@@ -72,7 +72,7 @@ async def _print_states(options: CommandOptions, once: bool) -> None:
 
 
 async def _show_once(options: CommandOptions) -> None:
-    async with open_console(endpoint_of(options.given)) as console:
+    async with open_console(endpoint_of(options.endpoint)) as console:
         await console.find()
         from companion.cli.operator.panel import show_once  # noqa: PLC0415 - see above
 
@@ -80,7 +80,7 @@ async def _show_once(options: CommandOptions) -> None:
 
 
 async def _show_live(options: CommandOptions) -> None:
-    async with open_console(endpoint_of(options.given)) as console:
+    async with open_console(endpoint_of(options.endpoint)) as console:
         await console.find()
         from companion.cli.operator.panel import live_panel  # noqa: PLC0415 - see above
 
@@ -90,7 +90,7 @@ async def _show_live(options: CommandOptions) -> None:
 
 
 async def _print_events(options: CommandOptions) -> None:
-    async with open_console(endpoint_of(options.given)) as console:
+    async with open_console(endpoint_of(options.endpoint)) as console:
         async for said in _heard(console):
             if said is None or isinstance(said, State):
                 continue

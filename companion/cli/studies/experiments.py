@@ -11,18 +11,16 @@ from pathlib import Path
 from typing import Annotated, TypeVar
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 from rich.text import Text
 
-from companion.analysis.report.tables import BAD, FAINT, GOOD, Grid
+from companion.analysis.report.tables import BAD, FAINT, GOOD
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of, seeds_of
 from companion.cli.options import AllowUnstable, SummaryFile
 from companion.cli.output import check_output
+from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
 from companion.config.text_files import read_text
@@ -183,9 +181,8 @@ def _each(
 ) -> tuple[dict[int, Result], bool]:
     """Run the tasks with a progress bar; return results by task number, and whether Ctrl-C ended it."""
     done: dict[int, Result] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     try:
-        with Progress(*columns, console=console, transient=True) as bar:
+        with progress_bar(console) as bar:
             shown = bar.add_task(doing, total=len(tasks))
             for number, result in in_parallel(work, tasks, jobs, _ADVICE):
                 done[number] = result
@@ -196,7 +193,7 @@ def _each(
 
 
 def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -> None:
-    told: set[str] = set()
+    explained: set[str] = set()
     for experiment in campaign.experiments:
         here = [flown for flown in flights if flown.item.experiment == experiment]
         wholes = [flown for flown in here if not flown.item.variant]
@@ -207,26 +204,11 @@ def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -
             variants = [f for f in here if f.item.variant and f.item.controller == whole.item.controller]
             grids += [words.ablation_grid(whole, variants).narrow] if variants else []
         for grid in grids:
-            _print(grid, console)
-            if grid.note not in told:
+            rows = [[Text(cell.text, style=_TONES.get(cell.tone, "")) for cell in row] for row in grid.rows]
+            console.print(numbers_table(grid.title, grid.columns, rows))
+            if grid.note not in explained:
                 console.print(grid.note, end="\n\n", markup=False, highlight=False)
-            told.add(grid.note)
-
-
-def _print(grid: Grid, console: Console) -> None:
-    table = Table(
-        title=escape(grid.title),
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
-    for index, name in enumerate(grid.columns):
-        table.add_column(name, justify="right" if index else "left", no_wrap=True)
-    for row in grid.rows:
-        table.add_row(*(Text(cell.text, style=_TONES.get(cell.tone, "")) for cell in row))
-    console.print(table)
+            explained.add(grid.note)
 
 
 def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, jobs: int, out: Path) -> bool:
@@ -237,7 +219,7 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
     from companion.studies.paper.descriptions import facts_of  # noqa: PLC0415
     from companion.studies.paper.network_and_proof import closer  # noqa: PLC0415 - matplotlib takes a second to import
 
-    looked, interrupted = _each(look_closely, campaign.wholes, jobs, console, "looking closely")
+    looked, interrupted = _each(look_closely, campaign.wholes, jobs, console, "recomputing the first seed in detail")
     if interrupted:
         return True
     closely = [looked[number] for number in sorted(looked)]

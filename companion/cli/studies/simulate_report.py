@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from companion.analysis.summary import summarise
-from companion.cli.demo.flight_report import error_cell
+from companion.cli.demo.flight_report import ErrorRow, error_table
 from companion.config.controller_config import LoadedController
 from companion.core.types import Array
 from companion.simulation.metrics import LOST_M, Score, score
@@ -92,20 +92,14 @@ def _verdict(flights: Flights) -> str:
 def _table(flights: Flights) -> Table:
     limits, seeds = flights.controller.error_limits, flights.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    title = escape(f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which}")
-    table = Table(title=title, title_justify="left")
-    for name in ("cm", "x", "y", "z", "limit"):
-        table.add_column(name, justify="left" if name == "cm" else "right")
+    title = f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which}"
     mean, largest = (
         np.array([getattr(one, name) for one in flights.scores]) for name in ("mean_error_m", "max_error_m")
     )
-    rows = [("mean", mean.mean(axis=0), limits.mean_m), ("max", largest.max(axis=0), limits.max_m)]
+    rows: list[ErrorRow] = [("mean", mean.mean(axis=0), limits.mean_m), ("max", largest.max(axis=0), limits.max_m)]
     if len(seeds) > 1:
         rows.insert(1, ("worst flight's mean", mean.max(axis=0), limits.mean_m))
-    for name, values, limit in rows:
-        cells = [error_cell(value, limit) for value in values]
-        table.add_row(name, *cells, f"{100.0 * limit:g}")
-    return table
+    return error_table(title, rows)
 
 
 def summary_of(flights: Flights) -> dict[str, Any]:

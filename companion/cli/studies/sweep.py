@@ -11,13 +11,13 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_output
+from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
 from companion.studies.sweep.sweep import ERROR, Columns, Sweep
@@ -77,8 +77,7 @@ def sweep(
 
 
 def _run(wanted: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
-    shown = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*shown, TimeRemainingColumn(), console=console, transient=True) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task("vehicles", total=wanted.vehicles)
         return run(wanted, parts, jobs, fresh, lambda flown: bar.update(task, completed=int(flown)))
 
@@ -93,30 +92,26 @@ def _report(console: Console, swept: Swept) -> None:
 
 
 def _errors(columns: Columns) -> Table:
-    table = Table(title="error over the whole flight (m): norm of the axes' means")
-    for heading in ("rad/s", "vehicles", "diverged", "median", "95 %", "worst", "updates"):
-        table.add_column(heading, justify="right")
+    rows = []
     for nominal in nominals(columns):
         of = group(of_nominal(columns, nominal))
         errors = (
-            f"{value:.4f}" if math.isfinite(value) else "lost"
+            f"{100.0 * value:.2f}" if math.isfinite(value) else "lost"
             for value in (of.error_p50_m, of.error_p95_m, of.error_max_m)
         )
-        table.add_row(f"{nominal:.1f}", str(of.vehicles), str(of.diverged), *errors, f"{of.update_share:.1%}")
-    return table
+        rows.append((f"{nominal:.1f} rad/s", str(of.vehicles), str(of.diverged), *errors, f"{of.update_share:.1%}"))
+    headings = ("bandwidth", "vehicles", "diverged", "median", "95 %", "worst", "updates")
+    return numbers_table("error of the whole flight (cm), norm of the axes' means", headings, rows)
 
 
 def _what_hurts(columns: Columns) -> Table:
-    table = Table(title="share of the errors' order it explains, rank correlation")
-    table.add_column("parameter")
-    each = []
-    for nominal in nominals(columns):
-        table.add_column(f"{nominal:.1f} rad/s", justify="right")
-        each.append(blames(of_nominal(columns, nominal)))
-    rows = sorted(zip(*each, strict=True), key=lambda row: -sum(np.nan_to_num([one.explained for one in row])))
-    for row in rows:
-        table.add_row(PARAMETERS[row[0].parameter], *(_words(blame) for blame in row))
-    return table
+    each = [blames(of_nominal(columns, nominal)) for nominal in nominals(columns)]
+    ranked = sorted(zip(*each, strict=True), key=lambda row: -sum(np.nan_to_num([one.explained for one in row])))
+    return numbers_table(
+        "variance of the errors' ranks that a parameter explains, and rank correlation",
+        ("parameter", *(f"{nominal:.1f} rad/s" for nominal in nominals(columns))),
+        [(PARAMETERS[row[0].parameter], *(_words(blame) for blame in row)) for row in ranked],
+    )
 
 
 def _words(blame: Blame) -> str:
@@ -126,8 +121,9 @@ def _words(blame: Blame) -> str:
 
 def _worst(columns: Columns) -> str:
     row = int(np.argmax(errors_m(columns)))
-    drawn = ", ".join(f"{name} {_value(columns[name][row])}" for name in ("nominal_radps", *PARAMETERS))
-    how = "diverged" if columns["diverged"][row] else f"error {columns[ERROR][row]:.4f} m"
+    names = {"nominal_radps": "nominal bandwidth (rad/s)"} | PARAMETERS
+    drawn = ", ".join(f"{label} {_value(columns[name][row])}" for name, label in names.items())
+    how = "diverged" if columns["diverged"][row] else f"error {100.0 * columns[ERROR][row]:.2f} cm"
     return f"worst: vehicle {columns['vehicle'][row]}, {how}: {drawn}"
 
 
@@ -141,7 +137,7 @@ def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
 
     name = f"{_label(wanted.controller)}-seed{wanted.seed}"
     title = (
-        f"{wanted.vehicles} vehicles that differ from what {Path(wanted.controller).name} is told, seed {wanted.seed}"
+        f"{wanted.vehicles} vehicles that differ from the model of {Path(wanted.controller).name}, seed {wanted.seed}"
     )
     write_part(out / f"{name}.npz", columns)
     plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])

@@ -10,7 +10,7 @@ from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import NoReturn
 
 import typer
 from rich.console import Console
@@ -20,7 +20,7 @@ from rich.text import Text
 from companion.adapters.mqtt.link import BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
-from companion.cli.options import VehicleConfigFile, vehicle_settings
+from companion.cli.options import vehicle_settings
 from companion.cli.output import check_output
 from companion.cli.terminal import show_cursor
 from companion.cli.vehicle.hand_test import carry
@@ -46,25 +46,12 @@ _LISTEN_S = 3.0
 _FEW = 3
 _GLANCE = 12
 """Length above which a list repeats the failed checks at its end."""
-Records = Annotated[Path | None, typer.Option(help="Write the record here.  [default: as configured]")]
 
 
-def preflight(
-    config: VehicleConfigFile = None,
-    trajectory: Annotated[
-        str | None,
-        typer.Option(help="Check that ellipse, figure8 or a CSV file stays inside the fence."),
-    ] = None,
-    by_hand: Annotated[
-        bool, typer.Option("--by-hand", help="Carry the vehicle, disarmed, to compare mocap with the autopilot.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    out: Records = None,
-) -> None:
-    """Check everything that must be right before arming, on the ground and disarmed, and print the remedies.
+def preflight(config: Path | None, trajectory: str | None, by_hand: bool, as_json: bool, out: Path | None) -> NoReturn:
+    """Make the checks of `companion preflight`, or the hand test, directly with the devices; exit with its code.
 
     Nothing is commanded; only poses are sent to the autopilot's estimator, and the operator's broker sees a client.
-    Exit codes: 0 the vehicle may arm, 1 not so, 2 could not be started, 130 after Ctrl-C.
     """
     settings = vehicle_settings(config)
     out = out or Path(settings.records.folder)

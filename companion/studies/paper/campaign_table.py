@@ -1,4 +1,4 @@
-"""A campaign's numbers as grids of words, for a terminal and for a page alike; and as JSON."""
+"""Numbers of a campaign as tables for terminal and page, and as JSON."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,37 +12,37 @@ from companion.studies.paper.campaign import BASELINE, Flown, label_of, numbers_
 from companion.studies.paper.paper_table import PAPER, PID_WITHIN, PaperExperiment, beside_paper, reduced_percent
 
 _READABLE_M = 1000.0
-"""Beyond that an error of a lost vehicle says nothing more, and may be infinite."""
+"""Largest error of a lost vehicle that is printed; it may be infinite."""
 
 _ERRORS = ("mean x", "y", "z", "max x", "y", "z")
 
 _MEANING = {
-    f"without_{Ablation.NETWORK}": "Nothing is learnt: the weights' gains are 0, and f_hat stays 0.",
-    f"without_{Ablation.TRIGGER}": "A command every cycle, wanted or not.",
-    f"without_{Ablation.SWITCHING}": "No sgn term in the command, so nothing makes up for what the trigger leaves out.",
+    f"without_{Ablation.NETWORK}": "No learning: the gains of the weights are 0, and f_hat stays 0.",
+    f"without_{Ablation.TRIGGER}": "A command in every cycle.",
+    f"without_{Ablation.SWITCHING}": "No sgn term in the command, so nothing compensates the error between triggers.",
     f"without_{Ablation.COMPENSATOR}": (
         "iota_1 and iota_2 stay 0: the filter's error is not compensated, and f_hat, which acts through iota_2, is off."
     ),
     f"without_{Ablation.PREDICTION}": (
-        "The law sees the state as it is, delays and the attitude's lag and all; a push is not observed either, where "
-        "it was, and none is taken off the command: the observer is part of the prediction."
+        "The law sees the state with delays and attitude lag. The disturbance observer, which is part of the "
+        "prediction, is off, too."
     ),
-    f"without_{Ablation.PUSH}": "A push that goes on is neither predicted with nor counteracted.",
-    "horizon_uncorrected": "The autopilot's horizon is left as it is.",
-    "feedforward_off": "The law is told nothing of the arms' commanded motion.",
-    "feedforward_full": "The law is told what the arms' commanded motion will do to the vehicle.",
+    f"without_{Ablation.PUSH}": "A lasting disturbance is neither predicted nor compensated.",
+    "horizon_uncorrected": "The error of the autopilot's horizon is not corrected.",
+    "feedforward_off": "The law does not know the arms' commanded motion.",
+    "feedforward_full": "The law knows the reaction to the arms' commanded motion.",
 }
 
 
 def variant_words(variant: str) -> str:
-    """A variant in a table."""
+    """Return the name of a variant in a table."""
     if not variant:
         return "the whole law"
     return variant.replace("_", " ").replace("feedforward", "arms' feed-forward")
 
 
 def comparison(flights: Sequence[Flown]) -> Grid:
-    """The paper's rows and ours on one experiment; `flights` are whole laws, the baseline among them."""
+    """Return the paper's rows and ours on one experiment; `flights` are whole laws, including the baseline."""
     experiment = label_of(flights[0].item.experiment)
     paper = PAPER.get(experiment)
     baseline = next(flown for flown in flights if flown.item.controller == BASELINE)
@@ -52,14 +52,14 @@ def comparison(flights: Sequence[Flown]) -> Grid:
         if flown is not baseline and not flown.diverged:
             rows.append(_reduction_row(flown, baseline, paper))
     return Grid(
-        f"position errors on {experiment} (m)", ("", *_ERRORS, "updates"), tuple(rows), _beside_words(baseline, paper)
+        f"position errors on {experiment} (cm)", ("", *_ERRORS, "updates"), tuple(rows), _beside_words(baseline, paper)
     )
 
 
 def _paper_rows(paper: PaperExperiment) -> list[tuple[Cell, ...]]:
     numbers = (("paper: PID", paper.pid), ("paper: ET-NN", paper.etnn))
     rows = [
-        (Cell(name, FAINT), *(Cell(f"{value:.4f}", FAINT) for value in (*row.mean_m, *row.max_m)), Cell("", FAINT))
+        (Cell(name, FAINT), *(Cell(_cm(value), FAINT) for value in (*row.mean_m, *row.max_m)), Cell("", FAINT))
         for name, row in numbers
     ]
     reduced = (*paper.mean_reduced_percent, *paper.max_reduced_percent)
@@ -70,12 +70,12 @@ def _our_row(flown: Flown) -> tuple[Cell, ...]:
     errors = (*flown.mean_error_m, *flown.max_error_m)
     name = label_of(flown.item.controller) + (f", {_lost(flown)}" if flown.diverged else "")
     tone = BAD if flown.diverged else PLAIN
-    numbers = (f"{value:.4f}" if value < _READABLE_M else "–" for value in errors)
+    numbers = (_cm(value) if value < _READABLE_M else "–" for value in errors)
     return Cell(name, tone), *(Cell(number, tone) for number in numbers), Cell(f"{flown.update_share:.1%}")
 
 
 def _reduction_row(flown: Flown, baseline: Flown, paper: PaperExperiment | None) -> tuple[Cell, ...]:
-    """Marked where ours is at least the paper's."""
+    """Return the reductions, marked where they are at least the paper's."""
     ours = reductions(flown, baseline)
     theirs = np.full(6, np.nan) if paper is None else [*paper.mean_reduced_percent, *paper.max_reduced_percent]
     cells = (_reduction(mine, wanted) for mine, wanted in zip(ours, theirs, strict=True))
@@ -106,16 +106,16 @@ def _beside_words(baseline: Flown, paper: PaperExperiment | None) -> str:
 
 
 def events(flights: Sequence[Flown]) -> Grid:
-    """Return the table of update shares and times between events of each law."""
-    columns = ("", "events", "of cycles", "sent", "least gap", "mean", "largest", "1 cycle")
+    """Return the table of triggers, updates and times between triggers of each law."""
+    columns = ("", "triggers", "of cycles", "updates", "least gap", "mean", "largest", "1 cycle")
     rows = tuple(_event_row(flown) for flown in flights)
     note = (
-        "Events of a flight, on average; share of the cycles with an event, and with a setpoint sent: after an event "
-        "the gate may send a few more on the way to it. Zeno behaviour is excluded by construction, whatever the law: "
-        f"no two events can be nearer than one control period, {1e3 * flights[0].period_s:.0f} ms. 1 cycle: share of "
-        "the gaps that are one period long, which is limited by the control period alone."
+        "Mean number of triggers in a flight; share of the cycles with a trigger, and with an update (a setpoint "
+        "sent): after a trigger the rate limits may need several updates. Zeno behaviour cannot occur with any law: "
+        f"two triggers are at least one control period, {1e3 * flights[0].period_s:.0f} ms, apart. 1 cycle: share of "
+        "the gaps that are one period long, which only the control period limits."
     )
-    return Grid(f"events on {label_of(flights[0].item.experiment)}", columns, rows, note)
+    return Grid(f"triggers on {label_of(flights[0].item.experiment)}", columns, rows, note)
 
 
 def _event_row(flown: Flown) -> tuple[Cell, ...]:
@@ -132,10 +132,10 @@ def _event_row(flown: Flown) -> tuple[Cell, ...]:
 
 def ablation_grid(whole: Flown, variants: Sequence[Flown]) -> Grid:
     """Return the table of ablations: the errors without each part of a law."""
-    columns = ("", "error (m)", "times", "largest (m)", "updates", "what it means")
+    columns = ("", "error (cm)", "ratio", "largest (cm)", "updates", "meaning")
     rows = tuple(_ablation_row(flown, whole) for flown in (whole, *variants))
     name, experiment = label_of(whole.item.controller), label_of(whole.item.experiment)
-    note = "Error: norm of the axes' means; times: of the whole law's. Largest: of any axis, averaged over the seeds."
+    note = "Error: norm of the axes' means; ratio: to the whole law's. Largest: of any axis, averaged over the seeds."
     return Grid(f"{name} with one part changed, {experiment}", columns, rows, note)
 
 
@@ -147,7 +147,7 @@ def _ablation_row(flown: Flown, whole: Flown) -> tuple[Cell, ...]:
         return first, Cell(_lost(flown), BAD), Cell(""), Cell(""), Cell(f"{flown.update_share:.1%}"), Cell(means, WORDS)
     ratio = "" if flown is whole or whole.diverged else f"{flown.error_m / whole.error_m:.2f}"
     largest = float(flown.max_error_m.max())
-    numbers = (f"{flown.error_m:.4f}", ratio, f"{largest:.3f}", f"{flown.update_share:.1%}")
+    numbers = (_cm(flown.error_m), ratio, _cm(largest), f"{flown.update_share:.1%}")
     return first, *map(Cell, numbers), Cell(means, WORDS)
 
 
@@ -165,12 +165,16 @@ def _outcome(flown: Flown, whole: Flown) -> str:
     return f"{error}; {updates}."
 
 
+def _cm(value_m: float) -> str:
+    return f"{100.0 * value_m:.2f}"
+
+
 def _lost(flown: Flown) -> str:
     return f"lost {flown.diverged} of {len(flown.item.seeds)}"
 
 
 def summary(flights: Sequence[Flown]) -> dict[str, Any]:
-    """`experiments.<experiment>.<controller>` with its numbers, its reductions and its variants."""
+    """Return `experiments.<experiment>.<controller>` with numbers, reductions and variants."""
     found: dict[str, Any] = {}
     wholes = {(flown.item.experiment, flown.item.controller): flown for flown in flights if not flown.item.variant}
     for (experiment, controller), flown in wholes.items():

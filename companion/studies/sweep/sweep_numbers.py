@@ -14,17 +14,17 @@ PARAMETERS = {
     "mass_kg": "mass (kg)",
     "hover_thrust": "hover thrust",
     "bandwidth_radps": "attitude bandwidth (rad/s)",
-    "mocap_delay_s": "motion capture's delay (s)",
-    "setpoint_delay_s": "setpoint's delay (s)",
+    "mocap_delay_s": "mocap delay (s)",
+    "setpoint_delay_s": "setpoint delay (s)",
     "disturbance_scale": "disturbance (×)",
-    "offset_m": "offset at the start (m)",
-    "noise_scale": "motion capture's noise (×)",
-    "attitude_error_rad": "error of the autopilot's horizon (rad)",
-    "attitude_error_time_s": "its correlation time (s)",
-    "unseen_s": "not seen, altogether (s)",
+    "offset_m": "start offset (m)",
+    "noise_scale": "mocap noise (×)",
+    "attitude_error_rad": "horizon error (rad)",
+    "attitude_error_time_s": "horizon error time (s)",
+    "unseen_s": "time not tracked (s)",
     "experiment": "experiment",
 }
-"""Columns that may be to blame, and what they are called."""
+"""Columns that the errors may depend on, and their names."""
 
 MOST_BINS = 10
 _LEAST_IN_BIN = 10

@@ -2,47 +2,61 @@
 
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
+from companion.analysis.report.charts import COLOURS, TEXT_WIDTH_IN, Medium, style_of
 from companion.studies.sweep.sweep import Columns
 from companion.studies.sweep.sweep_numbers import PARAMETERS, binned, blames, errors_m, group, nominals, of_nominal
 
-mpl.use("Agg")  # pictures are files; no display is wanted or needed
-
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by colour-blind readers, too
 _ACROSS = 4
 _MARGIN = 1.3
 
 
 def plot_sweep(columns: Columns, title: str, paths: list[Path]) -> None:
-    """Write one page to every path, by its suffix."""
-    figure = sweep_figure(columns, title)
-    for path in paths:
-        figure.savefig(path, dpi=110)
+    """Write the figure to every path, in the format of its suffix."""
+    with style_of(Medium.PAPER):
+        figure = sweep_figure(columns, title)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # found once; it takes longer than the drawing
+        for path in paths:
+            figure.savefig(path, dpi=200)
 
 
 def sweep_figure(columns: Columns, title: str) -> Figure:
-    """Return the page. What is beyond it or diverged is a cross at the upper edge."""
-    figure = Figure(figsize=(16.0, 13.0), layout="constrained")
+    """Return the figure; larger errors and diverged vehicles are crosses at the upper edge."""
+    figure = Figure(figsize=(TEXT_WIDTH_IN, 8.0), layout="constrained")
     rows_of_panels = -(-len(PARAMETERS) // _ACROSS)
     grid = figure.add_gridspec(rows_of_panels + 1, _ACROSS)
     each = [of_nominal(columns, nominal) for nominal in nominals(columns)]
     top_m = _MARGIN * max(_finite_p98_m(rows) for rows in each)
-    for place, (name, label) in enumerate(PARAMETERS.items()):
-        axes = figure.add_subplot(grid[divmod(place, _ACROSS)])
-        for rows, colour in zip(each, _COLOURS, strict=False):
+    for number, (name, label) in enumerate(PARAMETERS.items()):
+        axes = figure.add_subplot(grid[divmod(number, _ACROSS)])
+        for rows, colour in zip(each, COLOURS, strict=False):
             _against(axes, rows, name, top_m, colour)
-        axes.set_ylim(0.0, top_m)
-        axes.set_xlabel(label)
-        axes.grid(alpha=0.3)
-        if place % _ACROSS == 0:
-            axes.set_ylabel("error (m)")
+        axes.set(ylim=(0.0, 100.0 * top_m), xlabel=label)
+        if number % _ACROSS == 0:
+            axes.set_ylabel("error (cm)")
+        else:
+            axes.tick_params(labelleft=False)
     _ranking(figure.add_subplot(grid[rows_of_panels, :]), each)
-    figure.suptitle(f"{title}. Line: median, dashes: 95 %, crosses: beyond the picture or diverged")
+    marks = {"median": {"ls": "-"}, "95 %": {"ls": "--"}, "larger or diverged": {"ls": "", "marker": "x"}}
+    lines = [Line2D([], [], color=colour, label=_words(rows)) for rows, colour in zip(each, COLOURS, strict=False)]
+    lines += [Line2D([], [], color="0.3", label=name, **how) for name, how in marks.items()]  # type: ignore[arg-type]
+    figure.legend(handles=lines, loc="outside upper center", ncols=3, title=title)
     return figure
+
+
+def _words(rows: Columns) -> str:
+    """Return the legend of one nominal bandwidth."""
+    numbers = group(rows)
+    known = np.isfinite(numbers.error_p95_m)
+    p95 = f"95 % up to {100.0 * numbers.error_p95_m:.1f} cm" if known else "more than 5 % diverged"
+    median = f"median {100.0 * numbers.error_p50_m:.1f} cm" if np.isfinite(numbers.error_p50_m) else "half diverged"
+    return f"{rows['nominal_radps'][0]:.1f} rad/s: {numbers.vehicles} vehicles, {median}, {p95}"
 
 
 def _finite_p98_m(rows: Columns) -> float:
@@ -52,22 +66,29 @@ def _finite_p98_m(rows: Columns) -> float:
 
 
 def _against(axes: Axes, rows: Columns, name: str, top_m: float, colour: str) -> None:
-    """Every vehicle a dot; median and 95th percentile of the vehicles of a bin as lines."""
+    """Draw a dot for each vehicle, and median and 95th percentile of each bin as lines."""
     values, error = rows[name], errors_m(rows)
     beyond, bins = error > top_m, binned(values)
     kinds, at = np.unique(values, return_inverse=True)
     x = at.astype(float) if values.dtype.kind == "U" else values
-    axes.plot(x[~beyond], error[~beyond], ".", color=colour, ms=3.0, alpha=0.4, mew=0.0)
+    axes.plot(x[~beyond], 100.0 * error[~beyond], ".", color=colour, ms=_dot(len(x)), alpha=0.5, mew=0.0)
     edge = np.full(beyond.sum(), 0.985)
-    axes.plot(x[beyond], edge, "x", color=colour, ms=4.0, alpha=0.6, transform=axes.get_xaxis_transform())
+    axes.plot(x[beyond], edge, "x", color=colour, ms=3.0, alpha=0.6, transform=axes.get_xaxis_transform())
     inside = [bins == bin_ for bin_ in np.unique(bins)]
     middle = [np.median(x[where]) for where in inside]
     for share, style in ((0.5, "-"), (0.95, "--")):
         line = [np.quantile(error[where], share, method="inverted_cdf") for where in inside]
-        axes.plot(middle, line, style, color=colour, lw=1.6)
+        axes.plot(middle, 100.0 * np.array(line), style, color=colour, lw=1.2)
     if values.dtype.kind == "U":
         axes.set_xticks(range(len(kinds)), kinds)
         axes.set_xlim(-0.5, len(kinds) - 0.5)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=4))
+
+
+def _dot(vehicles: int) -> float:
+    """Return the size of a dot, points: smaller where there are thousands."""
+    return float(np.clip(60.0 / np.sqrt(vehicles), 2.0, 5.0))
 
 
 def _ranking(axes: Axes, each: list[Columns]) -> None:
@@ -75,22 +96,13 @@ def _ranking(axes: Axes, each: list[Columns]) -> None:
     share = np.nan_to_num([[blame.explained for blame in of_one] for of_one in found])
     order = np.argsort(share.mean(axis=0))
     height = 0.8 / len(each)
-    for place, (rows, colour) in enumerate(zip(each, _COLOURS, strict=False)):
-        numbers = group(rows)
-        p95 = (
-            f"95 % up to {numbers.error_p95_m:.3f} m" if np.isfinite(numbers.error_p95_m) else "more than 5 % diverged"
-        )
-        y = np.arange(len(order)) + (len(each) / 2.0 - place - 0.5) * height
-        label = (
-            f"{rows['nominal_radps'][0]:.1f} rad/s: {numbers.vehicles} vehicles, "
-            f"median {numbers.error_p50_m:.3f} m, {p95}"
-        )
-        axes.barh(y, 100.0 * share[place, order], height, color=colour, label=label)
+    for number, colour in zip(range(len(each)), COLOURS, strict=False):
+        y = np.arange(len(order)) + (len(each) / 2.0 - number - 0.5) * height
+        axes.barh(y, 100.0 * share[number, order], height, color=colour)
     names = [label.split(" (")[0] for label in PARAMETERS.values()]
     for row, parameter in enumerate(order):
-        axes.text(100.0 * share[:, parameter].max() + 1.0, row, names[parameter], va="center", fontsize=9)
+        axes.text(100.0 * share[:, parameter].max() + 0.5, row, names[parameter], va="center", fontsize="small")
     axes.set_yticks([])
-    axes.set_xlim(0.0, 130.0 * share.max() + 1.0)
-    axes.set_xlabel("explains of the order of errors, alone (%)")
-    axes.grid(alpha=0.3, axis="x")
-    axes.legend(loc="lower right", fontsize=9)
+    axes.set_xlim(0.0, max(130.0 * share.max(), 10.0))
+    few = "" if share.any() else "; too few vehicles to tell"
+    axes.set_xlabel(f"variance of the errors' ranks explained by one parameter alone (%){few}")

@@ -1,24 +1,26 @@
-"""The picture of a search: error against updates, generation by generation, and the centres that were checked."""
+"""Picture of a search: error against updates of each generation, and the checked centres."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from companion.analysis.report.charts import COLOURS, Medium, style_of
 from companion.studies.tuning.search import ERROR_M, UPDATES, Generation, Point, front_of
-
-mpl.use("Agg")
-
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")
 
 
 def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Point | None, path: Path) -> None:
-    """Written as PNG, or by the path's suffix."""
-    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
+    """Write the picture in the format of the path's suffix."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with style_of(Medium.PAGE):
+        _figure(told, checked, best).savefig(path, dpi=150)
+
+
+def _figure(told: Sequence[Generation], checked: Sequence[Point], best: Point | None) -> Figure:
+    figure = Figure(figsize=(7.0, 4.4), layout="constrained")
     axes = figure.subplots()
     weights = sorted({generation.weight for generation in told})
-    for weight, colour in zip(weights, _COLOURS * len(weights), strict=False):
+    for weight, colour in zip(weights, COLOURS * len(weights), strict=False):
         run = [one for one in told if one.weight == weight]
         updates, error_mm = [100.0 * one.update_share for one in run], [1e3 * one.error_m for one in run]
         axes.plot(updates, error_mm, "-", lw=0.5, color=colour, alpha=0.4)
@@ -26,18 +28,19 @@ def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Poin
     front = front_of(checked)
     axes.plot([100.0 * u for u, _ in front], [1e3 * e for _, e in front], "k--", lw=0.8)
     axes.scatter(
-        [100.0 * u for u, _ in checked], [1e3 * e for _, e in checked], s=30, color="k", label="checked elsewhere"
+        [100.0 * u for u, _ in checked],
+        [1e3 * e for _, e in checked],
+        s=30,
+        color="k",
+        label="checked elsewhere",
     )
     if best is not None:
         axes.scatter([100.0 * best[0]], [1e3 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
-    axes.plot(100.0 * UPDATES, 1e3 * ERROR_M, "*", ms=12, color="0.5", label="reached for")
-    axes.set(
-        xlabel="updates (% of the cycles)", ylabel="mean error of vehicles as told (mm)", xscale="log", yscale="log"
-    )
+    axes.plot(100.0 * UPDATES, 1e3 * ERROR_M, "*", ms=12, color="0.5", label="target")
+    axes.set(xlabel="updates (% of the cycles)", ylabel="mean error (mm)", xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=8)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
+    axes.grid(which="both")
+    axes.legend()
+    return figure
