@@ -3,27 +3,20 @@
 from collections.abc import Iterable, Sequence
 
 from rich.box import SIMPLE_HEAD
-from rich.console import Console
+from rich.console import Console, Group
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 
-def numbers_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Table:
-    """Return a table with words in its first column and numbers in the others; no text is read as markup."""
-    table = Table(
-        title=Text(title),
-        title_justify="left",
-        title_style="bold",
-        box=SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-        pad_edge=False,
-    )
+def numbers_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str | Text]]) -> Group:
+    """Return a titled table of words in the first column and numbers in the others; no text is read as markup."""
+    table = Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0), pad_edge=False)
     for index, name in enumerate(columns):
         table.add_column(Text(name), justify="right" if index else "left", no_wrap=True)
     for row in rows:
         table.add_row(*(cell if isinstance(cell, Text) else Text(cell) for cell in row))
-    return table
+    return Group("", Text(title, style="bold"), table)
 
 
 def progress_bar(console: Console) -> Progress:

@@ -51,7 +51,7 @@ class Link:
     why: str = ""
 
 
-Said = Presence | State | Happened | Reply | Link
+Message = Presence | State | Happened | Reply | Link
 
 
 @asynccontextmanager
@@ -77,7 +77,7 @@ class Console:
         self._client = f"console-{secrets.token_hex(6)}"
         self._reconnector = Reconnector(V311 if endpoint.host in _LOCAL_HOSTS else V5, self._lost)
         self._tries = 0
-        self._messages: asyncio.Queue[Said] = asyncio.Queue()
+        self._messages: asyncio.Queue[Message] = asyncio.Queue()
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._connection: BrokerConnection | None = None
         self._runs = Runs()
@@ -131,7 +131,7 @@ class Console:
             "known whether the service runs"
         )
 
-    async def next(self, timeout_s: float) -> Said | None:
+    async def next(self, timeout_s: float) -> Message | None:
         """Return the next message; None after the timeout."""
         try:
             async with asyncio.timeout(timeout_s):
@@ -152,10 +152,12 @@ class Console:
                 if run.caught_up or waited_s > _CATCH_UP_S:
                     return run.state
             elif not self._seems_online and waited_s > _STATUS_S:
-                raise NobodyThereError(f"nobody there: the service of {self.where} does not run")
+                raise NobodyThereError(
+                    f"no service of {self.where} is running: start `companion serve` on the vehicle's computer"
+                )
             elif waited_s > _STATE_S:
                 raise NobodyThereError(
-                    f"nobody there: the service of {self.where} was there, but has said nothing for {_STATE_S:g} s: "
+                    f"no service: that of {self.where} was there, but has sent nothing for {_STATE_S:g} s: "
                     "it hangs, or is cut off from the broker"
                 )
             await asyncio.sleep(0.01)
@@ -230,16 +232,16 @@ class Console:
         with contextlib.suppress(ValidationError):
             self._note(model.model_validate_json(message.payload))
 
-    def _note(self, said: BaseModel) -> None:
-        if said in self._newest:
+    def _note(self, message: BaseModel) -> None:
+        if message in self._newest:
             return  # a repeated status of the service, or a reply sent twice because it was not acknowledged
         presence, reply = self._newest
-        if isinstance(said, Presence):
-            self._newest = said, reply
-            self._runs.note_presence(said)
-        if isinstance(said, Reply):
-            self._newest = presence, said
-        if isinstance(said, State) and not self._runs.note_state(said, time.monotonic(), time.time()):
+        if isinstance(message, Presence):
+            self._newest = message, reply
+            self._runs.note_presence(message)
+        if isinstance(message, Reply):
+            self._newest = presence, message
+        if isinstance(message, State) and not self._runs.note_state(message, time.monotonic(), time.time()):
             return  # from another run: two services use this vehicle's name
-        if isinstance(said, Presence | State | Happened | Reply):
-            self._messages.put_nowait(said)
+        if isinstance(message, Presence | State | Happened | Reply):
+            self._messages.put_nowait(message)

@@ -27,15 +27,14 @@ def refused_connection(error: Exception, endpoint: OperatorConfig) -> Exception:
     if isinstance(error, ConfigError) or not isinstance(error, aiomqtt.MqttError | OSError | ValueError):
         return error
     if is_forbidden(error):
-        return ConfigError(f"{url} does not let us in: give --broker mqtt://USER@HOST and --password-file")
+        return ConfigError(f"{url} rejects the connection: give --broker mqtt://USER@HOST and --password-file")
     if isinstance(error, ssl.SSLError):
         return ConfigError(f"{url}: {certificate_fault(error)}")
     if isinstance(error, ConnectionRefusedError | socket.gaierror):
         return NobodyThereError(
-            f"nobody there: no broker at {url} ({reason_of(error)}): neither `companion serve` with a broker of its "
-            "own nor another broker runs there"
+            f"no broker at {url} ({reason_of(error)}): start `companion serve`, which has one, or another broker there"
         )
     return NobodyThereError(
-        f"nobody there: the broker at {url} does not answer ({reason_of(error)}), so it is not known whether the "
+        f"the broker at {url} does not answer ({reason_of(error)}), so it is not known whether the "
         "service runs: look at the broker; the pilot's remote control works without it"
     )

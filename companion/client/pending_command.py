@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from enum import Enum
 
 from companion.client.broker_connection import NotSentError
-from companion.client.client import Console, Link, Said
+from companion.client.client import Console, Link, Message
 from companion.client.command_draft import CommandDraft
 from companion.client.errors import LostError, NobodyThereError
 from companion.protocol.telemetry import ENDS, Answer, Reply, State
@@ -41,7 +41,7 @@ class Sent(Enum):
 
 
 class PendingCommand:
-    """Command under way; `said` yields every message until the reply that ends it."""
+    """Command under way; `messages` yields every message until the reply that ends it."""
 
     def __init__(self, console: Console, draft: CommandDraft, timeout_s: float = math.inf) -> None:
         self._console, self._draft, self._timeout_s = console, draft, timeout_s
@@ -56,7 +56,7 @@ class PendingCommand:
         self._seen_in_state = False
         """True once a state has shown it under way."""
 
-    async def said(self) -> AsyncIterator[Said]:
+    async def messages(self) -> AsyncIterator[Message]:
         """Send the command and yield every message until the reply that ends it.
 
         Raises NobodyThereError when no service was found and nothing was sent, LostError when the end is not known,
@@ -66,11 +66,11 @@ class PendingCommand:
         loop = asyncio.get_running_loop()
         self._begun_s = self._heard_s = loop.time()
         while True:
-            said = await self._console.next(_LOOK_S)
-            if said is not None and not self._is_of_another(said):
-                self._note(said, loop.time())
-                yield said
-                if isinstance(said, Reply) and said.id == self._draft.id and said.answer in ENDS:
+            message = await self._console.next(_LOOK_S)
+            if message is not None and not self._is_of_another(message):
+                self._note(message, loop.time())
+                yield message
+                if isinstance(message, Reply) and message.id == self._draft.id and message.answer in ENDS:
                     return
             why = self._loss(loop.time())
             if why:
@@ -104,19 +104,21 @@ class PendingCommand:
             else:
                 return
 
-    def _is_of_another(self, said: Said) -> bool:
+    def _is_of_another(self, message: Message) -> bool:
         """Return whether it is the reply of a second service that was not addressed."""
-        return isinstance(said, Reply) and said.session not in {"", self._session}
+        return isinstance(message, Reply) and message.session not in {"", self._session}
 
-    def _note(self, said: Said, now_s: float) -> None:
-        if isinstance(said, Link):
+    def _note(self, message: Message, now_s: float) -> None:
+        if isinstance(message, Link):
             self._broke, self._restored_s = True, now_s
-        elif isinstance(said, State) and said.session == self._session:
+        elif isinstance(message, State) and message.session == self._session:
             self._heard_s = now_s
-            self._seen_in_state = self._seen_in_state or (said.doing is not None and said.doing.id == self._draft.id)
-        elif isinstance(said, Reply) and said.id == self._draft.id:
+            self._seen_in_state = self._seen_in_state or (
+                message.doing is not None and message.doing.id == self._draft.id
+            )
+        elif isinstance(message, Reply) and message.id == self._draft.id:
             self._heard_s, self.sent = now_s, Sent.YES
-            self.accepted = self.accepted or said.answer is not Answer.REFUSED
+            self.accepted = self.accepted or message.answer is not Answer.REFUSED
 
     def _loss(self, now_s: float) -> str:
         """Return why the final reply will not arrive; empty while it may."""

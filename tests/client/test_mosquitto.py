@@ -82,7 +82,7 @@ async def test_what_is_answered_while_the_network_is_gone_is_kept_for_us(tmp_pat
             open_console(place) as console,
         ):
             said: list[object] = []
-            async for one in PendingCommand(console, CommandDraft("takeoff")).said():
+            async for one in PendingCommand(console, CommandDraft("takeoff")).messages():
                 said.append(one)
                 if isinstance(one, Reply) and one.answer is Answer.ACCEPTED:
                     carrying.cut()
@@ -101,12 +101,14 @@ async def test_who_may_only_look_is_told_so(tmp_path: Path) -> None:
     with mosquitto(tmp_path, "allow_anonymous true", f"acl_file {acl}", f"user {getpass.getuser()}") as port:
         async with network(port) as (_, place), scripted(port, "far"), open_console(place) as console:
             with pytest.raises(ConfigError, match="does not let us command: not authorized"):
-                _ = [one async for one in PendingCommand(console, CommandDraft("arm")).said()]
+                _ = [one async for one in PendingCommand(console, CommandDraft("arm")).messages()]
 
 
 async def test_who_is_not_let_in_is_told_what_to_give(tmp_path: Path) -> None:
     with mosquitto(tmp_path, "allow_anonymous false") as port:
         async with network(port) as (_, place):
-            with pytest.raises(ConfigError, match=r"does not let us in: give --broker mqtt://USER@HOST and --password"):
+            with pytest.raises(
+                ConfigError, match=r"rejects the connection: give --broker mqtt://USER@HOST and --password"
+            ):
                 async with open_console(place):
                     pass

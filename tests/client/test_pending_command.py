@@ -31,7 +31,7 @@ def vehicle() -> str:
 
 async def run(place: OperatorConfig, draft: CommandDraft) -> list[object]:
     async with open_console(place) as console:
-        return [said async for said in PendingCommand(console, draft).said()]
+        return [said async for said in PendingCommand(console, draft).messages()]
 
 
 def answers(said: Sequence[object]) -> list[Answer]:
@@ -49,12 +49,12 @@ async def test_a_command_reaches_a_service_whose_clock_is_an_hour_ahead(shared_b
 
 async def test_nobody_there_is_one_sentence_whether_absent_gone_or_silent(shared_broker: BrokerProcess) -> None:
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
-    with pytest.raises(NobodyThereError, match=r"nobody there: the service of 'v\d+' at mqtt://127.0.0.1:\d+ does not"):
+    with pytest.raises(NobodyThereError, match=r"no service of 'v\d+' at mqtt://127.0.0.1:\d+ is running"):
         await run(place, CommandDraft("arm"))
     async with scripted(place.port, place.vehicle) as service:
         await run(place, CommandDraft("hold"))
         service.silent = True
-        with pytest.raises(NobodyThereError, match="has said nothing for 2 s"):
+        with pytest.raises(NobodyThereError, match="has sent nothing for 2 s"):
             await run(place, CommandDraft("arm"))
         await service.present(online=False)
         with pytest.raises(NobodyThereError, match="does not run"):
@@ -78,7 +78,7 @@ async def test_a_restarted_broker_ends_no_wait_and_sends_nothing_twice() -> None
         place = OperatorConfig(port=own.port, vehicle=vehicle())
         async with scripted(own.port, place.vehicle, slowly) as service, open_console(place) as console:
             said: list[object] = []
-            async for one in PendingCommand(console, CommandDraft("takeoff")).said():
+            async for one in PendingCommand(console, CommandDraft("takeoff")).messages():
                 said.append(one)
                 if answers(said) == [Answer.ACCEPTED] and not any(isinstance(one, Link) for one in said):
                     await asyncio.to_thread(own.stop)
@@ -100,7 +100,7 @@ async def test_an_end_that_was_said_while_the_connection_was_broken_is_not_waite
             said: list[object] = []
 
             async def follow() -> None:
-                async for one in PendingCommand(console, CommandDraft("takeoff")).said():
+                async for one in PendingCommand(console, CommandDraft("takeoff")).messages():
                     said.append(one)
                     if answers(said) == [Answer.ACCEPTED] and service.doing is not None:
                         await asyncio.to_thread(own.stop)
@@ -193,7 +193,7 @@ async def test_of_two_services_of_one_name_the_answer_of_the_one_that_was_meant_
     async with scripted(place.port, place.vehicle, obeys) as first, open_console(place) as console:
         assert (await console.find()).session == first.session
         async with scripted(place.port, place.vehicle, session="d" * 16) as second:
-            said = [one async for one in PendingCommand(console, CommandDraft("hold")).said()]
+            said = [one async for one in PendingCommand(console, CommandDraft("hold")).messages()]
             assert second.taken == []
     assert answers(said) == [Answer.ACCEPTED, Answer.DONE]
     assert {one.session for one in said if isinstance(one, State | Reply)} == {first.session}
@@ -256,7 +256,7 @@ async def test_giving_up_after_the_timeout_says_that_it_goes_on(shared_broker: B
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
     async with scripted(place.port, place.vehicle, never), open_console(place) as console:
         with pytest.raises(LostError, match=r"land: not over after 0.3 s .--timeout.; it goes on; now: phase standby"):
-            _ = [said async for said in PendingCommand(console, CommandDraft("land"), timeout_s=0.3).said()]
+            _ = [said async for said in PendingCommand(console, CommandDraft("land"), timeout_s=0.3).messages()]
 
 
 async def test_messages_that_are_no_words_of_the_service_are_passed_over(shared_broker: BrokerProcess) -> None:
@@ -265,7 +265,7 @@ async def test_messages_that_are_no_words_of_the_service_are_passed_over(shared_
         await console.find()
         for topic in (service.topics.state, service.topics.status, service.topics.event):
             await service.publish(topic, '{"time_s": NaN, "online": "yes"}')
-        said = [one async for one in PendingCommand(console, CommandDraft("hold")).said()]
+        said = [one async for one in PendingCommand(console, CommandDraft("hold")).messages()]
     assert answers(said) == [Answer.ACCEPTED, Answer.DONE]
 
 

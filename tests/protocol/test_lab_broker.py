@@ -89,7 +89,7 @@ async def speaking(room: Lab, user: str) -> AsyncIterator[aiomqtt.Client]:
 async def test_service_and_operator_meet_by_tls_password_and_mqtt_5(room: Lab) -> None:
     vehicle = Vehicle()
     async with serving(room.place("dauam-1"), vehicle), open_console(room.place("anna")) as console:
-        said = [one async for one in PendingCommand(console, CommandDraft("land")).said()]
+        said = [one async for one in PendingCommand(console, CommandDraft("land")).messages()]
     await until(lambda: re.search(r"Client console-\w+ disconnected", room.log))  # and the broker keeps nothing for it
     assert [one.answer for one in said if isinstance(one, Reply)] == [Answer.ACCEPTED, Answer.DONE]
     assert [verb for verb, _ in vehicle.told] == ["land"]
@@ -130,7 +130,7 @@ async def test_a_stranger_commands_nothing(room: Lab, verb: str) -> None:
                 await client.publish(TOPICS["dauam-1"].command, payload, qos=1)
         async with open_console(room.place("screen")) as looking:
             with pytest.raises(ConfigError, match="does not let us command: not authorized"):
-                _ = [one async for one in PendingCommand(looking, CommandDraft(verb, **confirm)).said()]
+                _ = [one async for one in PendingCommand(looking, CommandDraft(verb, **confirm)).messages()]
     assert vehicle.commands == []
 
 
@@ -141,9 +141,9 @@ async def test_who_does_not_belong_here_does_not_get_in(room: Lab, tmp_path: Pat
     wrong.write_text("guessed")
     make_certificates(tmp_path / "other", FAR)
     for changed, kind, why in (
-        ({"password_file": str(wrong)}, ConfigError, "does not let us in: "),
-        ({"user": "nobody"}, ConfigError, "does not let us in: "),
-        ({"user": None, "password_file": None}, ConfigError, "does not let us in: "),
+        ({"password_file": str(wrong)}, ConfigError, "rejects the connection: "),
+        ({"user": "nobody"}, ConfigError, "rejects the connection: "),
+        ({"user": None, "password_file": None}, ConfigError, "rejects the connection: "),
         ({"tls": False, "ca_file": None}, NobodyThereError, "the broker at mqtt://.* does not answer"),
         ({"ca_file": str(tmp_path / "other/ca.crt")}, ConfigError, "is the CA file .* the one that signed"),
         ({"ca_file": None}, ConfigError, "is the CA file .* the one that signed"),

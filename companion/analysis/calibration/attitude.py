@@ -51,19 +51,19 @@ def response(after_s: Array, bandwidth_radps: float, damping: float) -> Array:
 
 
 def fit_attitude(seen: Observed) -> Fit:
-    """Fit delay from setpoint to the frame's arrival (s), natural frequency (rad/s) and damping ratio: (3,)."""
+    """Fit the delay from setpoint to the frame's arrival (s), natural frequency (rad/s) and damping ratio, (3,)."""
     grid_s = np.arange(seen.begin_s - _SETTLES_S, seen.end_s + _STEP_S, _STEP_S)
-    asked = smooth_held(grid_s, seen.sent_s, seen.sent_up_w[:, :2])
+    commanded = smooth_held(grid_s, seen.sent_s, seen.sent_up_w[:, :2])
     shown = seen.quiet & (seen.came_s > seen.begin_s + _SETTLES_S)
     at_s, did = seen.came_s[shown], seen.up_w[shown, :2]
     size = 1 << (2 * len(grid_s)).bit_length()
-    spectrum = np.fft.rfft(asked - asked[0], size, axis=0)
+    spectrum = np.fft.rfft(commanded - commanded[0], size, axis=0)
 
     def residuals(values: Array) -> Array:
         delay_s, bandwidth, damping = values
         kernel = response(np.arange(0.0, 3.0, _STEP_S), bandwidth, damping) * _STEP_S
         kernel /= kernel.sum()
-        model = np.fft.irfft(spectrum * np.fft.rfft(kernel, size)[:, None], size, axis=0)[: len(grid_s)] + asked[0]
+        model = np.fft.irfft(spectrum * np.fft.rfft(kernel, size)[:, None], size, axis=0)[: len(grid_s)] + commanded[0]
         off = did - np.column_stack([np.interp(at_s - delay_s, grid_s, model[:, axis]) for axis in (0, 1)])
         return np.asarray((off - off.mean(axis=0)).T.ravel())
 

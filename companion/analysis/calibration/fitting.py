@@ -1,4 +1,4 @@
-"""Least squares for a few parameters, with uncertainties that hold for errors that last."""
+"""Least squares for a few parameters, with uncertainties that are valid for correlated errors."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ _ENOUGH = 1e-4
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters (p,), their standard deviations, and how much of the signal is explained, at most 1."""
+    """Parameters (p,), their standard deviations, and the explained share of the signal, at most 1."""
 
     values: Array
     sd: Array
@@ -26,7 +26,7 @@ class Fit:
 def fit(
     residuals: Residuals, first: Array, steps: Array, bounds: tuple[Array, Array], block: NDArray[np.int_], power: float
 ) -> Fit:
-    """Fit by Levenberg-Marquardt from `first` (p,), derivatives by differences of `steps` (p,), inside `bounds`.
+    """Fit by Levenberg and Marquardt from `first` (p,) inside `bounds`; `steps` (p,) are those of the derivatives.
 
     Errors of neighbouring samples are not independent: each sample belongs to a `block` (n,) of some seconds, and the
     standard deviations come from how much the blocks disagree (the sandwich estimator for clusters). `power` is the

@@ -11,44 +11,44 @@ from companion.geometry.frames import up_axis
 from companion.records.errors import RecordError, UnfitFlightError
 
 WINDOW_S = 10.0
-"""Clocks are compared over so long, as the estimator does it."""
+"""Window over which clocks are compared, as in the estimator."""
 _NEEDED = ("frame_stamp_s", "estimate_clock_offset_s", "setpoint_thrust", "setpoint_q_w_flu_wxyz", "attitude_s")
 _CLEAR_M = 0.25
-"""Height from which the ground does not help to carry."""
+"""Height above which the ground effect is negligible."""
 _LEAST_S = 8.0
 _MOVES_RADPS = 0.02
 _RINGS_S = 1.0
-"""So long after a motion of the arms the vehicle is taken to be at rest again."""
+"""Time after a motion of the arms until the vehicle counts as undisturbed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """One flight, from clear of the ground to near it again; times are the service's, s."""
+    """Signals of one flight while it is clear of the ground; times are the service's, s."""
 
     begin_s: float
     end_s: float
     sent_s: Array
-    """When each setpoint left, (m,), from before `begin_s` on."""
+    """Time at which each setpoint was sent, (m,), from before `begin_s` on."""
     sent_up_w: Array
-    """Up axis that it asks for, (m, 3)."""
+    """Commanded up axis, (m, 3)."""
     sent_thrust: Array
     came_s: Array
-    """When each frame would have come without waiting, (n,); the delay from the capture is still in it."""
+    """Arrival of each frame without queueing, (n,); includes the delay from the capture."""
     position_w_m: Array
     up_w: Array
-    """The body's up axis as motion capture saw it, (n, 3)."""
+    """The body's up axis by motion capture, (n, 3)."""
     heard_s: Array
-    """When each attitude of the autopilot would have come without waiting, (k,)."""
+    """Arrival of each attitude of the autopilot without queueing, (k,)."""
     autopilot_up_w: Array
-    """(k, 3)."""
+    """Up axis by the autopilot, (k, 3)."""
     quiet: Mask
-    """Frames in which the arms had been at rest for a while, (n,): what they do to the vehicle is not asked for."""
+    """Frames in which the arms had been at rest for a while, (n,)."""
 
 
 def observed(flown: Flown) -> Observed:
-    """Read what is needed out of the record.
+    """Return the signals of a record.
 
-    Raises UnfitFlightError for a flight that is none to calibrate with, RecordError for a record without the columns.
+    Raises UnfitFlightError for a flight that cannot be used, RecordError for a record without the columns.
     """
     path = flown.record.path
     if not flown.airborne.any():
@@ -123,7 +123,7 @@ def _autopilots(flown: Flown) -> tuple[Array, Array]:
 
 
 def without_waiting(stamp_s: Array, came_s: Array) -> Array:
-    """Return arrivals (n,) as if none had waited on the way: by the quickest of the last seconds."""
+    """Return arrivals (n,) without queueing, by the shortest delay of the last seconds."""
     on_way = came_s - stamp_s
     quickest = np.empty_like(on_way)
     first = 0
@@ -140,7 +140,7 @@ def held(at_s: Array, sent_s: Array, values: Array) -> Array:
 
 
 def smooth_held(grid_s: Array, sent_s: Array, values: Array) -> Array:
-    """Return the held values on a grid, each step shared by the two points around its instant, (n, ...)."""
+    """Return `held` on a grid, (n, ...), each step shared by the two points around it to keep its time."""
     step_s = float(grid_s[1] - grid_s[0])
     start = held(grid_s[:1], sent_s, values)[0]
     inside = (sent_s > grid_s[0]) & (sent_s < grid_s[-2])

@@ -11,11 +11,11 @@ from companion.core.types import Array
 _STEP_S = 0.005
 _BLOCK_S = 3.0
 _NARROW_S, _WIDE_S = 0.06, 0.5
-"""Standard deviations of the two averages whose difference is looked at: slower motion is pushed by the room, quicker
-motion is the noise of a second derivative."""
+"""Standard deviations of the two averages whose difference is used: slower motion comes from disturbances, faster
+motion is noise of the second derivative."""
 _SLOW_MPS = 0.15
 _DRY_MPS = 0.04
-"""Speed over which dry friction changes its sign, as far as a smoothed speed can tell."""
+"""Speed over which dry friction changes its sign."""
 _NEARLY = 0.999
 _FIRST = np.array([0.08, 0.05, 0.1, 0.1, 0.05])
 _STEPS = np.array([0.002, 0.004, 0.02, 0.02, 0.01])
@@ -37,9 +37,9 @@ class Hover:
 
 
 def hover(seen: Observed, gravity_mps2: float) -> Hover | None:
-    """Return the level thrust that carries the weight; None when it never hovered for long enough."""
-    grid_s, height, cosine, asked = _on_grid(seen)
-    lift = asked * cosine
+    """Return the level thrust that carries the weight; None when the vehicle never hovered for long enough."""
+    grid_s, height, cosine, thrust = _on_grid(seen)
+    lift = thrust * cosine
     velocity = np.gradient(_averaged(height, 0.1), _STEP_S)
     quiet = np.interp(grid_s, seen.came_s, seen.quiet.astype(np.float64)) > _NEARLY
     calm = (np.abs(velocity) < _SLOW_MPS) & quiet
@@ -91,19 +91,19 @@ class Rotors:
     """Thrust parameters identified from a flight with vertical motion."""
 
     fit: Fit
-    """(5,): from setpoint sent to the frame's arrival, rotors' lag and all (s); the lag alone (s); the curve's f; drag
-    (1/s); dry friction (m/s^2)."""
+    """Delay from setpoint to the frame's arrival with the rotors' lag (s), the lag alone (s), the curve's f, drag (1/s)
+    and dry friction (m/s^2), (5,)."""
     varied: float
-    """Standard deviation of the thrust in the band that is looked at, as a share of hover thrust."""
+    """Standard deviation of the thrust in the band that is used, as a share of hover thrust."""
 
 
 def fit_rotors(seen: Observed, hover_thrust: float, gravity_mps2: float) -> Rotors:
-    """Fit vertical motion to the commanded thrust.
+    """Fit the vertical motion to the commanded thrust.
 
     The curve shows in how much more force a little more thrust gives, beside what carries the weight. Drag and dry
     friction are fitted along: left out they would be taken for lag and curve.
     """
-    grid_s, height, cosine, asked = _on_grid(seen)
+    grid_s, height, cosine, thrust = _on_grid(seen)
     speed = np.gradient(_band(height), _STEP_S)
     did = np.gradient(speed, _STEP_S)
     dry = _band(np.tanh(np.gradient(_averaged(height, _NARROW_S), _STEP_S) / _DRY_MPS))
@@ -115,11 +115,11 @@ def fit_rotors(seen: Observed, hover_thrust: float, gravity_mps2: float) -> Roto
     def residuals(values: Array) -> Array:
         total_s, lag_s, curve, drag, friction = values
         weight = curve * hover_thrust**2 + (1.0 - curve) * hover_thrust
-        more = (curve * asked**2 + (1.0 - curve) * asked) / weight - 1.0
+        more = (curve * thrust**2 + (1.0 - curve) * thrust) / weight - 1.0
         late = np.exp(-turns * (total_s - lag_s)) / (1.0 + turns * lag_s)
         lift = (1.0 + np.fft.irfft(np.fft.rfft(more, size) * late, size)[: len(grid_s)]) * cosine
         return np.asarray((did - _band(gravity_mps2 * lift) + drag * speed + friction * dry)[shown])
 
     power = float((did[shown] ** 2).mean())
     found = fit(residuals, _FIRST, _STEPS, _BOUNDS, blocks(grid_s[shown], _BLOCK_S), power)
-    return Rotors(found, float(_band(asked)[shown].std() / hover_thrust))
+    return Rotors(found, float(_band(thrust)[shown].std() / hover_thrust))

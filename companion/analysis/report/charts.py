@@ -140,8 +140,8 @@ def _shown_s(flown: Flown) -> tuple[float, float]:
         return float(flown.time_s[0]), max(float(flown.time_s[-1]), float(flown.time_s[0]) + 1.0)
     turning = flown.in_the_air | (flown.column("armed") > 0.0)
     last_s = float(flown.time_s[turning][-1])
-    told_s = [event.time_s - flown.zero_s - 0.5 for event in flown.record.events if event.kind == "command"]
-    begin_s = max(min([-1.0, *told_s]), _EARLIEST_S, float(flown.time_s[0]))
+    commands_s = [event.time_s - flown.zero_s - 0.5 for event in flown.record.events if event.kind == "command"]
+    begin_s = max(min([-1.0, *commands_s]), _EARLIEST_S, float(flown.time_s[0]))
     return begin_s, min(float(flown.time_s[-1]), last_s + 1.0) + 1e-3
 
 

@@ -87,9 +87,9 @@ def space(figure: Figure, flown: Flown) -> None:
 def position(figure: Figure, flown: Flown) -> None:
     """Draw the position of each axis with its reference."""
     rows = rows_over_time(figure, [f"{axis} (m)" for axis in AXES], flown)
-    time, where, wanted = thinned(flown.time_s, flown.position_w_m, flown.reference_w_m)
+    time, where, reference = thinned(flown.time_s, flown.position_w_m, flown.reference_w_m)
     for axis, axes in enumerate(rows):
-        axes.plot(time, wanted[:, axis], **GOAL)
+        axes.plot(time, reference[:, axis], **GOAL)
         axes.plot(time, where[:, axis], color=COLOURS[axis])
         at_least_wide(axes, 0.1)
     legend_of_axes(figure, reference=GOAL)
@@ -120,12 +120,12 @@ def command(figure: Figure, flown: Flown) -> None:
 def draw_command(rows: Sequence[Axes], flown: Flown) -> None:
     """Draw the commands of x, y and z in the air, m/s^2, in three axes or in one."""
     number = flown.runs(flown.free)
-    wanted = flown.column("accel_w_mps2", 3)
+    reference = flown.column("accel_w_mps2", 3)
     for stretch in range(int(number.max(initial=-1)) + 1):
-        sent = (number == stretch) & flown.event & np.isfinite(wanted).all(axis=1)
+        sent = (number == stretch) & flown.event & np.isfinite(reference).all(axis=1)
         for axis in range(3):
             axes = rows[axis % len(rows)]
-            axes.step(flown.time_s[sent], wanted[sent, axis], where="post", color=COLOURS[axis], lw=0.8)
+            axes.step(flown.time_s[sent], reference[sent, axis], where="post", color=COLOURS[axis], lw=0.8)
     for axes in rows:
         at_least_wide(axes, 0.5)
 

@@ -140,10 +140,10 @@ def _settings(flown: Flown) -> str:
     if metadata.get("config"):
         text = json.dumps(metadata["config"], indent=2)
         parts.append(f"<details><summary>Configuration</summary>\n<pre>{escape(text)}</pre></details>")
-    told = metadata.get("controller") or {}
+    controller = metadata.get("controller") or {}
     laws = dict(metadata.get("laws") or {})
-    if told.get("file"):
-        laws.setdefault(str(told.get("name", "law")), told["file"])
+    if controller.get("file"):
+        laws.setdefault(str(controller.get("name", "law")), controller["file"])
     for name, text in laws.items():
         parts.append(
             f"<details><summary>Law {escape(law_label(str(name)))}</summary>\n<pre>{escape(str(text))}</pre></details>"

@@ -211,8 +211,8 @@ class Flown:
     def law_names(self) -> tuple[str, ...]:
         """That flew, each once; the configured one in a record that names none."""
         names = tuple(dict.fromkeys(stretch.name for stretch in self.laws))
-        told: Any = (self.record.metadata.get("controller") or {}).get("name", "")
-        return names or ((law_label(str(told)),) if told else ())
+        configured: Any = (self.record.metadata.get("controller") or {}).get("name", "")
+        return names or ((law_label(str(configured)),) if configured else ())
 
 
 def _finite(values: Array) -> Array:

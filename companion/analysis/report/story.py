@@ -106,7 +106,7 @@ def _reactions(flown: Flown) -> tuple[Reacted, ...]:
 
 
 def _new_words(before: str, after: str) -> str:
-    """Reasons are told one after the other; the last one."""
+    """Return the last of several reasons, which are joined."""
     return after.removeprefix(before).removeprefix("; then ")
 
 

@@ -45,7 +45,7 @@ def height_in(story: Story) -> float:
 
 def _rows(story: Story) -> int:
     """Return the rows of the lowest part: phases, laws if several, faults, failsafe actions, commands."""
-    return 1 + _switched(story) + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_told(story))
+    return 1 + _switched(story) + len(_lanes(story)) + bool(story.reactions) + 3 * bool(_commands_of(story))
 
 
 def _switched(story: Story) -> bool:
@@ -55,7 +55,7 @@ def _switched(story: Story) -> bool:
 def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     """Draw height, error and the events of a flight over time."""
     lanes = _lanes(story)
-    told = _told(story)
+    commands = _commands_of(story)
     below = _rows(story)
     height, error, line = rows_over_time(figure, ["height (m)", "error (cm)", ""], flown)
     grid = height.get_gridspec()
@@ -78,8 +78,8 @@ def timeline(figure: Figure, flown: Flown, story: Story) -> None:
     if story.reactions:
         _reactions((height, error, line), story, at + 0.5)
         at += 1
-    if told:
-        _commands(line, told, at)
+    if commands:
+        _commands(line, commands, at)
 
 
 def _lanes(story: Story) -> list[_Lane]:
@@ -89,15 +89,15 @@ def _lanes(story: Story) -> list[_Lane]:
     return list(lanes.values())[:_MOST_FAULTS]
 
 
-def _told(story: Story) -> list[tuple[float, str]]:
+def _commands_of(story: Story) -> list[tuple[float, str]]:
     """Return times and texts of commands, and of replies to commands that were not carried out."""
     bad = [said for said in story.said if said.kind == "reply" and said.text.partition(":")[0].endswith(_NOT_DONE)]
     return sorted((said.at_s, said.text) for said in [*(s for s in story.said if s.kind == "command"), *bad])
 
 
 def _curves(height: Axes, error: Axes, flown: Flown) -> None:
-    time, where, wanted = thinned(flown.time_s, flown.position_w_m[:, 2], flown.reference_w_m[:, 2])
-    height.plot(time, wanted, **GOAL)
+    time, where, reference = thinned(flown.time_s, flown.position_w_m[:, 2], flown.reference_w_m[:, 2])
+    height.plot(time, reference, **GOAL)
     height.plot(time, where, color=COLOURS[2])
     time, size = thinned(flown.time_s, 100.0 * free_only(flown, flown.distance_m))
     error.plot(time, size, color="0.25")
@@ -171,12 +171,12 @@ def _reactions(rows: Sequence[Axes], story: Story, at: float) -> None:
         )  # fmt: skip
 
 
-def _commands(axes: Axes, told: Sequence[tuple[float, str]], at: int) -> None:
+def _commands(axes: Axes, commands: Sequence[tuple[float, str]], at: int) -> None:
     """Write commands in three rows, so that neighbours do not overlap; without space only the verb, or a mark."""
     low, high = axes.get_xlim()
     gap = 0.006 * (high - low)
     free = [low] * 3
-    for at_s, text in told:
+    for at_s, text in commands:
         x = _inside(axes, at_s)
         axes.plot([x], [at + 0.12], marker="v", color=GREY, ms=3.5, clip_on=False)
         for short in (text if len(text) <= 40 else text[:39] + "…", text.split()[0]):

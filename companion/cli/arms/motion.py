@@ -96,17 +96,17 @@ class _Mover:
         self._stage.play(motion, _ON_THE_GROUND.phase)
         self._tick_s = self._began_s = CLOCK.now_s()
         self._duration_s = motion.duration_s
-        asked = 0
+        presses = 0
         while self._stage.state.motion is not None:
-            if len(self._interrupts) > asked:
-                asked = len(self._interrupts)
-                if asked > 1:
+            if len(self._interrupts) > presses:
+                presses = len(self._interrupts)
+                if presses > 1:
                     return await self._stopped("stopped at once", INTERRUPTED)
                 self._stage.stop("interrupted")
             gap_s = await self._tick()
             if gap_s > LONGEST_GAP_S:
                 return await self._stopped(f"this program stood still for {gap_s:.1f} s in the middle of it", FAILED)
-        return await self._end(stopped=asked > 0)
+        return await self._end(stopped=presses > 0)
 
     async def _tick(self) -> float:
         """Run one cycle; return the time since the last one, s."""

@@ -5,8 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
+from rich.console import Console, Group
 from rich.text import Text
 
 from companion.analysis.summary import ArmSummary, Summary
@@ -76,7 +75,7 @@ def print_comparison(console: Console, flights: list[tuple[str, Summary | None]]
     console.print(numbers_table("comparison, errors in cm", columns, rows))
 
 
-def _error_table(controller: LoadedController, summary: Summary) -> Table:
+def _error_table(controller: LoadedController, summary: Summary) -> Group:
     limits = controller.error_limits
     return error_table(
         f"tracking error, {controller.name}",
@@ -88,7 +87,7 @@ def _error_table(controller: LoadedController, summary: Summary) -> Table:
     )
 
 
-def error_table(title: str, rows: Iterable[ErrorRow]) -> Table:
+def error_table(title: str, rows: Iterable[ErrorRow]) -> Group:
     """Return a table of errors in cm, red where they exceed their limit."""
     cells: list[list[str | Text]] = []
     for name, errors_m, limit_m in rows:
@@ -98,7 +97,7 @@ def error_table(title: str, rows: Iterable[ErrorRow]) -> Table:
     return numbers_table(title, ("cm", "x", "y", "z", "limit"), cells)
 
 
-def _timing_table(summary: Summary) -> Table:
+def _timing_table(summary: Summary) -> Group:
     spreads = (
         ("tick late", summary.tick_late_ms),
         ("frame arrival to setpoint", summary.frame_to_setpoint_ms),

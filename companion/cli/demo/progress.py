@@ -53,10 +53,10 @@ class FlightDisplay:
         self._doing, self._since_s = doing or note, time.monotonic()
         self._lines.put(Text(f"  {note}", style="dim"))
 
-    def say_fault(self, told: FaultTold) -> None:
+    def say_fault(self, event: FaultTold) -> None:
         """Print a line about an injected fault."""
-        head, rest = f"fault {told.turn}", f": {told.sentence}"
-        self._lines.put(self.story.line(told.at_s, head, "bold magenta", rest))
+        head, rest = f"fault {event.turn}", f": {event.sentence}"
+        self._lines.put(self.story.line(event.at_s, head, "bold magenta", rest))
 
     def _print(self) -> None:
         if self._console.is_terminal:

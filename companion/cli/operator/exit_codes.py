@@ -31,8 +31,8 @@ def names_of(text: str, option: str) -> tuple[str, ...]:
 
 def seeds_of(text: str) -> tuple[int, ...]:
     """Parse FIRST:LAST (inclusive) or one seed; ConfigError for anything else and for too many seeds."""
-    asked = re.fullmatch(r"([0-9]{1,9})(?::([0-9]{1,9}))?", text.strip())
-    first, last = (int(asked[1]), int(asked[2] or asked[1])) if asked else (1, 0)
+    found = re.fullmatch(r"([0-9]{1,9})(?::([0-9]{1,9}))?", text.strip())
+    first, last = (int(found[1]), int(found[2] or found[1])) if found else (1, 0)
     if first > last:
         raise ConfigError(
             f"--seeds {text}: must be FIRST:LAST, two whole numbers from 0 on in this order, as in 1:5, or one seed"

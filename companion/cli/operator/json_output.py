@@ -6,7 +6,7 @@ from typing import Protocol
 import typer
 from pydantic import BaseModel
 
-from companion.client.client import Link, Said
+from companion.client.client import Link, Message
 from companion.protocol.telemetry import Happened, Presence, Reply, State
 
 _TYPES: dict[type, str] = {Reply: "reply", State: "state", Happened: "event", Presence: "status"}
@@ -18,7 +18,7 @@ class Voice(Protocol):
     def begin(self, verb: str) -> None:
         """Start to show that `verb` is being waited for."""
 
-    def say(self, said: Said) -> None:
+    def say(self, message: Message) -> None:
         """Print a message from the service if it matters to the user."""
 
     def note(self, text: str) -> None:
@@ -28,13 +28,13 @@ class Voice(Protocol):
         """Print the last sentence; `code` is the exit code."""
 
 
-def line_of(said: Said) -> str:
+def line_of(message: Message) -> str:
     """Return a received message as one JSON object, with its `type` added."""
-    if isinstance(said, Link):
-        return json.dumps({"type": "link", "there": said.there, "why": said.why})
-    kind = next(name for model, name in _TYPES.items() if isinstance(said, model))
-    assert isinstance(said, BaseModel)
-    return json.dumps({"type": kind, **said.model_dump(mode="json")})
+    if isinstance(message, Link):
+        return json.dumps({"type": "link", "there": message.there, "why": message.why})
+    kind = next(name for model, name in _TYPES.items() if isinstance(message, model))
+    assert isinstance(message, BaseModel)
+    return json.dumps({"type": kind, **message.model_dump(mode="json")})
 
 
 class JsonVoice:
@@ -43,10 +43,10 @@ class JsonVoice:
     def begin(self, verb: str) -> None:
         """Print nothing: JSON output has no live line."""
 
-    def say(self, said: Said) -> None:
+    def say(self, message: Message) -> None:
         """Print replies and connection changes; states would be ten a second."""
-        if isinstance(said, Reply | Link):
-            typer.echo(line_of(said))
+        if isinstance(message, Reply | Link):
+            typer.echo(line_of(message))
 
     def note(self, text: str) -> None:
         """Print the sentence as an object of type note."""

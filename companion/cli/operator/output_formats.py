@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.cli.terminal import show_cursor
-from companion.client.client import Link, Said
+from companion.client.client import Link, Message
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply, State
 
 Show = Callable[[Reply, Console], None]
@@ -37,22 +37,22 @@ class PlainVoice:
             self._live.start()
             show_cursor(self._out)
 
-    def say(self, said: Said) -> None:
+    def say(self, message: Message) -> None:
         """Print accepted commands, progress, faults and connection changes."""
-        if isinstance(said, State):
-            self._state = said
-        elif isinstance(said, Link):
-            self.note("connected again" if said.there else f"{said.why}; waiting, the command is not sent again")
-        elif isinstance(said, Happened) and said.kind is Kind.LOG:
-            self.note(said.text)
-        elif isinstance(said, Happened) and said.kind in {Kind.FAULT, Kind.FAULT_ENDS}:
-            self._out.print(Text(f"  {words_of(said)}", style="yellow" if said.kind is Kind.FAULT else "dim"))
-        elif isinstance(said, Reply):
-            if said.answer in {Answer.ACCEPTED, Answer.PROGRESS} and said.text:
-                self._out.print(Text(f"  {said.text}", style="dim"))
-            if said.data and self._show is not None:
+        if isinstance(message, State):
+            self._state = message
+        elif isinstance(message, Link):
+            self.note("connected again" if message.there else f"{message.why}; waiting, the command is not sent again")
+        elif isinstance(message, Happened) and message.kind is Kind.LOG:
+            self.note(message.text)
+        elif isinstance(message, Happened) and message.kind in {Kind.FAULT, Kind.FAULT_ENDS}:
+            self._out.print(Text(f"  {words_of(message)}", style="yellow" if message.kind is Kind.FAULT else "dim"))
+        elif isinstance(message, Reply):
+            if message.answer in {Answer.ACCEPTED, Answer.PROGRESS} and message.text:
+                self._out.print(Text(f"  {message.text}", style="dim"))
+            if message.data and self._show is not None:
                 self._stop()
-                self._show(said, self._out)
+                self._show(message, self._out)
 
     def note(self, text: str) -> None:
         """Print a sentence above the live line, or on standard error without one."""

@@ -13,7 +13,7 @@ from rich.text import Text
 from companion.cli.operator.output_formats import phase_of, words_of
 from companion.cli.terminal import show_cursor
 from companion.client import client
-from companion.client.client import Link, Said
+from companion.client.client import Link, Message
 from companion.client.pending_command import armed_of
 from companion.protocol.telemetry import WAITING, Happened, Kind, Presence, State
 
@@ -36,19 +36,19 @@ def live_panel(console: client.Console) -> Iterator[None]:
         yield
 
 
-def show_event(said: Said) -> None:
+def show_event(message: Message) -> None:
     """Print an event as one line with its time of day."""
-    Console(highlight=False, soft_wrap=True).print(_event(said))
+    Console(highlight=False, soft_wrap=True).print(_event(message))
 
 
-def _event(said: Said) -> Text:
-    if isinstance(said, Happened):
-        return Text(f"{_clock(said.time_s)}  {words_of(said)}", style=_STYLES.get(said.kind, ""))
-    if isinstance(said, Presence):
-        text = f"the service runs, version {said.version}" if said.online else "the service is gone"
-        return Text(f"{_clock(time.time())}  {text}", style="" if said.online else "red")
-    assert isinstance(said, Link)
-    return Text(f"{_clock(time.time())}  {'connected again' if said.there else said.why}", style="yellow")
+def _event(message: Message) -> Text:
+    if isinstance(message, Happened):
+        return Text(f"{_clock(message.time_s)}  {words_of(message)}", style=_STYLES.get(message.kind, ""))
+    if isinstance(message, Presence):
+        text = f"the service runs, version {message.version}" if message.online else "the service is gone"
+        return Text(f"{_clock(time.time())}  {text}", style="" if message.online else "red")
+    assert isinstance(message, Link)
+    return Text(f"{_clock(time.time())}  {'connected again' if message.there else message.why}", style="yellow")
 
 
 def _clock(time_s: float) -> str:

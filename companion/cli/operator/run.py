@@ -99,11 +99,11 @@ class _Run:
     async def _follow(self, pending: PendingCommand, draft: CommandDraft) -> Reply:
         """Print the service's messages; return the last reply, or the acceptance with --no-wait."""
         last: Reply | None = None
-        async for said in pending.said():
-            self._voice.say(said)
-            if isinstance(said, Reply) and said.id == draft.id:
-                last = said
-                if said.answer is Answer.ACCEPTED and not self._options.wait:
+        async for message in pending.messages():
+            self._voice.say(message)
+            if isinstance(message, Reply) and message.id == draft.id:
+                last = message
+                if message.answer is Answer.ACCEPTED and not self._options.wait:
                     break
         assert last is not None
         return last
@@ -115,7 +115,7 @@ class _Run:
         remedies = _AFTER_CTRL_C.get(draft.verb, ())
         if not remedies:
             return f"interrupted: {draft.verb} was sent and continues; not waiting for its end"
-        said = ""
+        outcome = ""
         for remedy in remedies:
             safe = CommandDraft(**remedy)
             what = " ".join(str(value) for value in remedy.values())
@@ -126,10 +126,10 @@ class _Run:
                 return f"interrupted: {what} was sent and continues; not waiting for its end"
             except CompanionError as error:
                 return f"interrupted, but it is not known whether {what} was executed: {error}"
-            said = f"{what} {reply.answer}: {reply.text}"
+            outcome = f"{what} {reply.answer}: {reply.text}"
             if reply.answer is not Answer.REFUSED:
                 break
-        return f"interrupted; {said}"
+        return f"interrupted; {outcome}"
 
     async def _unless_pressed(self, work: Coroutine[Any, Any, T]) -> T:
         """Return the result of `work`; cancel it and raise _PressedError when Ctrl-C comes first."""

@@ -15,7 +15,7 @@ from companion.cli.operator.exit_codes import INTERRUPTED, code_of
 from companion.cli.operator.json_output import line_of
 from companion.cli.operator.options import CommandOptions, with_connection
 from companion.client import client
-from companion.client.client import Said, open_console
+from companion.client.client import Message, open_console
 from companion.client.endpoint import endpoint_of
 from companion.core.errors import CompanionError
 from companion.protocol.telemetry import Happened, State
@@ -55,7 +55,7 @@ def _end(options: CommandOptions, work: Coroutine[Any, Any, None]) -> None:
     raise typer.Exit(code)
 
 
-async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
+async def _heard(console: client.Console) -> AsyncIterator[Message | None]:
     """Yield messages for ever, None after a second of silence; NobodyThereError when no service answers."""
     await console.find()
     while True:
@@ -64,10 +64,10 @@ async def _heard(console: client.Console) -> AsyncIterator[Said | None]:
 
 async def _print_states(options: CommandOptions, once: bool) -> None:
     async with open_console(endpoint_of(options.endpoint)) as console:
-        async for said in _heard(console):
-            if isinstance(said, State) or (said is not None and not once and not isinstance(said, Happened)):
-                typer.echo(line_of(said))
-            if once and isinstance(said, State):
+        async for message in _heard(console):
+            if isinstance(message, State) or (message is not None and not once and not isinstance(message, Happened)):
+                typer.echo(line_of(message))
+            if once and isinstance(message, State):
                 return
 
 
@@ -91,12 +91,12 @@ async def _show_live(options: CommandOptions) -> None:
 
 async def _print_events(options: CommandOptions) -> None:
     async with open_console(endpoint_of(options.endpoint)) as console:
-        async for said in _heard(console):
-            if said is None or isinstance(said, State):
+        async for message in _heard(console):
+            if message is None or isinstance(message, State):
                 continue
             if options.as_json:
-                typer.echo(line_of(said))
+                typer.echo(line_of(message))
             else:
                 from companion.cli.operator.panel import show_event  # noqa: PLC0415 - see above
 
-                show_event(said)
+                show_event(message)

@@ -48,7 +48,7 @@ def simulate(
     ablate: Annotated[Ablation | None, typer.Option(help="Fly the ET-NN law without this part.")] = None,
     feedforward: ArmsFeedforward = None,
     bandwidth: Annotated[
-        float | None, typer.Option(min=2.0, max=40.0, help="Bandwidth of roll and pitch, rad/s; the law is told.")
+        float | None, typer.Option(min=2.0, max=40.0, help="Bandwidth of roll and pitch, rad/s; the law knows it.")
     ] = None,
     horizon: Annotated[
         HorizonError | None,
@@ -111,7 +111,7 @@ def simulate(
     scene = scene if horizon is None else scene.with_horizon(horizon)
     law = _controller(scene, controller, allow_unstable, ablate)
     try:
-        flights = _fly(_Asked(scene, law, feedforward, numbers, out is not None), begun_s, console)
+        flights = _fly(_Request(scene, law, feedforward, numbers, out is not None), begun_s, console)
     except KeyboardInterrupt:
         console.print("[yellow]interrupted[/]: nothing was written")
         raise typer.Exit(INTERRUPTED) from None
@@ -146,7 +146,7 @@ def _controller(scene: Scene, name: str | None, allow_unstable: bool, ablation: 
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Request:
     """Request of a simulation: scene, law, seeds."""
 
     scene: Scene
@@ -156,23 +156,23 @@ class _Asked:
     keep_signals: bool
 
 
-def _fly(asked: _Asked, begun_s: float, console: Console) -> Flights:
+def _fly(request: _Request, begun_s: float, console: Console) -> Flights:
     """Fly all seeds as one batch with a progress bar; `begun_s` is when the command began."""
-    scene, law, seeds = asked.scene, asked.controller.law, asked.seeds
-    pilot, vehicle = scene.pilot(asked.controller, asked.feedforward), scene.vehicle()
+    scene, law, seeds = request.scene, request.controller.law, request.seeds
+    pilot, vehicle = scene.pilot(request.controller, request.feedforward), scene.vehicle()
     mission = scene.mission(law.preview_s)
     if len(seeds) > 1:
         mission = stacked([mission] * len(seeds))
     columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(f"{scene.name}, {asked.controller.name}", total=len(mission.time_s))
+        task = bar.add_task(f"{scene.name}, {request.controller.name}", total=len(mission.time_s))
 
         def show(cycle: int) -> None:
             if cycle % _SHOWN_CYCLES == 0:
                 bar.update(task, completed=cycle)
 
         ready_s = time.perf_counter()
-        with in_flight(asked.controller.own_file):
-            trace = fly(pilot, vehicle, mission, seeds, keep_signals=asked.keep_signals, progress=show)
+        with in_flight(request.controller.own_file):
+            trace = fly(pilot, vehicle, mission, seeds, keep_signals=request.keep_signals, progress=show)
         end_s = time.perf_counter()
-    return flights_of(scene, asked.controller, seeds, trace, end_s - ready_s, end_s - begun_s)
+    return flights_of(scene, request.controller, seeds, trace, end_s - ready_s, end_s - begun_s)

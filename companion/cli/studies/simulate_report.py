@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
+from rich.console import Console, Group
 from rich.markup import escape
-from rich.table import Table
 
 from companion.analysis.summary import summarise
 from companion.cli.demo.flight_report import ErrorRow, error_table
@@ -89,7 +88,7 @@ def _verdict(flights: Flights) -> str:
     return "[green]inside the error limits[/]" if flights.good else "[red]outside the error limits[/]"
 
 
-def _table(flights: Flights) -> Table:
+def _table(flights: Flights) -> Group:
     limits, seeds = flights.controller.error_limits, flights.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     title = f"tracking error, {flights.scene.name}, {Path(flights.controller.name).name}, {which}"

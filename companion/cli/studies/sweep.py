@@ -9,9 +9,8 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.markup import escape
-from rich.table import Table
 
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
@@ -57,11 +56,11 @@ def sweep(
     """
     console = Console()
     check_output(out / "parts", summary)
-    wanted = Sweep(vehicles, seed, controller)
+    plan = Sweep(vehicles, seed, controller)
     try:
-        swept = _run(wanted, out / "parts", jobs or len(os.sched_getaffinity(0)), fresh, console)
+        swept = _run(plan, out / "parts", jobs or len(os.sched_getaffinity(0)), fresh, console)
     except KeyboardInterrupt:
-        kept = Parts(wanted, out / "parts").finished
+        kept = Parts(plan, out / "parts").finished
         console.print(
             f"[yellow]interrupted[/]: {kept} of {vehicles} vehicles are kept in {escape(str(out))}; the same command "
             "goes on",
@@ -69,17 +68,17 @@ def sweep(
         )
         raise typer.Exit(INTERRUPTED) from None
     _report(console, swept)
-    _keep(console, wanted, swept.columns, out)
+    _keep(console, plan, swept.columns, out)
     if summary is not None:
-        text = json.dumps(_summary(wanted, swept), indent=2, allow_nan=False)
+        text = json.dumps(_summary(plan, swept), indent=2, allow_nan=False)
         summary.write_text(text + "\n", encoding="utf-8")
     raise typer.Exit(FAILED if swept.columns["diverged"].any() else 0)
 
 
-def _run(wanted: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
+def _run(plan: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
     with progress_bar(console) as bar:
-        task = bar.add_task("vehicles", total=wanted.vehicles)
-        return run(wanted, parts, jobs, fresh, lambda flown: bar.update(task, completed=int(flown)))
+        task = bar.add_task("vehicles", total=plan.vehicles)
+        return run(plan, parts, jobs, fresh, lambda flown: bar.update(task, completed=int(flown)))
 
 
 def _report(console: Console, swept: Swept) -> None:
@@ -91,7 +90,7 @@ def _report(console: Console, swept: Swept) -> None:
     console.print(f"{len(columns['vehicle'])} vehicles in {swept.seconds:.0f} s{before}", highlight=False)
 
 
-def _errors(columns: Columns) -> Table:
+def _errors(columns: Columns) -> RenderableType:
     rows = []
     for nominal in nominals(columns):
         of = group(of_nominal(columns, nominal))
@@ -104,7 +103,7 @@ def _errors(columns: Columns) -> Table:
     return numbers_table("error of the whole flight (cm), norm of the axes' means", headings, rows)
 
 
-def _what_hurts(columns: Columns) -> Table:
+def _what_hurts(columns: Columns) -> RenderableType:
     each = [blames(of_nominal(columns, nominal)) for nominal in nominals(columns)]
     ranked = sorted(zip(*each, strict=True), key=lambda row: -sum(np.nan_to_num([one.explained for one in row])))
     return numbers_table(
@@ -131,14 +130,12 @@ def _value(value: Any) -> str:
     return str(value) if isinstance(value, str) else f"{value:.4g}"
 
 
-def _keep(console: Console, wanted: Sweep, columns: Columns, out: Path) -> None:
+def _keep(console: Console, plan: Sweep, columns: Columns, out: Path) -> None:
     """Write the table of all vehicles and the picture."""
     from companion.studies.sweep.sweep_plots import plot_sweep  # noqa: PLC0415 - matplotlib takes a second to import
 
-    name = f"{_label(wanted.controller)}-seed{wanted.seed}"
-    title = (
-        f"{wanted.vehicles} vehicles that differ from the model of {Path(wanted.controller).name}, seed {wanted.seed}"
-    )
+    name = f"{_label(plan.controller)}-seed{plan.seed}"
+    title = f"{plan.vehicles} vehicles that differ from the model of {Path(plan.controller).name}, seed {plan.seed}"
     write_part(out / f"{name}.npz", columns)
     plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
     shown = escape(str(out / name))
@@ -153,15 +150,15 @@ def _label(controller: str) -> str:
     return f"{path.stem}-{hashlib.sha256(str(path).encode()).hexdigest()[:6]}"
 
 
-def _summary(wanted: Sweep, swept: Swept) -> dict[str, Any]:
+def _summary(plan: Sweep, swept: Swept) -> dict[str, Any]:
     groups = {f"{nominal:.1f}": group(of_nominal(swept.columns, nominal)) for nominal in nominals(swept.columns)}
     return {
         "vehicles": len(swept.columns["vehicle"]),
         "diverged": int(swept.columns["diverged"].sum()),
         "seconds": round(swept.seconds, 3),
         "taken_over": swept.taken_over,
-        "controller": wanted.controller,
-        "seed": wanted.seed,
+        "controller": plan.controller,
+        "seed": plan.seed,
         "error": ERROR,
         **{name: _by_nominal(groups, name) for name in ("error_p50_m", "error_p95_m", "error_max_m", "update_share")},
     }

@@ -113,21 +113,21 @@ def tune(
     plan = _plan(generations, population, weights, seed, experiments, bandwidths)
     begin = START if start is None else _from_file(start)
     _check_outputs(out, summary, write)
-    told: list[tuple[Generation, Array]] = []
+    progress: list[tuple[Generation, Array]] = []
     try:
         with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
-            centres = _search(plan, begin, pool, told, console, out)
+            centres = _search(plan, begin, pool, progress, console, out)
             yardstick = Centre(shares_of(_from_file(start or _YARDSTICK)), 0.0, 0)
             with console.status("checking on seeds and curves that no search flew"):
                 *checked, known = _check([*centres, yardstick], plan, pool)
     except KeyboardInterrupt:
-        kept = f"; their centres are in {out / 'generations.json'}" if told else ""
-        console.print(f"interrupted after {len(told)} generations{kept}", markup=False, highlight=False)
+        kept = f"; their centres are in {out / 'generations.json'}" if progress else ""
+        console.print(f"interrupted after {len(progress)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
     best = best_of(checked)
     _print(console, checked, best, known, start or _YARDSTICK)
     with console.status("drawing"):
-        _draw([generation for generation, _ in told], checked, best, out / "front.png")
+        _draw([generation for generation, _ in progress], checked, best, out / "front.png")
     if best is None:
         console.print(
             "[red]no centre held every vehicle[/]: nothing is written; search longer, or from a better --start"
@@ -137,16 +137,16 @@ def tune(
     if summary is not None:
         _summarise(checked, summary)
     if write is not None:
-        asked: dict[str, object] = {
+        options: dict[str, object] = {
             "generations": generations,
             "population": population,
             "weights": weights,
             "seed": seed,
         }
-        asked |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
+        options |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
         title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
         says = f"the ET-NN law of {write.name}, found by companion tune"
-        write.write_text(controller_toml(best.values, title, says, _command(asked)), encoding="utf-8")
+        write.write_text(controller_toml(best.values, title, says, _command(options)), encoding="utf-8")
         console.print(f"wrote [bold]{escape(str(write))}[/]")
 
 
@@ -173,16 +173,16 @@ def _search(
     plan: Plan,
     begin: dict[str, float],
     pool: Executor,
-    told: list[tuple[Generation, Array]],
+    progress: list[tuple[Generation, Array]],
     console: Console,
     out: Path,
 ) -> list[Centre]:
-    with _progress(console, plan) as bar:
+    with _bar(console, plan) as bar:
 
         def note(generation: Generation, centre: Array) -> None:
-            told.append((generation, centre))
-            _keep(out, told)
-            bar(len(told), generation)
+            progress.append((generation, centre))
+            _keep(out, progress)
+            bar(len(progress), generation)
 
         return search(plan, shares_of(begin), pool, note)
 
@@ -193,9 +193,9 @@ def _from_file(name: str) -> dict[str, float]:
     return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
 
 
-def _command(asked: dict[str, object]) -> str:
+def _command(options: dict[str, object]) -> str:
     """Return the command line that repeats the search; output and number of processes make no difference."""
-    given = [(f"--{name}", str(value)) for name, value in asked.items() if value is not None]
+    given = [(f"--{name}", str(value)) for name, value in options.items() if value is not None]
     return shlex.join(["companion", "tune", *(part for pair in given for part in pair)])
 
 
@@ -210,7 +210,7 @@ def _numbers(option: str, text: str, least: float, most: float) -> tuple[float, 
 
 
 @contextmanager
-def _progress(console: Console, plan: Plan) -> Iterator[Any]:
+def _bar(console: Console, plan: Plan) -> Iterator[Any]:
     total = plan.generations * len(plan.weights)
     with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console) as bar:
         task = bar.add_task("searching", total=total)
@@ -261,7 +261,7 @@ def verdict(best: Checked, known: Checked, name: str) -> str:
 
 def _print(console: Console, checked: Sequence[Checked], best: Checked | None, known: Checked, name: str) -> None:
     table = Table(title="checked on seeds and curves that no search flew")
-    for title in ("weight", "generation", "as told (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
+    for title in ("weight", "generation", "nominal (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
         table.add_column(title, justify="right")
     front = front_of([one.point for one in checked])
     for one in (*checked, known):
@@ -278,15 +278,15 @@ def _print(console: Console, checked: Sequence[Checked], best: Checked | None, k
         console.print(verdict(best, known, name), highlight=False, markup=False, soft_wrap=True)
 
 
-def _draw(told: Sequence[Generation], checked: Sequence[Checked], best: Checked | None, path: Path) -> None:
+def _draw(progress: Sequence[Generation], checked: Sequence[Checked], best: Checked | None, path: Path) -> None:
     from companion.studies.tuning.tuning_plot import plot_search  # noqa: PLC0415 - matplotlib takes a second to import
 
-    plot_search(told, [one.point for one in checked], best.point if best else None, path)
+    plot_search(progress, [one.point for one in checked], best.point if best else None, path)
 
 
-def _keep(out: Path, told: Sequence[tuple[Generation, Array]]) -> None:
+def _keep(out: Path, progress: Sequence[tuple[Generation, Array]]) -> None:
     """Write all generations so far, so that an interrupt loses none."""
-    rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in told]
+    rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in progress]
     (out / "generations.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

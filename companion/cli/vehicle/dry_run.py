@@ -143,11 +143,11 @@ class _DryRun:
 
     def _judge(self, facts: Facts, seen: DryRunFacts) -> tuple[Check, ...]:
         """Return the preflight checks that need nothing sent; the EKF gets no poses here."""
-        config, wanted = self._config, self._config.preflight
-        tilts = agreement.check_tilts(facts.apart, wanted.tilt_apart_rad)
+        config, limits = self._config, self._config.preflight
+        tilts = agreement.check_tilts(facts.apart, limits.tilt_apart_rad)
         arms = vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf)
         return (
-            *check_mocap(facts.mocap, config, wanted),
+            *check_mocap(facts.mocap, config, limits),
             vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
             vehicle.check_ground(facts.status),
             *tilts,

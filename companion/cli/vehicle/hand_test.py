@@ -42,21 +42,21 @@ async def carry(running: Running, console: Console) -> tuple[Check, ...]:
     for move in Move:
         track = await _one_move(running, move, console)
         if isinstance(track, str):
-            todo = "begin again: its body must be seen, at rest at both ends, and moved as far as was asked for"
+            todo = "begin again: its body must be seen, at rest at both ends, and moved as far as requested"
             says = f"no such move within {_PATIENCE_S:g} s: {track}"
             return (*checks, Check(f"by hand: {move}", False, says, todo))
         seen[move] = moved(track)
         checks.append(judge(move, seen[move]))
-        _tell(console, checks[-1])
+        _print(console, checks[-1])
         if move is Move.LIFT:
             console.print("now put it down where it stood", highlight=False)
             await _put_down(running, track.mocap_w_m[0], console)
     checks.append(judge_together(seen))
-    _tell(console, checks[-1])
+    _print(console, checks[-1])
     return tuple(checks)
 
 
-def _tell(console: Console, check: Check) -> None:
+def _print(console: Console, check: Check) -> None:
     word, style = ("ok", "green") if check.passed else ("wrong", "red")
     text = f": {check.says}" if check.passed else f": {check.says}; {check.todo}"
     console.print(Text.assemble("  ", (word, style), text), soft_wrap=True)
@@ -65,15 +65,15 @@ def _tell(console: Console, check: Check) -> None:
 async def _one_move(running: Running, move: Move, console: Console) -> Track | str:
     """Return the track of a move from rest to rest, or what was seen when it was not done in time."""
     samples = _Samples(running)
-    with _Wanted(console, "hold it still", samples) as wanted:
-        if not await _until(samples, lambda: at_rest(samples.track(_BEFORE)), wanted):
+    with _Prompt(console, "hold it still", samples) as prompt:
+        if not await _until(samples, lambda: at_rest(samples.track(_BEFORE)), prompt):
             return f"it was not at rest before; {samples.seen()}"
     console.print(f"[bold]{move.asks}[/]", highlight=False, soft_wrap=True)
     samples.keep_last(_BEFORE)
-    with _Wanted(console, move.asks, samples) as wanted:
-        done = await _until(samples, lambda: is_over(samples.track(), move), wanted)
-    with _Wanted(console, "hold it still: the autopilot follows", samples, _FOLLOWS_S) as wanted:
-        await _until(samples, lambda: settled(samples.track()), wanted)  # or judge one that never rests
+    with _Prompt(console, move.asks, samples) as prompt:
+        done = await _until(samples, lambda: is_over(samples.track(), move), prompt)
+    with _Prompt(console, "hold it still: the autopilot follows", samples, _FOLLOWS_S) as prompt:
+        await _until(samples, lambda: settled(samples.track()), prompt)  # or judge one that never rests
     return samples.track() if done else samples.seen()
 
 
@@ -84,8 +84,8 @@ async def _put_down(running: Running, where_w_m: Array, console: Console) -> Non
         track = samples.track(_BEFORE)
         return at_rest(track) and float(np.linalg.norm(track.mocap_w_m[-1] - where_w_m)) < _BACK_M
 
-    with _Wanted(console, "put it down where it stood", samples) as wanted:
-        await _until(samples, down, wanted)
+    with _Prompt(console, "put it down where it stood", samples) as prompt:
+        await _until(samples, down, prompt)
 
 
 class _Samples:
@@ -120,7 +120,7 @@ class _Samples:
         return Track(rows[:, 0], rows[:, 1:4], rows[:, 4:8], rows[:, 8:11], rows[:, 11:15])
 
 
-class _Wanted:
+class _Prompt:
     """Live line with the requested move, the time left and the motion seen so far."""
 
     def __init__(self, console: Console, asks: str, samples: _Samples, patience_s: float | None = None) -> None:
@@ -129,7 +129,7 @@ class _Wanted:
         self._next_s = -math.inf
         self.patience_s = _PATIENCE_S if patience_s is None else patience_s
 
-    def __enter__(self) -> "_Wanted":
+    def __enter__(self) -> "_Prompt":
         self._status.start()
         show_cursor(self._console)
         return self
@@ -137,20 +137,20 @@ class _Wanted:
     def __exit__(self, *_: object) -> None:
         self._status.stop()
 
-    def tell(self, left_s: float) -> None:
+    def update(self, left_s: float) -> None:
         """Update the line at most every half second."""
         if self.patience_s - left_s >= self._next_s:
             self._next_s = self.patience_s - left_s + _TELL_S
             self._status.update(Text(f"{self._asks}: {left_s:.0f} s left; {self._samples.seen()}"))
 
 
-async def _until(samples: _Samples, true: Callable[[], bool], wanted: _Wanted) -> bool:
+async def _until(samples: _Samples, reached: Callable[[], bool], prompt: _Prompt) -> bool:
     clock = asyncio.get_running_loop()
-    end_s = clock.time() + wanted.patience_s
-    while not true():
+    end_s = clock.time() + prompt.patience_s
+    while not reached():
         if clock.time() > end_s:
             return False
-        wanted.tell(end_s - clock.time())
+        prompt.update(end_s - clock.time())
         await asyncio.sleep(_SAMPLE_S)
         samples.take()
     return True

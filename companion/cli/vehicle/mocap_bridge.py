@@ -47,17 +47,17 @@ def mocap_bridge(
     bridge = Bridge(settings.mocap, settings.mocap_broker(), MonotonicClock())
     with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
         LOG.info("configuration %s", config or vehicle_config_path())
-        uvloop.run(_until_told(bridge))
+        uvloop.run(_until_stopped(bridge))
 
 
-async def _until_told(bridge: Bridge) -> None:
-    told = asyncio.Event()
+async def _until_stopped(bridge: Bridge) -> None:
+    stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        asyncio.get_running_loop().add_signal_handler(number, told.set)
+        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
     tasks = {
         asyncio.create_task(bridge.run(), name="companion.bridge"),
         asyncio.create_task(_show(bridge, _write), name="companion.shown"),
-        asyncio.create_task(told.wait(), name="companion.told"),
+        asyncio.create_task(stopped.wait(), name="companion.stopped"),
     }
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

@@ -153,8 +153,8 @@ def show(
 ) -> None:
     """Print the checks, the failed ones again at the end, and the verdict; or JSON on standard output."""
     if as_json:
-        told = (replace(check, todo="") if check.passed else check for check in checks)
-        typer.echo(json.dumps([asdict(check) for check in told], indent=2))
+        shown = (replace(check, todo="") if check.passed else check for check in checks)
+        typer.echo(json.dumps([asdict(check) for check in shown], indent=2))
         return
     console.print(_table(_gathered(checks), with_todo=len(checks) <= _GLANCE))
     wrong = [check for check in checks if not check.passed]

@@ -9,19 +9,19 @@ from companion.analysis.report.charts import COLOURS, Medium, style_of
 from companion.studies.tuning.search import ERROR_M, UPDATES, Generation, Point, front_of
 
 
-def plot_search(told: Sequence[Generation], checked: Sequence[Point], best: Point | None, path: Path) -> None:
+def plot_search(progress: Sequence[Generation], checked: Sequence[Point], best: Point | None, path: Path) -> None:
     """Write the picture in the format of the path's suffix."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with style_of(Medium.PAGE):
-        _figure(told, checked, best).savefig(path, dpi=150)
+        _figure(progress, checked, best).savefig(path, dpi=150)
 
 
-def _figure(told: Sequence[Generation], checked: Sequence[Point], best: Point | None) -> Figure:
+def _figure(progress: Sequence[Generation], checked: Sequence[Point], best: Point | None) -> Figure:
     figure = Figure(figsize=(7.0, 4.4), layout="constrained")
     axes = figure.subplots()
-    weights = sorted({generation.weight for generation in told})
+    weights = sorted({generation.weight for generation in progress})
     for weight, colour in zip(weights, COLOURS * len(weights), strict=False):
-        run = [one for one in told if one.weight == weight]
+        run = [one for one in progress if one.weight == weight]
         updates, error_mm = [100.0 * one.update_share for one in run], [1e3 * one.error_m for one in run]
         axes.plot(updates, error_mm, "-", lw=0.5, color=colour, alpha=0.4)
         axes.scatter(updates, error_mm, s=8, color=colour, alpha=0.6, label=f"generations, weight {weight:g} (medians)")

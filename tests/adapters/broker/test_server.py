@@ -62,7 +62,7 @@ async def test_fifty_clients_that_connect_at_one_moment_cost_no_command(capfd: p
 
         async def operate(draft: CommandDraft) -> list[Answer]:
             async with open_console(place) as console:
-                return [one.answer async for one in PendingCommand(console, draft).said() if isinstance(one, Reply)]
+                return [one.answer async for one in PendingCommand(console, draft).messages() if isinstance(one, Reply)]
 
         async def visit(number: int) -> None:
             async with client(own.port) as visitor:
