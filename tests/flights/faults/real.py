@@ -51,6 +51,12 @@ class Mock:
         assert self._process.stdin is not None
         self._process.stdin.write(f"{line}\n".encode())
 
+    async def begin(self) -> None:
+        """Tell that the fault begins; return when the mock has noted the time."""
+        assert self._process.stdout is not None
+        self.tell("begin")
+        await self._process.stdout.readline()
+
     async def flown(self) -> Flown:
         """Ends it."""
         assert self._process.stdin is not None
@@ -170,7 +176,7 @@ async def _refused(how: str, scene: Scene) -> None:
 async def _twice(_: str, scene: Scene) -> None:
     async with scene.service() as operator:
         await operator.service.ready()
-        scene.mock.tell("begin")
+        await scene.mock.begin()
         try:
             async with scene.service():
                 pass

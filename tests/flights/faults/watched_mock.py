@@ -37,6 +37,7 @@ async def _serve(ports: MockPorts) -> None:
         while line := (await lines.readline()).decode().strip():
             simulator.catch_up()
             watch.begin()
+            print("begun", flush=True)
             if line != "begin":
                 simulator.world.inject(parse(line))
         simulator.catch_up()
