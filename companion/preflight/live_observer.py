@@ -15,6 +15,7 @@ from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
+from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import Clock, CompanionError, MocapError, MocapSource
 from companion.core.types import MocapFrame
@@ -105,7 +106,7 @@ async def open_live_observer(
         mocap, autopilot, bus = await asyncio.gather(
             opening.device("motion capture", mocap_place(config), open_mocap(config, clock)),
             opening.device("autopilot", where, open_px4(config.px4, clock)),
-            _opened_arms(opening, config, clock),
+            _opened_arms(opening, config.arms, clock),
         )
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
             seen = () if mocap is None else await _mocap_checks(mocap, clock, config)
@@ -127,11 +128,10 @@ async def open_live_observer(
             yield running, observer
 
 
-async def _opened_arms(opening: DeviceOpening, config: CompanionConfig, clock: Clock) -> DynamixelBus | None:
-    if config.arms is None:
+async def _opened_arms(opening: DeviceOpening, arms: ArmsConfig | None, clock: Clock) -> DynamixelBus | None:
+    if arms is None:
         return None
-    opened = open_dynamixel(config.arms, clock, strict=False)
-    return await opening.device("arms", f"on {config.arms.port}", opened)
+    return await opening.device("arms", f"on {arms.port}", open_dynamixel(arms, clock, strict=False))
 
 
 @asynccontextmanager
@@ -159,7 +159,7 @@ async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfi
             await asyncio.sleep(_LOOK_S)
     except MocapError as error:
         return (Check("motion capture", False, str(error), todo_of("motion capture")),)
-    return check_mocap(watch.seen(config.mocap.body, clock.now_s() - begun_s), config, config.preflight)
+    return check_mocap(watch.seen(config.mocap.body, clock.now_s() - begun_s), config.safety, config.preflight)
 
 
 def mocap_place(config: CompanionConfig) -> str:

@@ -221,7 +221,7 @@ class FlightActions:
         Raises FlightError where the geofence is too near, and when another command held the vehicle at a lower height.
         """
         vehicle = self.loop.estimate.vehicle
-        check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config)
+        check_climb(height_m, None if vehicle is None else vehicle.position_w_m, self._config.fence)
         self._submit(TakeoffRequest(height_m))
         accepted()
         rules = self._config.flight_rules()
@@ -244,7 +244,7 @@ class FlightActions:
         geofence.
         """
         target = Hold(position_w_m, yaw_rad)
-        await check_room_and_fence(target, self._config)
+        await check_room_and_fence(target, self._config.room, self._config.fence)
         self._submit(TrackRequest(target, 0.0))
         accepted()
         approach, *_, end = self.loop.flight.legs
@@ -260,7 +260,7 @@ class FlightActions:
         Raises, before anything moves, ConfigError for a trajectory that leaves the room or is too fast and FlightError
         for one that comes too near the geofence; the vehicle then continues as before.
         """
-        await check_room_and_fence(trajectory, self._config)
+        await check_room_and_fence(trajectory, self._config.room, self._config.fence)
         settle_s = self._config.flight.settle_s
         self._submit(TrackRequest(trajectory, settle_s))
         accepted()

@@ -45,7 +45,7 @@ def load_law(name: str, config: CompanionConfig) -> Controller:
     return loaded.law
 
 
-def planned_track(command: commands.Track, service: FlightActions, config: CompanionConfig) -> Planned:
+def planned_track(command: commands.Track, service: FlightActions, config: ArmsConfig | None) -> Planned:
     """Return the trajectory and the motion of the arms; raise ConfigError, ArmError or FlightError with the reason."""
     if command.waypoints is not None:
         name, trajectory = "the path", _waypoints(command.waypoints)
@@ -80,12 +80,12 @@ def _height_m(service: FlightActions) -> float:
 
 
 def planned_arms(
-    name: str, service: FlightActions, config: CompanionConfig, duration_s: float = _ENDLESS_MOTION_S
+    name: str, service: FlightActions, config: ArmsConfig | None, duration_s: float = _ENDLESS_MOTION_S
 ) -> JointTrajectory:
     """Return a motion that starts at the held joint angles; raise ConfigError or ArmError when it cannot be run."""
-    if config.arms is None:
+    if config is None:
         raise FlightError("this vehicle has no arms: its configuration has no [arms]")
-    return plan_motion(name, duration_s, config.arms, service.arms.held_rad).trajectory
+    return plan_motion(name, duration_s, config, service.arms.held_rad).trajectory
 
 
 def plan_motion(name: str, duration_s: float, arms: ArmsConfig, start_rad: Array) -> Plan:

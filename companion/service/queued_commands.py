@@ -104,7 +104,7 @@ class QueuedCommands:
         rejection = service.loop.refusal(_ANY_TRACK)
         if rejection:  # before seconds of planning; what may change meanwhile is evaluated at the start
             raise FlightError(rejection)
-        plan: Planned = await asyncio.to_thread(planned_track, command, service, self._config)
+        plan: Planned = await asyncio.to_thread(planned_track, command, service, self._config.arms)
         try:
             await service.fly(plan.trajectory, lambda: self._begin_track(plan))
         finally:
@@ -128,7 +128,7 @@ class QueuedCommands:
             arms.still("the operator stopped them")
             return "the arms come to rest"
         if command.do == "play":
-            motion = await asyncio.to_thread(planned_arms, command.motion or "", self._service, self._config)
+            motion = await asyncio.to_thread(planned_arms, command.motion or "", self._service, self._config.arms)
             arms.begin(motion)
             self._start(f"{command.motion} takes {motion.duration_s:.0f} s")
             await arms.at_rest(motion.duration_s)

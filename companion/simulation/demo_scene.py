@@ -34,7 +34,7 @@ def demo_scene(name: str, trajectory: Trajectory, arms: str, companion: Companio
     if arms != "off" and not mock.arms.enabled:
         raise ConfigError(f"arms {arms!r}: the mock's configuration has none, enable them there or turn them off here")
     flown = _from_lift_off(trajectory, companion)
-    plan = planned_arms(arms, companion, trajectory.duration_s + _SWING_ON_S)
+    plan = planned_arms(arms, companion.arms, trajectory.duration_s + _SWING_ON_S)
     if plan is not None:
         stowed = ArmsHold(plan.trajectory.at(0.0).position_rad, flown.climb_s)
         plan = replace(plan, trajectory=InTurn((stowed, plan.trajectory)))

@@ -213,7 +213,7 @@ def load_scene(name: str) -> Scene:
     except MockConfigError as error:
         raise ConfigError(f"{path}: mock.{error}") from None
     trajectory = file.trajectory.trajectory()
-    arms = planned_arms(file.arms, file.companion, trajectory.duration_s + file.settle_s)
+    arms = planned_arms(file.arms, file.companion.arms, trajectory.duration_s + file.settle_s)
     return Scene(
         name=path.stem,
         title=file.title,
@@ -225,12 +225,12 @@ def load_scene(name: str) -> Scene:
     )
 
 
-def planned_arms(name: str, companion: CompanionConfig, duration_s: float) -> Plan | None:
+def planned_arms(name: str, config: ArmsConfig | None, duration_s: float) -> Plan | None:
     """Return a motion of `duration_s`, begun from the stowed pose; None for `off`. Raises ArmError or ConfigError."""
     if name == "off":
         return None
-    if companion.arms is None:
+    if config is None:
         raise ConfigError(f"arms {name}: this vehicle has no arms, its configuration has no [arms]")
-    model, start = companion.arms.model(), companion.arms.stow_rad()
+    model, start = config.model(), config.stow_rad()
     motion = motion_named(name, duration_s).trajectory(model, start)
-    return plan(model, motion, start, via_rad=(companion.arms.home_rad(),))
+    return plan(model, motion, start, via_rad=(config.home_rad(),))

@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 from companion.arms.state_machine import ArmPhase
-from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import ArmError
 from companion.flight.arm_step import ArmStep
 from companion.protocol.commands import Track, Waypoint
@@ -193,7 +192,7 @@ async def test_a_path_is_solved_before_the_control_loop_looks_at_it() -> None:
     async with operated() as op:
         rows = tuple(Waypoint(t_s=float(t), x_m=0.01 * t, y_m=0.0, z_m=1.0) for t in range(400))
         sent = Track(verb="track", id="t", session="0" * 16, sent_s=1.0, waypoints=rows)
-        plan = planned_track(sent, op.one.service, CompanionConfig())
+        plan = planned_track(sent, op.one.service, None)
         assert "_coefficients" in vars(plan.trajectory)
 
 

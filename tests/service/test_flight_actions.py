@@ -258,7 +258,7 @@ async def test_what_leads_out_is_refused_in_flight_and_what_was_flown_goes_on() 
         assert one.phase() is Phase.HOLD
         assert service.loop.flight.legs is flown
         cycles = one.cycles
-        await check_room_and_fence(Ellipse(np.array([0.0, 0.0, 1.0])), CompanionConfig())
+        await check_room_and_fence(Ellipse(np.array([0.0, 0.0, 1.0])), CompanionConfig().room, CompanionConfig().fence)
         assert one.cycles > cycles + 20, "the loop goes on while 34 s of trajectory are looked at"
 
 

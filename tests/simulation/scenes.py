@@ -35,7 +35,7 @@ def scene(trajectory: Trajectory = LAP, arms: str = "off", settle_s: float = 1.0
     The autopilot's horizon is perfect unless `mock` has an estimator: what a law or the physics does is to be seen.
     """
     companion = CompanionConfig(arms=ArmsConfig())
-    plan = planned_arms(arms, companion, trajectory.duration_s + settle_s)
+    plan = planned_arms(arms, companion.arms, trajectory.duration_s + settle_s)
     return Scene(
         name="short",
         title="a short flight",

@@ -76,7 +76,7 @@ async def test_in_pieces_nothing_of_the_heading_is_overlooked() -> None:
     for begin_s in np.arange(5.0, 5.4, 0.03):
         sharp = path((0, 0, 0), (begin_s, 0, 0), (begin_s + 0.2, 0, 0.05), (9, 0, 0.05))
         with pytest.raises(ConfigError, match="turns too sharply: "):
-            await check_room_and_fence(sharp, CompanionConfig())
+            await check_room_and_fence(sharp, CompanionConfig().room, CompanionConfig().fence)
 
 
 def test_each_segment_is_looked_at_however_short_it_is() -> None:

@@ -7,7 +7,7 @@ from companion.analysis.calibration.attitude import fit_attitude, fit_mocap_dela
 from companion.analysis.calibration.fitting import Fit
 from companion.analysis.calibration.signals import Observed
 from companion.analysis.calibration.thrust import Hover, fit_rotors, hover
-from companion.config.companion_config import CompanionConfig
+from companion.config.companion_config import CompanionConfig, VehicleConfig
 
 _EXPLAINED = 0.8
 """A model that explains less of what is seen is not the vehicle's."""
@@ -62,18 +62,18 @@ def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
     """Return each quantity by itself; those that cannot be determined well enough are listed as left."""
     vehicle = config.vehicle
     results: list[Finding | Unknown] = []
-    delay = _mocap_delay(seen, config)
+    delay = _mocap_delay(seen, config.mocap.delay_s)
     level = hover(seen, vehicle.gravity_mps2)
-    results.append(_hover_thrust(level, config))
+    results.append(_hover_thrust(level, vehicle.hover_thrust))
     known_s = delay.value if isinstance(delay, Finding) else config.mocap.delay_s
-    results += _rotors(seen, level, known_s, config)
-    results += _attitude(fit_attitude(seen), known_s, config)
+    results += _rotors(seen, level, known_s, vehicle)
+    results += _attitude(fit_attitude(seen), known_s, vehicle)
     results.append(delay)
     findings = tuple(one for one in results if isinstance(one, Finding))
     return Calibrated(findings, tuple(one for one in results if isinstance(one, Unknown)))
 
 
-def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Unknown:
+def _mocap_delay(seen: Observed, configured_s: float) -> Finding | Unknown:
     name = "mocap.delay_s"
     if len(seen.heard_s) < 100:
         return Unknown(name, "the autopilot's attitude hardly came")
@@ -84,18 +84,17 @@ def _mocap_delay(seen: Observed, config: CompanionConfig) -> Finding | Unknown:
     if sd_s > 0.01 or delay_s < 0.0:
         return Unknown(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
     says = "from capture to arrival, less what the autopilot's attitude takes to get here"
-    return Finding("mocap.delay_s", delay_s, sd_s, config.mocap.delay_s, 3, says)
+    return Finding("mocap.delay_s", delay_s, sd_s, configured_s, 3, says)
 
 
-def _hover_thrust(level: Hover | None, config: CompanionConfig) -> Finding | Unknown:
+def _hover_thrust(level: Hover | None, configured: float) -> Finding | Unknown:
     if level is None:
         return Unknown("vehicle.hover_thrust", "it hovered for less than 10 s: hold for half a minute, arms stowed")
     says = f"over {level.for_s:.0f} s, in which it varied by {level.spread:.4f} (standard deviation)"
-    return Finding("vehicle.hover_thrust", level.thrust, level.sd, config.vehicle.hover_thrust, 3, says)
+    return Finding("vehicle.hover_thrust", level.thrust, level.sd, configured, 3, says)
 
 
-def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: CompanionConfig) -> list[Finding | Unknown]:
-    vehicle = config.vehicle
+def _rotors(seen: Observed, level: Hover | None, mocap_s: float, vehicle: VehicleConfig) -> list[Finding | Unknown]:
     names = ("vehicle.thrust_curve", "vehicle.thrust_lag_s")
     if level is None:
         return [Unknown(name, "hover thrust is not known") for name in names]
@@ -124,8 +123,7 @@ def _rotors(seen: Observed, level: Hover | None, mocap_s: float, config: Compani
     return results
 
 
-def _attitude(found: Fit, mocap_s: float, config: CompanionConfig) -> list[Finding | Unknown]:
-    vehicle = config.vehicle
+def _attitude(found: Fit, mocap_s: float, vehicle: VehicleConfig) -> list[Finding | Unknown]:
     names = ("vehicle.setpoint_delay_s", "vehicle.attitude_bandwidth_radps", "vehicle.attitude_damping")
     total_s, bandwidth, damping = (float(value) for value in found.values)
     delay_sd_s, bandwidth_sd, damping_sd = (float(sd) for sd in found.sd)

@@ -20,7 +20,7 @@ from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
 from companion.cli.output import as_typed, check_output, kept
-from companion.config.arms_config import Feedforward
+from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.config.locations import default_config_path
@@ -90,12 +90,12 @@ def demo(
         logging.getLogger("companion").setLevel(logging.DEBUG)
     console = Console()
     settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
-    _check_faults(fault or (), mocks, settings)
+    _check_faults(fault or (), mocks, broker=settings.operator is not None)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)
-    require_inside(flown, settings, trajectory)
-    notes = _check_arms(arms, settings, flown)
+    require_inside(flown, settings.room, settings.fence, trajectory)
+    notes = _check_arms(arms, settings.arms, flown)
     flights = [
         DemoFlight(
             config=_on_ports(settings, ports),
@@ -159,24 +159,24 @@ def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedCo
     return law
 
 
-def _check_faults(faults: Sequence[str], mocks: bool, config: CompanionConfig) -> None:
+def _check_faults(faults: Sequence[str], mocks: bool, broker: bool) -> None:
     """Raise MockError for faults that this demo cannot inject; the mocks check the sentences when they start."""
     if faults and not mocks:
         raise MockError("--fault is for the mocks that the demo starts: give it to the running ones, or no --no-mocks")
     for sentence in faults:
-        if sentence.lower().split()[:1] == ["broker"] and config.operator is None:
+        if sentence.lower().split()[:1] == ["broker"] and not broker:
             raise MockError(
                 f'--fault "{sentence}": no broker is listened to: the configuration has no [operator], see docs/bus.md'
             )
 
 
-def _check_arms(name: str, config: CompanionConfig, trajectory: Trajectory) -> tuple[str, ...]:
+def _check_arms(name: str, config: ArmsConfig | None, trajectory: Trajectory) -> tuple[str, ...]:
     """Plan the arms' motion before anything starts; return the plan's notes. Raises ConfigError or ArmError."""
-    if config.arms is None and name not in {"off", "swing"}:
+    if config is None and name not in {"off", "swing"}:
         raise ConfigError(f"--arms {name}: this vehicle has no arms, its configuration has no [arms]")
-    if config.arms is None or name == "off":
+    if config is None or name == "off":
         return ()
-    return plan_motion(name, trajectory.duration_s + APPROACH_S, config.arms, config.arms.stow_rad()).notes
+    return plan_motion(name, trajectory.duration_s + APPROACH_S, config, config.stow_rad()).notes
 
 
 def _track(name: str, curve: Curve, trajectory: Trajectory, arms: str | None) -> Track:

@@ -147,13 +147,13 @@ class _DryRun:
         tilts = agreement.check_tilts(facts.apart, limits.tilt_apart_rad)
         arms = vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf)
         return (
-            *check_mocap(facts.mocap, config, limits),
+            *check_mocap(facts.mocap, config.safety, limits),
             vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
             vehicle.check_ground(facts.status),
             *tilts,
             vehicle.check_battery(facts.status, config.safety.battery_low),
             *arms,
-            *check_place(facts.position_w_m, config, self._trajectory),
+            *check_place(facts.position_w_m, config.fence, config.flight.takeoff_height_m, self._trajectory),
             check_law(seen),
             check_health(seen),
         )

@@ -83,7 +83,7 @@ async def _look(config: CompanionConfig, for_s: float, console: Console) -> tupl
                     await asyncio.wait_for(pressed.wait(), None if math.isinf(for_s) else for_s)
             seen = watch.seen(config.mocap.body, loop.time() - begun_s)
     console.print(shown.table())
-    return check_mocap(seen, config, config.preflight)
+    return check_mocap(seen, config.safety, config.preflight)
 
 
 class _Shown:

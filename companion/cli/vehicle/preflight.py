@@ -25,6 +25,7 @@ from companion.cli.output import check_output
 from companion.cli.terminal import show_cursor
 from companion.cli.vehicle.hand_test import carry
 from companion.config.companion_config import CompanionConfig
+from companion.config.operator_config import OperatorConfig
 from companion.config.trajectory_files import Curve, trajectory_named
 from companion.core.interfaces import FlightError
 from companion.preflight.checks.all_checks import check_operator
@@ -89,7 +90,7 @@ async def _look(
 ) -> tuple[Check, ...]:
     with console.status("connecting") as status:
         show_cursor(console)
-        async with _broker(config) as (operator_age_s, met_broker):
+        async with _broker(config.operator) as (operator_age_s, met_broker):
             try:
                 async with open_live_observer(
                     config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
@@ -99,19 +100,21 @@ async def _look(
                     return await check_everything(met, config, trajectory)
             except DevicesMissingError as missing:
                 await met_broker()
-                return *check_operator(operator_age_s(), config), *missing.checks
+                return *check_operator(operator_age_s(), config.operator), *missing.checks
 
 
 @asynccontextmanager
-async def _broker(config: CompanionConfig) -> AsyncIterator[tuple[Callable[[], float], Callable[[], Awaitable[None]]]]:
+async def _broker(
+    operator: OperatorConfig | None,
+) -> AsyncIterator[tuple[Callable[[], float], Callable[[], Awaitable[None]]]]:
     """Yield a function for the age of the operator's broker, s, and one that waits until it answers or times out.
 
     The service's embedded broker does not run yet, which is no fault.
     """
-    if config.operator is None or config.operator.embedded:
+    if operator is None or operator.embedded:
         yield (lambda: 0.0), partial(asyncio.sleep, 0)
         return
-    link = BusLink(config.operator, MonotonicClock(), secrets.token_hex(8))
+    link = BusLink(operator, MonotonicClock(), secrets.token_hex(8))
     async with link.listening(_refuse):
         listening = asyncio.create_task(link.listened(_LISTEN_S), name="companion.listen")
         try:

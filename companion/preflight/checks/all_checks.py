@@ -5,8 +5,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from companion.config.companion_config import CompanionConfig
+from companion.config.companion_config import CompanionConfig, VehicleConfig
+from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig, Recommended
+from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.core.types import Array, AutopilotStatus
 from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle
 from companion.preflight.checks.agreement import Difference, VisionFacts
@@ -57,45 +59,44 @@ def check_all(
 ) -> tuple[Check, ...]:
     """Run every check, in the order in which an operator would work through them."""
     return (
-        *check_machine(facts.machine, config, wanted),
-        *check_operator(facts.operator_age_s, config),
-        *check_mocap(facts.mocap, config, wanted),
+        *check_machine(facts.machine, config.safety, wanted),
+        *check_operator(facts.operator_age_s, config.operator),
+        *check_mocap(facts.mocap, config.safety, wanted),
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
         vehicle.check_alone(facts.status, config.px4.system_id),
         vehicle.check_ground(facts.status),
         *check_agreement(facts.apart, wanted, facts.landed_age_s),
         agreement.check_vision(facts.vision, wanted.position_apart_m),
-        *_compared(facts, config, wanted),
+        *_compared(facts, config.vehicle, wanted),
         *check_parameters(recommended, facts.parameters),
         vehicle.check_battery(facts.status, wanted.battery),
         *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
         *([facts.law] if facts.law is not None else []),
-        *check_place(facts.position_w_m, config, trajectory),
+        *check_place(facts.position_w_m, config.fence, config.flight.takeoff_height_m, trajectory),
         check_hand_test(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
     )
 
 
-def check_machine(seen: ComputerFacts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def check_machine(seen: ComputerFacts, safety: SafetyConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     """Check this computer's disk, clocks and scheduling."""
     return (
-        computer.check_disk(seen, config.safety.disk_free_mb),
+        computer.check_disk(seen, safety.disk_free_mb),
         *computer.check_clock(seen),
         computer.check_priority(seen, wanted.realtime),
     )
 
 
-def check_operator(age_s: float, config: CompanionConfig) -> tuple[Check, ...]:
+def check_operator(age_s: float, operator: OperatorConfig | None) -> tuple[Check, ...]:
     """Check the operator's broker, where one is configured: without it a flight ends soon after takeoff."""
-    operator = config.operator
     return () if operator is None else (computer.check_broker(age_s, f"{operator.host}:{operator.port}"),)
 
 
-def check_mocap(seen: MocapFacts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def check_mocap(seen: MocapFacts, safety: SafetyConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     """Check body, rate, age and residual of motion capture."""
     return (
         mocap.check_body(seen),
         mocap.check_rate(seen, wanted.mocap_hz),
-        mocap.check_age(seen, config.safety.coast_s),
+        mocap.check_age(seen, safety.coast_s),
         mocap.check_residual(seen, wanted.residual_m),
     )
 
@@ -109,18 +110,19 @@ def check_agreement(apart: Difference, wanted: PreflightConfig, landed_age_s: fl
 
 
 def check_place(
-    position_w_m: Array | None, config: CompanionConfig, trajectory: Trajectory | None
+    position_w_m: Array | None, fence: FenceConfig, takeoff_height_m: float, trajectory: Trajectory | None
 ) -> tuple[Check, ...]:
     """Check that the vehicle, and the trajectory where known, are inside the fence with its margin."""
-    fence, margin_m = config.fence.fence(), config.fence.margin_m
-    standing = start_place.check_standing(position_w_m, config.flight.takeoff_height_m, fence, margin_m)
-    return (standing,) if trajectory is None else (standing, start_place.check_trajectory(trajectory, fence, margin_m))
+    standing = start_place.check_standing(position_w_m, takeoff_height_m, fence.fence(), fence.margin_m)
+    if trajectory is None:
+        return (standing,)
+    return standing, start_place.check_trajectory(trajectory, fence.fence(), fence.margin_m)
 
 
-def _compared(facts: Facts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def _compared(facts: Facts, configured: VehicleConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
     delay_ms, hover, curve = (facts.parameters.get(name, math.nan) for name in (DELAY, HOVER, CURVE))
     return (
         agreement.check_delay(delay_ms, facts.mocap.delay_s, wanted.delay_apart_s),
-        vehicle.check_hover_thrust(config.vehicle.hover_thrust, hover),
-        vehicle.check_thrust_curve(config.vehicle.thrust_curve, curve),
+        vehicle.check_hover_thrust(configured.hover_thrust, hover),
+        vehicle.check_thrust_curve(configured.thrust_curve, curve),
     )
