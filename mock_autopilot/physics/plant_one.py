@@ -1,7 +1,7 @@
 """The same physics as plant.step for exactly one vehicle, in plain floats: faster than numpy on 3-vectors.
 
-The equations are plant.py's, term by term; tests/mock_autopilot/test_plant.py holds the two together to rounding. Who
-takes many steps keeps the state in floats (`OneState`, `moved`); who takes one at a time has arrays (`step`).
+The equations are plant.py's, term by term; tests/mock_autopilot/physics/test_plant.py holds the two together to
+rounding. To take many steps, keep the state in floats (`OneState`, `moved`); `step` takes and returns arrays.
 """
 
 import math

@@ -69,8 +69,8 @@ A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
   motion capture (`[estimator]` of the mock's file, on unless `attitude_error_rad = 0`): roll and pitch off by a random
   walk of 1.2 degrees and 5 s, or as in one of three recorded flights; what follows from it for position and velocity,
   with gains as EKF2_EVP_NOISE has them; a height 0.1 to 0.7 m too high with a distance sensor and EKF2_RNG_CTRL = 1.
-  `tests/mock_autopilot/test_attitude_error.py` and `test_horizon.py` hold them against the recorded numbers. The facts
-  below are measured without them: no chance decides about a mode or a text.
+  `tests/mock_autopilot/px4/test_attitude_error.py` and `test_horizon.py` hold them against the recorded numbers. The
+  facts below are measured without them: no chance decides about a mode or a text.
 - EKF2_EVA_NOISE and EKF2_EVV_NOISE change nothing: the heading is right, and velocities are rarely sent.
 - Without these errors and without vision the estimate drifts as in the worst of three recorded losses of a vehicle
   that hovered (11 m within 8 s; another drifted 1.5 m). With them it drifts as its horizon errs: blind landings from

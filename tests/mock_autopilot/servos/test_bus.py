@@ -6,7 +6,7 @@ import dynamixel_sdk as dxl
 import pytest
 
 from mock_autopilot.servos.config import DynamixelConfig, ServoConfig
-from tests.mock_autopilot.dynamixel_host import (
+from tests.mock_autopilot.servos.dynamixel_host import (
     AX_IDS,
     NO_ANSWER,
     OK,

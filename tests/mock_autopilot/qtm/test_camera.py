@@ -10,7 +10,7 @@ from mock_autopilot.physics.quaternion import from_euler
 from mock_autopilot.qtm.camera import Camera
 from mock_autopilot.qtm.config import Interval, QualisysConfig
 from mock_autopilot.qtm.packets import Component, Frame, data_packet
-from tests.mock_autopilot.truths import flight, truth_at
+from tests.mock_autopilot.qtm.truths import flight, truth_at
 
 RIGHT = np.array([0.0, 0.0, 2.0])
 QUIET: dict[str, Any] = {"noise_m": 0.0, "noise_rad": 0.0, "delay_s": 0.0}

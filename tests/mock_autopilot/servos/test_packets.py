@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mock_autopilot.servos.packets import Block, Packet, Parser, checksum, crc16, fast_status, pack1, pack2, status2
-from tests.mock_autopilot.dynamixel_examples import FAST_SYNC_READ_ANSWER, PROTOCOL_1, PROTOCOL_2, Example
+from tests.mock_autopilot.servos.dynamixel_examples import FAST_SYNC_READ_ANSWER, PROTOCOL_1, PROTOCOL_2, Example
 
 EXAMPLES = [pytest.param(example, id=f"{example.protocol}.0 {example.name}") for example in PROTOCOL_1 + PROTOCOL_2]
 

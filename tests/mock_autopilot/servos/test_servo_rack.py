@@ -10,7 +10,7 @@ from mock_autopilot.servos.memory import Refusal
 from mock_autopilot.servos.packets import Error1
 from mock_autopilot.servos.rack import ServoRack
 from mock_autopilot.servos.servo import Servo
-from tests.mock_autopilot.servo_rig import AX, CONFIG, STEP_S, XM, pings, read, run, write
+from tests.mock_autopilot.servos.servo_rig import AX, CONFIG, STEP_S, XM, pings, read, run, write
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import dynamixel_sdk as dxl
 import pytest
 
 from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
-from tests.mock_autopilot.dynamixel_host import (
+from tests.mock_autopilot.servos.dynamixel_host import (
     BROKEN,
     NO_ANSWER,
     OK,

@@ -13,7 +13,7 @@ from qtm_rt.protocol import QRTCommandException
 
 from mock_autopilot.qtm.config import QualisysConfig
 from mock_autopilot.qtm.server import QualisysServer, ServerStartError
-from tests.mock_autopilot.truths import flight, truth_at
+from tests.mock_autopilot.qtm.truths import flight, truth_at
 
 pytestmark = pytest.mark.realtime
 

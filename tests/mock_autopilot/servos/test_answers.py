@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind, ServoConfig
 from mock_autopilot.servos.packets import ALERT, Error1, Error2, Instruction, Packet, Parser, pack1, pack2
 from mock_autopilot.servos.rack import ServoRack
-from tests.mock_autopilot.dynamixel_examples import FAST_SYNC_READ_ANSWER, PROTOCOL_1, PROTOCOL_2, Example
+from tests.mock_autopilot.servos.dynamixel_examples import FAST_SYNC_READ_ANSWER, PROTOCOL_1, PROTOCOL_2, Example
 
 PULSE_RAD = 6.283185307179586 / 4096
 

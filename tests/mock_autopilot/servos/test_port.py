@@ -14,7 +14,7 @@ import pytest
 from mock_autopilot.servos.bus import BusStartError, ServoBus
 from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
 from mock_autopilot.servos.packets import pack2
-from tests.mock_autopilot.dynamixel_examples import PROTOCOL_2
+from tests.mock_autopilot.servos.dynamixel_examples import PROTOCOL_2
 
 PING = PROTOCOL_2[0].request_bytes
 

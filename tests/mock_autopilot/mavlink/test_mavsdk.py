@@ -18,7 +18,7 @@ from mavsdk.system import System
 from tests.mock_autopilot.process import Mock, running
 
 pytestmark = pytest.mark.realtime
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 NO_GPS = tuple(
     part
     for setting in ("EKF2_GPS_CTRL=0", "EKF2_EV_CTRL=15", "EKF2_HGT_REF=3", "EKF2_MAG_TYPE=5", "COM_OBL_RC_ACT=4")

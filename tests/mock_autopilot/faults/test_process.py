@@ -23,7 +23,7 @@ from mock_autopilot.qtm.server import QualisysServer
 from mock_autopilot.servos.config import FaultKind
 from mock_autopilot.simulator import Simulator
 from tests.mock_autopilot.process import Client, running, start
-from tests.mock_autopilot.truths import flight
+from tests.mock_autopilot.qtm.truths import flight
 
 pytestmark = pytest.mark.realtime
 FRAMES = 50

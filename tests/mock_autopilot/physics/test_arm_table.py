@@ -11,7 +11,7 @@ from mock_autopilot.physics.arm_bodies import Moving, add, arm_motion
 from mock_autopilot.physics.arm_table import SETTLE_S, ArmTable, table_of
 from mock_autopilot.world import STEP_S, World
 
-CONFIG = MockConfig.load(Path(__file__).parents[2] / "config" / "mock.toml")
+CONFIG = MockConfig.load(Path(__file__).parents[3] / "config" / "mock.toml")
 PERIOD_S, DURATION_S = 0.01, 2.0
 COLUMNS = ("moment", "momentum", "force", "torque")
 

@@ -13,7 +13,7 @@ from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentenc
 
 
 def test_the_document_is_what_the_code_prints() -> None:
-    written = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    written = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
     assert written == document(), "python -m mock_autopilot.faults.document > docs/faults.md"
 
 

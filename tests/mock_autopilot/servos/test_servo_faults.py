@@ -6,7 +6,7 @@ from mock_autopilot.servos.config import Fault, FaultKind
 from mock_autopilot.servos.packets import Error1, Instruction, Packet
 from mock_autopilot.servos.rack import ServoRack
 from mock_autopilot.servos.servo import Servo
-from tests.mock_autopilot.servo_rig import AX, CONFIG, XM, pings, read, run, write
+from tests.mock_autopilot.servos.servo_rig import AX, CONFIG, XM, pings, read, run, write
 
 
 @pytest.fixture
