@@ -43,16 +43,6 @@ def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Sc
     return factor * math_module(share).sin(share * (0.5 * math.pi)) ** 2
 
 
-def fractional_power(s: Array, p: Scalar, regularisation: Scalar = 0.0) -> Array:
-    """Return s / (s's + e)^(1-p), shape (..., 3); e = `regularisation`.
-
-    With e = 0 this is the term of eq. iota-dyn and alpha_2 as printed; it is 0/0 at s = 0, whose limit is 0,
-    and its slope there is unbounded. With e > 0 (a departure, `power_regularisation`) the slope is at most
-    e^(p-1).
-    """
-    return np.asarray(s * fractional_factor(squared(s), p, regularisation))
-
-
 def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
     """Return Theta(s), Lemma 1: the fractional power, faded out by sin^2 inside |s|^2 <= epsilon, shape (..., 3).
 

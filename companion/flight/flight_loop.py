@@ -69,8 +69,6 @@ class FlightLoop:
         """For the record and the operator."""
         self.ticking = False
         """Cycles come by themselves."""
-        self.missed_cycles = 0
-        """Whole periods that passed without a cycle."""
         parts = (self._see_without_checks, self._supervise_without_checks, self._keep_or_end_stream)
         times = ShutdownTimes(
             self._period_s, self._rules.stow_time_s, self._safety.land_refused_s, self._safety.silent_s
@@ -142,7 +140,6 @@ class FlightLoop:
                 frame_arrived_s = await self._next_start(timer)
                 now_s = self._clock.now_s()
                 self.tick(now_s, timer.begin(now_s, frame_arrived_s))
-                self.missed_cycles = timer.missed
         except asyncio.CancelledError:
             raise
         except BaseException as error:

@@ -94,7 +94,6 @@ class HealthStep:
             at_max_thrust=cycle.at_max_thrust,
             law_fault=cycle.law_fault,
             late_s=cycle.late_s,
-            phase_since_s=flight.since_s,
             landing_due_s=flight.landing_due_s,
             held_by_fault_since_s=flight.held_by_fault_since_s,
             land_asked_s=flight.landing_asked_s if offboard else math.inf,

@@ -22,8 +22,6 @@ class TickTimer:
     """Share of a period that a late frame is waited for."""
     pull: float = 0.1
     """Share of the frame's offset that the due time takes over."""
-    missed: int = 0
-    """Whole periods in which no cycle began: the loop was stopped."""
 
     @property
     def deadline_s(self) -> float:
@@ -45,7 +43,5 @@ class TickTimer:
             half = 0.5 * self.period_s
             self.due_s += self.pull * min(max(frame_arrived_s - self.due_s, -half), half)
         self.due_s += self.period_s
-        behind = int(max(0.0, now_s - self.due_s) / self.period_s)
-        self.missed += behind
-        self.due_s += behind * self.period_s
+        self.due_s += int(max(0.0, now_s - self.due_s) / self.period_s) * self.period_s
         return now_s - begin_s

@@ -50,8 +50,6 @@ class HealthInputs:
     """Failure of the control law or the guard; empty without one."""
     late_s: float
     """Delay with which this cycle began."""
-    phase_since_s: float
-    """Begin of the flight's phase."""
     landing_due_s: float
     """Expected end of the landing, from its height and speed; infinite when none was begun."""
     held_by_fault_since_s: float

@@ -94,11 +94,6 @@ class MocapFaults:
         """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
         self._schedule.observers.append(lambda turn: tell() if is_of_the_list(turn.fault) else None)
 
-    @property
-    def changes_list(self) -> bool:
-        """Return whether QTM's list of rigid bodies differs from that at the start."""
-        return any(is_of_the_list(held.fault) for held in self._schedule.active(Part.MOCAP))
-
     def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
         """Return QTM's list of rigid bodies, changed as the active faults say; `bodies` begins with the vehicle."""
         for held in self._schedule.active(Part.MOCAP):

@@ -24,8 +24,6 @@ else:  # what a configuration file may hold: one vehicle's numbers
 GRAVITY_MPS2 = 9.80665
 """Standard gravity, the value PX4 uses (CONSTANTS_ONE_G)."""
 
-ROLL, PITCH, YAW = 0, 1, 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlantParams:

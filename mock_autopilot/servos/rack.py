@@ -72,16 +72,6 @@ class ServoRack:
         """Return the true angles, (n,)."""
         return np.array([motor.angle_rad for motor in self._motors])
 
-    @property
-    def velocities_radps(self) -> Array:
-        """Return the true rates, (n,)."""
-        return np.array([motor.rate_radps for motor in self._motors])
-
-    @property
-    def accelerations_radps2(self) -> Array:
-        """Return the true accelerations, (n,)."""
-        return np.array([motor.accel_radps2 for motor in self._motors])
-
     def servo(self, servo_id: int) -> Servo:
         """Return the servo with that ID; raise KeyError when there is none."""
         for servo in self.servos:

@@ -17,9 +17,9 @@ from companion.config.arms_config import ArmsConfig
 from companion.core.types import Array
 from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
 from mock_autopilot.servos.servo import Servo
-from mock_autopilot.servos.standalone import StandaloneBus
 from tests import warm
 from tests.flights.command import ROOT, Ran, Running, run, start
+from tests.mock_autopilot.standalone_bus import StandaloneBus
 
 PATIENCE_S = 60.0
 _STILL_RADPS = 0.05
@@ -51,7 +51,7 @@ class ArmsRig:
     @property
     def stands_still(self) -> bool:
         """Return True if no joint really turns."""
-        return bool((np.abs(self.alone.bus.servos.velocities_radps) < _STILL_RADPS).all())
+        return bool((np.abs(self.alone.bus.servos.motion()[1]) < _STILL_RADPS).all())
 
     @property
     def powered(self) -> list[bool]:

@@ -16,7 +16,6 @@ def test_without_frames_the_rate_is_exact() -> None:
     for n in range(1000):
         assert timer.deadline_s == pytest.approx(1.0 + n * PERIOD_S + 0.004, abs=1e-9)
         assert timer.begin(timer.deadline_s + 0.001, None) == pytest.approx(0.001)
-    assert timer.missed == 0
 
 
 def test_lateness_is_counted_from_the_frame_that_started_the_cycle() -> None:
@@ -59,7 +58,6 @@ def test_the_due_time_is_drawn_to_the_frames_and_follows_their_drift(offset_s: f
         arrived_s += PERIOD_S * (1.0 + drift)
     # an integrator with gain 0.1 lags a ramp by ramp / gain
     assert timer.due_s - arrived_s == pytest.approx(-PERIOD_S * drift / 0.1, abs=1e-7)
-    assert timer.missed == 0
 
 
 def test_one_wild_frame_moves_the_due_time_by_a_twentieth_of_a_period_at_most() -> None:
@@ -87,11 +85,9 @@ def test_a_source_at_twice_the_rate_starts_every_other_cycle(offset_s: float) ->
     assert all(later - sooner == 2 for sooner, later in pairwise(begun[2:]))
 
 
-def test_a_stopped_loop_skips_whole_periods_and_counts_them() -> None:
+def test_a_stopped_loop_skips_whole_periods() -> None:
     timer = TickTimer(PERIOD_S, 1.0)
     timer.begin(1.0553, None)
-    assert timer.missed == 4, "due at 1.01, 1.02, 1.03 and 1.04 without a cycle"
-    assert timer.due_s == pytest.approx(1.05)
+    assert timer.due_s == pytest.approx(1.05), "due at 1.01, 1.02, 1.03 and 1.04 without a cycle"
     timer.begin(1.0554, None)
-    assert timer.missed == 4
     assert timer.due_s == pytest.approx(1.06)

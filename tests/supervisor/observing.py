@@ -87,7 +87,6 @@ def healthy(cycle: int, position: tuple[float, float, float] = (0.5, -0.25, 1.0)
         at_max_thrust=False,
         law_fault="",
         late_s=0.0,
-        phase_since_s=START_S,
         landing_due_s=math.inf,
         held_by_fault_since_s=math.inf,
         land_asked_s=math.inf,

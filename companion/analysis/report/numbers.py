@@ -92,7 +92,6 @@ class Numbers:
     tracked: Errors | None
     """Over all trajectories."""
     whole: Errors | None
-    triggers_tracked: Triggers | None
     triggers_whole: Triggers | None
     latencies: dict[str, Spread]
     horizon: HorizonNumbers | None
@@ -124,7 +123,6 @@ def numbers_of(flown: Flown) -> Numbers:
         trajectories=tuple(_trajectory(flown, one) for one in flown.trajectories),
         tracked=_errors(flown, flown.tracked),
         whole=_errors(flown, flown.airborne),
-        triggers_tracked=_triggers(flown, flown.tracked),
         triggers_whole=_triggers(flown, flown.airborne),
         latencies={name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
         horizon=_horizon(flown),

@@ -57,7 +57,7 @@ class BusRig:
             self._time_s += _STEP_S
             self.bus.servos.step(_STEP_S, self.load_nm)
         self.strayed_rad = np.maximum(self.strayed_rad, abs(self.bus.servos.positions_rad - self.began_rad))
-        self.fastest_radps = np.maximum(self.fastest_radps, abs(self.bus.servos.velocities_radps))
+        self.fastest_radps = np.maximum(self.fastest_radps, np.abs(self.bus.servos.motion()[1]))
 
     async def keep_up(self) -> None:
         """Let time pass also while nobody asks, or the first answer afterwards is a late one."""

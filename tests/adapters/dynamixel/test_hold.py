@@ -42,7 +42,7 @@ async def at_rest(rig: BusRig, bus: DynamixelBus) -> None:
     """Wait until goals and joints are at rest."""
     await cycles(bus, 25)
     await until(lambda: abs(bus.status().position_rad - bus.status().held_rad)[:3].max() < 2.0 * TICK_RAD)
-    await until(lambda: not rig.bus.servos.velocities_radps.any())
+    await until(lambda: not any(rig.bus.servos.motion()[1]))
 
 
 async def test_hold_stops_moving_arms_a_little_further_on_and_they_stay() -> None:
@@ -85,7 +85,7 @@ async def test_claws_that_grip_and_joints_that_are_bent_keep_their_goals_when_an
         await until(lambda: abs(rig.joints_rad - HELD_RAD).max() < 3.0 * AX_TICK_RAD)
         rig.load_nm = (-0.8, -0.8, -0.8, 0.9) * 2
         await until(lambda: (bus.status().position_rad - HELD_RAD)[CLAWS].min() > 0.09)
-        await until(lambda: not rig.bus.servos.velocities_radps.any())
+        await until(lambda: not any(rig.bus.servos.motion()[1]))
         bent_rad, goals = rig.joints_rad, [rig.goals_sent(servo_id)[-1] for servo_id in range(1, 9)]
         assert (HELD_RAD - bent_rad)[:3].min() > 0.03
         rig.fault(FaultKind.OVERLOAD, 6)

@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from mock_autopilot.physics import plant, plant_one
 from mock_autopilot.physics import quaternion as quat
 from mock_autopilot.physics import quaternion_one as plain
-from mock_autopilot.physics.plant import GRAVITY_MPS2, ROLL, YAW, Actuation, PlantParams, PlantState, Wrench
+from mock_autopilot.physics.plant import GRAVITY_MPS2, Actuation, PlantParams, PlantState, Wrench
 
 Step = Callable[[PlantState, Actuation, Wrench, PlantParams, float], PlantState]
 DT_S = 0.002
+ROLL, YAW = 0, 2
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 STILL_AIR = PlantParams(viscous_npm=(0.0,) * 3, quadratic_npm2=(0.0,) * 3, coulomb_n=(0.0,) * 3)
 HIGH = np.array([0.0, 0.0, -1000.0])

@@ -191,7 +191,6 @@ GARBAGE = st.builds(
     at_max_thrust=st.booleans(),
     law_fault=st.sampled_from(["", "no"]),
     late_s=ANY,
-    phase_since_s=ANY,
     landing_due_s=ANY,
     held_by_fault_since_s=ANY,
     land_asked_s=ANY,
