@@ -32,7 +32,7 @@ class StandaloneBus:
     async def __aenter__(self) -> "StandaloneBus":
         self.bus.open()
         self._boot_s = time.monotonic()
-        self._running = asyncio.create_task(self._run(), name="mock_autopilot.servos.standalone")
+        self._running = asyncio.create_task(self._run(), name="tests.servos")
         return self
 
     async def __aexit__(self, *_: object) -> None:

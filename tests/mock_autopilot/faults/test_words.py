@@ -7,14 +7,14 @@ import pytest
 
 from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.faults.catalogue import WAYS, Kind, Part, Phase, Way
-from mock_autopilot.faults.document import document
 from mock_autopilot.faults.fault import Fault
 from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
+from tests.mock_autopilot.faults.document import document
 
 
 def test_the_document_is_what_the_code_prints() -> None:
     written = (Path(__file__).parents[3] / "docs" / "faults.md").read_text(encoding="utf-8")
-    assert written == document(), "python -m mock_autopilot.faults.document > docs/faults.md"
+    assert written == document(), "python -m tests.mock_autopilot.faults.document > docs/faults.md"
 
 
 def test_a_sentence_is_a_fault() -> None:

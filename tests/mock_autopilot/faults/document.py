@@ -1,4 +1,4 @@
-"""docs/faults.md, printed from the list of all faults: `python -m mock_autopilot.faults.document > docs/faults.md`."""
+"""The page docs/faults.md, from the list of all faults: `python -m tests.mock_autopilot.faults.document`."""
 
 from mock_autopilot.faults.catalogue import WAYS, Part, Way
 from mock_autopilot.faults.sentences import EXAMPLES
@@ -21,8 +21,9 @@ _NOTES = {
 }
 _HEAD = f"""# Faults in the mock
 
-Printed from `mock_autopilot/faults/catalogue.py` by `python -m mock_autopilot.faults.document`. The kinds are those of
-PX4's own system failure injection (MAVLink's `FAILURE_TYPE`): off, stuck, garbage, wrong, slow, delayed, intermittent.
+Printed from `mock_autopilot/faults/catalogue.py` by `python -m tests.mock_autopilot.faults.document`. The kinds are
+those of PX4's own system failure injection (MAVLink's `FAILURE_TYPE`): off, stuck, garbage, wrong, slow, delayed,
+intermittent.
 
 A fault is a sentence:
 
