@@ -19,7 +19,7 @@ from mock_autopilot.servos.config import DynamixelConfig, Fault, FaultKind
 from mock_autopilot.servos.servo import Servo
 from tests import warm
 from tests.flights.command import ROOT, Ran, Running, run, start
-from tests.mock_autopilot.standalone_bus import StandaloneBus
+from tests.mock_autopilot.servos.standalone_bus import StandaloneBus
 
 PATIENCE_S = 60.0
 _STILL_RADPS = 0.05

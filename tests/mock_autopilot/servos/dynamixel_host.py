@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import dynamixel_sdk as dxl
 
 from mock_autopilot.servos.config import DynamixelConfig
-from tests.mock_autopilot.standalone_bus import StandaloneBus
+from tests.mock_autopilot.servos.standalone_bus import StandaloneBus
 
 Result = TypeVar("Result")
 
