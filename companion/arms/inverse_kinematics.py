@@ -42,10 +42,7 @@ def ways_rad(model: ArmModel, side: Side, tip_flu_m: Array) -> Array:
 
 
 def reach_rad(model: ArmModel, side: Side, tip_flu_m: Array, near_rad: Array) -> Array:
-    """Return the solution within the joint limits nearest to `near_rad`, (3,).
-
-    Raises ArmError, naming the joint and its limits, when no solution is within the limits.
-    """
+    """Return the solution within the joint limits nearest to `near_rad`, (3,); ArmError naming the joint if none."""
     ways = ways_rad(model, side, tip_flu_m)
     low, high = (limit[:CHAIN] for limit in model.limit_arrays()[:2])
     beyond = np.maximum(low - ways, ways - high)

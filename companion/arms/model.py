@@ -6,7 +6,7 @@ images: positive pitch lifts the link forward, positive roll swings the forearm 
 Body frame FLU, origin where motion capture has the vehicle's.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -96,10 +96,5 @@ class ArmModel:
 
     def limit_arrays(self) -> tuple[Array, Array, Array, Array]:
         """Return least and largest angle (rad), velocity (rad/s) and acceleration (rad/s^2), each (8,)."""
-        rows = [*self.limits, *self.limits]
-        return (
-            np.array([r.min_rad for r in rows]),
-            np.array([r.max_rad for r in rows]),
-            np.array([r.max_velocity_radps for r in rows]),
-            np.array([r.max_accel_radps2 for r in rows]),
-        )
+        low, high, velocity, acceleration = np.array([astuple(limit) for limit in (*self.limits, *self.limits)]).T
+        return low, high, velocity, acceleration

@@ -179,10 +179,7 @@ def _way(
 
 
 def _kept_m(model: ArmModel, start_rad: Array, goal_rad: Array, floor_z_m: float | None) -> Array:
-    """Return the distance that each pair keeps on the way: the margin, or its distance at the start if less.
-
-    Raises ArmError when it is not kept at the goal.
-    """
+    """Return the distance that each pair keeps, the margin or less if it starts nearer; ArmError if not at the goal."""
     found = distances(model, np.stack((start_rad, goal_rad)), floor_z_m)
     leaving_m, there_m = found.distance_m
     keep_m = np.minimum(model.margin_m, leaving_m - _LEAVING_M)

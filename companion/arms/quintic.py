@@ -55,10 +55,7 @@ class Quintics:
 
 
 def between(start: JointMotion, end: JointMotion, duration_s: float | Array) -> Array:
-    """Return the quintic that meets position, velocity and acceleration (..., 8) at both ends, (..., 6, 8).
-
-    The duration (s) is one for all, or (..., 1).
-    """
+    """Return the quintic (..., 6, 8) that meets both motions (..., 8) in a duration (s), one for all or (..., 1)."""
     p0, v0, a0 = start.position_rad, start.velocity_radps * duration_s, start.acceleration_radps2 * duration_s**2
     p1, v1, a1 = end.position_rad, end.velocity_radps * duration_s, end.acceleration_radps2 * duration_s**2
     way = p1 - p0

@@ -26,7 +26,7 @@ class JointTrajectory(Protocol):
     def pieces_s(self) -> Array:
         """Times (n,) from 0 to the duration that part it into simple pieces: a polynomial, an eighth of a swing.
 
-        Whoever looks for the extremes samples each piece and misses nothing in between.
+        Sampling each piece finds the extremes.
         """
 
     def at(self, time_s: Times) -> JointMotion:

@@ -20,7 +20,7 @@ AX_FASTEST_BAUD = 1_000_000
 
 
 class Feedforward(StrEnum):
-    """Part of the arms' commanded motion that the law is told of."""
+    """Part of the arms' commanded motion that the law knows."""
 
     OFF = "off"
     FORCE = "force"
@@ -135,7 +135,7 @@ class ArmsConfig(Section):
     land_on_fault: bool = Field(True, description="land on a servo fault in flight; false: only stop the arms")
     feedforward: Feedforward = Field(
         Feedforward.FULL,
-        description="what the law is told of the commanded motion: nothing, the reaction force, the tilt as well",
+        description="what the law knows of the commanded motion: nothing, the reaction force, the tilt as well",
     )
     servo_lag_s: float = Field(0.06, ge=0.0, le=0.5, description="how late the joints follow their goals, s")
     servos: dict[str, ServoConfig] = Field(

@@ -73,7 +73,7 @@ class PidFile(_LawFile):
 
 
 class OwnLawFile(_LawFile):
-    """A file whose law is a Python file of one's own: law = "my_law.py:MyLaw"; its gains are checked by that file."""
+    """A file whose law is in a user's Python file: law = "my_law.py:MyLaw"; its gains are checked by that file."""
 
     gains: dict[str, Any] = Field(default_factory=dict, description="whatever the law's Python file asks for")
 
@@ -93,10 +93,7 @@ class LoadedController:
 
 
 def controller_path(name: str) -> Path:
-    """Return the file of a controller: a name in config/controllers/ or a path; `etnn` means practical.toml.
-
-    Raises ConfigError naming the controllers there are.
-    """
+    """Return a controller's file: practical.toml for `etnn`, a name in config/controllers/, or a path; ConfigError."""
     path = named_file("controllers", "practical" if name == "etnn" else name)
     if path is not None:
         return path
@@ -116,7 +113,7 @@ def load_controller(
 ) -> LoadedController:
     """Load the law of a controller file, for this vehicle and control period (s).
 
-    Raises ConfigError for an unknown name, a bad file, a law of one's own that cannot work, or an unstable filter loop
+    Raises ConfigError for an unknown name, a bad file, a user's law that cannot work, or an unstable filter loop
     unless `allow_unstable` or the file itself allows that.
     """
     path = controller_path(name)
@@ -143,10 +140,7 @@ def load_controller(
 
 
 def read_etnn(name: str) -> EtnnFile:
-    """Read the controller file of an ET-NN law, stable or not, to change it before `etnn_law`.
-
-    Raises ConfigError for an unknown name, a bad file, or one with another law.
-    """
+    """Read the file of an ET-NN law, stable or not; ConfigError for a bad file or another law."""
     path = controller_path(name)
     data = read_toml(path)
     if data.get("law") != "etnn":

@@ -131,16 +131,12 @@ def _rows(lines: list[str], separator: str, path: Path) -> Iterator[_Row]:
             cells = [cell.strip() for cell in row]
             comment = bool(cells) and cells[0].startswith("#") and not any(cells[1:])
             if any(cells) and not comment:
-                yield begun, _without_empty_end(cells)
+                while not cells[-1]:
+                    cells.pop()
+                yield begun, cells
             begun = reader.line_num + 1
     except csv.Error as error:
         raise ConfigError(f"{path}: line {begun}: cannot be read as CSV: {error}") from error
-
-
-def _without_empty_end(cells: list[str]) -> list[str]:
-    while not cells[-1]:
-        cells = cells[:-1]
-    return cells
 
 
 def _number(cell: str) -> float:

@@ -1,4 +1,4 @@
-"""A control law from a Python file of one's own: imported by its path, built, and tried (docs/own-law.md)."""
+"""A control law from a user's Python file: imported by its path, built, and tried (docs/own-law.md)."""
 
 import importlib.machinery
 import importlib.util

@@ -19,7 +19,7 @@ class Px4Config(Section):
     url: str = Field(
         _NETWORK,
         description="MAVSDK URL: serial:///DEVICE:BAUD, or udpin://ADDRESS:PORT to listen on, where 127.0.0.1 "
-        "hears this computer alone and 0.0.0.0 whoever sends",
+        "hears this computer alone and 0.0.0.0 every sender",
     )
     system_id: int | None = Field(
         None, ge=1, le=255, description="PX4's MAV_SYS_ID; none: the first autopilot heard, and no other may be there"

@@ -12,10 +12,7 @@ _SAVE = "save it as UTF-8"
 
 
 def read_text(path: Path, most_bytes: int = MAX_BYTES) -> str:
-    """Return the file's text without a byte order mark, line ends as they are.
-
-    Raises ConfigError, one sentence that names the file, for what cannot be read, is too large, or is no UTF-8.
-    """
+    """Return the file's text without a byte order mark, line ends as they are; ConfigError, one sentence."""
     try:
         with path.open("rb") as file:
             raw = file.read(most_bytes + 1)

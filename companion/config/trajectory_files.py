@@ -30,10 +30,7 @@ class Curve:
 
 
 def trajectory_named(name: str, curve: Curve) -> Trajectory:
-    """Return the trajectory of a name or a CSV file.
-
-    Raises ConfigError for an unknown name, a missing file, or waypoints that cannot be flown.
-    """
+    """Return the trajectory of a name or a CSV file; ConfigError for an unknown name or a bad file."""
     timing = LapTiming(curve.period_s, curve.laps)
     centre = np.array([0.0, 0.0, curve.height_m])
     if name == "ellipse":
@@ -47,10 +44,7 @@ def trajectory_named(name: str, curve: Curve) -> Trajectory:
 
 
 def read_waypoints(path: Path) -> Waypoints:
-    """Read a CSV file with columns t_s, x_m, y_m, z_m and perhaps yaw_rad, in W; times rise from 0.
-
-    Raises ConfigError naming the line.
-    """
+    """Read a CSV file with columns t_s, x_m, y_m, z_m, perhaps yaw_rad, in W; ConfigError naming the line."""
     table = read_table(path, _WANTED)
     if sorted(table.header) not in (sorted(_COLUMNS), sorted([*_COLUMNS, _YAW])):
         raise wrong_header(table, _WANTED)

@@ -133,7 +133,7 @@ class AutopilotStatus:
     """Newest reading of every battery, sorted by number."""
     system_id: int = 0
     """The autopilot's MAVLink system ID (MAV_SYS_ID); 0 while it is not known."""
-    strangers: tuple[str, ...] = ()
+    other_autopilots: tuple[str, ...] = ()
     """Short description of every other autopilot received on this link."""
     failsafe: bool = False
     """True while it flies another mode than the selected one: its failsafe, not a pilot, has control."""

@@ -136,10 +136,7 @@ async def _opened_arms(opening: DeviceOpening, arms: ArmsConfig | None, clock: C
 
 @asynccontextmanager
 async def open_mocap_observer(config: CompanionConfig) -> AsyncIterator[tuple[LiveObserver, MocapWatch]]:
-    """Connect and read motion capture alone, without autopilot and servos.
-
-    MocapError when it cannot be reached, or fails later.
-    """
+    """Connect and read motion capture alone; MocapError when it cannot be reached, or fails later."""
     clock = MonotonicClock()
     async with open_mocap(config, clock) as mocap:
         observer = LiveObserver(mocap, clock, estimator_of(config))

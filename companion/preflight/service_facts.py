@@ -181,10 +181,7 @@ class Watched:
 async def watch(
     running: Running, body: str, delay_s: float, for_s: float, enough: Callable[[], bool] = lambda: False
 ) -> Watched:
-    """Observe motion capture and the autopilot's estimate for `for_s`, or until `enough` returns True.
-
-    `delay_s` is the configured least delay of motion capture.
-    """
+    """Observe mocap, of configured delay `delay_s`, and the autopilot for `for_s`, or until `enough` returns True."""
     clock, mocap = running.clock, MocapWatch(running.mocap, running.estimate, delay_s)
     ours, theirs, distances_m = list[Array](), list[Array](), list[float]()
     begun_s = now_s = pair_due_s = clock.now_s()

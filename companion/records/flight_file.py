@@ -20,7 +20,7 @@ _FLUSH_S = 0.5
 _LOOK_S = 1.0
 """Period of the checks of free disk space."""
 _OVER = frozenset({"standby", "disarmed", "terminated"})
-_ANEW = "preflight"
+_NEW_FLIGHT = "preflight"
 
 
 class FlightFiles:
@@ -54,7 +54,7 @@ class FlightFiles:
         """Open a file for the flight that begins with the next row, on a START message."""
         text = message[1:].decode()
         said = json.loads(text)
-        if self._file is not None and said["phase"] != _ANEW:
+        if self._file is not None and said["phase"] != _NEW_FLIGHT:
             return
         self.close()
         self._over_s, self._laws = None, {}

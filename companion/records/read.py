@@ -77,7 +77,7 @@ def _read_mcap(path: Path) -> FlightRecord:
             try:
                 _take(record, table, metadata)
             except BROKEN as error:
-                source.note(source.tell(), f"a message that is none of ours ({type(error).__name__})")
+                source.note(source.tell(), f"a message of another program ({type(error).__name__})")
     if not table.ticks:
         raise _without_a_tick(path, source, table, metadata)
     try:

@@ -143,10 +143,7 @@ def _size(writing: Path | None) -> int:
 
 
 class Unbreakable(io.FileIO):
-    """New file whose writes never fail: after the first disk error the rest is dropped and reported once.
-
-    So what is in the file stays readable, and the writer need not handle the error.
-    """
+    """New file that stays readable: after the first disk error the rest is dropped and reported once."""
 
     def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
         super().__init__(path, "x+")

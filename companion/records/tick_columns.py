@@ -170,10 +170,7 @@ def _gather_arms(tick: Tick, parts: list[Any], numbers: list[Any], arrays: list[
 
 
 def frozen(tick: Tick) -> Frozen:
-    """Copy the law's output and internal signals: a user's law may write into its arrays later.
-
-    For every tick at once, and cheap: the bytes alone are copied.
-    """
+    """Copy the bytes of the law's output and signals, of every tick: a user's law may write into its arrays later."""
     output = tick.pipeline
     if output is None:
         arrays = [*tick.late_signals.values()]

@@ -75,12 +75,7 @@ def stacked(missions: Sequence[Mission]) -> Mission:
 
 def _table(trajectory: Trajectory, time_s: Array) -> References:
     points = [trajectory.at(float(instant)) for instant in time_s]
-    return References(
-        np.array([point.position_w_m for point in points]),
-        np.array([point.velocity_w_mps for point in points]),
-        np.array([point.acceleration_w_mps2 for point in points]),
-        np.array([point.yaw_rad for point in points]),
-    )
+    return References(*(np.array([getattr(point, name) for point in points]) for name in _COLUMNS))
 
 
 def _side_by_side(tables: Sequence[References], count: int) -> References:

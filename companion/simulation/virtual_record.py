@@ -13,17 +13,8 @@ from companion.supervisor.flight_state import Phase
 
 def one_of(trace: Trace, number: int) -> Trace:
     """Return the flight of one vehicle of a batch (B,)."""
-    return replace(
-        trace,
-        position_w_m=trace.position_w_m[:, number],
-        velocity_w_mps=trace.velocity_w_mps[:, number],
-        reference_w_m=trace.reference_w_m[:, number],
-        reference_velocity_w_mps=trace.reference_velocity_w_mps[:, number],
-        accel_w_mps2=trace.accel_w_mps2[:, number],
-        event=trace.event[:, number],
-        sent=trace.sent[:, number],
-        signals={name: values[:, number] for name, values in trace.signals.items()},
-    )
+    batch = {name: values[:, number] for name, values in vars(trace).items() if name not in {"time_s", "signals"}}
+    return replace(trace, **batch, signals={name: values[:, number] for name, values in trace.signals.items()})
 
 
 def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:

@@ -68,10 +68,7 @@ class VirtualVehicle:
 
 @value
 class Look:
-    """Measurements of one cycle: position (..., 3), attitude (..., 4), and where there is a new frame, (...,).
-
-    They include the attitude that the autopilot reports, also without a new frame.
-    """
+    """Measurements of one cycle, and where there is a new frame, (...,); the autopilot's attitude in any case."""
 
     position_w_m: Array
     q_w_flu_wxyz: Array

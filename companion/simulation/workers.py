@@ -47,10 +47,7 @@ def workers(
 def in_parallel(
     work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, advice: str
 ) -> Iterator[tuple[int, Result]]:
-    """Yield each task's number and result as they complete; a single task or job stays in this process.
-
-    Raises the exceptions of `work` and of `workers`.
-    """
+    """Yield each task's number and result as they complete, or raise its error; one job stays in this process."""
     if jobs == 1 or len(tasks) < 2:
         yield from ((number, work(task)) for number, task in enumerate(tasks))
         return

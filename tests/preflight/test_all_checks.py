@@ -56,7 +56,7 @@ def test_a_ready_vehicle_may_arm() -> None:
         ({"status": replace(STATUS, battery_fraction=0.45)}, "battery"),
         ({"status": replace(STATUS, battery_fraction=math.nan)}, "battery"),
         ({"status": replace(STATUS, battery_fraction=-0.01)}, "battery"),
-        ({"status": replace(STATUS, system_id=1, strangers=("system 2 (PX4)",))}, "one autopilot"),
+        ({"status": replace(STATUS, system_id=1, other_autopilots=("system 2 (PX4)",))}, "one autopilot"),
         ({"apart": Difference(0.06, 0.0, 0.0)}, "roll agrees"),
         ({"apart": Difference(0.0, -0.06, 0.0)}, "pitch agrees"),
         ({"apart": Difference(0.0, 0.0, -0.11)}, "heading agrees"),
@@ -92,7 +92,7 @@ def test_what_is_wrong_refuses_arming_and_says_what_to_do(change: dict[str, Any]
 
 
 def test_a_second_autopilot_may_be_there_where_a_number_says_which_is_flown() -> None:
-    heard = replace(ready(), status=replace(STATUS, system_id=1, strangers=("system 2 (PX4)",)))
+    heard = replace(ready(), status=replace(STATUS, system_id=1, other_autopilots=("system 2 (PX4)",)))
     numbered = CONFIG.model_copy(update={"px4": CONFIG.px4.model_copy(update={"system_id": 1})})
     assert failed(heard, config=numbered) == []
     [check] = failed(heard)

@@ -155,7 +155,7 @@ def _angles(joint: Joint, found: Found) -> Iterator[str]:
     elif offset:
         yield (
             f"has Homing Offset {offset} ({offset * Xm.HOMING_OFFSET.unit:+.2f} rad), which is in all its angles and "
-            f"lost by a factory reset: {zero} anew"
+            f"lost by a factory reset: {zero} again"
         )
 
 

@@ -49,7 +49,7 @@ def inspect(bus_cycle: BusCycle, config: ArmsConfig, stopped: Callable[[], bool]
     gone += absent(bus_cycle, silent, config, stopped)
     if (lines or gone) and (strict or not answering):
         raise ArmError(f"the arms on {config.port} cannot be used:\n  " + "\n  ".join([*lines, *gone]))
-    for joint, line in zip(missing, gone, strict=False):  # what comes after them speaks of strangers
+    for joint, line in zip(missing, gone, strict=False):  # the lines after them are of unconfigured servos
         joint.in_group = False
         bus_cycle.faults.latch(joint, ArmFaultKind.SILENT, line.removeprefix(f"{joint.label} "))
     for joint, one in answering:

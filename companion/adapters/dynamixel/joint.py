@@ -103,10 +103,7 @@ class Joint:
         self.steps.clear()
 
     def order(self, goal_rad: float) -> None:
-        """Set the goal, clamped to the limits; a joint held outside them is never moved further out.
-
-        It is moved inside only by a goal that lies there, never by itself.
-        """
+        """Set the goal, clamped to the limits; a joint held outside them moves only by a goal inside."""
         low, high = min(self.limit.min_rad, self.sent_rad), max(self.limit.max_rad, self.sent_rad)
         self.wanted_rad, self.stopping = min(max(goal_rad, low), high), False
 

@@ -140,7 +140,7 @@ def _cannot_open(path: str, baud: int, error: BaseException) -> str:
     if number in {errno.EACCES, errno.EPERM}:
         return (
             f"no permission to open {path} (arms.port): add yourself to its group, "
-            "`sudo usermod -aG dialout $USER`, and log in anew"
+            "`sudo usermod -aG dialout $USER`, and log in again"
         )
     if number in {errno.EAGAIN, errno.EBUSY}:
         return f"{path} (arms.port) is already in use by another process: end that one first"

@@ -31,13 +31,13 @@ def partly_heard(bus_cycle: BusCycle, joint: Joint) -> str | None:
 
 
 def absent(bus_cycle: BusCycle, missing: list[Joint], config: ArmsConfig, stopped: Callable[[], bool]) -> list[str]:
-    """Return a line for each servo that is silent, with where it was found instead, then lines on strangers."""
+    """Return a line for each servo that is silent, with where it was found instead, then lines on unconfigured."""
     if not missing:
         return []
-    strangers = _strangers(bus_cycle)
+    unconfigured = _unconfigured(bus_cycle)
     bus_cycle.wire.port.patience_ms = _PATIENCE_MS
     if any(joint.protocol == 1 for joint in missing):
-        strangers += _strangers_of_protocol_1(bus_cycle)
+        unconfigured += _unconfigured_of_protocol_1(bus_cycle)
     hints = {joint.index: _other_protocol(bus_cycle, joint) for joint in missing}
     hints |= _other_bauds(bus_cycle, [joint for joint in missing if not hints[joint.index]], config, stopped)
     lines = [
@@ -45,7 +45,7 @@ def absent(bus_cycle: BusCycle, missing: list[Joint], config: ArmsConfig, stoppe
         f"{hints[joint.index] or 'look at its cable, its supply and its ID'}"
         for joint in missing
     ]
-    return lines + strangers
+    return lines + unconfigured
 
 
 def ping(bus_cycle: BusCycle, joint: Joint, protocol: int) -> int | None:
@@ -54,7 +54,7 @@ def ping(bus_cycle: BusCycle, joint: Joint, protocol: int) -> int | None:
     return next((number for number in answers if number is not None), None)
 
 
-def _strangers(bus_cycle: BusCycle) -> list[str]:
+def _unconfigured(bus_cycle: BusCycle) -> list[str]:
     """List servos of Protocol 2.0 with an ID that is not configured: perhaps one of the missing."""
     known = {joint.servo_id for joint in bus_cycle.joints}
     return [
@@ -64,7 +64,7 @@ def _strangers(bus_cycle: BusCycle) -> list[str]:
     ]
 
 
-def _strangers_of_protocol_1(bus_cycle: BusCycle) -> list[str]:
+def _unconfigured_of_protocol_1(bus_cycle: BusCycle) -> list[str]:
     known = {joint.servo_id for joint in bus_cycle.joints if joint.protocol == 1}
     found = {servo_id: bus_cycle.wire.ping(1, servo_id) for servo_id in _LOW_IDS if servo_id not in known}
     return [

@@ -151,10 +151,7 @@ class Wire:
 
 
 def fast_answers(params: bytes, block: Block) -> dict[int, Answer]:
-    """Return error, ID, data and CRC of each servo, which follow the header of a Fast Sync Read's status packet.
-
-    Empty when the lengths do not fit. https://emanual.robotis.com/docs/en/dxl/protocol2/#fast-sync-read-0x8a
-    """
+    """Return the answers in a Fast Sync Read's status packet (e-manual, Protocol 2.0); empty when lengths misfit."""
     one = _ERROR_AND_ID + block.length + _CRC
     if len(params) % one:
         return {}

@@ -55,10 +55,7 @@ class NewestFrame:
         return self._latest
 
     async def wait_frame(self, timeout_s: float) -> bool:
-        """Wait for a frame newer than the last one this returned for; False on time-out.
-
-        Raises MocapError once the source is closed.
-        """
+        """Wait for a frame newer than the last returned; False on time-out. MocapError once the source is closed."""
         fresh = await self.wait_unseen(timeout_s)
         self._unseen = False
         return fresh
@@ -92,7 +89,9 @@ class NewestFrame:
             self._doubt -= 1
             self.counts = replace(self.counts, doubted=self.counts.doubted + 1)
             return
-        self._count(frame.frame)
+        skipped = max(0, frame.frame - self._latest.frame - 1) if self._latest is not None else 0
+        c = self.counts
+        self.counts = replace(c, received=c.received + 1, lost=c.lost + skipped)
         self._latest, self._unseen = frame, True
         self._wake()
 
@@ -125,8 +124,3 @@ class NewestFrame:
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
-
-    def _count(self, number: int) -> None:
-        skipped = max(0, number - self._latest.frame - 1) if self._latest is not None else 0
-        c = self.counts
-        self.counts = replace(c, received=c.received + 1, lost=c.lost + skipped)

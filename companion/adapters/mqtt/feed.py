@@ -27,10 +27,7 @@ class Feed(Connection):
         self._read = 0
 
     async def follow(self, topic: str) -> None:
-        """Subscribe at QoS 0, and to what the broker has kept; MqttError when it does not let us, or does not answer.
-
-        May be asked again, to see whether the broker is still there.
-        """
+        """Subscribe at QoS 0, retained messages included; also a probe. MqttError when refused or not answered."""
         self.require_granted(await self.subscribe(topic, qos=0), topic)
 
     async def lost_within(self, timeout_s: float) -> None:

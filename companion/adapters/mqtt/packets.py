@@ -7,10 +7,7 @@ MAX_PROPERTIES_BYTES = 512
 
 
 def with_few_properties(publish: bytes, qos: int) -> bytes:
-    """Return a PUBLISH's body, without properties if there are many: such a message gets no addressed reply.
-
-    Source: MQTT 5, 3.3.2. What is no such body comes back as it is.
-    """
+    """Return a PUBLISH's body (MQTT 5, 3.3.2), without its properties, and so its reply address, if they are many."""
     at = 2 + int.from_bytes(publish[:2], "big") + (2 if qos else 0)
     try:
         size, digits = VariableByteIntegers.decode(publish[at : at + 4])  # type: ignore[no-untyped-call]

@@ -65,7 +65,7 @@ def _remedy(code: int) -> str:
 
 
 class Reconnector:
-    """For one broker. Whoever is connected calls `heard` as soon as, and whenever, the broker has answered."""
+    """Reconnection to one broker. A connection calls `heard` whenever the broker has answered."""
 
     def __init__(self, version: aiomqtt.ProtocolVersion, on_lost: Callable[[Exception], None]) -> None:
         """`version` is tried first; `on_lost` is told why a connection failed or broke: what it raises ends `keep`."""

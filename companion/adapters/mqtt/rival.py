@@ -26,10 +26,7 @@ class Rival:
         """We were heard ourselves: the broker lets us read what a service says of itself."""
 
     def note(self, message: aiomqtt.Message) -> bool:
-        """Take a message of the status topic; return whether it is of another service not heard before.
-
-        A retained one may be of a run that is over, and counts for nothing.
-        """
+        """Process a status message; return True for a service not heard before. Retained ones are ignored."""
         if message.retain or not isinstance(message.payload, bytes):
             return False
         try:

@@ -63,7 +63,7 @@ class Px4:
         self._stream_begun_s = math.inf
         """When the first setpoint of this stream left: PX4 begins to say then what keeps it from arming."""
         self._asking: set[asyncio.Task[Any]] = set()
-        self.strangers: tuple[str, ...] = ()
+        self.other_autopilots: tuple[str, ...] = ()
         """Other autopilots on the link, each in a few words."""
         self.warnings: tuple[str, ...] = ()
         """Warnings about the link for the operator."""
@@ -113,7 +113,7 @@ class Px4:
     def status(self) -> AutopilotStatus:
         """Return the last known state; never waits."""
         status = self._telemetry.status
-        return replace(status, strangers=self.strangers) if self.strangers else status
+        return replace(status, other_autopilots=self.other_autopilots) if self.other_autopilots else status
 
     def local(self) -> LocalEstimate:
         """Return PX4's own local position estimate; never waits."""
@@ -211,7 +211,8 @@ class Px4:
                 f"the autopilot did not answer the command to {what}{f': {said}' if said else ''}"
             ) from error
         if answer is not MavResult.ACCEPTED:
-            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(answer.words, since_s)}")
+            result = answer.name.lower().replace("_", " ")
+            raise AutopilotError(f"the autopilot refused to {what}: {await self._reason(result, since_s)}")
 
     async def _insist(self, what: str, since_s: float, timeout_s: float, command: int, *params: float | None) -> None:
         while True:

@@ -36,11 +36,6 @@ class MavResult(IntEnum):
     def _missing_(cls, value: object) -> "MavResult":  # noqa: ARG003 - whatever it is
         return cls.OTHER
 
-    @property
-    def words(self) -> str:
-        """The result as a person reads it."""
-        return self.name.lower().replace("_", " ")
-
 
 class CommandSender:
     """Sends commands to the autopilot, one of a kind at a time: an acknowledgement names the command's number alone."""

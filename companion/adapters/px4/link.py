@@ -69,10 +69,7 @@ def take_native_log() -> None:
 
 @asynccontextmanager
 async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
-    """Connect and yield the autopilot.
-
-    AutopilotError when the port is taken, when no autopilot is heard in time, and when it is not PX4.
-    """
+    """Connect and yield the autopilot; AutopilotError for a port in use, for silence, and for one that is not PX4."""
     take_native_log()
     # As a ground station: PX4 sends its STATUSTEXTs (why it will not arm) only to links where one is heard.
     configuration = Configuration.create_with_component_type(ComponentType.GROUND_STATION)
@@ -84,7 +81,7 @@ async def open_px4(config: Px4Config, clock: Clock) -> AsyncIterator[Px4]:
         with closing(SenderLock(config, clock)) as sender_lock:
             system = await _autopilot(mavsdk, sender_lock, config, clock)
             px4 = Px4(system, config, clock, (configuration.system_id, configuration.component_id))
-            async with background(_watch_strangers(mavsdk, sender_lock, px4), "companion.px4.look"):
+            async with background(_watch_other_autopilots(mavsdk, sender_lock, px4), "companion.px4.look"):
                 try:
                     await px4.ask_for_messages()
                     px4.warnings += (sender_lock.warning,) if sender_lock.warning else ()
@@ -106,20 +103,20 @@ async def _autopilot(mavsdk: Mavsdk, sender_lock: SenderLock, config: Px4Config,
                 _require_px4(system, config)
                 return system
         if clock.now_s() > end_s:
-            heard = {system.get_system_id() for system in systems} | set(sender_lock.strangers())
+            heard = {system.get_system_id() for system in systems} | set(sender_lock.other_autopilots())
             raise AutopilotError(_not_heard(config, sorted(heard)))
         await asyncio.sleep(_LOOK_S)
 
 
-async def _watch_strangers(mavsdk: Mavsdk, sender_lock: SenderLock, px4: Px4) -> None:
+async def _watch_other_autopilots(mavsdk: Mavsdk, sender_lock: SenderLock, px4: Px4) -> None:
     """List the other autopilots, those behind the accepted sender (a router) and those that send to the port."""
     while True:
         sender_lock.heard_s = px4.status().heard_s
         sender_lock.look()
         behind = [system for system in _autopilots(mavsdk) if system.get_system_id() != px4.status().system_id]
-        px4.strangers = (
+        px4.other_autopilots = (
             *(f"system {one.get_system_id()} ({_NAMES.get(one.autopilot_type(), 'unknown')})" for one in behind),
-            *(words for found in sender_lock.strangers().values() for words in found),
+            *(words for found in sender_lock.other_autopilots().values() for words in found),
         )
         await asyncio.sleep(_LOOK_AGAIN_S)
 

@@ -115,10 +115,7 @@ class Px4Mavlink:
         self.on("HEARTBEAT", heard)
 
     def on_current_mode(self, take: Callable[[FlightMode, bool], None]) -> None:
-        """Call `take` with PX4's actual mode, and True when a failsafe has chosen it.
-
-        An intended mode of 0 is none.
-        """
+        """Call `take` with PX4's mode, and True when a failsafe has chosen it (an intended mode of 0 is none)."""
 
         def heard(fields: dict[str, Any]) -> None:
             flown, chosen = fields["custom_mode"], fields["intended_custom_mode"]

@@ -29,7 +29,7 @@ _NAMES = {0: "a generic autopilot", 3: "ArduPilot", 12: "PX4"}
 _SILENT_S = 3.0
 """MAVSDK's limit; after it the autopilot may come from another address (a restarted router)."""
 _FORGOTTEN_S = 5.0
-"""Since a stranger was heard last."""
+"""Silence after which another autopilot is forgotten."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Admission:
         self._system_id = system_id
         self.accepted: Endpoint | None = None
         self.accepted_s = -math.inf
-        self._strangers: dict[Endpoint, tuple[float, int, str]] = {}
+        self._others: dict[Endpoint, tuple[float, int, str]] = {}
 
     def hear(self, endpoint: Endpoint, datagram: bytes, now_s: float, heard_s: float) -> bool:
         """Process a datagram of another sender; True when this sender is to be accepted from now on.
@@ -76,19 +76,19 @@ class Admission:
         silent = now_s - max(heard_s, self.accepted_s) > _SILENT_S
         if self._system_id in {None, sender.system} and (self.accepted is None or silent):
             self.accepted, self.accepted_s = endpoint, now_s
-            self._strangers.pop(endpoint, None)
+            self._others.pop(endpoint, None)
             return True
-        _, _, kind = self._strangers.get(endpoint, (now_s, sender.system, "autopilot"))
+        _, _, kind = self._others.get(endpoint, (now_s, sender.system, "autopilot"))
         if sender.autopilot is not None:
             kind = _NAMES.get(sender.autopilot, "autopilot")
-        self._strangers[endpoint] = (now_s, sender.system, kind)
+        self._others[endpoint] = (now_s, sender.system, kind)
         return False
 
-    def strangers(self, now_s: float) -> dict[Endpoint, tuple[int, str]]:
+    def other_autopilots(self, now_s: float) -> dict[Endpoint, tuple[int, str]]:
         """Return the other autopilots heard lately: number and kind."""
         return {
             endpoint: (system, kind)
-            for endpoint, (at_s, system, kind) in self._strangers.items()
+            for endpoint, (at_s, system, kind) in self._others.items()
             if now_s - at_s < _FORGOTTEN_S
         }
 
@@ -124,10 +124,10 @@ class SenderLock:
                 if before is not None:
                     LOG.warning("the autopilot is heard from %s:%d now, and no more from %s:%d", *sender, *before)
 
-    def strangers(self) -> dict[int, list[str]]:
+    def other_autopilots(self) -> dict[int, list[str]]:
         """Return the other autopilots on the port by their number, each in a few words."""
         found: dict[int, list[str]] = {}
-        for (host, port), (system, kind) in self._admission.strangers(self._clock.now_s()).items():
+        for (host, port), (system, kind) in self._admission.other_autopilots(self._clock.now_s()).items():
             found.setdefault(system, []).append(f"system {system} ({kind} at {host}:{port})")
         return found
 

@@ -29,10 +29,7 @@ def where(config: MocapConfig) -> str:
 
 
 async def connect(config: MocapConfig) -> Link:
-    """Open the TCP connection; UnreachableError.
-
-    The SDK's own `connect` returns None for every failure and never gives up on a silent server.
-    """
+    """Open the TCP connection; UnreachableError. The SDK's own returns None, and waits for ever."""
     loop = asyncio.get_running_loop()
     try:
         async with asyncio.timeout(config.connect_timeout_s):

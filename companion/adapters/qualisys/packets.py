@@ -46,10 +46,7 @@ class BodyPose:
 
 
 def split_packets(buffer: bytearray) -> list[bytes]:
-    """Remove the whole packets (with header) from the front of `buffer`; MalformedError when there can be none.
-
-    What is in them is not looked at: `check_packet` does.
-    """
+    """Remove whole packets, with header and unchecked, from the front of `buffer`; MalformedError if there are none."""
     packets, talk = list[bytes](), 0
     while len(buffer) >= HEADER.size:
         size, kind = HEADER.unpack_from(buffer)

@@ -57,7 +57,10 @@ class QualisysSource(NewestFrame):
         self.list_wanted.clear()
         self._objection = objection(bodies, self._body)
         if before and bodies != before:
-            self._tell_change(before, bodies)
+            old, new = listed(before) or "none", listed(bodies)
+            LOG.warning("%s: its rigid bodies were changed, from %s to %s", self._where, old, new)
+            if self._objection:
+                LOG.error("no frames are believed: %s %s", self._where, self._objection)
         return self._objection
 
     def doubt_bodies(self) -> None:
@@ -112,13 +115,6 @@ class QualisysSource(NewestFrame):
         if count != self._in_frame:
             self.doubt_bodies()
         return count == self._in_frame
-
-    def _tell_change(self, before: tuple[RigidBody, ...], bodies: tuple[RigidBody, ...]) -> None:
-        LOG.warning(
-            "%s: its rigid bodies were changed, from %s to %s", self._where, listed(before) or "none", listed(bodies)
-        )
-        if self._objection:
-            LOG.error("no frames are believed: %s %s", self._where, self._objection)
 
     def _tell_misfit(self, what: str) -> None:
         if what != self._misfit and self.latest() is not None:

@@ -8,10 +8,7 @@ _IDLE_S, _BETWEEN_S, _PROBES = 2, 1, 3
 
 
 def keep_alive(transport: asyncio.BaseTransport) -> None:
-    """Let the kernel ask the far side of a TCP connection whether it is still there, and end the connection if not.
-
-    Of any event loop's transport; one without a TCP socket is left as it is.
-    """
+    """Let the kernel probe the far side of a TCP connection, and end it when dead; others stay as they are."""
     sock = transport.get_extra_info("socket")
     if sock is None or sock.family not in {socket.AF_INET, socket.AF_INET6}:
         return

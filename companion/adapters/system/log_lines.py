@@ -6,10 +6,7 @@ from collections.abc import Callable
 
 
 def printable(text: str) -> str:
-    """Replace what a terminal or a log would obey instead of showing it (control characters, escape sequences).
-
-    Blanks around it are cut off before: PX4 ends its texts with a tab.
-    """
+    """Replace control characters, which a terminal or a log would obey, and strip the text."""
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text.strip())
 
 

@@ -6,6 +6,7 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TYPE_CHECKING
 
 from companion.adapters.system.log_lines import LineLimit, printable
@@ -54,14 +55,8 @@ def _read(reading: int) -> None:
             *lines, waiting = (waiting + data).split(b"\n")
             if len(waiting) > _LONGEST:
                 lines, waiting = [*lines, waiting], b""
-            for line in lines:
-                _log_line(limit, line)
-
-
-def _log_line(limit: LineLimit, line: bytes) -> None:
-    text = printable(line.decode("utf-8", "replace"))
-    if text:
-        limit.log(lambda more: LOG.info("printed: %s%s", text, more))
+            for text in filter(None, (printable(line.decode("utf-8", "replace")) for line in lines)):
+                limit.log(partial(LOG.info, "printed: %s%s", text))
 
 
 @contextlib.contextmanager

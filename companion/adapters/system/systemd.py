@@ -27,10 +27,7 @@ _DEBUG = 7
 
 
 class Notifier:
-    """Tells systemd that the service is ready, what it does, and that it lives. Without systemd it does nothing.
-
-    No call waits or fails: a flight does not depend on who listens.
-    """
+    """Notifications to systemd: ready, status, alive. No call waits or fails; without systemd it does nothing."""
 
     def __init__(self, address: str | None, period_s: float | None) -> None:
         """`address` is a path, or @ and a name of the abstract namespace; `period_s` is the watchdog's, None: none."""

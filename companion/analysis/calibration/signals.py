@@ -46,10 +46,7 @@ class Observed:
 
 
 def observed(flown: Flown) -> Observed:
-    """Return the signals of a record.
-
-    Raises UnfitFlightError for a flight that cannot be used, RecordError for a record without the columns.
-    """
+    """Read the signals from the record; UnfitFlightError for an unsuitable flight, RecordError without the columns."""
     path = flown.record.path
     if not flown.airborne.any():
         raise UnfitFlightError(f"{path}: the law was never in charge in this flight: nothing to calibrate from")

@@ -138,5 +138,5 @@ def check_delay(parameter_ms: float, measured_s: float, most_s: float) -> Check:
     wanted_ms = round(1e3 * measured_s) if math.isfinite(measured_s) else 0
     says = f"EKF2_EV_DELAY = {parameter_ms:g} ms, mocap's delay here {1e3 * measured_s:.0f} ms"
     off_s = abs(1e-3 * parameter_ms - measured_s)
-    todo = f"set EKF2_EV_DELAY = {wanted_ms} and reboot PX4, or measure mocap.delay_s anew"
+    todo = f"set EKF2_EV_DELAY = {wanted_ms} and reboot PX4, or measure mocap.delay_s again"
     return Check("vision delay", off_s <= most_s, f"{says}, at most {1e3 * most_s:.0f} ms apart wanted", todo)

@@ -239,11 +239,8 @@ class HandTest:
 
 
 def check_hand_test(kept: HandTest | str, body: str, now: datetime, within_h: float) -> Check:
-    """Check that a hand test passed within `within_h`; 0: no hand test is required.
-
-    Where nothing is kept, `kept` is the reason.
-    """
-    todo = "run `companion preflight --by-hand`, anew whenever the body in QTM, the room or the autopilot has changed"
+    """Check that a hand test passed within `within_h` (0: none needed); `kept` may be the reason why none is known."""
+    todo = "run `companion preflight --by-hand` again whenever the body in QTM, the room or the autopilot has changed"
     name = "carried by hand"
     if within_h <= 0.0:
         return Check(name, True, "not asked for (preflight.by_hand_within_h = 0)")

@@ -76,7 +76,7 @@ def check_residual(seen: MocapFacts, most_m: float) -> Check:
     if math.isnan(seen.residual_m):
         return Check("mocap residual", True, "not reported")
     says = f"{1e3 * seen.residual_m:.1f} mm, at most {1e3 * most_m:.1f} wanted"
-    todo = "define the body anew in QTM (a marker has moved), or calibrate the cameras"
+    todo = "define the body again in QTM (a marker has moved), or calibrate the cameras"
     return Check("mocap residual", seen.residual_m <= most_m, says, todo)
 
 

@@ -46,7 +46,7 @@ def check_ground(status: AutopilotStatus) -> Check:
 
 def check_alone(status: AutopilotStatus, configured: int | None) -> Check:
     """Look for other autopilots on the link: unless a number is configured, the one heard first is flown."""
-    others = ", ".join(status.strangers)
+    others = ", ".join(status.other_autopilots)
     if not others:
         return Check("one autopilot", True, "no other one is heard on this link")
     says = f"system {status.system_id} would be flown, and heard on the same link is {others}"

@@ -39,8 +39,8 @@ def test_the_first_autopilot_is_listened_to_and_the_second_is_a_stranger() -> No
     assert door.hear(OURS, attitude(), 100.0, -math.inf)
     assert not door.hear(OTHER, heartbeat(), 100.1, 100.0)
     assert door.accepted == OURS
-    assert door.strangers(101.0) == {OTHER: (1, "PX4")}
-    assert door.strangers(106.0) == {}
+    assert door.other_autopilots(101.0) == {OTHER: (1, "PX4")}
+    assert door.other_autopilots(106.0) == {}
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_the_first_autopilot_is_listened_to_and_the_second_is_a_stranger() -> No
 def test_a_gimbal_or_a_ground_station_is_neither(datagram: bytes) -> None:
     door = Admission(None)
     assert not door.hear(OTHER, datagram, 100.0, -math.inf)
-    assert door.strangers(100.0) == {}
+    assert door.other_autopilots(100.0) == {}
 
 
 def test_only_the_configured_number_is_listened_to() -> None:
@@ -58,7 +58,7 @@ def test_only_the_configured_number_is_listened_to() -> None:
     assert not door.hear(OTHER, heartbeat(2, autopilot=3), 100.0, -math.inf)
     assert not door.hear(OTHER, attitude(2), 100.0, -math.inf)
     assert door.hear(OURS, attitude(1), 101.0, -math.inf)
-    assert door.strangers(101.0) == {OTHER: (2, "ArduPilot")}
+    assert door.other_autopilots(101.0) == {OTHER: (2, "ArduPilot")}
 
 
 def test_another_address_is_taken_when_the_autopilot_is_silent_and_not_before() -> None:
@@ -76,4 +76,4 @@ def test_a_broadcast_of_the_accepted_one_is_no_stranger() -> None:
     door = Admission(None)
     assert door.hear(OURS, heartbeat(), 100.0, -math.inf)
     assert not door.hear(OURS, heartbeat(), 110.0, -math.inf)
-    assert door.strangers(110.0) == {}
+    assert door.other_autopilots(110.0) == {}

@@ -153,7 +153,7 @@ async def test_the_configured_system_is_flown_also_when_another_is_heard_first()
         async with linked(other, system_id=1) as px4:
             assert px4.status().system_id == 1
             host, port = other.address
-            await until(lambda: px4.status().strangers == (f"system 2 (PX4 at {host}:{port})",))
+            await until(lambda: px4.status().other_autopilots == (f"system 2 (PX4 at {host}:{port})",))
 
 
 async def test_a_configured_system_that_is_not_there_is_told_with_those_that_are() -> None:
@@ -171,12 +171,12 @@ async def test_a_second_autopilot_of_the_same_number_is_named_and_not_listened_t
                 other.armed = True
                 other.repeated = [extended_sys_state(in_air=True), battery(0, 5, 9.0)]
                 host, port = other.address
-                await until(lambda: px4.status().strangers == (f"system 1 (PX4 at {host}:{port})",))
+                await until(lambda: px4.status().other_autopilots == (f"system 1 (PX4 at {host}:{port})",))
                 await asyncio.sleep(1.0)
                 status = px4.status()
                 assert (status.armed, status.in_air, status.batteries) == (False, False, ())
                 assert other.commands == [], "and is told nothing"
-            await until(lambda: px4.status().strangers == ())
+            await until(lambda: px4.status().other_autopilots == ())
 
 
 async def test_an_autopilot_that_comes_back_from_another_port_is_heard_again() -> None:
