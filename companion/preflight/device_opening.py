@@ -12,17 +12,13 @@ Device = TypeVar("Device")
 Tell = Callable[[str], None]
 """Shows what is waited for, and what is missing already."""
 
-_TODO = {
+TODO = {
     "motion capture": "start QTM's measurement with its real-time output; look at mocap.host, port and body, or at the "
     "bridge if mocap.source is mqtt",
     "autopilot": "look at the cable, px4.url and PX4's power",
     "arms": "look at the servos' power and at arms.port; then `companion arms ping`",
 }
-
-
-def todo_of(name: str) -> str:
-    """Return what to do where the device of that name cannot be reached."""
-    return _TODO[name]
+"""Remedy where a device cannot be reached, by its name."""
 
 
 class DeviceOpening:
@@ -46,7 +42,7 @@ class DeviceOpening:
         try:
             device = await self._held(name, opening)
         except (MocapError, AutopilotError, ArmError) as error:
-            self._checks[name] = Check(name, False, str(error), todo_of(name))
+            self._checks[name] = Check(name, False, str(error), TODO[name])
             return None
         else:
             self._checks[name] = Check(name, True, "reached")

@@ -27,7 +27,7 @@ from companion.flight.vision_step import VisionStep
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.mocap import MocapWatch
-from companion.preflight.device_opening import DeviceOpening, Tell, todo_of
+from companion.preflight.device_opening import TODO, DeviceOpening, Tell
 from companion.preflight.service_facts import Running
 from companion.supervisor.flight_state import FlightState
 
@@ -155,7 +155,7 @@ async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfi
         async with _kept_going(observer):
             await asyncio.sleep(_LOOK_S)
     except MocapError as error:
-        return (Check("motion capture", False, str(error), todo_of("motion capture")),)
+        return (Check("motion capture", False, str(error), TODO["motion capture"]),)
     return check_mocap(watch.seen(config.mocap.body, clock.now_s() - begun_s), config.safety, config.preflight)
 
 

@@ -2,7 +2,7 @@
 
 import asyncio
 
-from companion.config.companion_config import LEAST_CLIMB_M, RoomConfig
+from companion.config.flight_config import LEAST_CLIMB_M, RoomConfig
 from companion.config.safety_config import FenceConfig
 from companion.core.interfaces import FlightError
 from companion.core.types import Array

@@ -1,14 +1,14 @@
 """Bodies of a virtual world between delayed setpoints and frames: one in plain floats, a batch in arrays."""
 
+from collections import deque
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.types import Array, AttitudeThrust
 from companion.geometry.frames import flip_quat, flip_yz, quat_multiply
-from companion.simulation.delay_line import DelayLine, EachDelayLine
 from mock_autopilot.physics import plant, plant_one, quaternion_one
 from mock_autopilot.physics import quaternion as quat
 from mock_autopilot.physics.arm_bodies import Moving
@@ -17,6 +17,37 @@ from mock_autopilot.physics.plant import Actuation, PlantParams, PlantState, Wre
 from mock_autopilot.physics.plant_one import OneActuation
 from mock_autopilot.physics.quaternion_one import Four
 from mock_autopilot.px4.attitude_error import SAMPLE_HZ, turn_of, turns_of
+
+Value = TypeVar("Value")
+
+
+class DelayLine(Generic[Value]):
+    """Delay line of one vehicle, or of a batch with one delay; filled with the first value."""
+
+    def __init__(self, delay_steps: int, first: Value) -> None:
+        self._line = deque([first] * delay_steps)
+
+    def put(self, value: Value) -> Value:
+        """Enter the present value, a step after the last; return the delayed one."""
+        self._line.append(value)
+        return self._line.popleft()
+
+
+class EachDelayLine:
+    """Delay line of a batch in which each vehicle has its own delay (...,); filled with the first value."""
+
+    def __init__(self, delay_steps: NDArray[np.int64], first: Array) -> None:
+        self._delay = delay_steps
+        self._each = np.arange(self._delay.size).reshape(self._delay.shape)
+        self._size = int(self._delay.max()) + 1
+        self._ring = np.repeat(first[None], self._size, axis=0)
+        self._now = 0
+
+    def put(self, value: Array) -> Array:
+        """Enter the present value, a step after the last; return the delayed one."""
+        self._now = (self._now + 1) % self._size
+        self._ring[self._now] = value
+        return np.asarray(self._ring[(self._now - self._delay) % self._size, self._each])
 
 
 @dataclass(frozen=True, kw_only=True)

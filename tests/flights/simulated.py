@@ -14,8 +14,9 @@ import numpy as np
 
 from companion.adapters.mocap.newest_frame import RESTART_S
 from companion.config.arms_config import ArmsConfig
-from companion.config.companion_config import CompanionConfig, FlightConfig
+from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import load_controller
+from companion.config.flight_config import FlightConfig
 from companion.control.controller import Controller
 from companion.core.interfaces import MocapError
 from companion.core.types import Array, MocapFrame

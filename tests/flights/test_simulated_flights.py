@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from companion.config.companion_config import CompanionConfig, VehicleConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import VehicleConfig
 from companion.control.controller import ControlInput, ControlOutput, VehicleModel
 from companion.control.gains import PidGains
 from companion.control.pid import Pid

@@ -7,7 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from companion.config.companion_config import CompanionConfig, ControlConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import ControlConfig
 from companion.core.types import Array
 from companion.geometry.frames import up_axis
 from companion.records.row_codec import RowEncoder

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.config.companion_config import CompanionConfig, FlightConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import FlightConfig
 from companion.core.interfaces import FlightError
 from companion.preflight.checks.check import Check
 from companion.protocol.commands import COMMAND

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.types import Array
-from companion.simulation.delay_line import DelayLine, EachDelayLine
+from companion.simulation.virtual_body import DelayLine, EachDelayLine
 
 
 def brute_force(delay: int, first: float, values: list[float]) -> list[float]:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from companion.config.companion_config import CompanionConfig, RoomConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import RoomConfig
 from companion.core.interfaces import ConfigError
 from companion.service.trajectory_space import check_room_and_fence
 from companion.supervisor.flight_state import FlightRules

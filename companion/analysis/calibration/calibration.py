@@ -7,7 +7,8 @@ from companion.analysis.calibration.attitude import fit_attitude, fit_mocap_dela
 from companion.analysis.calibration.fitting import Fit
 from companion.analysis.calibration.signals import Observed
 from companion.analysis.calibration.thrust import Hover, fit_rotors, hover
-from companion.config.companion_config import CompanionConfig, VehicleConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import VehicleConfig
 
 _EXPLAINED = 0.8
 """A model that explains less of what is seen is not the vehicle's."""

@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
-from companion.config.companion_config import CompanionConfig, VehicleConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import VehicleConfig
 from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig, Recommended
 from companion.config.safety_config import FenceConfig, SafetyConfig

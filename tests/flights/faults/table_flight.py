@@ -1,6 +1,7 @@
 """Flights in which autopilot, law, loop, arms, operator or room go wrong."""
 
-from companion.config.companion_config import CompanionConfig, FlightConfig, RoomConfig
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import FlightConfig, RoomConfig
 from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.supervisor.faults import Fault
 from mock_autopilot.physics.truth import Truth
