@@ -12,15 +12,15 @@ for the one motion of a tick, which numpy's vectors of three would cost 100 us, 
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 
 from companion.arms.kinematics import link_directions
 from companion.arms.model import JOINTS_PER_ARM, ArmModel
-from companion.core.types import Array, JointMotion
+from companion.core.types import Array, JointMotion, Scalar
 from companion.geometry.array_math import math_module, stack, unstack
 
+_Plane = tuple[Scalar, Scalar]
 _ARMS = ((0, -1.0), (JOINTS_PER_ARM, 1.0))
 """First joint and outward direction along body y; right, left."""
 
@@ -49,7 +49,9 @@ def reaction_force_b_n(model: ArmModel, motion: JointMotion) -> Array:
     k1 = one.mass_kg * one.com_m + (two.mass_kg + three.mass_kg) * one.length_m
     k2 = two.mass_kg * two.com_m + three.mass_kg * two.length_m
     k3 = three.mass_kg * three.com_m
-    x = y = z = 0.0
+    x: Scalar = 0.0
+    y: Scalar = 0.0
+    z: Scalar = 0.0
     for outward, (a, b, r), (a1, b1, r1), (a2, b2, r2) in _by_arm(motion):
         m, s1, s2 = math_module(a), a1 + b1, a2 + b2
         sin_a, cos_a, sin_s, cos_s = m.sin(a), m.cos(a), m.sin(a + b), m.cos(a + b)
@@ -68,7 +70,9 @@ def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
     Their weight is not in it: that is `com_shift_flu_m` times the thrust.
     """
     shoulder_x, shoulder_y, shoulder_z = model.shoulder_flu_m
-    x = y = z = 0.0
+    x: Scalar = 0.0
+    y: Scalar = 0.0
+    z: Scalar = 0.0
     for outward, angle, rate, accel in _by_arm(motion):
         m = math_module(angle[0])
         (ux, uz), (ux2, uz2) = _turning(angle[0], rate[0], accel[0], 1.0, 0.0, 0.0)
@@ -85,7 +89,7 @@ def reaction_torque_b_nm(model: ArmModel, motion: JointMotion) -> Array:
     return stack(-x, -y, -z)
 
 
-def _by_arm(motion: JointMotion) -> Iterator[tuple[float, Any, Any, Any]]:
+def _by_arm(motion: JointMotion) -> Iterator[tuple[float, list[Scalar], list[Scalar], list[Scalar]]]:
     """Yield each arm's outward direction, then angles, rates and accelerations of pitch, pitch and roll."""
     rows = [unstack(part) for part in (motion.position_rad, motion.velocity_radps, motion.acceleration_radps2)]
     for first, outward in _ARMS:
@@ -103,7 +107,7 @@ def _levers(model: ArmModel) -> tuple[tuple[float, float, float, float], ...]:
     )
 
 
-def _turning(q: Any, q1: Any, q2: Any, g: Any, g1: Any, g2: Any) -> tuple[tuple[Any, Any], tuple[Any, Any]]:
+def _turning(q: Scalar, q1: Scalar, q2: Scalar, g: Scalar, g1: Scalar, g2: Scalar) -> tuple[_Plane, _Plane]:
     """Return x and z of a length g in the arm's plane, down at q = 0, forward at a quarter turn, and of g''."""
     m = math_module(q)
     sine, cosine = m.sin(q), m.cos(q)
@@ -111,7 +115,7 @@ def _turning(q: Any, q1: Any, q2: Any, g: Any, g1: Any, g2: Any) -> tuple[tuple[
     return (g * sine, -g * cosine), (along * sine + across * cosine, -along * cosine + across * sine)
 
 
-def _rolled(elbow: float, fore: float, outward: float, roll: tuple[Any, Any, Any, Any]) -> tuple[Any, ...]:
+def _rolled(elbow: float, fore: float, outward: float, roll: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
     """Return the length in the arm's plane with two derivatives, and the offset along body y with its second."""
     cosine, sine, r1, r2 = roll
     length2 = -fore * (cosine * r1 * r1 + sine * r2)

@@ -25,32 +25,15 @@ Value = TypeVar("Value")
 class MathModule(Protocol):
     """Functions that math and numpy both have; math's take floats alone."""
 
-    def sqrt(self, x: Scalar, /) -> Scalar:
-        """Return the square root."""
-
-    def sin(self, x: Scalar, /) -> Scalar:
-        """Return the sine of an angle in rad."""
-
-    def cos(self, x: Scalar, /) -> Scalar:
-        """Return the cosine of an angle in rad."""
-
-    def atan(self, x: Scalar, /) -> Scalar:
-        """Return the arc tangent (rad)."""
-
-    def atan2(self, y: Scalar, x: Scalar, /) -> Scalar:
-        """Return the angle of (x, y), rad."""
-
-    def exp(self, x: Scalar, /) -> Scalar:
-        """Return e^x."""
-
-    def tanh(self, x: Scalar, /) -> Scalar:
-        """Return the hyperbolic tangent."""
-
-    def copysign(self, x: Scalar, y: Scalar, /) -> Scalar:
-        """Return x with the sign of y."""
-
-    def isfinite(self, x: Scalar, /) -> Flag:
-        """Return True where x is neither infinite nor NaN."""
+    sqrt: Callable[[Scalar], Scalar]
+    sin: Callable[[Scalar], Scalar]
+    cos: Callable[[Scalar], Scalar]
+    atan: Callable[[Scalar], Scalar]
+    atan2: Callable[[Scalar, Scalar], Scalar]
+    exp: Callable[[Scalar], Scalar]
+    tanh: Callable[[Scalar], Scalar]
+    copysign: Callable[[Scalar, Scalar], Scalar]
+    isfinite: Callable[[Scalar], Flag]
 
 
 absolute = cast(Callable[[Scalar], Scalar], abs)

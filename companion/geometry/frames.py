@@ -100,38 +100,23 @@ def quat_from_matrix(rotation: Array) -> Array:
     Takes the largest of the four squared components as the divisor (Shepperd's method), so no direction
     is singular.
     """
-    m = rotation
-    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = np.moveaxis(rotation.reshape(*rotation.shape[:-2], 9), -1, 0)
+    skew_x, skew_y, skew_z = m21 - m12, m02 - m20, m10 - m01
+    sum_xy, sum_xz, sum_yz = m01 + m10, m02 + m20, m12 + m21
     candidates = np.stack(
         (
-            _stack4(1 + m00 + m11 + m22, m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], _skew_z(m)),
-            _stack4(m[..., 2, 1] - m[..., 1, 2], 1 + m00 - m11 - m22, m[..., 0, 1] + m[..., 1, 0], _sum_xz(m)),
-            _stack4(m[..., 0, 2] - m[..., 2, 0], m[..., 0, 1] + m[..., 1, 0], 1 - m00 + m11 - m22, _sum_yz(m)),
-            _stack4(_skew_z(m), _sum_xz(m), _sum_yz(m), 1 - m00 - m11 + m22),
+            *(1 + m00 + m11 + m22, skew_x, skew_y, skew_z),
+            *(skew_x, 1 + m00 - m11 - m22, sum_xy, sum_xz),
+            *(skew_y, sum_xy, 1 - m00 + m11 - m22, sum_yz),
+            *(skew_z, sum_xz, sum_yz, 1 - m00 - m11 + m22),
         ),
-        axis=-2,
-    )
+        axis=-1,
+    ).reshape(*rotation.shape[:-2], 4, 4)
     squares = np.stack((m00 + m11 + m22, m00 - m11 - m22, m11 - m00 - m22, m22 - m00 - m11), axis=-1)
     best = np.argmax(squares, axis=-1)[..., None, None]
     q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
     q = q / np.sqrt((q * q).sum(axis=-1, keepdims=True))
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
-
-
-def _stack4(a: Array, b: Array, c: Array, d: Array) -> Array:
-    return np.stack((a, b, c, d), axis=-1)
-
-
-def _skew_z(m: Array) -> Array:
-    return np.asarray(m[..., 1, 0] - m[..., 0, 1])
-
-
-def _sum_xz(m: Array) -> Array:
-    return np.asarray(m[..., 0, 2] + m[..., 2, 0])
-
-
-def _sum_yz(m: Array) -> Array:
-    return np.asarray(m[..., 1, 2] + m[..., 2, 1])
 
 
 def up_axis(q_w_flu_wxyz: Array) -> Array:

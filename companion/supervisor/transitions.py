@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.types import FlightMode, Reference
+from companion.core.types import Array, FlightMode, Reference
 from companion.supervisor.faults import Event, FailsafeAction
 from companion.supervisor.flight_state import Action, FlightInputs, FlightRules, FlightState, Leg, Phase, TrackRequest
 from companion.trajectories.reference import Descent, Hold, MinimumJerk, minimum_jerk_duration_s
@@ -51,13 +51,8 @@ def lift_off(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> F
     end = flight.ground_w_m + np.array([0.0, 0.0, flight.takeoff_height_m])
     distance = float(np.linalg.norm(end - inputs.position_w_m))
     duration = minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2)
-    climb = MinimumJerk(
-        start_w_m=inputs.position_w_m,
-        end_w_m=end,
-        duration_s=duration,
-        start_yaw_rad=flight.yaw_rad,
-        end_yaw_rad=flight.yaw_rad,
-    )
+    at_rest = Reference(inputs.position_w_m, np.zeros(3), np.zeros(3), flight.yaw_rad)
+    climb = _move(at_rest, 0.0, end, flight.yaw_rad, duration)
     legs = (Leg(Phase.TAKEOFF, climb), Leg(Phase.HOLD, Hold(end, flight.yaw_rad)))
     return replace(flight, airborne=True, legs=legs, leg_start_s=inputs.time_s)
 
@@ -73,24 +68,29 @@ def approach(flight: FlightState, request: TrackRequest, inputs: FlightInputs, r
     turning = turning_radps(flight, inputs.time_s)
     stop_s = max(1.0, stop_s, _LEAVING * abs(turning) / rules.turn_accel_radps2)
     least_s = minimum_jerk_duration_s(float(turn_rad), rules.turn_radps, rules.turn_accel_radps2, stop_s)
-    approach_leg = MinimumJerk(
-        start_w_m=now.position_w_m,
-        end_w_m=start.position_w_m,
-        duration_s=minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, least_s),
-        start_yaw_rad=now.yaw_rad,
-        end_yaw_rad=start.yaw_rad,
-        start_velocity_w_mps=now.velocity_w_mps,
-        start_acceleration_w_mps2=now.acceleration_w_mps2,
-        start_yaw_rate_radps=turning,
-    )
+    duration_s = minimum_jerk_duration_s(distance, rules.climb_speed_mps, rules.climb_accel_mps2, least_s)
     legs = (
-        Leg(Phase.HOLD, approach_leg),
+        Leg(Phase.HOLD, _move(now, turning, start.position_w_m, start.yaw_rad, duration_s)),
         Leg(Phase.HOLD, Hold(start.position_w_m, start.yaw_rad, request.settle_s)),
         Leg(Phase.TRACK, request.trajectory),
         Leg(Phase.HOLD, Hold(end.position_w_m, end.yaw_rad)),
     )
     fresh = replace(flight, legs=legs, leg_start_s=inputs.time_s, level=FailsafeAction.WARN, cause=None, reason="")
     return enter(fresh, Phase.HOLD, inputs)
+
+
+def _move(now: Reference, turning_radps: float, end_w_m: Array, end_yaw_rad: float, duration_s: float) -> MinimumJerk:
+    """Return the move to rest at a point and heading that continues the motion of a reference."""
+    return MinimumJerk(
+        start_w_m=now.position_w_m,
+        end_w_m=end_w_m,
+        duration_s=duration_s,
+        start_yaw_rad=now.yaw_rad,
+        end_yaw_rad=end_yaw_rad,
+        start_velocity_w_mps=now.velocity_w_mps,
+        start_acceleration_w_mps2=now.acceleration_w_mps2,
+        start_yaw_rate_radps=turning_radps,
+    )
 
 
 def brake(flight: FlightState, inputs: FlightInputs, rules: FlightRules, phase: Phase) -> FlightState:
@@ -116,16 +116,7 @@ def _rest(
     stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
     end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
     end_yaw_rad = now.yaw_rad + 0.5 * stop_s * turning_radps
-    stop = MinimumJerk(
-        start_w_m=now.position_w_m,
-        end_w_m=end,
-        duration_s=stop_s,
-        start_yaw_rad=now.yaw_rad,
-        end_yaw_rad=end_yaw_rad,
-        start_velocity_w_mps=now.velocity_w_mps,
-        start_acceleration_w_mps2=now.acceleration_w_mps2,
-        start_yaw_rate_radps=turning_radps,
-    )
+    stop = _move(now, turning_radps, end, end_yaw_rad, stop_s)
     legs = (Leg(phase, stop), Leg(phase, Hold(end, end_yaw_rad)))
     return enter(replace(flight, legs=legs, leg_start_s=inputs.time_s), phase, inputs)
 

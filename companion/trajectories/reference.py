@@ -135,8 +135,8 @@ class LapTiming:
 
 
 @dataclass(frozen=True)
-class Ellipse:
-    """Ellipse x = a cos, y = b sin about a centre at constant height and heading, beginning at (a, 0)."""
+class _LevelCurve:
+    """Closed curve about a centre at constant height and heading, flown as `timing` says."""
 
     centre_w_m: Array
     semi_axes_m: tuple[float, float] = (1.0, 0.6)
@@ -149,43 +149,38 @@ class Ellipse:
         return self.timing.duration_s
 
     def at(self, time_s: float) -> Reference:
-        """Return the point of the ellipse at `time_s`."""
+        """Return the point of the curve at `time_s`."""
         angle, rate, bend = self.timing.phase(time_s)
-        a, b = self.semi_axes_m
-        x, y = a * math.cos(angle), b * math.sin(angle)
-        along = -a * math.sin(angle), b * math.cos(angle)
-        return _on_curve(self, ((x, y), along, (-x, -y)), rate, bend)
+        (x, y), (x_1, y_1), (x_2, y_2) = self._point(angle)
+        velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
+        acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
+        return Reference(self.centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, self.yaw_rad)
+
+    def _point(self, angle: float) -> tuple[_Pair, _Pair, _Pair]:
+        """Return x and y (m) at a phase (rad), and their first two derivatives by it."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
-class FigureEight:
-    """Lying eight x = a sin, y = b sin 2 through its centre, at constant height and heading."""
+class Ellipse(_LevelCurve):
+    """Ellipse x = a cos, y = b sin, beginning at (a, 0)."""
 
-    centre_w_m: Array
+    def _point(self, angle: float) -> tuple[_Pair, _Pair, _Pair]:
+        a, b = self.semi_axes_m
+        x, y = a * math.cos(angle), b * math.sin(angle)
+        return (x, y), (-a * math.sin(angle), b * math.cos(angle)), (-x, -y)
+
+
+@dataclass(frozen=True)
+class FigureEight(_LevelCurve):
+    """Lying eight x = a sin, y = b sin 2, beginning at its centre."""
+
     semi_axes_m: tuple[float, float] = (1.0, 0.5)
-    timing: LapTiming = LapTiming()
-    yaw_rad: float = 0.0
 
-    @property
-    def duration_s(self) -> float:
-        """Time from start to rest, s."""
-        return self.timing.duration_s
-
-    def at(self, time_s: float) -> Reference:
-        """Return the point of the eight at `time_s`."""
-        angle, rate, bend = self.timing.phase(time_s)
+    def _point(self, angle: float) -> tuple[_Pair, _Pair, _Pair]:
         a, b = self.semi_axes_m
         x, y = a * math.sin(angle), b * math.sin(2.0 * angle)
-        along = a * math.cos(angle), 2.0 * b * math.cos(2.0 * angle)
-        return _on_curve(self, ((x, y), along, (-x, -4.0 * y)), rate, bend)
-
-
-def _on_curve(curve: Ellipse | FigureEight, shape: tuple[_Pair, _Pair, _Pair], rate: float, bend: float) -> Reference:
-    """Return the reference from a point of a level curve (m), its derivatives by the phase, and the phase's own."""
-    (x, y), (x_1, y_1), (x_2, y_2) = shape
-    velocity = np.array((x_1 * rate, y_1 * rate, 0.0))
-    acceleration = np.array((x_1 * bend + x_2 * rate**2, y_1 * bend + y_2 * rate**2, 0.0))
-    return Reference(curve.centre_w_m + np.array((x, y, 0.0)), velocity, acceleration, curve.yaw_rad)
+        return (x, y), (a * math.cos(angle), 2.0 * b * math.cos(2.0 * angle)), (-x, -4.0 * y)
 
 
 @dataclass(frozen=True, kw_only=True)

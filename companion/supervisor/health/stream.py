@@ -128,34 +128,19 @@ def _update_clock(clock: StampClock, now: HealthInputs, rules: SafetyRules) -> S
     mocap = now.mocap
     latency_s = mocap.received_s - mocap.stamp_s
     step_s = latency_s - clock.latency_s
+    newest = StampClock(
+        frame=mocap.frame, stamp_s=mocap.stamp_s, latency_s=latency_s, least_s=latency_s, at_s=now.time_s
+    )
     if not abs(step_s) > rules.clock_jump_s or _stamp_follows_number(clock, mocap, rules):
         frames = mocap.frame - clock.frame
         period_s = (mocap.stamp_s - clock.stamp_s) / frames if frames > 0 else clock.period_s
         drifted_s = clock.least_s + DRIFT * (now.time_s - clock.at_s)
         least_s = drifted_s if latency_s >= drifted_s else latency_s
-        return StampClock(
-            frame=mocap.frame,
-            stamp_s=mocap.stamp_s,
-            latency_s=latency_s,
-            period_s=period_s,
-            off=0,
-            least_s=least_s,
-            at_s=now.time_s,
-            jump=clock.jump,
-        )
+        return replace(newest, period_s=period_s, least_s=least_s, jump=clock.jump)
     if clock.off + 1 < OFF_FRAMES:
         return replace(clock, off=clock.off + 1)
     jump = f"motion capture's stamps jumped by {-step_s:+.2f} s against their arrival" if relied_on(now) else ""
-    return StampClock(
-        frame=mocap.frame,
-        stamp_s=mocap.stamp_s,
-        latency_s=latency_s,
-        period_s=nan,
-        off=0,
-        least_s=latency_s,
-        at_s=now.time_s,
-        jump=jump,
-    )
+    return replace(newest, jump=jump)
 
 
 def _stamp_follows_number(clock: StampClock, mocap: MocapInputs, rules: SafetyRules) -> bool:
