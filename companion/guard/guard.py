@@ -75,17 +75,15 @@ class Guard:
         try:
             return self._checked(setpoint, last, vehicle, age_s, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
         except Exception as error:  # any error: no setpoint is sent unguarded
-            level = self.level(_heading_rad(last, setpoint))
-            message = f"{type(error).__name__}: {error}"
             return LimitedSetpoint(
-                setpoint=level,
+                setpoint=self.level(_heading_rad(last, setpoint)),
                 not_finite=_YES,
                 tilt_cut=_YES,
                 thrust_cut=_YES,
                 slew_cut=_YES,
                 age_cut=_YES,
                 fence_cut=_YES,
-                failure=message,
+                failure=f"{type(error).__name__}: {error}",
             )
 
     def level(self, yaw_rad: float) -> AttitudeThrust:

@@ -37,27 +37,25 @@ _ADVICE = "try fewer --jobs or fewer --seeds"
 _TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Campaign:
     """Checked request: the experiments, laws and seeds to fly."""
 
     experiments: tuple[str, ...]
     controllers: tuple[str, ...]
-    seeds: tuple[int, ...]
-    bandwidth_radps: float | None
-    horizon: HorizonError | None
-    allow_unstable: bool
     wholes: tuple[Item, ...]
+    """The complete laws; all alike but for experiment and law."""
     variants: tuple[Item, ...]
 
     @property
     def command(self) -> str:
         """The command line that repeats this campaign."""
-        bandwidth = [] if self.bandwidth_radps is None else ["--bandwidth", f"{self.bandwidth_radps:g}"]
-        bandwidth += [] if self.horizon is None else ["--horizon", self.horizon]
+        one = self.wholes[0]
+        bandwidth = [] if one.bandwidth_radps is None else ["--bandwidth", f"{one.bandwidth_radps:g}"]
+        bandwidth += [] if one.horizon is None else ["--horizon", one.horizon]
         lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
-        seeds = ["--seeds", f"{self.seeds[0]}:{self.seeds[-1]}"]
-        unstable = ["--allow-unstable"] if self.allow_unstable else []
+        seeds = ["--seeds", f"{one.seeds[0]}:{one.seeds[-1]}"]
+        unstable = ["--allow-unstable"] if one.allow_unstable else []
         return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *unstable])
 
 
@@ -106,9 +104,9 @@ def experiments(
     try:
         laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
         chosen = _listed(names, "experiments")
-        campaign = _checked(
-            chosen, laws, seeds_of(seeds), bandwidth, horizon, allow_unstable=allow_unstable, ablations=ablations
-        )
+        wholes = tuple(whole_items(chosen, laws, seeds_of(seeds), bandwidth, allow_unstable, horizon))
+        variants = tuple(variant for item in wholes for variant in variants_of(item))
+        campaign = Campaign(chosen, laws, wholes, variants if ablations else ())
         folder = out if report else None
         check_output(folder, summary)
         raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
@@ -118,7 +116,7 @@ def experiments(
 
 def _run(campaign: Campaign, console: Console, jobs: int, out: Path | None, summary: Path | None) -> int:
     tasks = (*campaign.wholes, *campaign.variants)
-    done, interrupted = _each(fly, tasks, jobs, console, f"flying, {len(campaign.seeds)} vehicles each")
+    done, interrupted = _each(fly, tasks, jobs, console, f"flying, {len(campaign.wholes[0].seeds)} vehicles each")
     flights = [done[number] for number in sorted(done)]
     _print_all(campaign, flights, console)
     if summary is not None and flights:
@@ -149,30 +147,6 @@ def _baseline_or_own(name: str) -> str:
         return BASELINE
     raise ConfigError(
         f"--controllers {name}: {BASELINE} is the name of the baseline, which is always flown: rename the file"
-    )
-
-
-def _checked(
-    names: tuple[str, ...],
-    controllers: tuple[str, ...],
-    seeds: tuple[int, ...],
-    bandwidth: float | None,
-    horizon: HorizonError | None,
-    allow_unstable: bool,
-    ablations: bool,
-) -> Campaign:
-    """Check everything before anything flies; ConfigError for what cannot be flown."""
-    wholes = tuple(whole_items(names, controllers, seeds, bandwidth, allow_unstable, horizon))
-    variants = tuple(variant for item in wholes for variant in variants_of(item))
-    return Campaign(
-        experiments=names,
-        controllers=controllers,
-        seeds=seeds,
-        bandwidth_radps=bandwidth,
-        horizon=horizon,
-        allow_unstable=allow_unstable,
-        wholes=wholes,
-        variants=variants if ablations else (),
     )
 
 
@@ -229,15 +203,7 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
         return True
     chapters = []
     for number, (name, mine) in enumerate(zip(campaign.experiments, details, strict=True)):
-        scene = scene_of(
-            Item(
-                experiment=name,
-                controller=BASELINE,
-                seeds=campaign.seeds,
-                bandwidth_radps=campaign.bandwidth_radps,
-                horizon=campaign.horizon,
-            )
-        )
+        scene = scene_of(next(item for item in campaign.wholes if item.experiment == name))
         here = [flown for flown in flights if flown.item.experiment == name]
         wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
         chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))
