@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from companion.analysis.report.charts import Chart, Medium
@@ -111,8 +112,10 @@ def test_figures_for_a_paper_are_a_column_wide(frozen: Recorded, tmp_path: Path,
     chart = _chart(frozen.flown, "events")
     path = tmp_path / f"events.{kind}"
     chart.save(path, Medium.PAPER)
-    assert chart.figure(Medium.PAPER).get_figwidth() == 3.5
-    assert path.read_bytes().startswith(b"%PDF" if kind == "pdf" else b"\x89PNG")
+    if kind == "png":
+        assert imread(path).shape[1] == 1050, "3.5 inches at 300 dots an inch"
+    else:
+        assert re.search(rb"/MediaBox \[ 0 0 252 ", path.read_bytes()), "points"
 
 
 def _chart(flown: Flown, name: str) -> Chart:

@@ -14,7 +14,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Errors:
-    """Over some cycles, in m and W: of the absolute error per axis, and of its size."""
+    """Statistics of the absolute errors over some cycles, m, in W: per axis and of the norm."""
 
     cycles: int
     mean_m: tuple[float, ...]
@@ -25,7 +25,7 @@ class Errors:
 
 @dataclass(frozen=True)
 class Triggers:
-    """Over some cycles: how often something was sent, and how long the law was silent in between, s."""
+    """Triggers and updates over some cycles, and the times between triggers, s."""
 
     cycles: int
     event_share: float
@@ -42,7 +42,7 @@ class TrajectoryNumbers:
     name: str
     law: str
     begin_s: float
-    """Since lift-off."""
+    """Time since lift-off."""
     duration_s: float
     errors: Errors | None
     triggers: Triggers | None
@@ -70,7 +70,7 @@ class HorizonNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers:
-    """All of them; what a flight did not have is None or not there."""
+    """All numbers of a flight; those without data are None."""
 
     flight: str
     started_unix_s: float | None
@@ -79,18 +79,18 @@ class Numbers:
     versions: dict[str, str]
     ended: str
     over: bool
-    """The flight ended within the record."""
+    """True if the flight ended within the record."""
     truncated: bool
     damage: str
-    """In words, where the file could not be read."""
+    """Description of what could not be read."""
     dropped: int
     duration_s: float
-    """In the air."""
+    """Time in the air."""
     law_s: float
     """Part of it with the control law in charge."""
     trajectories: tuple[TrajectoryNumbers, ...]
     tracked: Errors | None
-    """Over all trajectories."""
+    """Errors on all trajectories."""
     whole: Errors | None
     triggers_whole: Triggers | None
     latencies: dict[str, Spread]
@@ -98,13 +98,13 @@ class Numbers:
     story: Story
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON; no number in it is NaN or infinite."""
+        """Return the numbers for JSON, without NaN or infinity."""
         plain: dict[str, Any] = _plain(asdict(self))
         return plain
 
 
 def numbers_of(flown: Flown) -> Numbers:
-    """Worked out of the record."""
+    """Return the numbers of a record."""
     record, story = flown.record, story_of(flown)
     unix_s = record.unix_offset_s + float(flown.column("time_s")[0]) if record.unix_offset_s else None
     return Numbers(

@@ -1,4 +1,4 @@
-"""A record made ready for numbers and pictures: times since lift-off, errors, stretches. Pure."""
+"""Recorded flight as arrays for numbers and figures: times since lift-off, errors, phases. Pure."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,13 +24,13 @@ from companion.supervisor.flight_state import Phase
 
 __all__ = ["Flown", "Mask", "Stretch", "Trajectory"]
 STALE_S = 0.5
-"""Age of a pose from which it does not say any more where the vehicle is."""
+"""Age from which a pose no longer shows the vehicle's position."""
 FRAME_TO_SETPOINT = "frame to setpoint"
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """A phase or a law, from its first cycle to the next one's."""
+    """Phase or law, from its first cycle to the first one of the next."""
 
     name: str
     begin_s: float
@@ -39,17 +39,17 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Flown:
-    """One flight; every column is NaN, or absent, where there was nothing."""
+    """One flight; columns are NaN, or absent, where nothing was recorded."""
 
     record: FlightRecord
 
     @property
     def name(self) -> str:
-        """The file's, without its ending."""
+        """Name of the file without its suffix."""
         return self.record.path.stem
 
     def column(self, name: str, width: int = 0) -> Array:
-        """A column as floats, (n,) or (n, width); NaN where the record has none."""
+        """Return a column as floats, (n,) or (n, width); NaN if the record does not have it."""
         found = self.record.columns.get(name)
         if found is not None:
             return np.asarray(found, dtype=np.float64)
@@ -57,7 +57,7 @@ class Flown:
         return np.full((count, width) if width else count, np.nan)
 
     def words(self, name: str) -> NDArray[np.str_]:
-        """A column of words; empty ones where the record has none."""
+        """Return a column of strings; empty strings if the record does not have it."""
         found = self.record.columns.get(name)
         return np.full(len(self.record.columns["time_s"]), "") if found is None else found.astype(str)
 
@@ -67,7 +67,7 @@ class Flown:
 
     @cached_property
     def zero_s(self) -> float:
-        """The service's time at lift-off, or at the record's begin when there was none."""
+        """Service's time at lift-off; without a flight, at the start of the record."""
         return float(self.column("time_s")[np.argmax(self.airborne)])
 
     @cached_property
@@ -82,19 +82,19 @@ class Flown:
 
     @cached_property
     def free(self) -> Mask:
-        """Cycles in the air whose reference is there, too: not below the floor, as at the end of a landing, (n,)."""
+        """Cycles in the air whose reference is above the floor, unlike at the end of a landing, (n,)."""
         return np.asarray(self.airborne & ~(self.column("reference_position_w_m", 3)[:, 2] < 0.0))
 
     @cached_property
     def in_the_air(self) -> Mask:
-        """Cycles from lift-off on in which the law flew, or somebody else did and the autopilot said so, (n,)."""
+        """Cycles from lift-off on in which the law flew, or the autopilot reported that it was in the air, (n,)."""
         landing = np.isin(self.words("phase"), [str(Phase.LAND), str(Phase.DISARMED)])
         theirs = (self.column("in_air") > 0.0) & (self.time_s >= 0.0) & ~landing & self.airborne.any()
         return np.asarray(self.airborne | theirs)
 
     @cached_property
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """In order; a goto is none."""
+        """Trajectories in order of time; a goto does not count."""
         number = self.runs(self.airborne & (self.words("phase") == str(Phase.TRACK)))
         otherwise = str(self.record.metadata.get("trajectory") or UNNAMED)
         found = []
@@ -118,7 +118,7 @@ class Flown:
         return tracked
 
     def runs(self, among: Mask) -> NDArray[np.int_]:
-        """Number the stretches of these cycles that have no gap in them, (n,); -1 elsewhere."""
+        """Number the runs of these cycles without missing ones, (n,); -1 elsewhere."""
         return runs(among, self.column("tick"))
 
     @cached_property
@@ -135,9 +135,9 @@ class Flown:
 
     @cached_property
     def error_w_m(self) -> Array:
-        """Position at the instant of the cycle less the reference, (n, 3) in W; NaN without one of them.
+        """Position at the time of the cycle minus the reference, (n, 3) in W, m; NaN without one of them.
 
-        Also where the reference is below the floor, at the end of a landing.
+        It is NaN also where the reference is below the floor, at the end of a landing.
         """
         columns: dict[str, NDArray[np.generic]] = {
             name: self.column(name, width)
@@ -152,7 +152,7 @@ class Flown:
 
     @cached_property
     def distance_m(self) -> Array:
-        """Size of the error, (n,)."""
+        """Norm of the error, (n,), m."""
         return np.asarray(np.sqrt((self.error_w_m**2).sum(axis=1)))
 
     @cached_property
@@ -166,7 +166,7 @@ class Flown:
         return self.column("event") > 0.0
 
     def latencies_s(self) -> dict[str, Array]:
-        """Seconds of each cycle in the air, by what took them; only the cycles that know."""
+        """Return the latencies of the cycles in the air by name, s, without those not recorded."""
         time_s, sent_s, came_s = (self.column(name) for name in ("time_s", "sent_s", "frame_received_s"))
         found = {
             "age of the pose used": self.column("age_s"),
@@ -177,9 +177,9 @@ class Flown:
         return {name: known for name, all_s in found.items() if len(known := _finite(all_s[self.airborne]))}
 
     def gaps_s(self, among: Mask) -> tuple[Array, Array]:
-        """Instants of triggers among these cycles, and the time since the one before in the same stretch of them.
+        """Return the times of triggers among these cycles, and the time since the previous one in the same run, s.
 
-        The first trigger of each stretch has none before it: what lies between two trajectories is no gap.
+        The first trigger of each run is left out: the time between two trajectories is no gap.
         """
         rows = np.flatnonzero(among & self.event)
         same = np.diff(self.runs(among)[rows]) == 0
@@ -209,7 +209,7 @@ class Flown:
 
     @property
     def law_names(self) -> tuple[str, ...]:
-        """That flew, each once; the configured one in a record that names none."""
+        """Names of the laws that flew; the configured one if the record has none."""
         names = tuple(dict.fromkeys(stretch.name for stretch in self.laws))
         configured: Any = (self.record.metadata.get("controller") or {}).get("name", "")
         return names or ((law_label(str(configured)),) if configured else ())

@@ -10,7 +10,7 @@ from companion.supervisor.faults import FailsafeAction
 from companion.supervisor.flight_state import IN_THE_AIR, Phase
 
 _SAID = ("command", "reply", "log")
-"""Kinds of events that the columns do not have; phases and faults they have themselves."""
+"""Kinds of events that are only in the list of events; phases and faults are columns."""
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,18 @@ class FaultSeen:
 
 @dataclass(frozen=True)
 class Reacted:
-    """The flight's machine went a step further."""
+    """Failsafe action that was taken."""
 
     at_s: float
     reaction: str
     cause: str
-    """The fault; empty when an operator or the autopilot was it."""
+    """Fault; empty when an operator or the autopilot caused it."""
     reason: str
 
 
 @dataclass(frozen=True)
 class Said:
-    """A command, a reply, or something for the log."""
+    """Command, reply or log message."""
 
     at_s: float
     kind: str
@@ -55,13 +55,13 @@ class Story:
     reactions: tuple[Reacted, ...]
     said: tuple[Said, ...]
     ended: str
-    """In a sentence."""
+    """End of the flight in a sentence."""
     over: bool
-    """It ended within the record."""
+    """True if the flight ended within the record."""
 
 
 def story_of(flown: Flown) -> Story:
-    """Out of columns and events."""
+    """Return the events of a flight."""
     reactions = _reactions(flown)
     faults = _faults(flown, reactions)
     return Story(

@@ -1,15 +1,15 @@
-"""Tables of words, for a terminal and for a page alike."""
+"""Tables of text for terminal and page."""
 
 from dataclasses import dataclass, replace
 
 GOOD, BAD, PLAIN, FAINT = "good", "bad", "plain", "faint"
 WORDS = "words"
-"""A sentence: a page has room for it, a terminal has not."""
+"""Tone of a sentence, which a page shows and a terminal leaves out."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A few words and how they are meant."""
+    """Text of a cell and its tone."""
 
     text: str
     tone: str = PLAIN
@@ -17,7 +17,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table: names in the first column, numbers in the others, and perhaps a sentence in the last."""
+    """Table with names in the first column, numbers in the others, and optionally a sentence in the last."""
 
     title: str
     columns: tuple[str, ...]

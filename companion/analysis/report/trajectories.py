@@ -1,4 +1,4 @@
-"""Trajectories that were flown, out of phases and commands. Pure."""
+"""Trajectories of a flight, from phases and commands. Pure."""
 
 import re
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from companion.records.table import RecordedEvent
 
 Mask = NDArray[np.bool_]
 LEAST_CYCLES = 10
-"""A goto ends with one cycle of phase track; less than this is no trajectory."""
+"""Least number of cycles of a trajectory: a goto ends with one cycle of phase track."""
 UNNAMED = "trajectory"
 
 
@@ -24,23 +24,23 @@ class Trajectory:
     name: str
     """Name by which it was commanded: ellipse, figure8, waypoints; `trajectory` where the record does not say."""
     law: str
-    """That was in charge; several with commas between."""
+    """Law in charge; several are separated by commas."""
     begin_s: float
-    """Since lift-off, as all times of a report."""
+    """Time since lift-off."""
     end_s: float
     mask: Mask
-    """Its cycles, (n,)."""
+    """Cycles of the trajectory, (n,)."""
 
 
 def runs(among: Mask, tick: Array) -> NDArray[np.int_]:
-    """Number the stretches of cycles that follow each other without a gap, (n,); -1 for cycles that are not `among`."""
+    """Number the runs of consecutive cycles, (n,); -1 for cycles that are not `among`."""
     begins = among.copy()
     begins[1:] &= ~among[:-1] | (np.diff(tick) > 1.0)
     return np.where(among, np.cumsum(begins) - 1, -1)
 
 
 def trajectory_name(events: Sequence[RecordedEvent], begin_s: float, otherwise: str) -> str:
-    """Return the name of what was commanded last before `begin_s`, the service's time; empty for a goto."""
+    """Return the name of the last command before `begin_s`, the service's time; empty for a goto."""
     for event in sorted(events, key=lambda event: event.time_s, reverse=True):
         if event.kind != "command" or event.time_s > begin_s:
             continue

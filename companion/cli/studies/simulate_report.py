@@ -144,8 +144,12 @@ def keep_flights(flights: Flights, folder: Path, console: Console) -> None:
         columns = columns_of(trace, joints_rad) | names
         path = folder / f"virtual-{flights.scene.name}-{controller}-seed{seed}"
         title = f"{flights.scene.name} in virtual time, controller {Path(flights.controller.name).name}, seed {seed}"
-        plot_flight(until_lost(columns), summarise(columns), title, Path(f"{path}.png"))
-        np.savez_compressed(f"{path}.npz", **columns)
+        shown_columns = until_lost(columns)
+        if len(shown_columns["time_s"]) < len(columns["time_s"]):
+            title += f": lost after {shown_columns['time_s'][-1] - 1.0:.1f} s"
+        with console.status("drawing"):
+            plot_flight(shown_columns, summarise(columns), title, Path(f"{path}.png"))
+            np.savez_compressed(f"{path}.npz", **columns)
         shown = escape(str(path))
         console.print(f"plot [bold]{shown}.png[/], record {shown}.npz", soft_wrap=True)
 

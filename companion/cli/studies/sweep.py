@@ -136,8 +136,9 @@ def _keep(console: Console, plan: Sweep, columns: Columns, out: Path) -> None:
 
     name = f"{_label(plan.controller)}-seed{plan.seed}"
     title = f"{plan.vehicles} vehicles that differ from the model of {Path(plan.controller).name}, seed {plan.seed}"
-    write_part(out / f"{name}.npz", columns)
-    plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
+    with console.status("drawing"):
+        write_part(out / f"{name}.npz", columns)
+        plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
     shown = escape(str(out / name))
     console.print(f"picture [bold]{shown}.png[/] and .pdf, table {shown}.npz", soft_wrap=True)
 
