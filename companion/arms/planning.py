@@ -1,14 +1,13 @@
 """Planning of motions that keep the limits and touch nothing; ArmError gives the reason before anything moves."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from companion.arms.collision import distances
-from companion.arms.inverse_kinematics import reach_both_rad
-from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel, Side
+from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
 from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
 from companion.core.interfaces import ArmError
@@ -87,19 +86,6 @@ def grip(model: ArmModel, start_rad: Array, claw_rad: float) -> Plan:
     goal_rad = start_rad.copy()
     goal_rad[list(CLAWS)] = claw_rad
     return to_pose(model, start_rad, goal_rad)
-
-
-def reach(
-    model: ArmModel,
-    start_rad: Array,
-    tips_flu_m: Mapping[Side, Array],
-    via_rad: Iterable[Array] = (),
-    floor_z_m: float | None = None,
-) -> Plan:
-    """Plan tips to points of body FLU (m) by the joint angles nearest to the present ones; other arms stay."""
-    _check_known(start_rad)
-    goal_rad = reach_both_rad(model, tips_flu_m, start_rad)
-    return to_pose(model, start_rad, goal_rad, via_rad, floor_z_m)
 
 
 def _check_known(start_rad: Array) -> None:

@@ -11,11 +11,11 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _SAVE = "save it as UTF-8"
 
 
-def read_text(path: Path, most_bytes: int = MAX_BYTES) -> str:
+def read_text(path: Path) -> str:
     """Return the file's text without a byte order mark, line ends as they are; ConfigError, one sentence."""
     try:
         with path.open("rb") as file:
-            raw = file.read(most_bytes + 1)
+            raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: there is no such file") from error
     except IsADirectoryError as error:
@@ -23,8 +23,8 @@ def read_text(path: Path, most_bytes: int = MAX_BYTES) -> str:
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         why = getattr(error, "strerror", None) or error
         raise ConfigError(f"{path}: cannot be read: {why}") from error
-    if len(raw) > most_bytes:
-        raise ConfigError(f"{path}: is larger than {most_bytes / 1e6:g} MB, which is too much for such a file")
+    if len(raw) > MAX_BYTES:
+        raise ConfigError(f"{path}: is larger than {MAX_BYTES / 1e6:g} MB, which is too much for such a file")
     try:
         return decode(raw)
     except ValueError as error:

@@ -15,9 +15,8 @@ from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_loc
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
 from companion.geometry.array_math import Components
-from companion.geometry.frames import quat_from_rotation_vector, quat_multiply
 
-__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "predict_to", "step"]
+__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "step"]
 
 Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
@@ -78,21 +77,6 @@ def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
 def age_s(state: EstimatorState, now_s: float) -> float:
     """Return the time since the capture of the last accepted frame; infinite before the first one."""
     return now_s - state.vehicle.time_s if state.vehicle is not None else inf
-
-
-def predict_to(vehicle: VehicleState, time_s: float, max_ahead_s: float = 0.1) -> VehicleState:
-    """Extrapolate a state at constant velocity and body rate, for a delay of a few frames.
-
-    It reaches at most `max_ahead_s` ahead, as its `time_s` shows; for the past the state is returned unchanged.
-    """
-    ahead_s = min(max(time_s - vehicle.time_s, 0.0), max_ahead_s)
-    turn = quat_from_rotation_vector(vehicle.rate_flu_radps * ahead_s)
-    return replace(
-        vehicle,
-        time_s=vehicle.time_s + ahead_s,
-        position_w_m=vehicle.position_w_m + vehicle.velocity_w_mps * ahead_s,
-        q_w_flu_wxyz=quat_multiply(vehicle.q_w_flu_wxyz, turn),
-    )
 
 
 def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:

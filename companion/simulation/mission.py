@@ -43,11 +43,6 @@ class Mission:
         """Leading axes of the batch; () for one vehicle."""
         return self.now.position_w_m.shape[1:-1]
 
-    @property
-    def tracking(self) -> Array:
-        """Cycles in which the trajectory is flown, (n,) booleans."""
-        return np.asarray(self.time_s >= 0.0)
-
 
 def mission_of(trajectory: Trajectory, preview_s: float, settle_s: float, period_s: float) -> Mission:
     """Return the mission of one vehicle with a law that looks `preview_s` ahead."""

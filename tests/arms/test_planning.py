@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.arms.collision import clearance, distances
-from companion.arms.kinematics import tips_flu_m
-from companion.arms.model import ArmModel, JointLimit, Side
-from companion.arms.planning import OWN_PACE, Plan, grip, plan, reach, to_pose
+from companion.arms.model import ArmModel, JointLimit
+from companion.arms.planning import OWN_PACE, grip, plan, to_pose
 from companion.arms.trajectory import Hold, JointTrajectory, MinimumJerk, Sinusoid, Slowed, Waypoints, at_rest
 from companion.config.arms_config import PosesConfig
 from companion.core.interfaces import ArmError
@@ -229,14 +228,6 @@ def test_gripping_moves_the_claws_alone(claw_rad: float) -> None:
 def test_a_claw_beyond_its_limit_is_refused() -> None:
     with pytest.raises(ArmError, match=r"right\.claw would be at 1\.800 rad .* to 1\.000 rad"):
         grip(MODEL, HOME, 1.8)
-
-
-def test_a_tip_is_brought_to_its_point_and_the_other_arm_stays() -> None:
-    target = np.array([0.3, 0.15, -0.2])
-    found: Plan = reach(MODEL, HOME, {Side.LEFT: target})
-    end = found.trajectory.at(found.trajectory.duration_s).position_rad
-    np.testing.assert_allclose(tips_flu_m(MODEL, end)[1], target, atol=1e-9)
-    np.testing.assert_array_equal(end[:4], HOME[:4])
 
 
 def test_a_joint_that_was_never_read_is_not_moved() -> None:

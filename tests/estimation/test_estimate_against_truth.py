@@ -6,7 +6,7 @@ from qtm_rt.packet import QRTPacket
 from companion.adapters.qualisys.bodies import RigidBody
 from companion.adapters.qualisys.source import QualisysSource
 from companion.core.types import Array, VehicleState
-from companion.estimation.estimator import EstimatorParams, EstimatorState, predict_to, step
+from companion.estimation.estimator import EstimatorParams, EstimatorState, step
 from companion.geometry.frames import flip_quat, flip_yz, matrix_from_quat
 from mock_autopilot.physics import quaternion as quat
 from mock_autopilot.physics.truth import Truth
@@ -87,15 +87,3 @@ def test_velocity_and_rate_are_right_on_average() -> None:
     assert np.std(velocity_errors) < 0.012
     assert np.std(rate_errors) < 0.07
     np.testing.assert_allclose(np.mean(rate_errors, axis=0), 0.0, atol=0.02)
-
-
-def test_prediction_makes_up_for_the_delay() -> None:
-    """The state is some 10 ms old on arrival, 12 mm of this flight; prediction leaves a few millimetres."""
-    raw, predicted = [], []
-    for truth, vehicle in KNOWN:
-        here = flip_yz(truth.position_ned_m)
-        raw.append(np.linalg.norm(vehicle.position_w_m - here))
-        ahead = predict_to(vehicle, BOOTED_S + truth.time_s)
-        predicted.append(np.linalg.norm(ahead.position_w_m - here))
-    assert np.mean(raw) > 0.009
-    assert np.mean(predicted) < 0.0015

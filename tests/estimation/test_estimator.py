@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.core.types import Array, VehicleState
-from companion.estimation.estimator import EstimatorState, Verdict, age_s, predict_to, step
+from companion.estimation.estimator import EstimatorState, Verdict, age_s, step
 from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_from_yaw
 from tests.estimation.flights import DELAY_S, NOISELESS, OFFSET_S, PARAMS, Sway, followed, frame, noisy
 
@@ -114,20 +114,6 @@ def test_the_velocity_is_known_after_a_tenth_of_a_second() -> None:
     assert states[0].velocity_std_mps == pytest.approx(1.0)
     assert states[-1].velocity_std_mps < 0.03
     np.testing.assert_allclose(vehicle(states[-1]).velocity_w_mps, (2.0, 0.0, 0.0), atol=0.01)
-
-
-def test_prediction_carries_on_straight_and_turning() -> None:
-    now = VehicleState(1.0, np.zeros(3), np.array([1.0, 0, 0]), quat_from_yaw(0.0), np.array([0, 0, 2.0]))
-    ahead = predict_to(now, 1.05)
-    assert ahead.time_s == pytest.approx(1.05)
-    np.testing.assert_allclose(ahead.position_w_m, (0.05, 0.0, 0.0))
-    np.testing.assert_allclose(ahead.q_w_flu_wxyz, quat_from_yaw(0.1), atol=1e-12)
-
-
-def test_prediction_goes_neither_far_nor_back() -> None:
-    now = VehicleState(1.0, np.zeros(3), np.array([1.0, 0, 0]), quat_from_yaw(0.0), np.zeros(3))
-    assert predict_to(now, 9.0, max_ahead_s=0.1).time_s == pytest.approx(1.1)
-    assert predict_to(now, 0.5).time_s == 1.0
 
 
 def test_a_step_leaves_what_it_was_given_alone() -> None:

@@ -20,7 +20,6 @@ class Fit:
     values: Array
     sd: Array
     explained: float
-    converged: bool
 
 
 def fit(
@@ -32,7 +31,7 @@ def fit(
     standard deviations come from how much the blocks disagree (the sandwich estimator for clusters). `power` is the
     mean square of what is to be explained.
     """
-    values, damping, converged = first.astype(np.float64), 1e-3, False
+    values, damping = first.astype(np.float64), 1e-3
     error = residuals(values)
     jacobian = _jacobian(residuals, values, error, steps)
     for _ in range(_STEPS):
@@ -43,17 +42,14 @@ def fit(
         if after @ after > error @ error:
             damping *= 10.0
             if damping > 1e8:
-                converged = True
                 break
             continue
-        converged = bool((np.abs(tried - values) < _ENOUGH * steps).all())
+        settled = (np.abs(tried - values) < _ENOUGH * steps).all()
         values, error, damping = tried, after, max(damping * 0.2, 1e-9)
         jacobian = _jacobian(residuals, values, error, steps)
-        if converged:
+        if settled:
             break
-    return Fit(
-        values, _deviations(jacobian, error, block), float(1.0 - (error @ error) / len(error) / power), converged
-    )
+    return Fit(values, _deviations(jacobian, error, block), float(1.0 - (error @ error) / len(error) / power))
 
 
 def _jacobian(residuals: Residuals, values: Array, error: Array, steps: Array) -> Array:
