@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -20,9 +20,9 @@ def numbers_table(title: str, columns: Sequence[str], rows: Iterable[Sequence[st
 
 
 def progress_bar(console: Console) -> Progress:
-    """Return a progress bar with task, bar, finished parts and elapsed time, that vanishes at the end."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=True)
+    """Return a progress bar with task, finished parts, elapsed and remaining time, that vanishes at the end."""
+    done = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    return Progress(*done, TimeElapsedColumn(), TimeRemainingColumn(), console=console, transient=True)
 
 
 def show_cursor(console: Console) -> None:

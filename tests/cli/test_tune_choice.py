@@ -29,9 +29,9 @@ def test_what_lost_a_vehicle_or_would_be_refused_is_never_written() -> None:
 def test_a_search_is_told_whether_it_is_better_than_what_flies() -> None:
     flies, better, worse = _checked(0.012, 0.05), _checked(0.011, 0.05), _checked(0.02, 0.2, worst_m=0.304)
     assert verdict(better, flies, "practical") == (
-        "the best of this search is better than practical (worst case 100 mm, practical 100 mm)"
+        "the best of this search is better than practical (worst case 10.0 cm, practical 10.0 cm)"
     )
-    assert "NOT better than practical (worst case 304 mm" in verdict(worse, flies, "practical")
+    assert "NOT better than practical (worst case 30.4 cm" in verdict(worse, flies, "practical")
 
 
 def test_the_check_flies_curves_that_no_search_has_flown() -> None:

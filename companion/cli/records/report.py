@@ -65,10 +65,9 @@ class _Work:
 
     def do(self) -> None:
         """Read the flights, draw the figures, write the page; ConfigError when a file cannot be written."""
-        from rich.progress import BarColumn, Progress, TextColumn  # noqa: PLC0415
+        from companion.cli.terminal import progress_bar  # noqa: PLC0415
 
-        columns = (TextColumn("{task.description}"), BarColumn())
-        with Progress(*columns, console=self._console, transient=True) as bar:
+        with progress_bar(self._console) as bar:
             self._bar, self._task = bar, bar.add_task("reading", total=None)
             page, numbers, drawn = self._made()
         lost = kept(self._into, lambda to: _write(to, page))

@@ -8,13 +8,13 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from companion.cli.complete import experiments, motions_or_off, trajectories
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, seeds_of
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
 from companion.cli.output import check_output
 from companion.cli.studies.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
+from companion.cli.terminal import progress_bar
 from companion.config.arms_config import Feedforward
 from companion.config.companion_config import load_config
 from companion.config.controller_config import LoadedController, load_controller
@@ -163,8 +163,7 @@ def _fly(request: _Request, begun_s: float, console: Console) -> Flights:
     mission = scene.mission(law.preview_s)
     if len(seeds) > 1:
         mission = stacked([mission] * len(seeds))
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task(f"{scene.name}, {request.controller.name}", total=len(mission.time_s))
 
         def show(cycle: int) -> None:

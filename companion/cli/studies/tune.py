@@ -14,13 +14,12 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import Progress, TimeRemainingColumn
-from rich.table import Table
 
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_file, check_output
+from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import read_etnn
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
@@ -212,11 +211,11 @@ def _numbers(option: str, text: str, least: float, most: float) -> tuple[float, 
 @contextmanager
 def _bar(console: Console, plan: Plan) -> Iterator[Any]:
     total = plan.generations * len(plan.weights)
-    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console) as bar:
+    with progress_bar(console) as bar:
         task = bar.add_task("searching", total=total)
 
         def step(done: int, last: Generation) -> None:
-            note = f"weight {last.weight:g}: {last.error_m * 1e3:.1f} mm, {last.update_share:.1%} updates"
+            note = f"weight {last.weight:g}: {100.0 * last.error_m:.2f} cm, {last.update_share:.1%} updates"
             bar.update(task, completed=done, description=note)
 
         yield step
@@ -253,27 +252,21 @@ def elsewhere(scene: Scene) -> Scene:
 
 def verdict(best: Checked, known: Checked, name: str) -> str:
     """Return in words whether the best of a search is better than the known law `name`."""
-    numbers = f"(worst case {best.worst_m * 1e3:.0f} mm, {name} {known.worst_m * 1e3:.0f} mm)"
+    numbers = f"(worst case {100.0 * best.worst_m:.1f} cm, {name} {100.0 * known.worst_m:.1f} cm)"
     if best.distance < known.distance:
         return f"the best of this search is better than {name} {numbers}"
     return f"the best of this search is NOT better than {name} {numbers}: search longer before you fly it"
 
 
 def _print(console: Console, checked: Sequence[Checked], best: Checked | None, known: Checked, name: str) -> None:
-    table = Table(title="checked on seeds and curves that no search flew")
-    for title in ("weight", "generation", "nominal (mm)", "other vehicles (mm)", "worst (mm)", "updates", ""):
-        table.add_column(title, justify="right")
-    front = front_of([one.point for one in checked])
+    front, rows = front_of([one.point for one in checked]), []
     for one in (*checked, known):
-        table.add_row(
-            *(("", "") if one is known else (f"{one.centre.weight:g}", str(one.centre.generation))),
-            f"{one.error_m * 1e3:.1f}",
-            f"{one.other_m * 1e3:.1f}",
-            f"{one.worst_m * 1e3:.1f}",
-            f"{one.update_share:.1%}",
-            escape(name) if one is known else "best" if one is best else "front" if one.point in front else "",
-        )
-    console.print(table)
+        found = f"weight {one.centre.weight:g}, generation {one.centre.generation}"
+        errors = (f"{100.0 * error_m:.2f}" for error_m in (one.error_m, one.other_m, one.worst_m))
+        mark = "best" if one is best else "front" if one.point in front else ""
+        rows.append((name if one is known else found, *errors, f"{one.update_share:.1%}", "" if one is known else mark))
+    columns = ("", "nominal", "other vehicles", "worst", "updates", "")
+    console.print(numbers_table("errors on seeds and curves that no search flew (cm)", columns, rows))
     if best is not None:
         console.print(verdict(best, known, name), highlight=False, markup=False, soft_wrap=True)
 

@@ -22,22 +22,22 @@ def _figure(progress: Sequence[Generation], checked: Sequence[Point], best: Poin
     weights = sorted({generation.weight for generation in progress})
     for weight, colour in zip(weights, COLOURS * len(weights), strict=False):
         run = [one for one in progress if one.weight == weight]
-        updates, error_mm = [100.0 * one.update_share for one in run], [1e3 * one.error_m for one in run]
-        axes.plot(updates, error_mm, "-", lw=0.5, color=colour, alpha=0.4)
-        axes.scatter(updates, error_mm, s=8, color=colour, alpha=0.6, label=f"generations, weight {weight:g} (medians)")
+        updates, error_cm = [100.0 * one.update_share for one in run], [100.0 * one.error_m for one in run]
+        axes.plot(updates, error_cm, "-", lw=0.5, color=colour, alpha=0.4)
+        axes.scatter(updates, error_cm, s=8, color=colour, alpha=0.6, label=f"generations, weight {weight:g} (medians)")
     front = front_of(checked)
-    axes.plot([100.0 * u for u, _ in front], [1e3 * e for _, e in front], "k--", lw=0.8)
+    axes.plot([100.0 * u for u, _ in front], [100.0 * e for _, e in front], "k--", lw=0.8)
     axes.scatter(
         [100.0 * u for u, _ in checked],
-        [1e3 * e for _, e in checked],
+        [100.0 * e for _, e in checked],
         s=30,
         color="k",
         label="checked elsewhere",
     )
     if best is not None:
-        axes.scatter([100.0 * best[0]], [1e3 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
-    axes.plot(100.0 * UPDATES, 1e3 * ERROR_M, "*", ms=12, color="0.5", label="target")
-    axes.set(xlabel="updates (% of the cycles)", ylabel="mean error (mm)", xscale="log", yscale="log")
+        axes.scatter([100.0 * best[0]], [100.0 * best[1]], s=140, facecolors="none", edgecolors="k", label="written")
+    axes.plot(100.0 * UPDATES, 100.0 * ERROR_M, "*", ms=12, color="0.5", label="target")
+    axes.set(xlabel="updates (% of the cycles)", ylabel="mean error (cm)", xscale="log", yscale="log")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("{x:g}")
