@@ -1,7 +1,6 @@
 """One connection of an operator's client to the broker."""
 
 import contextlib
-import ssl
 
 import aiomqtt
 import paho.mqtt.client as paho
@@ -10,7 +9,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection, Endpoint
+from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection
+from companion.adapters.mqtt.reconnector import endpoint
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import ConfigError
 from companion.protocol.topics import Topics
@@ -30,16 +30,7 @@ class BrokerConnection(Connection):
 
     def __init__(self, place: OperatorConfig, client: str, version: aiomqtt.ProtocolVersion, again: bool) -> None:
         """`again`: what the broker has kept for `client` since the connection before is wanted."""
-        reached = Endpoint(
-            host=place.host,
-            port=place.port,
-            identifier=client,
-            user=place.user,
-            password=place.password(),
-            tls=_tls_of(place),
-            will=None,
-        )
-        super().__init__(reached, version, _WAITING)
+        super().__init__(endpoint(place, None, client), version, _WAITING)
         self._refused: dict[int, int] = {}
         if version is V5:
             self._clean_start = not again
@@ -105,12 +96,3 @@ def is_forbidden(error: BaseException) -> bool:
     if not isinstance(error, MqttConnectError):
         return False
     return any(words in str(error).lower() for words in _NOT_ALLOWED_WORDS)
-
-
-def _tls_of(endpoint: OperatorConfig) -> ssl.SSLContext | None:
-    if not endpoint.tls:
-        return None
-    try:
-        return ssl.create_default_context(cafile=endpoint.ca_file)
-    except (OSError, ssl.SSLError) as error:
-        raise ConfigError(f"{endpoint.ca_file}: holds no certificates that can be read: {error}") from error

@@ -26,8 +26,11 @@ _NOT_YET, _EXPIRED, _NAME, _ADDRESS = 9, 10, 62, 64
 _MAKE = "config/mosquitto/make-certificates.sh"
 
 
-def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
-    """Return the endpoint with a random client identifier; ConfigError when password or certificate cannot be read."""
+def endpoint(config: OperatorConfig, will: aiomqtt.Will | None, identifier: str = "") -> Endpoint:
+    """Return the endpoint; ConfigError when password or certificate cannot be read.
+
+    Without an `identifier` the client has a random one, as a broker closes the older of two connections with one name.
+    """
     tls = None
     if config.tls:
         try:
@@ -35,12 +38,10 @@ def endpoint(config: OperatorConfig, will: aiomqtt.Will | None) -> Endpoint:
         except (OSError, ssl.SSLError) as error:
             where = f"{config.table}.ca_file = {config.ca_file!r}"
             raise ConfigError(f"{where}: no certificates can be read: {error}") from error
-    # random, as a broker closes the older of two connections with one name
-    name = f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}"
     return Endpoint(
         host=config.host,
         port=config.port,
-        identifier=name,
+        identifier=identifier or f"{config.prefix}-{config.vehicle}-{secrets.token_hex(4)}",
         user=config.user,
         password=config.password(),
         tls=tls,
