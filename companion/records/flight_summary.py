@@ -31,15 +31,15 @@ class FlightSummary:
     """Summary of one flight, a line of the list."""
 
     path: Path
-    begin_s: float
+    begin_s: float = math.nan
     """Unix time; NaN where the record does not say."""
-    length_s: float
-    law: str
+    length_s: float = math.nan
+    law: str = ""
     """All that flew, in their order, with commas between."""
-    ended: str
+    ended: str = ""
     """Phase, and the reason if there is one."""
     size_mb: float
-    truncated: bool
+    truncated: bool = False
     unreadable: str = ""
     """Why it is no record, in a sentence; then there is nothing else but its size."""
 
@@ -59,16 +59,7 @@ def unreadable(path: Path, why: str) -> FlightSummary:
         size_mb = 1e-6 * path.stat().st_size
     except OSError:
         size_mb = 0.0
-    return FlightSummary(
-        path=path,
-        begin_s=math.nan,
-        length_s=math.nan,
-        law="",
-        ended="",
-        size_mb=size_mb,
-        truncated=False,
-        unreadable=why,
-    )
+    return FlightSummary(path=path, size_mb=size_mb, unreadable=why)
 
 
 def _at_its_ends(path: Path) -> FlightSummary | None:
@@ -86,7 +77,6 @@ def _at_its_ends(path: Path) -> FlightSummary | None:
                 law=_laws(file, summary, str(said["law_name"])),
                 ended=ended(str(said["phase"]), str(said["reason"])),
                 size_mb=1e-6 * file.size,
-                truncated=False,
             )
         except (*BROKEN, StopIteration):
             return None
