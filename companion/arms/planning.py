@@ -9,7 +9,7 @@ import numpy as np
 from companion.arms.collision import distances
 from companion.arms.model import CLAWS, JOINT_NAMES, ArmModel
 from companion.arms.sampling import Samples, TooNear, first_too_near, samples
-from companion.arms.trajectory import InTurn, JointTrajectory, MinimumJerk, Slowed, at_rest
+from companion.arms.trajectory import InTurn, JointTrajectory, Slowed, Waypoints, minimum_jerk
 from companion.core.interfaces import ArmError
 from companion.core.types import Array
 
@@ -176,13 +176,13 @@ def _kept_m(model: ArmModel, start_rad: Array, goal_rad: Array, floor_z_m: float
     return np.asarray(keep_m)
 
 
-def _move(model: ArmModel, start_rad: Array, goal_rad: Array) -> MinimumJerk:
+def _move(model: ArmModel, start_rad: Array, goal_rad: Array) -> Waypoints:
     """Return the straight way in the joints at our own pace; never beyond the two ends of any joint's way."""
     _, _, speed, accel = model.limit_arrays()
     way = np.abs(goal_rad - start_rad)
     by_speed, by_accel = 1.875 * way / (OWN_PACE * speed), np.sqrt(5.7735 * way / (OWN_PACE * accel))
     duration_s = max(_LEAST_S, float(by_speed.max()), float(by_accel.max()))
-    return MinimumJerk(at_rest(start_rad), goal_rad, duration_s)
+    return minimum_jerk(start_rad, goal_rad, duration_s)
 
 
 def _meeting(near: TooNear) -> str:

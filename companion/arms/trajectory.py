@@ -57,29 +57,6 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class MinimumJerk:
-    """Minimum-jerk motion from a motion (8,), at rest or not, to a pose (8,) at rest; Flash and Hogan, 1985."""
-
-    start: JointMotion
-    end_rad: Array
-    duration_s: float
-
-    @property
-    def pieces_s(self) -> Array:
-        """Its two ends."""
-        return np.array([0.0, self.duration_s])
-
-    def at(self, time_s: Times) -> JointMotion:
-        """Return the point of the fifth-order polynomial at `time_s`."""
-        return self._curve.at(time_s)
-
-    @cached_property
-    def _curve(self) -> Quintics:
-        coefficients = between(self.start, at_rest(self.end_rad), self.duration_s)
-        return Quintics((0.0, self.duration_s), coefficients[None])
-
-
-@dataclass(frozen=True)
 class Waypoints:
     """Through poses (n, 8) at times (n,) from 0 (s), a quintic between each two, at rest at both ends.
 
@@ -130,6 +107,11 @@ class Waypoints:
             velocity[1:-1] = moves * np.clip(weighted, -most, most)
             acceleration[1:-1] = moves * np.clip(bend, -most / longer, most / longer)
         return JointMotion(poses, velocity, acceleration)
+
+
+def minimum_jerk(start_rad: Array, end_rad: Array, duration_s: float) -> Waypoints:
+    """Return the minimum-jerk motion from rest in one pose (8,) to another; Flash and Hogan, 1985."""
+    return Waypoints(np.array([0.0, duration_s]), np.stack((start_rad, end_rad)))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from companion.arms.collision import clearance, distances
 from companion.arms.model import ArmModel, JointLimit
 from companion.arms.planning import OWN_PACE, grip, plan, to_pose
-from companion.arms.trajectory import Hold, JointTrajectory, MinimumJerk, Sinusoid, Slowed, Waypoints, at_rest
+from companion.arms.trajectory import Hold, JointTrajectory, Sinusoid, Slowed, Waypoints, minimum_jerk
 from companion.config.arms_config import PosesConfig
 from companion.core.interfaces import ArmError
 from companion.core.types import Array, JointMotion
@@ -112,7 +112,7 @@ def test_what_is_within_the_limits_is_not_slowed_and_has_nothing_to_tell() -> No
 
 
 def test_slowing_is_told_with_the_joint_its_velocity_and_how_long_it_takes() -> None:
-    quick = MinimumJerk(at_rest(HOME), HOME + joints(left_elbow_pitch=0.8), 0.4)
+    quick = minimum_jerk(HOME, HOME + joints(left_elbow_pitch=0.8), 0.4)
     # peak 15/8 * 0.8 / 0.4 = 3.75 rad/s and 5.7735 * 0.8 / 0.16 = 28.9 rad/s^2: the velocity asks for 1.26 times
     made = plan(MODEL, quick, HOME)
     assert made.slowed_by == pytest.approx(1.01 * 3.75 / 3.0)
@@ -130,7 +130,7 @@ def test_slowing_for_an_acceleration_is_told_as_such() -> None:
 
 
 def test_a_joint_limit_is_refused_with_joint_angle_limit_and_time() -> None:
-    high = MinimumJerk(at_rest(HOME), HOME + joints(left_elbow_roll=1.5), 2.0)
+    high = minimum_jerk(HOME, HOME + joints(left_elbow_roll=1.5), 2.0)
     with pytest.raises(ArmError) as caught:
         plan(MODEL, high, HOME)
     said = str(caught.value)
@@ -139,7 +139,7 @@ def test_a_joint_limit_is_refused_with_joint_angle_limit_and_time() -> None:
 
 
 def test_a_collision_is_refused_with_the_pair_the_time_and_the_distance() -> None:
-    inward = MinimumJerk(at_rest(HOME), HOME + joints(right_elbow_roll=-0.6, left_elbow_roll=-0.6), 2.0)
+    inward = minimum_jerk(HOME, HOME + joints(right_elbow_roll=-0.6, left_elbow_roll=-0.6), 2.0)
     with pytest.raises(
         ArmError, match=r"^[12]\.\d\d s into the motion right forearm and left forearm would come within"
     ):
@@ -154,7 +154,7 @@ def test_a_thin_obstacle_crossed_at_speed_is_not_missed() -> None:
     assert clearance(model, low).distance_m > 0.02
     assert clearance(model, high).distance_m > 0.02
     with pytest.raises(ArmError, match="left forearm and a propeller"):
-        plan(model, MinimumJerk(at_rest(low), high, 1.1), low)
+        plan(model, minimum_jerk(low, high, 1.1), low)
 
 
 def test_the_approach_is_checked_as_well() -> None:

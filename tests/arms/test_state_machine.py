@@ -21,7 +21,7 @@ from companion.arms.state_machine import (
     refusal,
     stop,
 )
-from companion.arms.trajectory import JointTrajectory, MinimumJerk, Sinusoid, at_rest
+from companion.arms.trajectory import JointTrajectory, Sinusoid, minimum_jerk
 from companion.core.interfaces import ArmError
 from companion.core.types import Array
 from companion.supervisor.flight_state import Phase
@@ -32,7 +32,7 @@ DT_S = 0.01
 
 
 def fold(held_rad: Array) -> JointTrajectory | None:
-    return None if np.allclose(held_rad, FOLDED) else MinimumJerk(at_rest(held_rad), FOLDED, 2.0)
+    return None if np.allclose(held_rad, FOLDED) else minimum_jerk(held_rad, FOLDED, 2.0)
 
 
 def no_way(held_rad: Array) -> JointTrajectory:
@@ -111,7 +111,7 @@ def test_a_motion_begins_only_from_rest_with_torque_and_without_fault(state: str
 def test_a_motion_that_begins_elsewhere_is_refused_by_name() -> None:
     off = HOME.copy()
     off[5] += 0.09
-    elsewhere = MinimumJerk(at_rest(off), FOLDED, 2.0)
+    elsewhere = minimum_jerk(off, FOLDED, 2.0)
     before = holding()  # the very same: arrays inside make two of them neither equal nor unequal
     assert play(before, elsewhere, facts(1.0)) is before
     assert (
@@ -177,7 +177,7 @@ def test_arms_that_find_no_way_to_fold_come_to_rest_and_say_why_once() -> None:
     assert (arms.phase, arms.motion) == (ArmPhase.HOLDING, None)
     assert arms.no_way == "the arms cannot be stowed: the left forearm would meet the body"
     assert len(asked) == 1
-    assert play(arms, MinimumJerk(at_rest(asked[0]), HOME, 1.0), facts(11.0)).no_way == "", "elsewhere there may be one"
+    assert play(arms, minimum_jerk(asked[0], HOME, 1.0), facts(11.0)).no_way == "", "elsewhere there may be one"
 
 
 @pytest.mark.parametrize("state", ["off", "holding", "moving", "stowing"])

@@ -11,7 +11,7 @@ from matplotlib.image import imread
 
 from companion.arms.collision import clearance
 from companion.arms.model import ArmModel
-from companion.arms.trajectory import MinimumJerk, at_rest
+from companion.arms.trajectory import minimum_jerk
 from companion.studies.paper.arm_motion import numbers_of
 from tests.cli.arms_rig import ARMS
 from tests.cli.typed import Type, typing
@@ -171,7 +171,7 @@ def test_the_file_for_a_real_room_has_arms(typed: Type) -> None:
 def test_the_numbers_of_a_minimum_jerk_move_are_those_of_flash_and_hogan() -> None:
     begin, end, duration_s = ARMS.stow_rad(), ARMS.home_rad(), 2.0
     way = np.abs(end - begin)
-    numbers = numbers_of(ArmModel(), MinimumJerk(at_rest(begin), end, duration_s))
+    numbers = numbers_of(ArmModel(), minimum_jerk(begin, end, duration_s))
     assert numbers.duration_s == duration_s
     np.testing.assert_allclose(numbers.fastest_radps, 1.875 * way / duration_s, rtol=1e-3, atol=1e-12)
     peak = 10.0 / np.sqrt(3.0) * way / duration_s**2
@@ -190,7 +190,7 @@ _POSES = st.tuples(
 def test_no_moment_of_a_motion_is_beyond_its_numbers(
     begin: tuple[float, ...], end: tuple[float, ...], share: float
 ) -> None:
-    model, motion = ArmModel(), MinimumJerk(at_rest(np.array(begin)), np.array(end), 2.0)
+    model, motion = ArmModel(), minimum_jerk(np.array(begin), np.array(end), 2.0)
     numbers = numbers_of(model, motion)
     near, now = numbers.nearest, motion.at(2.0 * share)
     there = clearance(model, motion.at(near.time_s).position_rad)

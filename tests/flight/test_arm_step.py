@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.arms.state_machine import ArmPhase
-from companion.arms.trajectory import Hold, MinimumJerk, at_rest
+from companion.arms.trajectory import Hold, minimum_jerk
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import ArmError
@@ -75,7 +75,7 @@ async def test_a_motion_begins_where_the_goals_are_and_nowhere_else() -> None:
             stage.play(Hold(stage.held_rad + 0.3, 1.0), Phase.STANDBY)
         with pytest.raises(ArmError, match="the arms may not move in flight phase takeoff"):
             stage.play(Hold(stage.held_rad, 1.0), Phase.TAKEOFF)
-        stage.play(MinimumJerk(at_rest(stage.held_rad), stage.held_rad + 0.2, 1.0), Phase.STANDBY)
+        stage.play(minimum_jerk(stage.held_rad, stage.held_rad + 0.2, 1.0), Phase.STANDBY)
         assert await ticked(stage, 1.4) is ArmPhase.HOLDING
         assert rig.joints_rad == pytest.approx(np.full(8, 0.2), abs=0.02)
 
