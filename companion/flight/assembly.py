@@ -1,4 +1,4 @@
-"""What each part of a flight needs, read from the configuration: laws, pipeline, and the stages of a tick."""
+"""Parts of a flight, read from the configuration: laws, pipeline, and the stages of a tick."""
 
 from dataclasses import dataclass, field
 
