@@ -45,10 +45,10 @@ def reaction_force_b_n(model: ArmModel, motion: JointMotion) -> Array:
 
     Minus the paper's F_m in the body frame: the second derivative of k_1 u + (k_2 + k_3 cos r) e + k_3 o sin r y.
     """
-    one, two, three = model.links
-    k1 = one.mass_kg * one.com_m + (two.mass_kg + three.mass_kg) * one.length_m
-    k2 = two.mass_kg * two.com_m + three.mass_kg * two.length_m
-    k3 = three.mass_kg * three.com_m
+    upper, elbow, forearm = model.links
+    k1 = upper.mass_kg * upper.com_m + (elbow.mass_kg + forearm.mass_kg) * upper.length_m
+    k2 = elbow.mass_kg * elbow.com_m + forearm.mass_kg * elbow.length_m
+    k3 = forearm.mass_kg * forearm.com_m
     x: Scalar = 0.0
     y: Scalar = 0.0
     z: Scalar = 0.0
@@ -99,11 +99,11 @@ def _by_arm(motion: JointMotion) -> Iterator[tuple[float, list[Scalar], list[Sca
 
 def _levers(model: ArmModel) -> tuple[tuple[float, float, float, float], ...]:
     """Return each link's mass (kg) and the distances (m) of its centre along upper arm, elbow and forearm."""
-    one, two, three = model.links
+    upper, elbow, forearm = model.links
     return (
-        (one.mass_kg, one.com_m, 0.0, 0.0),
-        (two.mass_kg, one.length_m, two.com_m, 0.0),
-        (three.mass_kg, one.length_m, two.length_m, three.com_m),
+        (upper.mass_kg, upper.com_m, 0.0, 0.0),
+        (elbow.mass_kg, upper.length_m, elbow.com_m, 0.0),
+        (forearm.mass_kg, upper.length_m, elbow.length_m, forearm.com_m),
     )
 
 

@@ -92,72 +92,73 @@ def check_law(law: object, file: LawFile, period_s: float) -> Controller:
     if isinstance(preview, bool) or not isinstance(preview, float | int) or not 0.0 <= preview < np.inf:
         raise file.wrong(f".preview_s is {preview!r}: must be a property that gives seconds, 0.0 or more")
     checked = cast(Controller, law)
-    alone = [_tried(checked, file, [_seen(row, cycle, period_s) for cycle in range(_CYCLES)]) for row in range(2)]
-    together = _tried(checked, file, [_seen(slice(None), cycle, period_s) for cycle in range(_CYCLES)])
+    alone = [_run_cycles(checked, file, row, period_s) for row in range(2)]
+    together = _run_cycles(checked, file, slice(None), period_s)
     for row, outputs in enumerate(alone):
-        for one, two in zip(outputs, together, strict=True):
-            _compare(one, two, row, file)
+        for single, batch in zip(outputs, together, strict=True):
+            _compare(single, batch, row, file)
     return checked
 
 
-def _seen(rows: int | slice, cycle: int, period_s: float) -> ControlInput:
+def _test_input(rows: int | slice, cycle: int, period_s: float) -> ControlInput:
     """Return the input of a vehicle near its reference, shapes (3,), or of two, (2, 3); arrays are read-only.
 
     Two vehicles share one reference (3,) in the first cycle and have one each, (2, 3), afterwards: both occur.
     """
     target = _TARGET_M if isinstance(rows, int) or cycle == 0 else np.tile(_TARGET_M, (2, 1))
-    reference = Reference(_frozen(target), _frozen(_TARGET_MPS), _frozen(_TARGET_MPS2), 0.1)
+    reference = Reference(_read_only(target), _read_only(_TARGET_MPS), _read_only(_TARGET_MPS2), 0.1)
     return ControlInput(
-        position_w_m=_frozen((_POSITION_M + cycle * period_s * _VELOCITY_MPS)[rows]),
-        velocity_w_mps=_frozen(_VELOCITY_MPS[rows]),
-        q_w_flu_wxyz=_frozen(_Q[rows]),
-        rate_flu_radps=_frozen(_RATE_RADPS[rows]),
-        age_s=float(_AGE_S[rows, 0]) if isinstance(rows, int) else _frozen(_AGE_S),
+        position_w_m=_read_only((_POSITION_M + cycle * period_s * _VELOCITY_MPS)[rows]),
+        velocity_w_mps=_read_only(_VELOCITY_MPS[rows]),
+        q_w_flu_wxyz=_read_only(_Q[rows]),
+        rate_flu_radps=_read_only(_RATE_RADPS[rows]),
+        age_s=float(_AGE_S[rows, 0]) if isinstance(rows, int) else _read_only(_AGE_S),
         reference=reference,
-        sent_accel_w_mps2=_frozen(_SENT_MPS2[rows]),
+        sent_accel_w_mps2=_read_only(_SENT_MPS2[rows]),
         dt_s=period_s,
-        known_accel_w_mps2=_frozen(_KNOWN_MPS2),
+        known_accel_w_mps2=_read_only(_KNOWN_MPS2),
     )
 
 
-def _frozen(values: Array) -> Array:
+def _read_only(values: Array) -> Array:
     array = np.array(values)
     array.setflags(write=False)
     return array
 
 
-def _tried(law: Controller, file: LawFile, seen: list[ControlInput]) -> list[ControlOutput]:
+def _run_cycles(law: Controller, file: LawFile, rows: int | slice, period_s: float) -> list[ControlOutput]:
     """Return the outputs of a few cycles, each run twice from the same memory, which must not differ."""
-    shape = seen[0].position_w_m.shape
+    inputs = [_test_input(rows, cycle, period_s) for cycle in range(_CYCLES)]
+    shape = inputs[0].position_w_m.shape
     of = f" with positions of shape {shape}"
-    memory = file.call(f".initial{of}", law.initial, seen[0])
+    memory = file.call(f".initial{of}", law.initial, inputs[0])
     memories, outputs = [], []
-    for now in seen:
+    for now in inputs:
         memories.append(memory)
-        memory, output = _stepped(law, file, memory, now, of)
+        memory, output = _run_step(law, file, memory, now, of)
         outputs.append(output)
-    for kept, now, first in zip(memories, seen, outputs, strict=True):
-        _, again = _stepped(law, file, kept, now, of)
+    for kept, now, first in zip(memories, inputs, outputs, strict=True):
+        _, again = _run_step(law, file, kept, now, of)
         if not _same(first, again):
             raise file.wrong(
                 ".step gave two answers to the same memory and input: it must give back a new memory instead of "
                 "changing the old one in place, keep nothing in self, and draw no random numbers"
             )
     if isinstance(law, TwoHalves):
-        _check_halves(law, file, memories[-1], seen[-1], outputs[-1])
+        _check_halves(law, file, memories[-1], inputs[-1], outputs[-1])
     if isinstance(law, SeededLaw):
-        disturbance = _frozen(np.broadcast_to(_DISTURBANCE_MPS2, shape))
-        memory = file.call(f".initial_with{of}", law.initial_with, seen[0], disturbance)
-        _stepped(law, file, memory, seen[0], f" after .initial_with{of}")
+        disturbance = _read_only(np.broadcast_to(_DISTURBANCE_MPS2, shape))
+        memory = file.call(f".initial_with{of}", law.initial_with, inputs[0], disturbance)
+        _run_step(law, file, memory, inputs[0], f" after .initial_with{of}")
     return outputs
 
 
-def _stepped(
+def _run_step(
     law: Controller, file: LawFile, memory: Memory, now: ControlInput, of: str
 ) -> tuple[Memory, ControlOutput]:
     answer: object = file.call(f".step{of}", law.step, memory, now)
     if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], ControlOutput)):
-        raise file.wrong(f".step returned {_described(answer)}: must be (memory, ControlOutput)")
+        raise file.wrong(f".step returned {_kind_of(answer)}: must be (memory, ControlOutput)")
     _check_output(answer[1], now.position_w_m.shape[:-1], file, of)
     return answer[0], copy.deepcopy(answer[1])  # the law may reuse its arrays
 
@@ -168,7 +169,7 @@ def _check_output(output: ControlOutput, lead: tuple[int, ...], file: LawFile, o
     if not np.isin(output.event, (0.0, 1.0)).all():
         raise file.wrong(f".step{of} gave event = {output.event.tolist()}: must be 1 where to send and 0 elsewhere")
     if not isinstance(output.signals, dict):
-        raise file.wrong(f".step gave {_described(output.signals)} as signals: must be a dict of arrays, {{}} for none")
+        raise file.wrong(f".step gave {_kind_of(output.signals)} as signals: must be a dict of arrays, {{}} for none")
     for name, signal in output.signals.items():
         own = np.shape(signal)[len(lead) :] or (1,)
         _check_array(f"signals[{name!r}]", signal, (*lead, *own), file, of)
@@ -176,7 +177,7 @@ def _check_output(output: ControlOutput, lead: tuple[int, ...], file: LawFile, o
 
 def _check_array(name: str, value: object, shape: tuple[int, ...], file: LawFile, of: str) -> None:
     if not isinstance(value, np.ndarray):
-        raise file.wrong(f".step{of} gave {_described(value)} as {name}: must be an array of shape {shape}")
+        raise file.wrong(f".step{of} gave {_kind_of(value)} as {name}: must be an array of shape {shape}")
     if value.shape != shape:
         raise file.wrong(f".step{of} gave {name} of shape {value.shape}: must be {shape}")
     if value.dtype.kind not in "fiub" or not np.isfinite(value).all():
@@ -187,7 +188,7 @@ def _check_halves(law: TwoHalves, file: LawFile, memory: Memory, now: ControlInp
     decided, output = file.call(".decide", law.decide, memory, now)
     settled: object = file.call(".settle", law.settle, decided)
     if not (isinstance(settled, tuple) and len(settled) == 2 and isinstance(settled[1], dict)):
-        raise file.wrong(f".settle returned {_described(settled)}: must be (memory, dict of arrays)")
+        raise file.wrong(f".settle returned {_kind_of(settled)}: must be (memory, dict of arrays)")
     if not _same(whole, output):
         raise file.wrong(".decide gave another command than .step: step must be decide followed by settle")
 
@@ -208,5 +209,5 @@ def _compare(alone: ControlOutput, batch: ControlOutput, row: int, file: LawFile
         _check_array(f"signals[{name!r}]", batch.signals.get(name), shape, file, of)
 
 
-def _described(value: object) -> str:
+def _kind_of(value: object) -> str:
     return "nothing" if value is None else f"a {type(value).__name__}"

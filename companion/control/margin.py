@@ -167,7 +167,7 @@ def _fly(law: Controller, vehicle: VehicleModel, period_s: float, go_on: Callabl
     sent, memory = np.zeros((len(axes), 3)), None
     with np.errstate(all="ignore"):  # divergence is a result
         for cycle in range(cycles):
-            now = plant.seen(sent)
+            now = plant.measure(sent)
             memory = law.initial(now) if memory is None else memory
             memory, output = law.step(memory, now)
             sent = np.where(output.event > 0.0, output.accel_w_mps2, sent)
@@ -212,7 +212,7 @@ class _Plant:
         self._given = [np.zeros((count, 3))] * (max(self._delays) + 1)
         self._model = ThrustModel(vehicle.mass_kg, vehicle.gravity_mps2)
 
-    def seen(self, sent_w_mps2: Array) -> ControlInput:
+    def measure(self, sent_w_mps2: Array) -> ControlInput:
         """Return the input of the law now."""
         p, v, a, j = np.moveaxis(self._states[0], -1, 0)
         g, zero = self._vehicle.gravity_mps2, np.zeros((self._count, 3))

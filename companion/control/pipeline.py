@@ -56,7 +56,7 @@ class ControlPipeline:
         self._decided: Memory = None
         self._law_setpoint: AttitudeThrust | None = None
         self._yaw_rad: Scalar = 0.0
-        self._countered_w_mps2 = _NOTHING
+        self._sent_arm_accel_w_mps2 = _NOTHING
         """Part of the setpoint sent that only compensates the arms."""
         self._disturbance: Disturbance | None = None
         self._switched = False
@@ -72,7 +72,7 @@ class ControlPipeline:
     def forget(self) -> None:
         """Reset the law, so that the next `fly` begins with nothing learnt, as at lift-off."""
         self._memory, self._decided, self._law_setpoint = None, None, None
-        self._countered_w_mps2, self._disturbance = _NOTHING, None
+        self._sent_arm_accel_w_mps2, self._disturbance = _NOTHING, None
         self._switched, self._switching = False, None
 
     def switch(self, controller: Controller) -> None:
@@ -154,11 +154,11 @@ class ControlPipeline:
             rate_flu_radps=vehicle.rate_flu_radps,
             age_s=age_s,
             reference=ahead,
-            sent_accel_w_mps2=accel_of_setpoint(sent, self._model) + self._countered_w_mps2,
+            sent_accel_w_mps2=accel_of_setpoint(sent, self._model) + self._sent_arm_accel_w_mps2,
             dt_s=dt_s,
             known_accel_w_mps2=known_accel_w_mps2,
         )
-        self._countered_w_mps2 = known_accel_w_mps2
+        self._sent_arm_accel_w_mps2 = known_accel_w_mps2
         begun = self._memory is None
         output = self._decide(now)
         if self._switching is not None:

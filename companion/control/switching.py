@@ -13,15 +13,10 @@ from companion.core.types import Array, Scalar
 from companion.geometry.array_math import math_module, maximum, minimum, where
 
 
-def norm_squared(s: Array) -> Array:
-    """Return s's with the last axis kept, shape (..., 1)."""
-    return np.asarray(np.vecdot(s, s)[..., None])
-
-
 def squared(s: Array) -> Scalar:
-    """Return `norm_squared`, but a float for one vehicle, which makes later operations four times faster."""
+    """Return s's: (..., 1) for a batch, a float for one vehicle, which makes later operations four times faster."""
     if s.ndim > 1:
-        return norm_squared(s)
+        return np.asarray(np.vecdot(s, s)[..., None])
     x, y, z = s.tolist()
     return float(x * x + y * y + z * z)
 

@@ -69,12 +69,12 @@ class WireSetpoint:
         """Return the setpoint to send, `dt_s` after `last`; `is_new` where the law's `setpoint` has changed."""
         begun, self._begun = self._begun, False
         self._horizon = step(self._horizon, inputs, self._rules, dt_s)
-        leaves = self._leaving(setpoint, is_new, last, inputs, dt_s) if self._rules.enabled else setpoint
+        on_wire = self._corrected(setpoint, is_new, last, inputs, dt_s) if self._rules.enabled else setpoint
         return Wire(
-            setpoint=leaves, last=last, is_new=is_new, inputs=inputs, horizon=self._horizon, dt_s=dt_s, begun=begun
+            setpoint=on_wire, last=last, is_new=is_new, inputs=inputs, horizon=self._horizon, dt_s=dt_s, begun=begun
         )
 
-    def _leaving(
+    def _corrected(
         self, setpoint: AttitudeThrust, is_new: Flag, last: AttitudeThrust, inputs: HorizonInput, dt_s: float
     ) -> AttitudeThrust:
         fresh = is_new | is_worth_sending(self._horizon, self._held, self._rules)

@@ -29,7 +29,7 @@ class BatchEstimate:
     """In W, m; vectors (..., 3). Covariance of floats as long as all vehicles have seen the same frames."""
     attitude: Attitude
     """Components (...,); covariance as the motion's."""
-    seen_s: Scalar
+    captured_s: Scalar
     """Time of that capture: a float when it is the same for all, else (...,)."""
 
 
@@ -59,21 +59,21 @@ def step(
     last; values that are not fresh may be NaN. Cheapest when all are fresh and `stamp_s` is a float.
     """
     if fresh.all():
-        return _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
+        return _predict_and_correct(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
     if not fresh.any():
         return before
-    after = _seen(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
+    after = _predict_and_correct(before, position_w_m, q_w_flu_wxyz, stamp_s, params)
     return BatchEstimate(
         where_each(fresh[..., None], after.motion, before.motion),
         where_each(fresh, after.attitude, before.attitude),
-        np.where(fresh, after.seen_s, before.seen_s),
+        np.where(fresh, after.captured_s, before.captured_s),
     )
 
 
 def vehicle_state(estimate: BatchEstimate) -> VehicleState:
-    """Return all states at `estimate.seen_s`: vectors (..., 3), quaternion (..., 4), time as `seen_s` has it."""
+    """Return all states at `estimate.captured_s`: vectors (..., 3), quaternion (..., 4), time as that."""
     return VehicleState(
-        cast(float, estimate.seen_s),  # an array in a batch whose vehicles missed frames
+        cast(float, estimate.captured_s),  # an array in a batch whose vehicles missed frames
         np.asarray(estimate.motion.position),
         np.asarray(estimate.motion.velocity),
         stack(*estimate.attitude.q),
@@ -81,11 +81,11 @@ def vehicle_state(estimate: BatchEstimate) -> VehicleState:
     )
 
 
-def _seen(
+def _predict_and_correct(
     before: BatchEstimate, position_w_m: Array, q_w_flu_wxyz: Array, stamp_s: Scalar, params: EstimatorParams
 ) -> BatchEstimate:
     """Predict all vehicles to the stamp and correct them, as `estimator.step` does for an accepted frame."""
-    dt_s = stamp_s - before.seen_s
+    dt_s = stamp_s - before.captured_s
     motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
     motion = kalman.update(motion, position_w_m, params.noise_m**2)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)

@@ -22,7 +22,7 @@ Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
 
 
-class _Seen(NamedTuple):
+class _Measurement(NamedTuple):
     """One frame, its pose, and the clock to convert its stamp with."""
 
     frame: MocapFrame
@@ -43,26 +43,26 @@ def step(
     back = frame.stamp_s < state.clock.last_stamp_s
     clock = state.clock if ahead or back else learnt  # one broken stamp must not make all that follow look wrong
     pose = (*frame.position_w_m.tolist(), *frame.rotation_w_b.ravel().tolist())
-    seen = _Seen(frame, pose, learnt)
-    objection = _objection(pose, state, params)
-    if objection is not None:
-        return _refused(state, objection, clock, pose if objection is Verdict.REPEATED else state.pose)
+    measured = _Measurement(frame, pose, learnt)
+    rejection = _rejection(pose, state, params)
+    if rejection is not None:
+        return _rejected(state, rejection, clock, pose if rejection is Verdict.REPEATED else state.pose)
     dt_s, silent_s = frame.stamp_s - state.stamp_s, frame.received_s - state.received_s
     if state.motion is None or state.attitude is None or min(abs(dt_s), silent_s) > params.max_gap_s:
-        return _started(state, seen, params)
+        return _restarted(state, measured, params)
     if ahead or dt_s <= 0.0:
-        return _off_the_clock(state, Verdict.AHEAD if ahead else Verdict.STALE, seen, params)
-    seen = _Seen(frame, pose, clock)
+        return _wrong_stamp(state, Verdict.AHEAD if ahead else Verdict.STALE, measured, params)
+    measured = _Measurement(frame, pose, clock)
     known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
     innovation = att.innovation_rad(attitude, pose[3:])
     off = _distance(pose[:3], motion.position), hypot(*innovation)
-    if not _possible(*off, motion, attitude, dt_s, params) or _goes_on_beside(state, pose, off, params):
-        return _outlier(state, seen, params)
+    if not _possible(*off, motion, attitude, dt_s, params) or _continues_outlier(state, pose, off, params):
+        return _outlier(state, measured, params)
     motion = kalman.update(motion, pose[:3], params.noise_m**2)
     attitude = att.update(attitude, innovation, params.noise_rad**2)
-    return _known(state, Verdict.ACCEPTED, seen, params, motion, attitude)
+    return _accepted(state, Verdict.ACCEPTED, measured, params, motion, attitude)
 
 
 def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
@@ -79,7 +79,7 @@ def age_s(state: EstimatorState, now_s: float) -> float:
     return now_s - state.vehicle.time_s if state.vehicle is not None else inf
 
 
-def _objection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:
+def _rejection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:
     """Return the verdict that rejects a pose without comparing it with a prediction; None for none."""
     if not isfinite(sum(pose)):
         return Verdict.UNTRACKED
@@ -100,7 +100,7 @@ def _possible(
     return off_m <= gate_m and turn_rad <= gate_rad
 
 
-def _goes_on_beside(state: EstimatorState, pose: Pose, off: tuple[float, float], params: EstimatorParams) -> bool:
+def _continues_outlier(state: EstimatorState, pose: Pose, off: tuple[float, float], params: EstimatorParams) -> bool:
     """Return True if a pose `off` (m, rad) from the prediction continues the last outlier rather than the estimate.
 
     The gate widens with the time since the last accepted frame. A step that is impossible from one frame to the next
@@ -108,7 +108,7 @@ def _goes_on_beside(state: EstimatorState, pose: Pose, off: tuple[float, float],
     """
     if not _agrees(state, pose, params):
         return False
-    apart_m, apart_rad = _apart(state.pose, pose)
+    apart_m, apart_rad = _difference(state.pose, pose)
     off_m, off_rad = off
     return max(apart_m / params.gate_m, apart_rad / params.gate_rad) < max(
         off_m / params.gate_m, off_rad / params.gate_rad
@@ -119,11 +119,11 @@ def _agrees(state: EstimatorState, pose: Pose, params: EstimatorParams) -> bool:
     """Return True if the frame before was an outlier, and near this pose."""
     if state.agreeing == 0:
         return False
-    apart_m, apart_rad = _apart(state.pose, pose)
+    apart_m, apart_rad = _difference(state.pose, pose)
     return apart_m <= params.agree_m and apart_rad <= params.agree_rad
 
 
-def _apart(a: Pose, b: Pose) -> tuple[float, float]:
+def _difference(a: Pose, b: Pose) -> tuple[float, float]:
     """Return distance (m) and angle (rad) between two poses."""
     cosine = 0.5 * (sum(map(mul, a[3:], b[3:])) - 1.0)  # the trace of A' B
     return _distance(a[:3], b[:3]), acos(min(max(cosine, -1.0), 1.0))
@@ -133,29 +133,31 @@ def _distance(a: Components, b: Components) -> float:
     return hypot(*map(sub, a, b))
 
 
-def _started(state: EstimatorState, seen: _Seen, params: EstimatorParams) -> EstimatorState:
+def _restarted(state: EstimatorState, measured: _Measurement, params: EstimatorParams) -> EstimatorState:
     """Return the state that starts from this frame alone."""
     of_motion, of_attitude = first_covariances(params)
-    motion = Motion(seen.pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
-    attitude = att.at_rest(seen.frame.rotation_w_b, of_attitude)
-    return _known(state, Verdict.STARTED, seen, params, motion, attitude)
+    motion = Motion(measured.pose[:3], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), of_motion)
+    attitude = att.at_rest(measured.frame.rotation_w_b, of_attitude)
+    return _accepted(state, Verdict.STARTED, measured, params, motion, attitude)
 
 
-def _off_the_clock(state: EstimatorState, verdict: Verdict, seen: _Seen, params: EstimatorParams) -> EstimatorState:
+def _wrong_stamp(
+    state: EstimatorState, verdict: Verdict, measured: _Measurement, params: EstimatorParams
+) -> EstimatorState:
     """Reject a stamp that goes back or is ahead; restart with its clock after several in a row."""
     if _run(state, verdict) >= params.stamps_to_restart:
-        return _started(state, seen, params)
-    return _refused(state, verdict, state.clock, state.pose)
+        return _restarted(state, measured, params)
+    return _rejected(state, verdict, state.clock, state.pose)
 
 
-def _outlier(state: EstimatorState, seen: _Seen, params: EstimatorParams) -> EstimatorState:
-    agreeing = state.agreeing + 1 if _agrees(state, seen.pose, params) else 1
+def _outlier(state: EstimatorState, measured: _Measurement, params: EstimatorParams) -> EstimatorState:
+    agreeing = state.agreeing + 1 if _agrees(state, measured.pose, params) else 1
     if agreeing >= params.outliers_to_restart:
-        return _started(state, seen, params)
-    return replace(_refused(state, Verdict.OUTLIER, seen.clock, seen.pose), agreeing=agreeing)
+        return _restarted(state, measured, params)
+    return replace(_rejected(state, Verdict.OUTLIER, measured.clock, measured.pose), agreeing=agreeing)
 
 
-def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Pose) -> EstimatorState:
+def _rejected(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Pose) -> EstimatorState:
     """Keep the estimate unchanged; its age grows, which its users check."""
     return replace(
         state,
@@ -167,10 +169,15 @@ def _refused(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: Po
     )
 
 
-def _known(
-    state: EstimatorState, verdict: Verdict, seen: _Seen, params: EstimatorParams, motion: Motion, attitude: Attitude
+def _accepted(
+    state: EstimatorState,
+    verdict: Verdict,
+    measured: _Measurement,
+    params: EstimatorParams,
+    motion: Motion,
+    attitude: Attitude,
 ) -> EstimatorState:
-    frame, pose, clock = seen
+    frame, pose, clock = measured
     vehicle = VehicleState(
         to_local_s(clock, frame.stamp_s, params.delay_s),
         np.array(motion.position),

@@ -93,24 +93,24 @@ class Guard:
     def _checked(
         self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
     ) -> LimitedSetpoint:
-        if _unusable(last):
+        if _is_invalid(last):
             last = self.level(_heading_rad(setpoint))
         motion = _motion(vehicle)
         known = 0.0 if motion is None else self._share_known(age_s)
         if motion is None or known == 0.0:
-            return self._steered(setpoint, last, dt_s, None, 0.0)
+            return self._limited(setpoint, last, dt_s, None, 0.0)
         allowed = self._allowed(motion, last)
         if known == 1.0 and self._passes(setpoint, allowed):
             return limit_setpoint(setpoint, last, self._limits, dt_s)
-        return self._steered(setpoint, last, dt_s, (allowed, motion[2]), known)
+        return self._limited(setpoint, last, dt_s, (allowed, motion[2]), known)
 
-    def _steered(
+    def _limited(
         self, setpoint: AttitudeThrust, last: AttitudeThrust, dt_s: float, near: Near | None, known: float
     ) -> LimitedSetpoint:
         """Limit tilt and thrust first, so that braking starts from what would be sent; then limit the rates."""
         within = limit_setpoint(setpoint, last, self._limits, math.inf)
         braked = within.setpoint if near is None else self._braked(within.setpoint, *near)
-        target = braked if known == 1.0 else self._flattened(braked, known)
+        target = braked if known == 1.0 else self._levelled(braked, known)
         if target is within.setpoint:
             return limit_setpoint(setpoint, last, self._limits, dt_s)
         out = limit_setpoint(target, last, self._limits, dt_s)
@@ -150,10 +150,10 @@ class Guard:
         x, y, z = self._accel(setpoint.q_w_flu_wxyz, thrust)
         (x0, x1), (y0, y1), (_, z1) = allowed
         inside = x0 <= x <= x1 and y0 <= y <= y1 and z <= z1
-        return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._stands(setpoint)
+        return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._is_upright(setpoint)
 
-    def _stands(self, setpoint: AttitudeThrust) -> bool:
-        return up_axis_floats(setpoint.q_w_flu_wxyz)[2] >= self._upright and not _unusable(setpoint)
+    def _is_upright(self, setpoint: AttitudeThrust) -> bool:
+        return up_axis_floats(setpoint.q_w_flu_wxyz)[2] >= self._upright and not _is_invalid(setpoint)
 
     def _braked(self, setpoint: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
         """Return `setpoint` itself if the fence allows it, else the nearest setpoint that brakes.
@@ -178,7 +178,7 @@ class Guard:
         accel = limit_tilt(np.array((bx, by, bz)), self._limits.max_tilt_rad, gravity)
         return setpoint_of_accel(accel, float(yaw_of(now_q)), self._model)
 
-    def _flattened(self, setpoint: AttitudeThrust, known: float) -> AttitudeThrust:
+    def _levelled(self, setpoint: AttitudeThrust, known: float) -> AttitudeThrust:
         """Blend to level and sinking gently as `known` goes from 1 to 0."""
         q, _ = inside_cone(setpoint.q_w_flu_wxyz, known * self._limits.max_tilt_rad)
         thrust, sinking = float(setpoint.thrust), SINKING * self._model.hover_thrust
@@ -212,7 +212,7 @@ def _is_rotation(q: Array) -> bool:
     return bool(abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3)
 
 
-def _unusable(setpoint: AttitudeThrust) -> bool:
+def _is_invalid(setpoint: AttitudeThrust) -> bool:
     return not (_is_rotation(setpoint.q_w_flu_wxyz) and math.isfinite(setpoint.thrust))
 
 

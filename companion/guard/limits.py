@@ -75,15 +75,15 @@ def limit_setpoint(setpoint: AttitudeThrust, last: AttitudeThrust, limits: Limit
     Values that are not finite, or no valid attitude, are replaced by those of `last`. The tilt is cut after the rate,
     so that no path between two allowed attitudes leaves the cone.
     """
-    q, commanded, not_finite = _usable(setpoint, last)
+    q, commanded, not_finite = _valid_or_last(setpoint, last)
     turned, turn_cut = _slew_attitude(q, last.q_w_flu_wxyz, limits.max_turn_radps * dt_s)
     inside, tilt_cut = inside_cone(turned, limits.max_tilt_rad)
     thrust, before, step = (
-        _between(commanded, limits.min_thrust, limits.max_thrust),
+        _clip(commanded, limits.min_thrust, limits.max_thrust),
         item(last.thrust),
         limits.max_thrust_rate_ps * dt_s,
     )
-    slewed = _between(thrust, before - step, before + step)
+    slewed = _clip(thrust, before - step, before + step)
     return LimitedSetpoint(
         setpoint=AttitudeThrust(inside, np.asarray(slewed)),
         not_finite=np.asarray(not_finite),
@@ -93,11 +93,11 @@ def limit_setpoint(setpoint: AttitudeThrust, last: AttitudeThrust, limits: Limit
     )
 
 
-def _between(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
+def _clip(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
     return minimum(maximum(value, low), high)
 
 
-def _usable(setpoint: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
+def _valid_or_last(setpoint: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
     """Return unit quaternion (..., 4), thrust, and where they were not valid, (...,): there `last` replaces them."""
     q, thrust = setpoint.q_w_flu_wxyz, item(setpoint.thrust)
     length = _length(q)
