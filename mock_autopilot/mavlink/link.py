@@ -14,7 +14,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from mock_autopilot.config import LinkConfig
+from mock_autopilot.config import GcsLinkConfig, LinkConfig
 from mock_autopilot.faults.catalogue import FROM, TO
 from mock_autopilot.faults.link import LinkFaults
 from mock_autopilot.faults.schedule import FaultSchedule
@@ -76,7 +76,7 @@ class MavlinkLink:
         self._text_id = 0
         self._events: list[Message] = []
         self._chatter = GimbalChatter()
-        self.streams = Streams()
+        self.streams = Streams(for_gcs=isinstance(self._config, GcsLinkConfig))
         self._receiver = Receiver(self._world, self.streams, self.send)
 
     # -- socket ----------------------------------------------------------------------------------

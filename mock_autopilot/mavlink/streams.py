@@ -1,6 +1,6 @@
-"""Rates of the streamed messages: PX4's defaults on the onboard link, and a client's changes."""
+"""Rates of the streamed messages: PX4's defaults on either link, and a client's changes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mock_autopilot.mavlink import extras
 from mock_autopilot.mavlink import messages as m
@@ -57,6 +57,11 @@ DEFAULTS = (
     Stream(436, 0.5, m.current_mode, 2.0),
     Stream(12901, 1.0, st.open_drone_id_location, 1.0),
 )
+GCS_RATES_HZ = {
+    1: 1.0, 2: 0.0, 4: 0.1, 24: 5.0, 30: 50.0, 32: 50.0, 36: 50.0, 74: 4.0, 83: 37.0, 85: 50.0, 105: 0.0, 111: 0.0,
+    132: 0.5, 141: 1.0, 230: 0.5, 241: 0.1, 245: 1.0, 331: 0.0,
+}  # fmt: skip
+"""Rates on a ground station's link that differ, as recorded in two flights; 0: not streamed there."""
 ON_REQUEST: dict[int, m.Builder] = {
     49: g.gps_global_origin,
     148: m.autopilot_version,
@@ -73,12 +78,19 @@ FAST_HZ = 50.0
 """Lowest rate at which a request may find no new sample because the stream has just taken it: PX4 answers DENIED."""
 
 
+def _for_gcs(stream: Stream) -> Stream:
+    """Return a stream as a ground station's link has it; there a slower one first waits for its interval."""
+    rate_hz = GCS_RATES_HZ.get(stream.id, stream.rate_hz)
+    first_s = max(stream.first_s, 1.0 / rate_hz) if 0.0 < rate_hz < stream.rate_hz else stream.first_s
+    return replace(stream, rate_hz=rate_hz, first_s=first_s)
+
+
 class Streams:
     """The schedule of one link's streamed messages."""
 
-    def __init__(self) -> None:
-        self._streams = {stream.id: stream for stream in DEFAULTS}
-        streaming = [stream for stream in DEFAULTS if stream.rate_hz > 0.0]
+    def __init__(self, for_gcs: bool = False) -> None:
+        self._streams = {stream.id: _for_gcs(stream) if for_gcs else stream for stream in DEFAULTS}
+        streaming = [stream for stream in self._streams.values() if stream.rate_hz > 0.0]
         self._interval_s = {stream.id: 1.0 / stream.rate_hz for stream in streaming}
         self._due_s = {stream.id: stream.first_s for stream in streaming}
         self._sent_s: dict[int, float] = {}

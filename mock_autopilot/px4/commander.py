@@ -51,7 +51,7 @@ BATTERY_TEXTS = {
     failsafe.CRITICAL: (Severity.CRITICAL, "Critical battery"),
     failsafe.EMERGENCY: (Severity.EMERGENCY, "Emergency battery level"),
 }
-UNSTABLE_TEXT = "Preflight Fail: horizontal position unstable"
+PREFLIGHT_TEXT = "Preflight Fail: {}"
 OVERRIDE_AUTO, OVERRIDE_OFFBOARD = 1, 2
 """Bits of COM_RC_OVERRIDE: where the sticks take over."""
 
@@ -98,7 +98,8 @@ class Commander:
         if self.armed:
             return self.checked(now) and can_run(self.mode, now)
         flyable = can_run(self.user_mode, now) and (now.remote or self.user_mode not in NEEDS_PILOT)
-        return self.checked(now) and self.user_mode not in NO_ARMING and flyable
+        healthy = not now.preflight_failures and now.battery_warning < failsafe.CRITICAL
+        return self.checked(now) and self.user_mode not in NO_ARMING and flyable and healthy
 
     def checked(self, now: FailsafeFlags) -> bool:
         """Return whether the first checks after the boot are over."""
@@ -261,14 +262,14 @@ class Commander:
 
     def _report(self, checked: FailsafeFlags) -> None:
         """Report all failed checks whenever one of them has changed."""
-        found = (checked.battery_warning, checked.position_unstable, checked.offboard_ok)
+        failures = () if self.armed else checked.preflight_failures
+        found = (checked.battery_warning, failures, checked.offboard_ok)
         if found == self._reported:
             return
         self._reported = found
         if checked.battery_warning:
             self._say(*BATTERY_TEXTS[checked.battery_warning])
-        if checked.position_unstable and not self.armed:
-            self.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
+        self.texts += [Text(Severity.CRITICAL, PREFLIGHT_TEXT.format(failure)) for failure in failures]
 
     def _watch_ground(self, now: FailsafeFlags) -> None:
         if self._was_landed and not now.landed and self.armed:

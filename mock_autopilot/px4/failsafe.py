@@ -71,8 +71,8 @@ class FailsafeFlags:
     """A pilot's sticks are received."""
     sticks_moved: bool = False
     battery_warning: int = 0
-    position_unstable: bool = False
-    """External poses contradict the estimate of a vehicle that stands (PX4's innovation check before flight)."""
+    preflight_failures: tuple[str, ...] = ()
+    """Failed checks of the estimate of a vehicle that is disarmed, in PX4's words."""
 
 
 def can_run(mode: Mode, now: FailsafeFlags) -> bool:

@@ -1,5 +1,6 @@
 """SYS_STATUS sensor bits as recorded from PX4 v1.17."""
 
+from mock_autopilot.px4.innovation_checks import HORIZONTAL_UNSTABLE
 from mock_autopilot.px4.vehicle import Vehicle
 
 SENSORS = 0x0200400F
@@ -41,7 +42,7 @@ def sensors_health(vehicle: Vehicle) -> int:
     if vehicle.now_s < CHECKED_S:
         return BOOT
     now = vehicle.commander.last_checks(vehicle.failsafe_flags)
-    ready = vehicle.commander.checked(now) and now.local_ok and not now.position_unstable
+    ready = vehicle.commander.checked(now) and now.local_ok and HORIZONTAL_UNSTABLE not in now.preflight_failures
     bits = BASE | (POSITION_CONTROL if ready else 0) | (RC_RECEIVER if now.remote else 0)
     low = vehicle.commander.battery_low
     return (bits & ~BATTERY if low else bits) | (PREARM if vehicle.commander.can_arm(now) else 0)

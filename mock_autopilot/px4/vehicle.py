@@ -14,10 +14,11 @@ from mock_autopilot.physics.airframe import ActuatorDemand, SensorState
 from mock_autopilot.physics.geodesy import Origin, simulators_home
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.px4.battery import Battery
-from mock_autopilot.px4.commander import AUTO_SUB_MODES, MAIN_MODES, OFFBOARD_LATE_S, UNSTABLE_TEXT, Commander
+from mock_autopilot.px4.commander import AUTO_SUB_MODES, MAIN_MODES, OFFBOARD_LATE_S, PREFLIGHT_TEXT, Commander
 from mock_autopilot.px4.estimator import Estimator, Motion
 from mock_autopilot.px4.failsafe import FailsafeFlags
 from mock_autopilot.px4.horizon import Horizon
+from mock_autopilot.px4.innovation_checks import HORIZONTAL_UNSTABLE, InnovationChecks
 from mock_autopilot.px4.land_detector import LandDetector
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.pilot import Estimate, Pilot
@@ -38,10 +39,6 @@ from mock_autopilot.px4.vocabulary import (
 
 COMMANDER_PERIODS_S = (0.012, 0.016)
 """PX4's commander sleeps 10 ms between its passes; the recorded simulator counted in steps of 4 ms."""
-UNSTABLE_M = 0.5
-"""Distance of external poses from a standing vehicle's estimate that fails the preflight check."""
-UNSTABLE_AFTER_S, UNSTABLE_S = 0.2, 4.0
-"""PX4 filters the check: delay until it fails, and duration."""
 AT_REST_S = 1.5
 """Time after disarming until the estimator takes it to be at rest."""
 PILOT_PERIOD_S = 0.004
@@ -73,7 +70,7 @@ class Vehicle:
         self.injected_faults = HEALTHY
         self.sticks = Sticks(params)
         self._remote = False
-        self._away_since_s, self._unstable_until_s = math.inf, -math.inf
+        self._innovation_checks = InnovationChecks()
         self.attitude_setpoint = AttitudeSetpoint()
         self.home: Position | None = None
         self.origin = simulators_home(params)
@@ -109,13 +106,9 @@ class Vehicle:
 
         Recorded: poses 0.7 m off that came back 0.25 s after disarming were taken over, 2.8 s after it they failed.
         """
-        away_m = math.dist(self.estimator.believed_m(sample), self.estimator.position_m)
-        if away_m <= UNSTABLE_M or not self.estimator.at_rest or self.estimator.uses_gps:
-            self._away_since_s = math.inf
-        else:
-            self._away_since_s = min(self._away_since_s, self.now_s)
-            if self.now_s - self._away_since_s >= UNSTABLE_AFTER_S:
-                self._unstable_until_s = self.now_s + UNSTABLE_S
+        x, y, z = self.estimator.position_m
+        applies = self.estimator.at_rest and not self.estimator.uses_gps
+        self._innovation_checks.update(self.estimator.believed_m(sample), (x, y, z), self.now_s, applies=applies)
         self.estimator.fuse_vision(sample, self.now_s, self.sensor_state.motion.yaw_rad)
 
     def set_origin(self, origin: Origin) -> None:
@@ -123,7 +116,7 @@ class Vehicle:
         if not self.estimator.uses_gps and self.estimator.origin_set_s is None:
             self.origin = origin
             self.estimator.set_origin(self.now_s)
-            self.commander.texts.append(Text(Severity.CRITICAL, UNSTABLE_TEXT))
+            self.commander.texts.append(Text(Severity.CRITICAL, PREFLIGHT_TEXT.format(HORIZONTAL_UNSTABLE)))
 
     def arm_disarm(self, arm: float, force: float) -> Result | None:
         """Handle COMPONENT_ARM_DISARM; return None where PX4 sends no ACK."""
@@ -206,7 +199,7 @@ class Vehicle:
             remote=self._remote or self.sticks.there(self.now_s),
             sticks_moved=self.sticks.moved,
             battery_warning=self.battery.warning,
-            position_unstable=self.now_s < self._unstable_until_s,
+            preflight_failures=self._innovation_checks.failures(self.now_s),
         )
 
     @property

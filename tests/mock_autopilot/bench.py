@@ -51,10 +51,10 @@ class Sent:
 class OfflineLink(MavlinkLink):
     """The real link with its socket replaced by a list."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, config: LinkConfig | None = None) -> None:
         self.sent: list[Sent] = []
         self._clock = world
-        super().__init__(LinkConfig.model_validate({}), world)
+        super().__init__(config or LinkConfig.model_validate({}), world)
 
     @property
     def codec(self) -> Any:

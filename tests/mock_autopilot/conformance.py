@@ -59,7 +59,7 @@ HEAD = """# How the mock autopilot compares with PX4
 
 Written by `make conformance`; do not edit. {count} facts recorded from PX4 v1.17.0 SITL (SIH quadrotor, stock
 parameters unless the line says otherwise; the recordings of sections a to l ran 2-3 % slower than their own clock), and
-what `mock_autopilot` does, measured in simulated time. Two more, in section n, are read from PX4's source.
+what `mock_autopilot` does, measured in simulated time. {source_count} more, in section n, are read from PX4's source.
 A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
 `tests/mock_autopilot/test_conformance.py` fails when a value leaves its range or this page is out of date.
 
@@ -88,7 +88,10 @@ A state is `base_mode, main/sub mode, system_status` as in HEARTBEAT.
 - ODOMETRY is taken as local NED whatever its frame_id; a position beyond 100 km is ignored. Velocities in it that
   contradict its positions for 2 s in the air end the local position, as PX4's estimator checks do, until it stands.
 - A pilot has sticks (MANUAL_CONTROL), no switches. In Position they are taken to be at rest.
-- EVENT messages come for texts only, not for health reports. Both links have the onboard link's rates.
+- The hover thrust is learnt in PX4's own modes by a first-order lag of 2 s; PX4's estimator is a Kalman filter.
+- Of PX4's checks before arming the mock has those of modes, setpoints, sticks and battery, and those of poses against
+  the estimate (position, height). Accelerometer and gyroscope biases never fail it.
+- EVENT messages come for texts only, not for health reports.
 - Not simulated: missions, geofence, MAVLink FTP, log download, position and velocity setpoints in OFFBOARD.
 """
 
@@ -100,7 +103,8 @@ def measure() -> list[tuple[Fact, Value]]:
 
 def document(measured: list[tuple[Fact, Value]]) -> str:
     """Return the whole text of docs/px4-conformance.md."""
-    lines = [HEAD.format(count=sum(fact.section != "n" for fact, _ in measured))]
+    by_source = sum(fact.section == "n" for fact, _ in measured)
+    lines = [HEAD.format(count=len(measured) - by_source, source_count=by_source)]
     for key, title in SECTIONS.items():
         rows = [(fact, value) for fact, value in measured if fact.section == key]
         if not rows:

@@ -6,11 +6,13 @@ from functools import cache
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from mock_autopilot.config import GcsLinkConfig
 from mock_autopilot.px4.land_detector import LandDetector
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.px4.timing import Timing
-from tests.mock_autopilot.bench import NO_GPS, SIH_PLANT, Bench
+from tests.mock_autopilot.bench import NO_GPS, SIH_PLANT, Bench, OfflineLink
 from tests.mock_autopilot.fact import Fact, acks, near, same, state
+from tests.mock_autopilot.facts.arming import DENIED_TEXT
 
 FLIGHT = NO_GPS | {
     "COM_OBL_RC_ACT": 4, "COM_OF_LOSS_T": 0.5, "COM_RC_IN_MODE": 2, "COM_RC_OVERRIDE": 3, "NAV_RCL_ACT": 3,
@@ -231,6 +233,30 @@ def _vision_back() -> float:
     return bench.text_after("Preflight Fail: horizontal position unstable", start_s)
 
 
+def _arming_refused(bench: FlightBench) -> str:
+    """Return the reason that is told when the setpoints begin, and the answer to arming in OFFBOARD."""
+    start_s = bench.now_s
+    bench.target(0.0)
+    bench.run(0.2)
+    bench.mode(6)
+    answer = acks(bench.arm())
+    return f"{bench.texts(start_s)[0][1]}; {answer}: {bench.texts(start_s)[-1][1]}"
+
+
+def _height_contradicted() -> str:
+    bench = _booted()
+    bench.vision_offset_m = (0.0, 0.0, -0.8)
+    bench.run(0.5)
+    return _arming_refused(bench)
+
+
+def _armed_empty() -> str:
+    bench = _booted()
+    bench.world.vehicle.battery.drop_to(0.06)
+    bench.run(0.5)
+    return _arming_refused(bench)
+
+
 @cache
 def _rc_lost() -> dict[str, float | str]:
     bench = _hovering()
@@ -340,14 +366,17 @@ def _flags_without_range() -> str:
 
 
 @cache
-def _rates() -> dict[int, float]:
+def _rates(gcs: bool = False) -> dict[int, float]:
+    """Return the rates (Hz) of all messages of a link between 6 and 26 s after boot."""
     bench = FlightBench(FLIGHT, SIH_PLANT)
+    if gcs:
+        bench.link = OfflineLink(bench.world, GcsLinkConfig.model_validate({}))
     bench.run(26.0)
-    found = {}
-    for id_ in (2, 8, 29, 132, 380, 411, 12901):
-        times = [s.time_s for s in bench.sent if s.message.get_msgId() == id_]
-        found[id_] = (len(times) - 1) / (times[-1] - times[0])
-    return found
+    times: dict[int, list[float]] = {}
+    for sent in bench.sent:
+        if sent.time_s >= 6.0:
+            times.setdefault(sent.message.get_msgId(), []).append(sent.time_s)
+    return {id_: (len(seen) - 1) / (seen[-1] - seen[0]) for id_, seen in times.items() if len(seen) > 1}
 
 
 def _event() -> str:
@@ -366,16 +395,23 @@ def _event() -> str:
     return f"events {', '.join(ids)}; {texts} texts"
 
 
-def _streamed(id_: int, name: str, rate_hz: float) -> Fact:
+def _streamed(id_: int, name: str, rate_hz: float, gcs: bool = False) -> Fact:
     return near(
-        f"m-rate-{id_}",
-        f"rate of {name}",
+        f"m-gcs-{id_}" if gcs else f"m-rate-{id_}",
+        f"rate of {name}{' on the ground station link' if gcs else ''}",
         f"{rate_hz:g} Hz",
-        lambda: _rates()[id_],
+        lambda: _rates(gcs).get(id_, 0.0),
         (0.96 * rate_hz, 1.04 * rate_hz),
         "Hz",
-        source="nominal-px4-b",
+        source="px4-rc_lost, px4-mocap_gone" if gcs else "nominal-px4-b",
     )
+
+
+ON_GCS = (
+    (1, "SYS_STATUS", 1.0), (24, "GPS_RAW_INT", 5.0), (30, "ATTITUDE", 50.0), (32, "LOCAL_POSITION_NED", 50.0),
+    (36, "SERVO_OUTPUT_RAW", 50.0), (74, "VFR_HUD", 4.0), (105, "HIGHRES_IMU", 0.0), (132, "DISTANCE_SENSOR", 0.5),
+    (141, "ALTITUDE", 1.0), (230, "ESTIMATOR_STATUS", 0.5), (245, "EXTENDED_SYS_STATE", 1.0), (331, "ODOMETRY", 0.0),
+)  # fmt: skip
 
 
 ALL_OWN = "nominal-px4-b, short-px4-tight, px4-battery, px4-mocap02, px4-pilot_*, px4-px4_killed"
@@ -472,6 +508,7 @@ FACTS = (
     _streamed(380, "TIME_ESTIMATE_TO_TARGET", 0.5),
     _streamed(411, "CURRENT_EVENT_SEQUENCE", 1 / 3),
     _streamed(12901, "OPEN_DRONE_ID_LOCATION", 1.0),
+    *(_streamed(*one, gcs=True) for one in ON_GCS),
     same("m-event", "EVENT of arming, also without a ground station", "events 0x190caf3, 0x1125bef; 0 texts", _event,
          source="px4-killcmd"),
 )  # fmt: skip
@@ -481,5 +518,11 @@ BY_SOURCE = (
          "Pilot took over using sticks; 209, 3/0, 4", _sticks, source="PX4's source, Commander::manualControlCheck"),
     same("n-battery-critical", "battery critical (COM_LOW_BAT_ACT 2)", "Critical battery; 157, 4/6, 5",
          lambda: str(_battery()["critical"]), source="PX4's source, Failsafe::fromBatteryWarningActParam"),
+    same("n-height", "poses 0.8 m too high on the ground: told when the setpoints begin, and the answer to arming",
+         "Preflight Fail: height estimate not stable; TEMPORARILY_REJECTED: " + DENIED_TEXT, _height_contradicted,
+         source="PX4's source, EstimatorChecks::checkEstimatorStatus; OFFBOARD requires an attitude"),
+    same("n-battery-arming", "the same with a critical battery (COM_ARM_BAT_MIN -1)",
+         "Critical battery; TEMPORARILY_REJECTED: " + DENIED_TEXT, _armed_empty,
+         source="PX4's source, BatteryChecks::checkAndReport"),
 )  # fmt: skip
 """Not in any recording that is here: as PX4's source has it."""
