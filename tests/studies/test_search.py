@@ -61,6 +61,13 @@ def test_marks_are_those_of_each_set_flown_by_itself() -> None:
     assert (marks.worst_m >= marks.other_m).all()
 
 
+def test_updates_count_on_vehicles_as_told() -> None:
+    """Not on one that is as hard to hold as can be, whatever that one needs."""
+    hard, without = (evaluate(Trial(SHORT, 5, (0,), others), POINT[None]) for others in ((1, 2), (1,)))
+    assert hard.update_share[0] == pytest.approx(without.update_share[0], abs=0.005)
+    assert hard.other_m[0] != without.other_m[0]
+
+
 def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
     wild = point(
         gamma_v=20.0, lead_s=0.01, boundary_layer_mps=0.05, power_regularisation=0.003, k=8.0, k2=8.0, gamma2=8.0
@@ -71,7 +78,9 @@ def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
 
 
 def run(generations: int = 2) -> tuple[list[Centre], list[Generation]]:
-    plan = Plan(scenes=(SHORT,), loops=1, generations=generations, population=4, weights=(0.8,), seed=3, others=1)
+    plan = Plan(
+        scenes=(SHORT,), loops=1, generations=generations, population=4, weights=(0.8,), seed=3, told=1, others=1
+    )
     told: list[Generation] = []
     with ThreadPoolExecutor(1) as pool:
         kept = search(plan, point(gamma_v=0.3), pool, lambda generation, _: told.append(generation))

@@ -58,10 +58,10 @@ KNOBS = (
 """Gains of z are those of x and y times `z_outer` (first step) or `z_inner` (second), as the paper's are times 1.2."""
 
 START = {
-    "c1": 3.5, "k1": 0.75, "beta1": 1.2, "gamma1": 2.2, "k": 2.2, "c2": 0.082, "k2": 2.1, "beta2": 0.26, "gamma2": 0.45,
-    "z_outer": 1.0, "z_inner": 1.35, "filter_eps": 0.14, "zeta": 2.2, "rho": 0.88, "sigma": 0.09, "delta": 0.14,
-    "gamma_v": 4.1, "power_regularisation": 0.032, "boundary_layer_mps": 1.6, "lead_s": 0.19, "thrust_lead_s": 0.11,
-    "observer_radps": 7.5, "push_share": 0.8,
+    "c1": 2.1, "k1": 1.0, "beta1": 1.7, "gamma1": 2.0, "k": 1.7, "c2": 0.066, "k2": 1.8, "beta2": 0.31, "gamma2": 0.44,
+    "z_outer": 0.89, "z_inner": 1.33, "filter_eps": 0.148, "zeta": 2.2, "rho": 0.91, "sigma": 0.09, "delta": 0.16,
+    "gamma_v": 4.2, "power_regularisation": 0.016, "boundary_layer_mps": 1.3, "lead_s": 0.19, "thrust_lead_s": 0.115,
+    "observer_radps": 7.9, "push_share": 0.82,
 }  # fmt: skip
 """Default centre of a search: the middle of an earlier search, in round numbers."""
 

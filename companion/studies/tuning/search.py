@@ -23,7 +23,7 @@ _LEAST_MARGIN = 1.05
 _KEPT_EVERY = 10
 _LEAST_UPDATES = 0.001
 """A vehicle that is given up sends nothing: no merit."""
-_STEP = 0.08
+_STEP = 0.04
 """Standard deviation of the first generation, in the unit cube."""
 
 
@@ -44,7 +44,7 @@ class Plan:
     weights: tuple[float, ...]
     """Weights of log(updates) against log(error): one search each."""
     seed: int
-    told: int = 1
+    told: int = 6
     """Vehicles as the companion is told."""
     others: int = 2
     """Vehicles that differ from it; new ones in every generation, all of them."""

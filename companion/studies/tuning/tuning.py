@@ -54,7 +54,7 @@ class Marks:
     worst_m: Array
     """The largest of those."""
     update_share: Array
-    """Update share of all vehicles."""
+    """Update share of the vehicles as told: the share that a user sees."""
 
 
 def evaluate(trial: Trial, shares: Array) -> Marks:
@@ -76,7 +76,7 @@ def evaluate(trial: Trial, shares: Array) -> Marks:
         error.mean(axis=1),
         other.mean(axis=1),
         other.max(axis=1),
-        tracking.update_share.reshape(shape).mean(axis=1),
+        tracking.update_share.reshape(shape)[:, :told].mean(axis=1),
     )
 
 
