@@ -24,10 +24,24 @@ class Ablation(StrEnum):
     """No push is observed, so none is predicted with, and none is taken off the command, as printed."""
 
 
+_PREDICTION: dict[Ablation, dict[str, object]] = {
+    Ablation.PREDICTION: {"enabled": False},
+    Ablation.PUSH: {"observer_radps": 0.0},
+}
+"""Changes in [prediction]."""
+
+
 def ablated(file: EtnnFile, ablation: Ablation) -> EtnnFile:
     """The file's law without that part, all else the same; it may be unstable."""
-    gains = EtnnGains.model_validate(file.gains.model_dump() | _gains(file.gains, ablation))
-    prediction = file.prediction.model_copy(update=_prediction(ablation))
+    changes: dict[Ablation, dict[str, object]] = {
+        Ablation.NETWORK: {"gamma_v0": 0.0 * file.gains.gamma_v0, "gamma_v1": 0.0 * file.gains.gamma_v1},
+        Ablation.TRIGGER: {"every_cycle": True},
+        Ablation.SWITCHING: {"switching": 0.0},
+        Ablation.COMPENSATOR: {"compensation": 0.0},
+        Ablation.PUSH: {"push_share": 0.0},
+    }
+    gains = EtnnGains.model_validate(file.gains.model_dump() | changes.get(ablation, {}))
+    prediction = file.prediction.model_copy(update=_PREDICTION.get(ablation, {}))
     return file.model_copy(update={"gains": gains, "prediction": prediction})
 
 
@@ -39,31 +53,3 @@ def load_ablated(name: str, vehicle: VehicleModel, period_s: float, ablation: Ab
     file = ablated(read_etnn(name), ablation)
     law = etnn_law(file, vehicle, period_s)
     return LoadedController(f"{name} without {ablation}", law, file.error_limits, file.description)
-
-
-def _gains(gains: EtnnGains, ablation: Ablation) -> dict[str, object]:
-    """Changes in the file's [gains] for this ablation."""
-    match ablation:
-        case Ablation.NETWORK:
-            return {"gamma_v0": 0.0 * gains.gamma_v0, "gamma_v1": 0.0 * gains.gamma_v1}
-        case Ablation.TRIGGER:
-            return {"every_cycle": True}
-        case Ablation.SWITCHING:
-            return {"switching": 0.0}
-        case Ablation.COMPENSATOR:
-            return {"compensation": 0.0}
-        case Ablation.PREDICTION:
-            return {}
-        case Ablation.PUSH:
-            return {"push_share": 0.0}
-
-
-def _prediction(ablation: Ablation) -> dict[str, object]:
-    """Changes in the file's [prediction] for this ablation."""
-    match ablation:
-        case Ablation.PREDICTION:
-            return {"enabled": False}
-        case Ablation.PUSH:
-            return {"observer_radps": 0.0}
-        case _:
-            return {}
