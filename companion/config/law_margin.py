@@ -16,7 +16,7 @@ from companion.control.margin import Margin, TooLongError, Verdict, measure_marg
 from companion.core.interfaces import ConfigError
 
 LEAST_PHASE_DEG = 20.0
-"""At the crossover of the ET-NN set that is shipped these are 60 ms of delay, or an attitude loop slower by a quarter,
+"""At the crossover of the ET-NN set that is shipped these are 60 ms of delay, or an attitude loop slower by a third,
 that nobody has measured; with less a gust rings for seconds."""
 LEAST_GAIN = 1.5
 """A battery that sags, a mass or hover thrust that is wrong by a fifth, and the slope of a law that bends, together."""

@@ -79,7 +79,7 @@ def test_on_a_slow_attitude_loop_it_is_refused_with_what_was_found_what_is_wante
     with pytest.raises(ConfigError) as refused:
         require_margin(loaded("practical", SLOW), SLOW, 0.01)
     found, wanted = str(refused.value).split("; ", maxsplit=1)
-    assert found.startswith("practical: phase margin 14 degrees along x at 4.7 rad/s, gain margin 2")
+    assert found.startswith("practical: phase margin 10 degrees along x at 5.0 rad/s, gain margin 1.8")
     assert "on this vehicle (attitude loop 5 rad/s, damping 0.8, setpoint delay 0.04 s" in found
     assert wanted.startswith("at least 20 degrees and a gain margin of 1.5 are wanted: lower its gains")
     assert "`companion calibrate`" in wanted

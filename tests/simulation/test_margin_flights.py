@@ -54,7 +54,7 @@ def swing_m(name: str, told: VehicleModel, delay_s: float) -> float:
 @pytest.mark.parametrize(
     ("name", "bandwidth_radps", "enough", "least_m", "most_m"),
     [
-        ("practical", 3.6, False, 0.2, np.inf),
+        ("practical", 3.6, False, 0.1, np.inf),
         ("practical", 5.0, False, 0.018, 0.06),
         ("practical", 7.7, True, 0.0, 0.0125),
         ("practical", 20.0, True, 0.0, 0.0125),

@@ -7,9 +7,8 @@
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 from companion.core.interfaces import CompanionError
 from companion.simulation.scene import HorizonError
@@ -78,7 +77,7 @@ def row(setting: Setting, horizon: HorizonError, controller: str, flights: Seque
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Fly every row, then print them."""
+    """Fly every row and print it as soon as it is complete."""
     parser = argparse.ArgumentParser(prog="python -m companion.studies.paper.horizon_table", description=__doc__)
     parser.add_argument("--controller", default="practical", help="a name in config/controllers/ or a TOML file")
     parser.add_argument("--seeds", type=int, default=len(SEEDS), help="how many, from 1 on")
@@ -86,11 +85,23 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     seeds = tuple(range(1, asked.seeds + 1))
     rows = [(setting, horizon) for setting in SETTINGS for horizon in HorizonError]
-    items = [row_items(*one, asked.controller, seeds) for one in rows]
-    flown = dict(in_parallel(fly, list(chain(*items)), asked.jobs, "give fewer --jobs or --seeds"))
-    print(HEAD)
-    for one, own in zip(rows, items, strict=True):
-        print(row(*one, asked.controller, [flight for flight in flown.values() if flight.item in own]))
+    flown = _in_order([row_items(*one, asked.controller, seeds) for one in rows], asked.jobs)
+    print(HEAD, flush=True)
+    for one, flights in zip(rows, flown, strict=True):
+        print(row(*one, asked.controller, flights), flush=True)
+
+
+def _in_order(rows: Sequence[Sequence[Item]], jobs: int) -> Iterator[list[Flown]]:
+    """Yield each row's flights as soon as it and those before it are complete."""
+    done: dict[int, Flown] = {}
+    results = in_parallel(fly, [item for items in rows for item in items], jobs, "give fewer --jobs or --seeds")
+    first = 0
+    for items in rows:
+        numbers = range(first, first + len(items))
+        while not all(number in done for number in numbers):
+            done.update([next(results)])
+        yield [done[number] for number in numbers]
+        first += len(items)
 
 
 if __name__ == "__main__":
