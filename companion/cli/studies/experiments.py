@@ -181,7 +181,7 @@ def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -
             rows = [[Text(cell.text, style=_TONES.get(cell.tone, "")) for cell in row] for row in grid.rows]
             console.print(numbers_table(grid.title, grid.columns, rows))
             if grid.note not in explained:
-                console.print(grid.note, end="\n\n", markup=False, highlight=False)
+                console.print(grid.note, markup=False, highlight=False)
             explained.add(grid.note)
 
 

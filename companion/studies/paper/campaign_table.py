@@ -107,7 +107,7 @@ def _beside_words(baseline: Flown, paper: PaperExperiment | None) -> str:
 
 def events(flights: Sequence[Flown]) -> Grid:
     """Return the table of triggers, updates and times between triggers of each law."""
-    columns = ("", "triggers", "of cycles", "updates", "least gap", "mean", "largest", "1 cycle")
+    columns = ("", "triggers", "share", "updates", "least gap", "mean", "largest", "1 cycle")
     rows = tuple(_event_row(flown) for flown in flights)
     note = (
         "Mean number of triggers in a flight; share of the cycles with a trigger, and with an update (a setpoint "
