@@ -5,7 +5,7 @@ import stat
 from pathlib import Path
 from typing import ClassVar
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from companion.config.text_files import decode
 from companion.config.toml_files import Section
@@ -41,18 +41,11 @@ class OperatorConfig(Section):
             raise ValueError("must be 1 to 32 letters, digits, - or _, as a part of MQTT topics")
         return value
 
-    @field_validator("password_file")
+    @field_validator("password_file", "ca_file")
     @classmethod
-    def _own(cls, value: str | None) -> str | None:
-        if value is not None and _mode_of(value) & stat.S_IRWXO:
+    def _usable(cls, value: str | None, info: ValidationInfo) -> str | None:
+        if value is not None and _mode_of(value) & stat.S_IRWXO and info.field_name == "password_file":
             raise ValueError(f"every user of this computer may read or write it: chmod 600 {value}")
-        return value
-
-    @field_validator("ca_file")
-    @classmethod
-    def _there(cls, value: str | None) -> str | None:
-        if value is not None:
-            _mode_of(value)
         return value
 
     @model_validator(mode="after")

@@ -32,7 +32,6 @@ def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
 
 
 def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]]:
-    """Return one column per component, such as `position_w_m_0`; time and number come first."""
     names: list[str] = []
     cells: list[list[object]] = []
     for name in sorted(columns, key=lambda name: (name != "time_s", name != "tick", name)):

@@ -26,8 +26,8 @@ _NEW_FLIGHT = "preflight"
 class FlightFiles:
     """Receiver of RowEncoder's messages, in order; disk errors are reported and never end a flight."""
 
-    def __init__(self, retention: Retention, context: Context, tell: Callable[[dict[str, Any]], None]) -> None:
-        self._retention, self._context, self._tell = retention, context, tell
+    def __init__(self, retention: Retention, context: Context, report: Callable[[dict[str, Any]], None]) -> None:
+        self._retention, self._context, self._report = retention, context, report
         self._channels, self._scene, self._decoder = Channels(context), Scene(context), RowDecoder()
         self._file: Mcap | None = None
         self._begin: dict[str, Any] = {}
@@ -74,7 +74,7 @@ class FlightFiles:
         self._file.metadata("begin", json.dumps(self._begin))
         self._file.metadata("start", start)
         self._retention.rotate(path)
-        self._tell({"file": str(path)})
+        self._report({"file": str(path)})
 
     def row(self, message: bytes) -> None:
         """Decode a ROW message, publish it, and record it during a flight."""
@@ -88,8 +88,8 @@ class FlightFiles:
         if self._file is not None:
             self._keep(self._file, row, time_s)
 
-    def told(self, message: bytes) -> None:
-        """Publish the event of a TOLD message: `time_s`, `kind`, `text`."""
+    def event(self, message: bytes) -> None:
+        """Publish the event of an EVENT message: `time_s`, `kind`, `text`."""
         said = json.loads(message[1:])
         self._channels.event(said, round(1e9 * (said["time_s"] + self._offset_s)))
 
@@ -102,7 +102,7 @@ class FlightFiles:
         file.close()
         if file.file.broken:
             return
-        self._tell({"closed": str(file.path)})
+        self._report({"closed": str(file.path)})
 
     def _keep(self, file: Mcap, row: RecordRow, time_s: float) -> None:
         """Flush, look for space, and close when the flight is over."""
@@ -142,4 +142,4 @@ class FlightFiles:
         self._said = said
 
     def _warn(self, text: str) -> None:
-        self._tell({"warning": text})
+        self._report({"warning": text})

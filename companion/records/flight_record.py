@@ -84,7 +84,7 @@ class FlightRecord:
     """Commands, replies and messages of the service."""
     health: tuple[HealthEvent, ...] = ()
     metadata: dict[str, Any] = field(default_factory=dict)
-    """`config`, `controller`, `versions`, `seed` and whatever else the service told; empty in an old NPZ file."""
+    """`config`, `controller`, `versions`, `seed` and whatever else the service recorded; empty in an old NPZ file."""
     start: dict[str, Any] = field(default_factory=dict)
     """`time_s`, `number` and `estimate` (JSON) of the first tick."""
     truncated: bool = False

@@ -63,7 +63,6 @@ def unreadable(path: Path, why: str) -> FlightSummary:
 
 
 def _at_its_ends(path: Path) -> FlightSummary | None:
-    """Return the summary from the file's summary section and last tick; None where either is missing."""
     with path.open("rb") as opened:
         file = BoundedFile(opened)
         try:

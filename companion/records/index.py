@@ -104,7 +104,6 @@ def _kept(line: FlightSummary, stamp: tuple[int, int]) -> dict[str, Any]:
 
 
 def _restored(path: Path, line: dict[str, Any]) -> FlightSummary | None:
-    """Return what was kept; None where it is not what `_kept` gives."""
     values: dict[str, Any] = {name: line.get(name) for name in _KINDS}
     if any(not isinstance(value, _KINDS[name]) for name, value in values.items()):
         return None

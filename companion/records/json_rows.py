@@ -71,7 +71,6 @@ class JsonRows:
 
     @staticmethod
     def _error(row: RecordRow, number: str, time: str) -> list[Message]:
-        """Return the message of the tracking error: the vehicle's position minus its reference."""
         if "position_w_m" not in row or "reference_position_w_m" not in row:
             return []
         position = (row.cell("position_w_m") - row.cell("reference_position_w_m")).tolist()

@@ -13,7 +13,7 @@ from typing import Any
 
 from companion.config.records_config import RecordsConfig
 from companion.flight.tick import Tick
-from companion.records.row_codec import BEGIN, TOLD, RowEncoder, batch
+from companion.records.row_codec import BEGIN, EVENT, RowEncoder, batch
 from companion.records.tick_columns import Frozen, frozen
 from companion.supervisor.flight_state import Phase
 
@@ -124,7 +124,7 @@ class RecordSink:
 
     def tell(self, kind: str, text: str, time_s: float) -> None:
         """Record an event: a command, a reply or a message of the service."""
-        self._send(TOLD + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
+        self._send(EVENT + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
 
     def close(self) -> None:
         """Wait until the flight's file is complete, at most 10 s."""
@@ -207,7 +207,6 @@ class RecordSink:
         self._gone = [writer for writer in self._gone if writer.returncode is None]
 
     def _listen(self) -> None:
-        """Read the writer's reports: new files, closed files and warnings."""
         while self._link is not None:
             try:
                 said = json.loads(self._link.recv(65536) or b"null")

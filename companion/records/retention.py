@@ -145,9 +145,9 @@ def _size(writing: Path | None) -> int:
 class Unbreakable(io.FileIO):
     """New file that stays readable: after the first disk error the rest is dropped and reported once."""
 
-    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, report: Callable[[str], None]) -> None:
         super().__init__(path, "x+")
-        self._tell = tell
+        self._report = report
         self.broken = False
 
     def write(self, data: object) -> int:
@@ -160,5 +160,5 @@ class Unbreakable(io.FileIO):
             except OSError as error:
                 self.broken = True
                 full = error.errno in {errno.ENOSPC, errno.EDQUOT}
-                self._tell("the disk is full" if full else f"the disk refuses: {error.strerror}")
+                self._report("the disk is full" if full else f"the disk refuses: {error.strerror}")
         return view.nbytes

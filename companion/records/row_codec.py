@@ -20,7 +20,7 @@ from companion.records.tick_columns import F64, Column, Frozen, Shape, Signals, 
 from companion.supervisor.faults import reaction_to
 from companion.supervisor.flight_state import Phase
 
-ROW, LAYOUT, START, BEGIN, TOLD, BATCH = b"R", b"L", b"S", b"B", b"T", b"P"
+ROW, LAYOUT, START, BEGIN, EVENT, BATCH = b"R", b"L", b"S", b"B", b"T", b"P"
 """First byte of a message: what it is."""
 _HEAD = struct.Struct("<cHII")
 """Kind of message, layout, the tick's number, bytes of words."""

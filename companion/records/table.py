@@ -14,7 +14,7 @@ _FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "i
 
 @dataclass(frozen=True)
 class RecordedEvent:
-    """Something that was told: a command, a reply, a fault's begin or end."""
+    """Event of a flight: a command, a reply, the begin or end of a fault."""
 
     time_s: float
     """By the service's monotonic clock, as all columns."""
@@ -71,7 +71,6 @@ class Table:
             found.append(value)
 
     def _health(self, time_s: float, events: list[dict[str, str]], arm_faults: list[dict[str, str]]) -> dict[str, str]:
-        """Update the fault columns; faults that begin or end are added to `health`."""
         now = {event["fault"]: event for event in events}
         for fault in [fault for fault in self._present if fault not in now]:
             begun = self._present.pop(fault)

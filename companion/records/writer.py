@@ -20,7 +20,7 @@ from companion.adapters.system.realtime import beside_the_loop
 from companion.config.records_config import RecordsConfig
 from companion.records.flight_file import FlightFiles
 from companion.records.retention import Retention
-from companion.records.row_codec import BATCH, BEGIN, LAYOUT, ROW, START, TOLD, unbatched
+from companion.records.row_codec import BATCH, BEGIN, EVENT, LAYOUT, ROW, START, unbatched
 
 LOG = logging.getLogger(__name__)
 
@@ -36,34 +36,34 @@ def main() -> None:
     config = RecordsConfig.model_validate_json(json.dumps(task["records"]))
     link = socket.socket(fileno=sys.stdin.fileno())
     context = Context()
-    tell = _teller(link)
-    files = FlightFiles(Retention(config, task["vehicle"]), context, tell)
-    server = _serve(config, context, task["vehicle"], tell)
-    tell({"ready": True})
+    report = _reporter(link)
+    files = FlightFiles(Retention(config, task["vehicle"]), context, report)
+    server = _serve(config, context, task["vehicle"], report)
+    report({"ready": True})
     waiting: queue.Queue[bytes] = queue.Queue(_MOST_WAITING)
     threading.Thread(target=_read, args=(link, waiting), name="read", daemon=True).start()
-    _write(files, waiting, tell)
+    _write(files, waiting, report)
     if server is not None:
         server.stop()
 
 
-def _teller(link: socket.socket) -> Callable[[dict[str, Any]], None]:
-    def tell(said: dict[str, Any]) -> None:
+def _reporter(link: socket.socket) -> Callable[[dict[str, Any]], None]:
+    def report(said: dict[str, Any]) -> None:
         try:
             link.send(json.dumps(said).encode(), socket.MSG_DONTWAIT)
         except OSError:  # the service is gone, or does not listen
             print(f"records: {said}", file=sys.stderr, flush=True)
 
-    return tell
+    return report
 
 
-def _serve(config: RecordsConfig, context: Context, name: str, tell: Callable[[dict[str, Any]], None]) -> Any:
+def _serve(config: RecordsConfig, context: Context, name: str, report: Callable[[dict[str, Any]], None]) -> Any:
     if config.live_port == 0:
         return None
     try:
         return foxglove.start_server(name=name, host=config.live_host, port=config.live_port, context=context)
     except (OSError, RuntimeError, ValueError) as error:
-        tell({"notice": f"nothing to watch on {config.live_host}:{config.live_port}, see [records]: {error}"})
+        report({"notice": f"nothing to watch on {config.live_host}:{config.live_port}, see [records]: {error}"})
         return None
 
 
@@ -80,8 +80,8 @@ def _received(link: socket.socket) -> bytes:
         return b""
 
 
-def _write(files: FlightFiles, waiting: queue.Queue[bytes], tell: Callable[[dict[str, Any]], None]) -> None:
-    do = {BEGIN: files.begin, LAYOUT: files.learn, START: files.start, ROW: files.row, TOLD: files.told}
+def _write(files: FlightFiles, waiting: queue.Queue[bytes], report: Callable[[dict[str, Any]], None]) -> None:
+    do = {BEGIN: files.begin, LAYOUT: files.learn, START: files.start, ROW: files.row, EVENT: files.event}
     failed = False
     while message := waiting.get():
         try:
@@ -89,7 +89,7 @@ def _write(files: FlightFiles, waiting: queue.Queue[bytes], tell: Callable[[dict
                 do[one[:1]](one)
         except Exception as error:  # one message that cannot be kept is not the end of the others
             if not failed:
-                tell({"warning": f"the record lacks something: {type(error).__name__}: {error}"})
+                report({"warning": f"the record lacks something: {type(error).__name__}: {error}"})
                 LOG.exception("a message cannot be kept")
             failed = True
     files.close()

@@ -73,7 +73,6 @@ class _FromLiftOff:
 
 
 def _from_lift_off(trajectory: Trajectory, companion: CompanionConfig) -> _FromLiftOff:
-    """Return the legs of the demo as planned by the state machine: climb, way to the start, wait, trajectory."""
     rules, height_m = companion.flight_rules(), companion.flight.takeoff_height_m
     above = _up(height_m)
     inputs = FlightInputs(

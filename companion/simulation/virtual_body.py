@@ -110,7 +110,6 @@ class OneBody:
         self._report = self._sent_q, self._turn
 
     def _turn_at(self, step: int) -> Four:
-        """Return the turn from the true attitude to the believed one, in body axes."""
         if self._errors_rad is None:
             return _NO_TURN
         first, share = _between_samples(step, self._step_s)
@@ -181,7 +180,6 @@ class ManyBodies:
         self._reports = _line(begin.report_delay, self._report)
 
     def _turn_at(self, step: int) -> Array | None:
-        """Return the turn from the true attitude to the believed one, in body axes."""
         if self._errors_rad is None:
             return None
         first, share = _between_samples(step, self._step_s)

@@ -40,7 +40,7 @@ def recorded(
     for tick in ticks:
         while waiting and waiting[0][0] <= tick.time_s:
             time_s, kind, text = waiting.pop(0)
-            files.told(b"T" + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
+            files.event(b"T" + json.dumps({"time_s": time_s, "kind": kind, "text": text}).encode())
         for message in encoder.messages(tick, frozen(tick)):
             do[message[:1]](message)
     files.close()

@@ -160,20 +160,20 @@ def test_a_writer_that_does_not_keep_up_is_told_of_once_and_the_gap_shows(
     monkeypatch.setattr("companion.records.record_process._MOST_BACKLOG", 3)
     monkeypatch.setattr("companion.records.record_process._BUFFER", 200_000)
 
-    told: list[int] = []
+    event: list[int] = []
 
     def stop_and_go(count: int) -> None:
         if count == 50:
             os.kill(sink.pid or 0, signal.SIGSTOP)
         elif count == 500:
-            told.append(caplog.text.count("does not keep up"))
+            event.append(caplog.text.count("does not keep up"))
             os.kill(sink.pid or 0, signal.SIGCONT)
 
     with recording(tmp_path) as sink:
         feed(sink, stop_and_go, track_s=7.5)
         assert sink.dropped > 0
         assert "does not keep up" in (sink.failed or "")
-        assert told == [1]
+        assert event == [1]
     record = read_flight(next(tmp_path.glob("*.mcap")))
     assert record.dropped > 0
 

@@ -39,7 +39,7 @@ def written(folder: Path, ticks: Iterable[Tick], begin: dict[str, Any] | None = 
     for tick in ticks:
         for message in encoder.messages(tick, frozen(tick)):
             do[message[:1]](message)
-    files.told(b"T" + json.dumps({"time_s": tick.time_s, "kind": "command", "text": "hold"}).encode())
+    files.event(b"T" + json.dumps({"time_s": tick.time_s, "kind": "command", "text": "hold"}).encode())
     files.close()
     return sorted(folder.glob("*.mcap"))
 

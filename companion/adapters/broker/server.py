@@ -176,13 +176,11 @@ async def _read_connect(reader: asyncio.StreamReader) -> tuple[bytes, int | None
 async def _forever(
     handle: Callable[..., Awaitable[object]], session: Any, handler: Any, following: Callable[[], Awaitable[Any]]
 ) -> None:
-    """Handle one thing after the other; returns when `handle` says False: then the client must go."""
     while await handle(session, handler, _done(await following())) is not False:
         pass
 
 
 def _done(result: Any) -> "asyncio.Future[Any]":
-    """Return a future that has this result, as amqtt's handlers take it."""
     future = asyncio.get_running_loop().create_future()
     future.set_result(result)
     return future

@@ -90,7 +90,6 @@ class Px4:
         self._loop.call_soon_threadsafe(lambda: self._begin(self._ask_for_both()))
 
     async def _ask_for_both(self) -> bool:
-        """Ask for CURRENT_MODE, and then for the land detector's message; False when the first is not granted."""
         granted = await self._ask_for(_CURRENT_MODE, _MODE_RATE_HZ)
         self._begin(self._ask_for(_EXTENDED_SYS_STATE, _LANDED_RATE_HZ))
         return granted

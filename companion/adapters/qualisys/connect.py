@@ -96,7 +96,6 @@ async def _found_again(config: MocapConfig, source: QualisysSource, connection: 
 
 
 async def _open_datagrams(link: Link, source: QualisysSource, config: MocapConfig) -> asyncio.DatagramTransport:
-    """Listen for frames on the interface through which QTM was reached."""
     if link.transport is None:
         raise MocapError(f"QTM at {where(config)} closed the connection")
     here, there = link.transport.get_extra_info("sockname")[0], link.transport.get_extra_info("peername")[0]
