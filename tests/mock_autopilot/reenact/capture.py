@@ -25,6 +25,7 @@ STREAMED = {"SET_ATTITUDE_TARGET", "VISION_POSITION_ESTIMATE", "MANUAL_CONTROL",
 TOLD = {
     "HEARTBEAT", "CURRENT_MODE", "EXTENDED_SYS_STATE", "BATTERY_STATUS", "STATUSTEXT", "ESTIMATOR_STATUS",
 }  # fmt: skip
+ASK_FOR_ONE = {"PARAM_REQUEST_READ", "PARAM_SET"}
 BOOT_FIRST_HEARTBEAT_S = (0.9, 1.2)
 DEAD_AFTER_S = 1.0
 """PX4 that streams is never silent for so long."""
@@ -195,7 +196,7 @@ def _silences(ours: Messages) -> list[tuple[float, float]]:
 
 def _asked_from(sent: Messages) -> dict[str, float]:
     """Return when each parameter was asked for first."""
-    asked = [(m.param_id, at_s) for at_s, _, m in sent if m is not None and m.get_type().startswith("PARAM_")]
+    asked = [(m.param_id, at_s) for at_s, _, m in sent if m is not None and m.get_type() in ASK_FOR_ONE]
     return dict(reversed(asked))
 
 
