@@ -188,14 +188,14 @@ class Estimator:
 
     def _integrate(self, motion: Motion, dt_s: float) -> None:
         ax, ay = turned(motion.acceleration_ned_mps2, self.yaw_error_rad)
-        felt = (ax, ay, motion.acceleration_ned_mps2[2])
-        north, east, down = self._wrong_mps2(felt, motion.yaw_rad, dt_s)
+        measured = (ax, ay, motion.acceleration_ned_mps2[2])
+        north, east, down = self._wrong_mps2(measured, motion.yaw_rad, dt_s)
         if motion.velocity_ned_mps == STANDING:
             down = 0.0
         elif self.landing and int(self._params["EKF2_RNG_CTRL"]) and not self.horizon.perfect:
             down = LANDING_SHARE * down - (self.velocity_mps[2] - motion.velocity_ned_mps[2]) / LANDING_CLIMB_S
         for axis, wrong in enumerate((north, east, down)):
-            self.velocity_mps[axis] += (felt[axis] + wrong) * dt_s
+            self.velocity_mps[axis] += (measured[axis] + wrong) * dt_s
             self.position_m[axis] += self.velocity_mps[axis] * dt_s
         if int(self._params["EKF2_BARO_CTRL"]):
             self._follow_barometer(motion.position_ned_m[2], dt_s, alone=self.silence_s > REGAIN_AFTER_S)
@@ -205,12 +205,12 @@ class Estimator:
         return self.uses_gps or self.silence_s <= REGAIN_AFTER_S
 
     def _wrong_mps2(
-        self, felt_mps2: tuple[float, float, float], yaw_rad: float, dt_s: float
+        self, measured_mps2: tuple[float, float, float], yaw_rad: float, dt_s: float
     ) -> tuple[float, float, float]:
         if self.horizon.perfect:
             return (0.0, 0.0, 0.0) if self._aided or not self.in_air else DRIFT_MPS2
         yaw_rad += self.yaw_error_rad
-        return self.horizon.wrong_mps2(felt_mps2, yaw_rad, dt_s, aided=self._aided)
+        return self.horizon.wrong_mps2(measured_mps2, yaw_rad, dt_s, aided=self._aided)
 
     def _follow_barometer(self, truth_z_m: float, dt_s: float, *, alone: bool) -> None:
         """Learn the barometer's offset while vision is there; `alone`, correct height and vertical speed by it."""

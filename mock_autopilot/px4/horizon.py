@@ -64,14 +64,14 @@ class Horizon:
         """Return the estimated attitude for the true one, `q_wxyz`."""
         return quaternion_one.multiply(q_wxyz, turn_of(*self.error_rad))
 
-    def wrong_mps2(self, felt_mps2: Three, yaw_rad: float, dt_s: float, *, aided: bool) -> Three:
+    def wrong_mps2(self, measured_mps2: Three, yaw_rad: float, dt_s: float, *, aided: bool) -> Three:
         """Return the error of the acceleration that the estimator integrates, in its frame (NED).
 
-        `felt_mps2` is the true one in that frame. A constant error is learnt as a bias while positions come in.
+        `measured_mps2` is the true one in that frame. A constant error is learnt as a bias while positions come in.
         """
         if self.perfect:
             return (0.0, 0.0, 0.0)
-        ax, ay, az = felt_mps2
+        ax, ay, az = measured_mps2
         (roll, pitch), c, s = self.error_rad, math.cos(yaw_rad), math.sin(yaw_rad)
         wx, wy, lift = c * roll - s * pitch, s * roll + c * pitch, GRAVITY_MPS2 - az
         wrong = (-wy * lift, wx * lift, wx * ay - wy * ax + self._vertical_mps2)

@@ -151,14 +151,14 @@ class Servo:
         return self._strain_s >= OVERLOAD_AFTER_S or (self.overloaded and self.motor.powered)
 
     def _heat_seen(self) -> bool:
-        return self.felt_temperature_c > self.table.get("temperature_limit")
+        return self.measured_temperature_c > self.table.get("temperature_limit")
 
     def _voltage_seen(self) -> bool:
         low, high = self.table.get("min_voltage_limit"), self.table.get("max_voltage_limit")
         return not low <= round(10.0 * self.voltage_v) <= high
 
     @property
-    def felt_temperature_c(self) -> float:
+    def measured_temperature_c(self) -> float:
         """Return the temperature that its sensor measures."""
         hot = self.table.get("temperature_limit") + 5.0
         return max(self.temperature_c, hot) if self.overheated else self.temperature_c
@@ -166,4 +166,4 @@ class Servo:
     @property
     def raw_temperature(self) -> int:
         """Return the value of its temperature register, degrees C."""
-        return min(max(round(self.felt_temperature_c), 0), 255)
+        return min(max(round(self.measured_temperature_c), 0), 255)
