@@ -17,7 +17,7 @@ import numpy as np
 
 from companion.core.types import Array, AttitudeThrust, Flag, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import absolute, column, math_module, maximum, minimum, stack, unstack, where
+from companion.geometry.array_math import absolute, column, item, math_module, maximum, minimum, stack, unstack, where
 from companion.geometry.frames import quat_conjugate, quat_from_rotation_vector, quat_multiply, yaw_of
 
 TIME_CONSTANT_S = 0.3
@@ -124,7 +124,7 @@ def step(before: Horizon, inputs: HorizonInput, rules: HorizonRules, dt_s: float
     off_x = where(known, x + left * (before.off_x - x), before.off_x)
     off_y = where(known, y + left * (before.off_y - y), before.off_y)
     unseen_s = where(known, 0.0, before.unseen_s + dt_s)
-    doubtful = (known & (tilt_rad > rules.apart_rad)) | _not(inputs.trusted)
+    doubtful = (known & (tilt_rad > rules.apart_rad)) | (inputs.trusted ^ True)
     sound_s = where(doubtful, 0.0, before.sound_s + dt_s)
     used = (sound_s >= SOUND_S) & (unseen_s <= HELD_S) & inputs.flying & rules.enabled
     share = where(used, _share(_size(off_x, off_y), rules.cap_rad), 0.0)
@@ -151,7 +151,7 @@ def is_worth_sending(horizon: Horizon, held: Horizon, rules: HorizonRules) -> Fl
 
 def _turned(x: Scalar, y: Scalar, yaw_rad: Array, sign: float) -> tuple[Scalar, Scalar]:
     """Turn horizontal components by the heading: with +1 into W, with -1 into the levelled axes."""
-    yaw = yaw_rad if yaw_rad.ndim else yaw_rad.item()
+    yaw = item(yaw_rad)
     m = math_module(yaw)
     c, s = m.cos(yaw), sign * m.sin(yaw)
     return c * x - s * y, s * x + c * y
@@ -169,7 +169,3 @@ def _left(time_constant_s: Scalar, dt_s: float) -> Scalar:
 def _share(size: Scalar, most: Scalar) -> Scalar:
     """Return the factor that limits a vector of this size to `most`."""
     return minimum(1.0, most / maximum(size, _TINY))
-
-
-def _not(flag: Flag) -> Flag:
-    return flag ^ True

@@ -52,7 +52,8 @@ def step(
         return _restarted(state, measured, params)
     if ahead or dt_s <= 0.0:
         return _wrong_stamp(state, Verdict.AHEAD if ahead else Verdict.STALE, measured, params)
-    measured = _Measurement(frame, pose, clock)
+    if back:
+        measured = _Measurement(frame, pose, clock)
     known = None if accel_input_w_mps2 is None else tuple(accel_input_w_mps2.tolist())
     motion = kalman.predict(state.motion, dt_s, params.jerk_density, known)
     attitude = att.predict(state.attitude, dt_s, params.angular_jerk_density)
