@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from companion.cli.config_reference import page, tables
 from companion.config.arm_files import MOTIONS
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
 from companion.config.preflight_config import Recommended
 from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
+from tests.config.reference_page import page, tables
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 FILES = [
@@ -26,7 +26,7 @@ FILES = [
 
 
 def test_the_page_is_printed_from_the_models() -> None:
-    command = "run python -m companion.cli.config_reference > docs/configuration.md"
+    command = "run python -m tests.config.reference_page > docs/configuration.md"
     assert (DOCS / "configuration.md").read_text(encoding="utf-8") == page(), command
 
 

@@ -1,4 +1,4 @@
-"""Reference of all configuration keys: `python -m companion.cli.config_reference > docs/configuration.md`."""
+"""Reference of all configuration keys: `python -m tests.config.reference_page > docs/configuration.md`."""
 
 import ast
 import dataclasses
@@ -25,7 +25,7 @@ from mock_autopilot.config import MockConfig
 
 HEAD = """# Every key of every configuration file
 
-Printed from the models by `python -m companion.cli.config_reference > docs/configuration.md`; a test compares them.
+Printed from the models by `python -m tests.config.reference_page > docs/configuration.md`; a test compares them.
 
 Files are TOML, in UTF-8. A key that is unknown or out of its range is refused with a sentence that names it; what a
 file leaves out has its default. Numbers may be written without a point; `nan` and `inf` are none. Units stand
