@@ -88,3 +88,16 @@ def test_every_module_that_a_page_names_is_there(page: Path) -> None:
     paths = {module: ROOT / module.rstrip(".").replace(".", "/") for module in modules}
     gone |= {name for name, path in paths.items() if not (path.with_suffix(".py").is_file() or path.is_dir())}
     assert not gone
+
+
+def test_every_name_in_the_table_of_changes_is_in_its_file() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    section = page.partition("## Where to change what")[2].partition("\n## ")[0]
+    assert section
+    gone = []
+    for file, names in re.findall(r"`([\w/]+\.py)`(?: \(((?:`\w+`(?:, | and )?)+))?", section):
+        path = next((ROOT / root / file for root in ("", "companion") if (ROOT / root / file).is_file()), None)
+        text = path.read_text(encoding="utf-8") if path else ""
+        gone += [file] if "/" in file and path is None else []
+        gone += [f"{file}: {name}" for name in re.findall(r"`(\w+)`", names) if not re.search(rf"\b{name}\b", text)]
+    assert gone == []
