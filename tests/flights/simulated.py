@@ -38,7 +38,7 @@ from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
-from tests.mock_autopilot.bench import PERFECT, Bench
+from tests.mock_autopilot.bench import IMPERFECT, Bench
 from tests.watchdog_timer import NoWatchdogTimer
 
 PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
@@ -58,7 +58,7 @@ class Room:
         start: dict[str, Any] | None = None,
         arms: dict[str, Any] | None = None,
         faults: Sequence[str] = (),
-        estimator: Mapping[str, Any] = PERFECT,
+        estimator: Mapping[str, Any] = IMPERFECT,
     ) -> None:
         heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
         self.bench = Bench(
@@ -211,14 +211,14 @@ async def fly(
     raise_in_sink_at_s: float = math.inf,
     mocap_lost_at_s: float = math.inf,
     faults: Sequence[str] = (),
-    estimator: Mapping[str, Any] = PERFECT,
+    estimator: Mapping[str, Any] = IMPERFECT,
     real_driver: bool = False,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
-    `estimator` is the mock's [estimator]: without one the autopilot's horizon is right, IMPERFECT errs as PX4's does.
+    `estimator` is the mock's [estimator]: its horizon errs as PX4's does unless it is PERFECT.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)

@@ -8,7 +8,7 @@ from tests.flights.faults.schedules import faults_of, fly_schedule
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(6)
+SEEDS = range(4)
 
 
 def test_a_seed_is_a_schedule() -> None:

@@ -2,7 +2,7 @@
 
 import asyncio
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +24,7 @@ from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_flights import DOWN, UP, ask, until, wait
+from tests.mock_autopilot.bench import IMPERFECT
 
 pytestmark = pytest.mark.slow
 
@@ -98,19 +99,25 @@ FLOWN: dict[str, Flight] = {}
 
 
 async def lap(
-    *, swinging: bool = True, lands: bool = True, mock: dict[str, Any] | None = None, **changes: Any
+    *,
+    swinging: bool = True,
+    lands: bool = True,
+    mock: dict[str, Any] | None = None,
+    estimator: Mapping[str, Any] = IMPERFECT,
+    **changes: Any,
 ) -> Flight:
     """One lap of the ellipse; `mock` changes the simulated arms, `changes` the companion's [arms].
 
     Who only asks for the error on the path need not see it land.
     """
-    key = repr((swinging, lands, mock, changes))
+    key = repr((swinging, lands, mock, estimator, changes))
     if key not in FLOWN:
         config = CompanionConfig(flight=BRISK, arms=ARMS.model_copy(update=changes))
         begin = [play(swing())] if swinging else []
         there = [torque, wait(0.5), *UP, *begin, ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), until(Phase.HOLD)]
         end = [wait(0.5), *DOWN] if lands else []
-        FLOWN[key] = await fly([wait(0.2), *there, *end], config=config, arms=mock_arms() | (mock or {}))
+        arms = mock_arms() | (mock or {})
+        FLOWN[key] = await fly([wait(0.2), *there, *end], config=config, arms=arms, estimator=estimator)
     return FLOWN[key]
 
 

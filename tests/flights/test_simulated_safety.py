@@ -30,7 +30,7 @@ from companion.supervisor.flight_state import (
 from mock_autopilot.px4.vocabulary import Mode
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
-from tests.flights.test_simulated_flights import DOWN, LAP, UP, ask, until, wait
+from tests.flights.test_simulated_flights import DOWN, LAP, UP, ask, inject, until, wait
 
 pytestmark = pytest.mark.slow
 
@@ -41,10 +41,6 @@ def do(act: Callable[[Flight], object]) -> Step:
         return True
 
     return step
-
-
-def inject(sentence: str) -> Step:
-    return do(lambda flight: flight.room.inject(sentence))
 
 
 def fail(_: object, *__: object) -> Never:

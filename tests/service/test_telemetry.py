@@ -11,8 +11,7 @@ from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, State
 from companion.service.telemetry import Telemetry
 from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Flight, fly
-from tests.flights.test_simulated_flights import UP, until, wait
-from tests.flights.test_simulated_safety import inject
+from tests.flights.test_simulated_flights import UP, inject, until, wait
 
 SESSION = "0123456789abcdef"
 Said = tuple[Telemetry, list[Happened], list[State]]

@@ -134,7 +134,7 @@ async def _fly(seed: int) -> Outcome:
     await fly_to_the_end(script, replace(conditions, more=conditions.more | {"faults": faults}), seed)
     flight, watch = seen[0]
     end = end_of(watch.flown, operator.planned_s, told_in(flight))
-    if watch.flown.armed and watch.flown.mode() == "POSITION":
+    if watch.flown.piloted:
         end = End.PILOT  # who keeps it, if it cannot be taken back
     down = watch.flown.on_ground or end is End.PILOT
     reason = flight.loop.flight.reason

@@ -16,7 +16,6 @@ from tests.flights.faults.watch import Told, Watch, fence_of
 from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
 from tests.flights.test_simulated_arms import play, swing, torque
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
-from tests.mock_autopilot.bench import IMPERFECT
 
 LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=2))
 HEIGHT_M = 1.2
@@ -136,6 +135,5 @@ async def fly_to_the_end(script: list[Step], conditions: Conditions, seed: int) 
             config=conditions.config,
             seed=seed,
             longest_s=LONGEST_S,
-            estimator=IMPERFECT,
             **conditions.more,
         )

@@ -50,9 +50,11 @@ class Flown:
     """Every mode and when it began."""
     setpoints_s: list[float] = field(default_factory=list)
 
-    def mode(self) -> str:
-        """The last one."""
-        return self.modes[-1][1] if self.modes else ""
+    @property
+    def piloted(self) -> bool:
+        """Return whether a pilot flies it at last: in Position, or in Altitude, PX4's fallback without a position."""
+        names = [name for _, name in self.modes]
+        return self.armed and "POSITION" in names and names[-1] in {"POSITION", "ALTITUDE"}
 
 
 class Watch:
