@@ -25,20 +25,15 @@ def _tune(folder: Path, *arguments: str) -> Result:
     )
 
 
-def test_a_search_writes_a_controller_that_flies_and_repeats_itself(tmp_path: Path) -> None:
-    written = []
-    for name in ("first", "second"):
-        path = tmp_path / f"{name}.toml"
-        ran = _tune(tmp_path, "--write", str(path), "--summary", str(tmp_path / f"{name}.json"))
-        assert ran.exit_code == 0, ran.output
-        assert "the best of this search is " in ran.output
-        assert "better than practical (worst case " in ran.output
-        assert f'description = "the ET-NN law of {name}.toml' in path.read_text(encoding="utf-8")
-        load_controller(str(path), VehicleModel(), 0.01)
-        lines = path.read_text(encoding="utf-8").splitlines()
-        written.append([line for line in lines if not line.startswith(("#", "description"))])
-    assert written[0] == written[1]
-    numbers = json.loads((tmp_path / "first.json").read_text(encoding="utf-8"))
+def test_a_search_writes_a_controller_that_flies(tmp_path: Path) -> None:
+    path, summary = tmp_path / "mine.toml", tmp_path / "summary.json"
+    ran = _tune(tmp_path, "--write", str(path), "--summary", str(summary))
+    assert ran.exit_code == 0, ran.output
+    assert "the best of this search is " in ran.output
+    assert "better than practical (worst case " in ran.output
+    assert 'description = "the ET-NN law of mine.toml' in path.read_text(encoding="utf-8")
+    load_controller(str(path), VehicleModel(), 0.01)
+    numbers = json.loads(summary.read_text(encoding="utf-8"))
     assert numbers["checked"][0].keys() == {"error_m", "other_m", "worst_m", "update_share", "values"}
     assert (tmp_path / "out" / "front.png").read_bytes().startswith(b"\x89PNG")
     assert len(json.loads((tmp_path / "out" / "generations.json").read_text(encoding="utf-8"))) == 1

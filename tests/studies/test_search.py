@@ -59,13 +59,9 @@ def test_marks_are_those_of_each_set_flown_by_itself() -> None:
         assert marks.error_m[row] == pytest.approx(alone.error_m[0], rel=0.2)
         assert marks.update_share[row] == pytest.approx(alone.update_share[0], abs=0.03)
     assert (marks.worst_m >= marks.other_m).all()
-
-
-def test_updates_count_on_vehicles_as_told() -> None:
-    """Not on one that is as hard to hold as can be, whatever that one needs."""
-    hard, without = (evaluate(Trial(SHORT, 5, (0,), others), POINT[None]) for others in ((1, 2), (1,)))
-    assert hard.update_share[0] == pytest.approx(without.update_share[0], abs=0.005)
-    assert hard.other_m[0] != without.other_m[0]
+    fewer = evaluate(Trial(SHORT, 5, (0,), (1,)), points)
+    np.testing.assert_allclose(fewer.update_share, marks.update_share, atol=0.03)  # of the vehicle as told alone
+    assert (fewer.other_m != marks.other_m).all()
 
 
 def test_a_set_that_does_not_hold_the_vehicle_gets_the_worst_mark() -> None:
@@ -88,6 +84,7 @@ def run(generations: int = 2) -> tuple[list[Centre], list[Generation]]:
 
 
 def test_a_search_is_repeatable_and_tells_of_every_generation() -> None:
+    """Generations fly vehicles that none before has flown."""
     (first, told), (second, again) = run(), run()
     assert [generation.number for generation in told] == [1, 2]
     assert told == again
@@ -95,11 +92,7 @@ def test_a_search_is_repeatable_and_tells_of_every_generation() -> None:
     np.testing.assert_array_equal(first[0].shares, second[0].shares)
     assert first[0].shares.shape == (len(KNOBS),)
     assert (first[0].shares != point(gamma_v=0.3)).any(), "it moved"
-
-
-def test_generations_fly_vehicles_that_none_before_has_flown() -> None:
-    _, (first, second) = run()
-    assert (first.error_m, first.update_share) != (second.error_m, second.update_share)
+    assert (told[0].error_m, told[0].update_share) != (told[1].error_m, told[1].update_share)
 
 
 def test_a_shortened_scene_flies_one_lap_and_settles_half_as_long() -> None:
