@@ -33,7 +33,10 @@ HANGING_S = 8.0
 
 OWN_ERROR_RAD = 0.063
 """Three times what PX4's horizon errs by in flight, 1.2 degrees (recorded: 0.4 to 1.65, 5 at most): so much of a drift
-may only bring it back to the true one."""
+may only bring it back to the true one. The reaction took 2.4 to 3.3 s in 30 draws of that error."""
+IGNORED_S = 2.5
+"""Until the law asks for another attitude than the one that stays: by where the last setpoint and the horizon's error
+carry the vehicle, 1.1 to 1.9 s in eight draws."""
 GYRO_DRIFTS = tuple(f"autopilot wrong (attitude off) by {0.02 * k:.2f} rad" for k in range(1, 41))
 PLATE_SLIPS = ("mocap wrong (tilted) by 0.02 rad",) * 20
 
@@ -123,7 +126,7 @@ HORIZON = (
 
 VEHICLE = (
     Row(Fault.SETPOINT_NOT_FOLLOWED, "setpoints are ignored", ("autopilot wrong (ignores setpoints)",), PX4,
-        within(RULES.not_followed_s, 1.5), When.TRACK),
+        within(RULES.not_followed_s, IGNORED_S), When.TRACK),
     Row(Fault.SETPOINT_NOT_FOLLOWED, "a motor pulls it askew", ("autopilot wrong (motor)",), PX4,
         within(RULES.not_followed_s, 0.5), When.HOVER),
     Row(Fault.TRACKING_ERROR, "a push of 20 N for 0.5 s", (acts.gust((20.0, 0.0, 0.0), 0.5),), OURS,
