@@ -1,6 +1,6 @@
 """PX4 over MAVSDK's native 4.x API: setpoints on the calling thread, commands as messages.
 
-NED, FRD and degrees exist here alone. Three habits of PX4 and MAVSDK shape this file:
+NED, FRD and degrees exist here alone (`geometry/frames.py` converts). Three habits of PX4 and MAVSDK shape this file:
 - A mode command gets two COMMAND_ACKs, the first of which only means "well-formed". So a mode, and the armed state,
   count as reached only when PX4's own messages show them (`mavlink`).
 - MAVSDK re-sends the last setpoint at 20 Hz by itself, for as long as the process lives and PX4 shows OFFBOARD.
