@@ -7,7 +7,7 @@ import numpy as np
 from companion.core.types import Array
 
 HALVINGS = 16
-"""Of a segment, when its point nearest to a shape is looked for. The distance is too large by at most the segment's
+"""Bisections in the search for the point of a segment nearest to a shape. The distance is too large by at most its
 length / 2^16, 3 micrometres on a link, where it pierces the shape's edge or face; elsewhere it is far better."""
 
 

@@ -33,7 +33,7 @@ class DryRun:
         self._running, self._trajectory, self._sink = running, trajectory, sink
         self._pipeline, self._period_s = pipeline_of(config, law), period_s(config)
         self._sent = idle_setpoint(0.0)
-        """As if each setpoint were sent."""
+        """Take each setpoint as if it were sent."""
         self._health = health_of(config, Sides(disk_free_mb=running.disk_free_mb))
         self._begun_s = math.nan
         self._last_s = -math.inf

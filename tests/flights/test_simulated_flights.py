@@ -106,7 +106,7 @@ _FLOWN: dict[str, Flight] = {}
 
 
 async def _lap() -> Flight:
-    """From standby to disarmed, as configured by default."""
+    """Fly from standby to disarmed, as configured by default."""
     if "lap" not in _FLOWN:
         script = [*UP, ask(TrackRequest(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
         _FLOWN["lap"] = await fly(script, config=CompanionConfig())

@@ -9,7 +9,7 @@ from tests.flights.faults.rows import When
 from tests.flights.faults.table import VIRTUAL
 
 RECORDED_M = (0.4, 1.6)
-"""From a hover at 1 m by PX4 v1.17: 0.47, 0.70 and 1.55 m (docs/px4-conformance.md)."""
+"""Drifts from a hover at 1 m, PX4 v1.17: 0.47, 0.70 and 1.55 m (docs/px4-conformance.md)."""
 ENOUGH = 10
 """Landings from a hover, without which nothing is said of their distribution."""
 
