@@ -27,10 +27,15 @@ hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is under tests/flights, so that `make test` can run it beside the other real-time tests."""
+    """Mark what is under tests/flights, so that `make test` can run it beside the other real-time tests.
+
+    Processes side by side begin with what computes for long, so that they end at the same time.
+    """
     for item in items:
         if "flights" in item.path.parts:
             item.add_marker("flight")
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

@@ -107,10 +107,20 @@ def test_no_other_choice_makes_n_smaller() -> None:
     """One of the free numbers a little or much larger or smaller."""
     best = fixed_time_bound(REPAIRED, BOUNDS)
     least = {name: float(min(getattr(REPAIRED, name))) for name in GAIN_NAMES}
-    for name, value in vars(best.free).items():
-        for factor in (0.5, 0.9, 1.1, 2.0):
-            other = offset(REPAIRED, BOUNDS, least, replace(best.free, **{name: value * factor}))
-            assert other >= best.n * (1.0 - 1e-6), f"{name} = {factor} * {value} is better"
+    eta, factors = best.free.eta, (0.5, 0.9, 1.1, 2.0)
+    others = {
+        f"{factor} {name}": {name: factor * vars(best.free)[name]}
+        for name in ("a", "b", "tangent")
+        for factor in factors
+    }
+    others |= {
+        f"{factor} eta_{index + 1}": {"eta": (*eta[:index], factor * eta[index], *eta[index + 1 :])}
+        for index in range(len(eta))
+        for factor in factors
+    }
+    for what, change in others.items():
+        other = offset(REPAIRED, BOUNDS, least, replace(best.free, **change))
+        assert other >= best.n * (1.0 - 1e-6), f"{what} is better"
 
 
 def test_what_the_departures_add_to_n_by_hand() -> None:

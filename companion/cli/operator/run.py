@@ -93,8 +93,8 @@ class _Run:
                 reply = await self._unless_pressed(self._follow(pending, draft))
             except _PressedError:
                 return INTERRUPTED, await self._make_safe(console, pending, draft)
-            text = reply.text or str(reply.answer)
-            return _CODES[reply.answer], text if reply.answer in _GOOD else f"{draft.verb} {reply.answer}: {text}"
+            done = reply.text or str(reply.answer)
+            return _CODES[reply.answer], done if reply.answer in _GOOD else reply.sentence(draft.verb)
 
     async def _follow(self, pending: PendingCommand, draft: CommandDraft) -> Reply:
         """Print the service's messages; return the last reply, or the acceptance with --no-wait."""
@@ -126,7 +126,7 @@ class _Run:
                 return f"interrupted: {what} was sent and continues; not waiting for its end"
             except CompanionError as error:
                 return f"interrupted, but it is not known whether {what} was executed: {error}"
-            outcome = f"{what} {reply.answer}: {reply.text}"
+            outcome = reply.sentence(what)
             if reply.answer is not Answer.REFUSED:
                 break
         return f"interrupted; {outcome}"
