@@ -21,8 +21,8 @@ from tests import packages
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
 _LOWEST_PRIORITY = ("nice", "-n", "19")
-_EVERY_CORE = ("-n", str((os.cpu_count() or 1) + 1), "--dist", "loadfile", "--no-loadscope-reorder")
-"""A process for each core, and one for when others wait; a file of tests in one of them: it shares its flights."""
+_EVERY_CORE = ("-n", str(os.cpu_count() or 1), "--dist", "loadfile", "--no-loadscope-reorder")
+"""A process for each core; a file of tests in one of them: it shares its flights."""
 _COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
 """Makes pytest rewrite and keep every module of tests once, before several processes would do it at the same time."""
 _FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"

@@ -76,7 +76,7 @@ def test_every_device_that_is_missing_has_its_line_and_says_what_to_do(
 ) -> None:
     ports, path = free_ports(), tmp_path / "companion.toml"
     path.write_text(
-        f"[mocap]\nport = {ports.qualisys}\nconnect_timeout_s = 0.2\n"
+        f"[mocap]\nport = {ports.qualisys}\nconnect_timeout_s = 1.0\n"
         f'[px4]\nurl = "udpin://127.0.0.1:{ports.client}"\nconnect_timeout_s = 0.2\n'
         f'[arms]\nport = "{tmp_path / "none"}"\n[operator]\nport = {ports.autopilot}\n'
     )
