@@ -91,19 +91,7 @@ def test_the_report_says_what_the_controller_says_of_itself() -> None:
     ("mean_m", "verdict"), [(0.05, "inside the error limits"), (math.nextafter(0.05, 1.0), "outside the error limits")]
 )
 def test_the_verdict_is_on_the_worst_axis(mean_m: float, verdict: str) -> None:
-    flown = Summary(
-        mean_error_m=(0.01, mean_m, 0.01),
-        max_error_m=(0.02,) * 3,
-        rms_error_m=(0.01,) * 3,
-        update_share=0.1,
-        control_cycles=1000,
-        tick_late_ms=TIMING,
-        frame_to_setpoint_ms=TIMING,
-        capture_to_setpoint_ms=TIMING,
-        cycles_without_frame=0,
-        landed=True,
-        disarmed=True,
-    )
+    flown = replace(FLOWN, mean_error_m=(0.01, mean_m, 0.01))
     law = load_controller("pid", VehicleModel(), 0.01).law
     assert verdict in report(LoadedController("mine", law, ErrorLimits(mean_m=0.05, max_m=0.2)), flown)
 

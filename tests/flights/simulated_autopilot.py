@@ -10,6 +10,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.adapters.px4.mavlink import flight_mode
+from companion.adapters.px4.telemetry import NOT_HEARD
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError
 from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
@@ -47,18 +48,7 @@ class SimulatedAutopilot:
         for stream in DEFAULTS:
             if stream.id not in _READ:
                 bench.link.streams.set_interval(stream.id, -1, bench.now_s)
-        level = np.array([1.0, 0.0, 0.0, 0.0])
-        self._status = AutopilotStatus(
-            connected=True,
-            heartbeat_s=-math.inf,
-            armed=False,
-            mode=FlightMode.OTHER,
-            in_air=None,
-            battery_fraction=math.nan,
-            battery_v=math.nan,
-            q_w_flu_wxyz=level,
-            last_text="",
-        )
+        self._status = NOT_HEARD
         self._takes: dict[str, Callable[[Sent], dict[str, Any]]] = {
             "HEARTBEAT": self._on_heartbeat,
             "CURRENT_MODE": self._on_current_mode,

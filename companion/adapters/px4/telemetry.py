@@ -43,6 +43,18 @@ _PIECE = 50
 
 _NOT_MEASURED = 65535
 """UINT16_MAX, mV."""
+NOT_HEARD = AutopilotStatus(
+    connected=True,
+    heartbeat_s=-math.inf,
+    armed=False,
+    mode=FlightMode.OTHER,
+    in_air=None,
+    battery_fraction=math.nan,
+    battery_v=math.nan,
+    q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    last_text="",
+)
+"""Status before the first message."""
 
 
 def reading(fields: dict[str, Any]) -> BatteryReading:
@@ -124,19 +136,7 @@ class Px4Telemetry:
         """
         self._system, self._mavlink, self._clock = system, mavlink, clock
         self._battery_id, self._rebooted = battery_id, rebooted
-        level = np.array([1.0, 0.0, 0.0, 0.0])
-        self.status = AutopilotStatus(
-            connected=True,
-            heartbeat_s=-math.inf,
-            armed=False,
-            mode=FlightMode.OTHER,
-            in_air=None,
-            battery_fraction=math.nan,
-            battery_v=math.nan,
-            q_w_flu_wxyz=level,
-            last_text="",
-            system_id=system.get_system_id(),
-        )
+        self.status = replace(NOT_HEARD, system_id=system.get_system_id())
         self.local = LocalEstimate()
         self._mode_s = -math.inf
         self._texts: list[tuple[float, str]] = []
