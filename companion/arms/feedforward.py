@@ -5,6 +5,7 @@ loop answers a torque like a setpoint, so a tilt of d / omega_n^2 is to be expec
 autopilot's own integrator trims a lasting torque out, which is a high-pass on d.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,3 +75,29 @@ def leads_of(vehicle: VehicleModel, servo_lag_s: float) -> Leads:
     across_s = vehicle.setpoint_delay_s + 2.0 * vehicle.attitude_damping / vehicle.attitude_bandwidth_radps
     upward_s = vehicle.thrust_delay_s + vehicle.thrust_lag_s
     return Leads(across_s - servo_lag_s, upward_s - servo_lag_s, vehicle.setpoint_delay_s - servo_lag_s)
+
+
+class ArmFeedforward:
+    """Acceleration that the arms' commanded motion gives the vehicle, cycle by cycle, less what is trimmed out."""
+
+    def __init__(
+        self, model: ArmModel, airframe: Airframe, leads: Leads, period_s: float, with_tilt: bool = True
+    ) -> None:
+        self._model, self._airframe, self._leads = model, airframe, leads
+        self._period_s, self._with_tilt = period_s, with_tilt
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin as on the ground, with nothing trimmed out."""
+        self._trimmed_b = np.zeros(3)
+
+    def step(self, motion_at: Callable[[float], JointMotion], time_s: float) -> Array:
+        """Return the acceleration (3,), body FLU, when a setpoint of `time_s` has its effect; once a cycle."""
+        leads = self._leads
+        across, upward = motion_at(time_s + leads.across_s), motion_at(time_s + leads.upward_s)
+        force = force_accel_b_mps2(self._model, self._airframe, across, upward)
+        if not self._with_tilt:
+            return force
+        turning = turning_b_radps2(self._model, self._airframe, motion_at(time_s + leads.turning_s))
+        self._trimmed_b = trimmed_b_radps2(self._trimmed_b, turning, self._airframe, self._period_s)
+        return np.asarray(force + tilt_accel_b_mps2(turning - self._trimmed_b, self._airframe))

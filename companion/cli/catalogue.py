@@ -60,6 +60,11 @@ _SERVICE: dict[str, Command | Group] = {
         "Fly the vehicle: the service that takes the commands above.",
         ("serve --config config/demo.toml", "serve --config lab.toml --controller pid"),
     ),
+    "law": Command(
+        "vehicle.law:law_command",
+        "Run the control law on the ground, for a split deployment.",
+        ("law --config ground.toml", "law --config ground.toml --controller pid"),
+    ),
     "mocap-bridge": Command(
         "vehicle.mocap_bridge:mocap_bridge",
         "Forward motion capture from QTM to the broker.",

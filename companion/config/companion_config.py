@@ -1,12 +1,21 @@
 """The service's configuration: strict models over TOML, every value with its unit, range and a sentence."""
 
+import hashlib
+import json
 from pathlib import Path
 
 from pydantic import model_validator
 
 from companion.arms.feedforward import Airframe
 from companion.config.arms_config import ArmsConfig
-from companion.config.flight_config import ControlConfig, FlightConfig, LimitsConfig, RoomConfig, VehicleConfig
+from companion.config.flight_config import (
+    ControlConfig,
+    FlightConfig,
+    LawConfig,
+    LimitsConfig,
+    RoomConfig,
+    VehicleConfig,
+)
 from companion.config.mocap_config import MocapConfig, mocap_and_operator
 from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig
@@ -15,9 +24,11 @@ from companion.config.records_config import RecordsConfig
 from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.config.toml_files import Section, read_toml, validate
 from companion.control.controller import VehicleModel
-from companion.guard.guard import Guard, most_braking_mps2
+from companion.guard.guard import AgeRange, Guard, most_braking_mps2
+from companion.law_link.agreement import Agreed
 from companion.supervisor.flight_state import FlightRules
 
+_ONLY_ABOARD = {"port", "baud", "silent_s", "min_voltage_v", "torque_off_after_landing"}
 _DEAD_MAN_CYCLES = 3
 """A cycle may come late, and one may be left out, before the loop has stopped."""
 
@@ -30,6 +41,7 @@ class CompanionConfig(Section):
     px4: Px4Config = Px4Config()
     mocap: MocapConfig = MocapConfig()
     control: ControlConfig = ControlConfig()
+    law: LawConfig = LawConfig()
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
     fence: FenceConfig = FenceConfig()
@@ -73,7 +85,9 @@ class CompanionConfig(Section):
         """Return the guard in front of the autopilot."""
         safety = self.safety
         model, limits = self.vehicle.thrust_model(), self.limits.limits()
-        return Guard(limits, model, self.fence.fence(), safety.coast_s, safety.degraded_s)
+        pose = AgeRange(safety.coast_s, safety.degraded_s)
+        command = AgeRange(safety.command_coast_s, safety.command_level_s)
+        return Guard(limits, model, self.fence.fence(), pose, command)
 
     def airframe(self) -> Airframe:
         """Return the vehicle's properties that set its response to the arms' forces and torques."""
@@ -93,6 +107,34 @@ class CompanionConfig(Section):
             thrust_delay_s=v.thrust_delay_s,
             mocap_age_s=self.mocap.delay_s,
         )
+
+
+def agreed_of(config: CompanionConfig) -> Agreed:
+    """Return all values, equal on the vehicle and on the ground, that law, conversion and feed-forward compute with.
+
+    Tables inside [arms] are compared as a whole, by a digest, so that a hello fits into one datagram.
+    """
+    agreed: dict[str, str | float | int | bool | None] = {
+        "control.rate_hz": config.control.rate_hz,
+        "mocap.body": config.mocap.body,
+        "law.onboard_mocap": config.law.onboard_mocap,
+    }
+    for table, model in (("vehicle", config.vehicle), ("limits", config.limits)):
+        agreed |= {f"{table}.{key}": _short(value) for key, value in model.model_dump(mode="json").items()}
+    if config.arms is not None:
+        arms = {key: value for key, value in config.arms.model_dump(mode="json").items() if key not in _ONLY_ABOARD}
+        agreed["arms.feedforward"] = arms.pop("feedforward")
+        agreed["arms.servo_lag_s"] = arms.pop("servo_lag_s")
+        agreed["arms, by their digest"] = _digest(arms)
+    return agreed
+
+
+def _short(value: object) -> str | float | int | bool | None:
+    return value if isinstance(value, str | float | int | bool) or value is None else json.dumps(value)
+
+
+def _digest(value: object) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:8]
 
 
 def _vehicle_and_limits(config: CompanionConfig) -> str:

@@ -17,6 +17,9 @@ from companion.control.gains import EtnnGains, PidGains
 from companion.control.pid import Pid
 from companion.core.interfaces import ConfigError
 
+ON_GROUND = "ground"
+"""Name of the law in a service whose law runs on the ground."""
+
 
 class PredictionConfig(Section):
     """Departure from the paper: carry the state forward over the known delays before the law sees it."""

@@ -1,12 +1,17 @@
-"""Tables of vehicle, limits, control loop, flight and room."""
+"""Tables of vehicle, limits, control loop, place of the law, flight and room."""
 
-from pydantic import Field, model_validator
+from typing import ClassVar, Literal
 
+from pydantic import Field, field_validator, model_validator
+
+from companion.config.operator_config import secret_in, usable_secret
 from companion.config.toml_files import Section
 from companion.control.controller import VehicleModel
 from companion.control.horizon_correction import CAP_RAD, TIME_CONSTANT_S, HorizonRules
+from companion.core.errors import ConfigError
 from companion.geometry.attitude import ThrustModel
 from companion.guard.limits import Limits
+from companion.law_link.sealing import LEAST_KEY_BYTES, MOST_KEY_BYTES
 
 LEAST_CLIMB_M = 0.3
 """Lower it would hover in its own ground effect."""
@@ -150,4 +155,65 @@ class RoomConfig(Section):
         for name, (least, largest) in (("x_m", self.x_m), ("y_m", self.y_m), ("z_m", self.z_m)):
             if least >= largest:
                 raise ValueError(f"{name} = [{least}, {largest}]: the first must be below the second")
+        return self
+
+
+class LawLinkConfig(Section):
+    """Link over which a law on the ground commands the vehicle; the same table on both sides."""
+
+    table: ClassVar[str] = "law.link"
+    host: str = Field("127.0.0.1", min_length=1, description="address of the vehicle, for the ground")
+    port: int = Field(14600, gt=0, le=65535, description="UDP port on which the vehicle listens")
+    listen: str = Field("0.0.0.0", min_length=1, description="address on which the vehicle listens")  # noqa: S104
+    key_file: str | None = Field(
+        None, min_length=1, description="file with the key that both sides share, one line; chmod 600"
+    )
+    beat_s: float = Field(
+        0.03, ge=0.01, le=0.05, description="time after which the ground shows that it is alive when no event does, s"
+    )
+    delay_s: float = Field(
+        0.002, ge=0.0, le=0.2, description="usual age of a command at its arrival, until it is measured, s"
+    )
+
+    @field_validator("key_file")
+    @classmethod
+    def _usable(cls, value: str | None) -> str | None:
+        if value is not None:
+            usable_secret(value)
+        return value
+
+    def secret(self) -> bytes:
+        """Return the key in `key_file`; ConfigError if there is none or it is no key."""
+        where = f"{self.table}.key_file"
+        if self.key_file is None:
+            raise ConfigError(f"{where}: missing: a law on the ground needs a key; docs/split.md says how to make one")
+        key = secret_in(self.key_file, f"{where} = {self.key_file!r}", MOST_KEY_BYTES, "the key").encode()
+        if len(key) < LEAST_KEY_BYTES:
+            raise ConfigError(
+                f"{where} = {self.key_file!r}: {len(key)} characters, at least {LEAST_KEY_BYTES} are needed: "
+                "`head -c 32 /dev/urandom | base64` makes a key"
+            )
+        return key
+
+
+class LawConfig(Section):
+    """Place of the control law: in the service on the vehicle, or in `companion law` on the ground (docs/split.md)."""
+
+    runs_on: Literal["onboard", "ground"] = Field("onboard", description="where the control law runs")
+    onboard_mocap: bool = Field(
+        True, description="frames of motion capture reach the vehicle, too; false needs runs_on = ground"
+    )
+    link: LawLinkConfig = LawLinkConfig()
+
+    @property
+    def on_ground(self) -> bool:
+        """True if the law runs on the ground."""
+        return self.runs_on == "ground"
+
+    @model_validator(mode="after")
+    def _together(self) -> "LawConfig":
+        if not self.onboard_mocap and not self.on_ground:
+            raise ValueError('onboard_mocap = false: a law on board needs frames: give runs_on = "ground" as well')
+        if self.on_ground and self.link.key_file is None:
+            raise ValueError('runs_on = "ground": link.key_file is missing: make a key as docs/split.md says')
         return self

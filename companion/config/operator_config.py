@@ -44,8 +44,10 @@ class OperatorConfig(Section):
     @field_validator("password_file", "ca_file")
     @classmethod
     def _usable(cls, value: str | None, info: ValidationInfo) -> str | None:
-        if value is not None and _mode_of(value) & stat.S_IRWXO and info.field_name == "password_file":
-            raise ValueError(f"every user of this computer may read or write it: chmod 600 {value}")
+        if value is not None and info.field_name == "password_file":
+            usable_secret(value)
+        elif value is not None:
+            _mode_of(value)
         return value
 
     @model_validator(mode="after")
@@ -70,16 +72,27 @@ class OperatorConfig(Section):
         if self.password_file is None:
             return None
         where = f"{self.table}.password_file = {self.password_file!r}"
-        try:
-            with Path(self.password_file).open("rb") as file:
-                said = decode(file.read(_MOST_PASSWORD_BYTES + 1)).rstrip("\r\n")
-        except OSError as error:
-            raise ConfigError(f"{where}: cannot be read: {error}") from error
-        except ValueError:
-            raise ConfigError(f"{where}: must be text in UTF-8") from None  # whose bytes are nobody's to read
-        if not said or len(said) > _MOST_PASSWORD_BYTES or "\n" in said:
-            raise ConfigError(f"{where}: must hold one line, the password")
-        return said
+        return secret_in(self.password_file, where, _MOST_PASSWORD_BYTES, "the password")
+
+
+def usable_secret(name: str) -> None:
+    """Raise ValueError unless this is a file that not every user of this computer may read or write."""
+    if _mode_of(name) & stat.S_IRWXO:
+        raise ValueError(f"every user of this computer may read or write it: chmod 600 {name}")
+
+
+def secret_in(name: str, where: str, most_bytes: int, what: str) -> str:
+    """Return the one line of a file with a secret; ConfigError that begins with `where` if it is not one line."""
+    try:
+        with Path(name).open("rb") as file:
+            said = decode(file.read(most_bytes + 1)).rstrip("\r\n")
+    except OSError as error:
+        raise ConfigError(f"{where}: cannot be read: {error}") from error
+    except ValueError:
+        raise ConfigError(f"{where}: must be text in UTF-8") from None  # whose bytes are nobody's to read
+    if not said or len(said) > most_bytes or "\n" in said:
+        raise ConfigError(f"{where}: must hold one line, {what}")
+    return said
 
 
 def _mode_of(name: str) -> int:

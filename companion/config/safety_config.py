@@ -47,10 +47,33 @@ class SafetyConfig(Section):
     disk_free_mb: float = Field(
         _RULES.disk_free_mb, ge=0.0, le=1e6, description="least free space where records go, MB"
     )
+    command_late_s: float = Field(
+        _RULES.command_late_s, gt=0.03, le=0.2, description="silence of a law on the ground that is reported, s"
+    )
+    command_coast_s: float = Field(
+        _RULES.command_coast_s, gt=0.03, le=0.25, description="silence of that law up to which its command is held, s"
+    )
+    command_level_s: float = Field(
+        _RULES.command_level_s, gt=0.03, le=0.3, description="silence at which the vehicle is level, s"
+    )
+    command_silent_s: float = Field(
+        _RULES.command_silent_s, gt=0.05, le=0.5, description="silence of that law at which PX4 is told to land, s"
+    )
+    command_delayed_s: float = Field(
+        _RULES.command_delayed_s, gt=0.01, le=0.25, description="largest lasting age of that law's messages, s"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "SafetyConfig":
-        for low, high in (("coast_s", "degraded_s"), ("degraded_s", "silent_s"), ("tracking_m", "lost_m")):
+        pairs = (
+            ("coast_s", "degraded_s"),
+            ("degraded_s", "silent_s"),
+            ("tracking_m", "lost_m"),
+            ("command_late_s", "command_coast_s"),
+            ("command_coast_s", "command_level_s"),
+            ("command_level_s", "command_silent_s"),
+        )
+        for low, high in pairs:
             if getattr(self, low) >= getattr(self, high):
                 raise ValueError(f"{low} = {getattr(self, low):g} must be below {high} = {getattr(self, high):g}")
         if self.battery_critical >= self.battery_low:

@@ -58,6 +58,10 @@ class ControlOutput:
     """u = U_c/m_t - g e_3."""
     event: Array
     signals: dict[str, Array]
+    yaw_rad: Scalar | None = None
+    """Commanded heading; None: that of the reference."""
+    age_s: float = 0.0
+    """Time since the law last confirmed the command; 0 for a law in this process."""
 
 
 class Controller(Protocol):

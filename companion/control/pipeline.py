@@ -166,11 +166,11 @@ class ControlPipeline:
             self._switching = None if after.over else after
         before = no_disturbance(now) if self._disturbance is None else self._disturbance
         self._disturbance = estimate_disturbance(before, now)
-        self._law_setpoint = self._latest(output, ahead.yaw_rad)
+        self._law_setpoint = self._latest(output, ahead.yaw_rad if output.yaw_rad is None else output.yaw_rad)
         if self._guard is None:
             limited = limit_setpoint(self._law_setpoint, sent, self._limits, dt_s)
         else:
-            limited = self._guard.check(self._law_setpoint, sent, vehicle, float(age_s), dt_s)
+            limited = self._guard.check(self._law_setpoint, sent, vehicle, float(age_s), dt_s, output.age_s)
         return PipelineOutput(ahead, output, limited, now, begun)
 
     def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> AttitudeThrust:

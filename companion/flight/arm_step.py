@@ -9,14 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.arms import state_machine
-from companion.arms.feedforward import (
-    Airframe,
-    force_accel_b_mps2,
-    leads_of,
-    tilt_accel_b_mps2,
-    trimmed_b_radps2,
-    turning_b_radps2,
-)
+from companion.arms.feedforward import Airframe, ArmFeedforward, leads_of
 from companion.arms.model import CLAWS, JOINT_NAMES
 from companion.arms.planning import to_pose
 from companion.arms.state_machine import ArmAction, ArmFacts, ArmPhase, ArmRules, ArmState, goal_at
@@ -45,6 +38,16 @@ class ArmTick:
     known_accel_w_mps2: Array
 
 
+def feedforward_of(
+    config: ArmsConfig, vehicle: VehicleModel, airframe: Airframe, period_s: float
+) -> ArmFeedforward | None:
+    """Return the arms' feed-forward for the law; None where it is off."""
+    if config.feedforward is Feedforward.OFF:
+        return None
+    leads, with_tilt = leads_of(vehicle, config.servo_lag_s), config.feedforward is Feedforward.FULL
+    return ArmFeedforward(config.model(), airframe, leads, period_s, with_tilt)
+
+
 class ArmStep:
     """Holds the arms' state and their bus. Call `read`, then `known_accel_w_mps2`, then `tick`, once a cycle."""
 
@@ -52,15 +55,14 @@ class ArmStep:
         self, bus: ArmBus, config: ArmsConfig, vehicle: VehicleModel, airframe: Airframe, period_s: float
     ) -> None:
         self._bus, self._config, self._model = bus, config, config.model()
-        self._airframe, self._period_s = airframe, period_s
-        self._leads = leads_of(vehicle, config.servo_lag_s)
+        self._period_s, self._feedforward = period_s, feedforward_of(config, vehicle, airframe, period_s)
         self._stow_rad = config.stow_rad()
         self._rules = ArmRules(self.way_to_stow, config.torque_off_after_landing)
         self._state = ArmState()
         self._status = bus.status()
         self._off_stow = self._farthest_from_stow()
         self._facts: ArmFacts | None = None
-        self._known_b = self._trimmed_b = np.zeros(3)
+        self._known_b = np.zeros(3)
         self._known = np.zeros(3)
         self._broken = ""
         """Error of this side of the bus; latched."""
@@ -211,25 +213,17 @@ class ArmStep:
 
     def _push_of_next_cycle(self, time_s: float, flight: FlightState) -> Array:
         """Acceleration (3,), body frame, that the arms give the vehicle when a setpoint of `time_s` has its effect."""
-        if not flight.airborne or self._config.feedforward is Feedforward.OFF:
-            self._trimmed_b = np.zeros(3)
+        if self._feedforward is None:
             return np.zeros(3)
-        across, upward = self._motion_at(time_s + self._leads.across_s), self._motion_at(time_s + self._leads.upward_s)
-        force = force_accel_b_mps2(self._model, self._airframe, across, upward)
-        if self._config.feedforward is not Feedforward.FULL:
-            return force
-        return force + self._tilt(self._motion_at(time_s + self._leads.turning_s))
+        if not flight.airborne:
+            self._feedforward.reset()
+            return np.zeros(3)
+        return self._feedforward.step(self.motion_at, time_s)
 
-    def _motion_at(self, time_s: float) -> JointMotion:
+    def motion_at(self, time_s: float) -> JointMotion:
         """Return the commanded motion; without a goal, rest at the present angles, which still tilts the vehicle."""
         goal = goal_at(self._state, time_s)
         return at_rest(self._status.position_rad) if goal is None else goal
-
-    def _tilt(self, motion: JointMotion) -> Array:
-        """Acceleration by the tilt that the motion causes, less what the autopilot has trimmed out by then."""
-        turning = turning_b_radps2(self._model, self._airframe, motion)
-        self._trimmed_b = trimmed_b_radps2(self._trimmed_b, turning, self._airframe, self._period_s)
-        return tilt_accel_b_mps2(turning - self._trimmed_b, self._airframe)
 
     def _announce(self, before: ArmState) -> None:
         if self._state.phase is before.phase and self._state.reason == before.reason:

@@ -7,6 +7,7 @@ from companion.config.controller_config import LoadedController, load_controller
 from companion.config.law_margin import LawMargin, Measure, measured, require_margin
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
+from companion.control.remote_law import RemoteLaw
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.interfaces import ArmBus, Autopilot, Clock, MocapSource, WatchdogTimer
 from companion.estimation.estimator import EstimatorParams
@@ -14,13 +15,14 @@ from companion.flight.arm_step import ArmStep
 from companion.flight.health_step import HealthStep, Sides
 from companion.flight.horizon_step import HorizonStep
 from companion.flight.law_step import LawStep
+from companion.flight.remote_step import LawLink, RemoteStep
 from companion.flight.setpoint_stream import SetpointStream
 from companion.flight.vision_step import VisionStep
 from companion.supervisor.flight_state import FlightRules
 from companion.supervisor.safety_rules import SafetyRules
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Devices:
     """The real or simulated parts the loop speaks to."""
 
@@ -30,6 +32,8 @@ class Devices:
     watchdog_timer: WatchdogTimer
     arms: ArmBus | None = None
     sides: Sides = field(default_factory=Sides)
+    law_link: LawLink | None = None
+    """Link to a law on the ground; None for a law on board."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +51,8 @@ class Stages:
     stream: SetpointStream
     horizon: HorizonStep
     vision: VisionStep
+    remote: RemoteStep | None = None
+    """Part of a law on the ground; None for a law on board."""
 
 
 def period_s(config: CompanionConfig) -> float:
@@ -92,7 +98,10 @@ def arms_of(config: CompanionConfig, bus: ArmBus | None) -> ArmStep | None:
 
 
 def stages_of(devices: Devices, controller: Controller, config: CompanionConfig) -> Stages:
-    """All of them, with their memories empty."""
+    """All of them, with their memories empty; a law on the ground flies instead of `controller` if there is a link."""
+    remote_law = RemoteLaw()
+    remote = None if devices.law_link is None else RemoteStep(devices.law_link, remote_law)
+    controller = controller if remote is None else remote_law
     rules, safety, step_s = config.flight_rules(), config.safety.rules(), period_s(config)
     control, arms = pipeline_of(config, controller), arms_of(config, devices.arms)
     stream = SetpointStream(devices.autopilot, devices.watchdog_timer, devices.clock, safety.not_followed_s)
@@ -110,4 +119,5 @@ def stages_of(devices: Devices, controller: Controller, config: CompanionConfig)
         stream=stream,
         horizon=horizon,
         vision=VisionStep(devices.autopilot, config.px4.vision_rate_hz, step_s),
+        remote=remote,
     )

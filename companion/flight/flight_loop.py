@@ -55,6 +55,8 @@ class FlightLoop:
         self._rules, self._safety, self._pipeline = stages.rules, stages.safety, stages.control
         self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
         self._horizon = stages.horizon
+        self.remote = stages.remote
+        """Part of a law on the ground; None for a law on board."""
         self.arms = stages.arms
         """The arms' part; None for a vehicle without."""
         self._events: tuple[Event, ...] = ()
@@ -65,8 +67,7 @@ class FlightLoop:
         self._frame: MocapFrame | None = None
         self._flight = FlightState()
         self._failed = False
-        self.law_name = law_name
-        """For the record and the operator."""
+        self._law_name = law_name
         self.ticking = False
         """Cycles come by themselves."""
         parts = (self._see_without_checks, self._supervise_without_checks, self._keep_or_end_stream)
@@ -89,6 +90,11 @@ class FlightLoop:
     def events(self) -> tuple[Event, ...]:
         """Return the faults that are present now."""
         return self._events
+
+    @property
+    def law_name(self) -> str:
+        """Name of the law that flies, for the record and the operator."""
+        return self._law_name if self.remote is None else self.remote.law_name
 
     @property
     def failed(self) -> bool:
@@ -129,7 +135,7 @@ class FlightLoop:
         """Another control law from the next cycle on, in the air too, without a jump of the setpoint."""
         LOG.info("control law %s -> %s", self.law_name, name)
         self._pipeline.switch(controller)
-        self.law_name = name
+        self._law_name = name
 
     async def run(self) -> None:
         """Tick until cancelled. What a device or the law raises is raised, after the autopilot was told to land."""
@@ -181,6 +187,8 @@ class FlightLoop:
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
         frame_received_s = self._read()
+        if self.remote is not None:
+            self.remote.read(now_s, self._flight)
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
         self._look(now_s, late_s)
@@ -189,6 +197,9 @@ class FlightLoop:
         pipeline, limited = self._law.control(self._flight, self._estimate, self._stream.law_sent, now_s)
         wire, sent_s = self._send(limited, now_s)
         self._keep_or_end_stream(now_s)
+        if self.remote is not None:
+            joints_at = None if self.arms is None else self.arms.motion_at
+            self.remote.show(now_s, self._flight, self._stream.law_sent, limited, joints_at)
         late_signals = self._law.settle()
         self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
         self._tell(
@@ -253,6 +264,8 @@ class FlightLoop:
             law_fault=self._law.fault,
             arm_fault=self.arms.fault if self.arms is not None else "",
             horizon_fault=self._horizon.fault,
+            link=None if self.remote is None else self.remote.status,
+            command_age_s=0.0 if self.remote is None else self.remote.command_age_s,
         )
         self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
         if unsent is not None:

@@ -14,6 +14,7 @@ from companion.estimation.estimator import EstimatorState, age_s
 from companion.flight.arm_step import ArmStep
 from companion.geometry.frames import yaw_of
 from companion.guard.geofence import Fence
+from companion.law_link.link_status import LinkStatus
 from companion.supervisor.faults import Event, FailsafeAction, reaction_to
 from companion.supervisor.flight_state import COMMANDED, STREAMING, FlightInputs, FlightState, Phase
 from companion.supervisor.health import checks
@@ -51,6 +52,9 @@ class Cycle:
     law_fault: str
     arm_fault: str
     horizon_fault: str = ""
+    link: LinkStatus | None = None
+    """Link to a law on the ground; None for a law on board."""
+    command_age_s: float = 0.0
 
 
 class HealthStep:
@@ -101,6 +105,8 @@ class HealthStep:
             horizon_fault=cycle.horizon_fault,
             operator_age_s=operator.age_s() if operator is not None else 0.0,
             disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
+            link=cycle.link,
+            command_age_s=cycle.command_age_s,
         )
 
 

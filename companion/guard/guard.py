@@ -5,7 +5,7 @@ and the state the command was computed from. Pure, single vehicle, plain floats.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,6 +41,28 @@ def most_braking_mps2(limits: Limits, model: ThrustModel) -> tuple[float, float]
     return model.gravity_mps2 * math.tan(limits.max_tilt_rad), model.gravity_mps2 - kept_mps2
 
 
+@dataclass(frozen=True)
+class AgeRange:
+    """Ages between which a setpoint is blended to level."""
+
+    coast_s: float
+    """Up to this age nothing is done."""
+    level_s: float
+    """From this age on the vehicle is level."""
+
+    def share(self, age_s: float) -> float:
+        """Return 1 while fresh, 0 when too old or if the age is NaN; a clock may err either way."""
+        if abs(age_s) <= self.coast_s:
+            return 1.0
+        if abs(age_s) < self.level_s:
+            return (self.level_s - abs(age_s)) / (self.level_s - self.coast_s)
+        return 0.0
+
+
+NO_AGE_LIMIT = AgeRange(math.inf, math.inf)
+"""For commands of a law on board."""
+
+
 class Guard:
     """Limiter of setpoints. It is stateless and never raises.
 
@@ -57,23 +79,32 @@ class Guard:
     leaves room, 2.5 m/s^2 towards a face half a metre away from rest, and any speed along a face.
     """
 
-    def __init__(self, limits: Limits, model: ThrustModel, fence: Fence, coast_s: float, degraded_s: float) -> None:
-        self._limits, self._model, self._coast_s, self._degraded_s = limits, model, coast_s, degraded_s
+    def __init__(
+        self, limits: Limits, model: ThrustModel, fence: Fence, pose: AgeRange, command: AgeRange = NO_AGE_LIMIT
+    ) -> None:
+        self._limits, self._model, self._pose_ages, self._command_ages = limits, model, pose, command
         (x0, y0), (x1, y1, z1) = fence.low_m, fence.high_m
         inner = (x0 + _INSET_M, y0 + _INSET_M), (x1 - _INSET_M, y1 - _INSET_M, z1 - _INSET_M)
         self._fence = replace(fence, low_m=inner[0], high_m=inner[1])
         self._slope, self._upright = math.tan(limits.max_tilt_rad), math.cos(limits.max_tilt_rad)
 
     def check(
-        self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
+        self,
+        setpoint: AttitudeThrust,
+        last: AttitudeThrust,
+        vehicle: VehicleState | None,
+        age_s: float,
+        dt_s: float,
+        command_age_s: float = 0.0,
     ) -> LimitedSetpoint:
         """Return the setpoint to send instead of `setpoint`, `dt_s` after `last`: always finite and inside the limits.
 
         `vehicle` is the state that `setpoint` was computed from, None when there is none; `age_s` is the time since its
-        capture.
+        capture. `command_age_s` is the time since a law elsewhere has confirmed the command, 0 for a law on board.
         """
         try:
-            return self._checked(setpoint, last, vehicle, age_s, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
+            known = min(self._pose_ages.share(age_s), self._command_ages.share(command_age_s))
+            return self._checked(setpoint, last, vehicle, known, dt_s if dt_s > _SHORTEST_S else _SHORTEST_S)
         except Exception as error:  # any error: no setpoint is sent unguarded
             return LimitedSetpoint(
                 setpoint=self.level(_heading_rad(last, setpoint)),
@@ -91,12 +122,11 @@ class Guard:
         return AttitudeThrust(quat_from_yaw(yaw_rad), np.array(SINKING * self._model.hover_thrust))
 
     def _checked(
-        self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
+        self, setpoint: AttitudeThrust, last: AttitudeThrust, vehicle: VehicleState | None, known: float, dt_s: float
     ) -> LimitedSetpoint:
         if _is_invalid(last):
             last = self.level(_heading_rad(setpoint))
         motion = _motion(vehicle)
-        known = 0.0 if motion is None else self._share_known(age_s)
         if motion is None or known == 0.0:
             return self._limited(setpoint, last, dt_s, None, 0.0)
         allowed = self._allowed(motion, last)
@@ -122,14 +152,6 @@ class Guard:
             age_cut=np.array(known < 1.0),
             fence_cut=np.array(braked is not within.setpoint),
         )
-
-    def _share_known(self, age_s: float) -> float:
-        """Return 1 while the state is fresh, 0 when it is too old or its age is NaN; a clock may err either way."""
-        if abs(age_s) <= self._coast_s:
-            return 1.0
-        if abs(age_s) < self._degraded_s:
-            return (self._degraded_s - abs(age_s)) / (self._degraded_s - self._coast_s)
-        return 0.0
 
     def _accel(self, q: Array, thrust: float) -> Vec3:
         """Return the acceleration (m/s^2) of a setpoint in floats; see attitude.accel_of_setpoint."""

@@ -1,6 +1,8 @@
 """Commands that take time: one at a time for the flight, and one for the arms."""
 
 import asyncio
+import json
+import time
 from collections.abc import Callable, Coroutine
 from dataclasses import asdict
 from typing import Any
@@ -12,6 +14,7 @@ from companion.config.controller_config import controller_path
 from companion.config.preflight_config import load_recommended
 from companion.config.toml_files import read_toml
 from companion.core.interfaces import CompanionError, FlightError
+from companion.law_link.vehicle_end import VehicleEnd
 from companion.protocol import commands
 from companion.service.command_job import CommandJob
 from companion.service.flight_actions import FlightActions, ended_by
@@ -24,6 +27,8 @@ _ANY_TRACK = TrackRequest(Hold(np.zeros(3)), 0.0)
 """Any trajectory: whether one may be flown depends on the phase alone."""
 _WATCHED_S = 3.0
 """Time a flight is observed after a change of law before the change counts as done: oscillation shows by then."""
+_GROUND_ANSWERS_S = 7.5
+"""Below the 8 s within which a command is answered."""
 
 Result = tuple[str, dict[str, Any]]
 """A sentence for the operator, and the data that was requested."""
@@ -151,21 +156,40 @@ class QueuedCommands:
 
     async def _controller(self, command: commands.SwitchController) -> str:
         service, before = self._service, self._service.loop.law_name
-        law = await asyncio.to_thread(load_law, command.name, self._config)
-        self._note_law(command.name)
-        self._start(f"{before} hands over to {command.name}")
-        service.loop.switch(law, command.name)
+        if service.loop.remote is not None:
+            await self._switch_on_ground(service.loop.remote.end, command.name)
+            self._start(f"{before} has handed over to {command.name}")
+        else:
+            law = await asyncio.to_thread(load_law, command.name, self._config)
+            self._note_law(command.name)
+            self._start(f"{before} hands over to {command.name}")
+            service.loop.switch(law, command.name)
         if service.loop.flight.airborne:
             await service.until(lambda: not service.loop.flight.airborne, _WATCHED_S)
             if not service.loop.flight.airborne or service.loop.flight.level >= FailsafeAction.LAND:
                 raise FlightError(ended_by(service.loop.flight))
         return f"{command.name} {'flies' if service.loop.flight.airborne else 'is to fly'}"
 
+    async def _switch_on_ground(self, end: VehicleEnd, name: str) -> None:
+        """Have the ground load, judge and fly another law; FlightError with its reason if it does not."""
+        end.ask(json.dumps({"controller": name}), time.monotonic())
+        answered = await self._service.until(lambda: bool(end.answers), _GROUND_ANSWERS_S)
+        end.stop_asking()
+        if not answered:
+            raise FlightError(f"the ground law has not answered within {_GROUND_ANSWERS_S:g} s")
+        answer = json.loads(end.answers.pop())
+        if "refused" in answer:
+            raise FlightError(answer["refused"])
+        end.rename(name)
+
     async def _params(self, _: commands.Params) -> Result:
         self._job.accept()
         law, names = self._service.loop.law_name, sorted(load_recommended(self._config.preflight.parameters))
         return "configuration, gains and the autopilot's parameters", {
             "config": self._config.model_dump(mode="json"),
-            "controller": {"name": law, **read_toml(controller_path(law))},
+            "controller": {
+                "name": law,
+                **(read_toml(controller_path(law)) if self._service.loop.remote is None else {}),
+            },
             "px4": await self._service.reports.params(names),
         }

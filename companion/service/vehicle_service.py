@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from companion.adapters.dynamixel.bus import open_dynamixel
+from companion.adapters.law_link.udp import open_law_link
 from companion.adapters.mocap.source import open_mocap
 from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
@@ -53,7 +54,16 @@ async def open_service(
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
         remarks = arms.warnings if arms is not None else ()
         sides = Sides(operator, disk.free_mb)
-        parts = Devices(mocap, autopilot, clock, watchdog_timer, arms, sides)
+        link = await devices.enter_async_context(open_law_link(config, clock)) if config.law.on_ground else None
+        parts = Devices(
+            mocap=mocap,
+            autopilot=autopilot,
+            clock=clock,
+            watchdog_timer=watchdog_timer,
+            arms=arms,
+            sides=sides,
+            law_link=link,
+        )
         loop = FlightLoop(parts, stages_of(parts, controller.law, config), sink, controller.name)
         running = Running(
             mocap=mocap,

@@ -73,6 +73,13 @@ class Fault(StrEnum):
     ROOM_LEFT = "room left"
     THRUST_SATURATED = "thrust saturated"
     LAW_FAILED = "control law failed"
+    COMMAND_LATE = "command link late"
+    GROUND_LAW_SILENT = "ground law silent"
+    COMMAND_DELAYED = "commands delayed"
+    COMMANDS_LOST = "commands lost"
+    COMMANDS_REORDERED = "commands reordered"
+    COMMANDS_FOREIGN = "foreign commands"
+    GROUND_LAW_TWICE = "another ground law"
     LOOP_LATE = "loop late"
     AUTOPILOT_SILENT = "autopilot silent"
     AUTOPILOT_REBOOTED = "autopilot rebooted"
@@ -235,6 +242,37 @@ TABLE: tuple[Row, ...] = (
         sign="the law raises an exception, or gives no finite command for {not_finite_cycles} cycles",
         why="there is no valid attitude command",
         flying=_PX4, landing=_PX4, ground=_DISARM),
+    Row(fault=Fault.COMMAND_LATE,
+        sign="nothing that a law on the ground has sent is newer than {command_late_s} s; from {command_coast_s} s on "
+        "the guard reduces the tilt, until the vehicle is level at {command_level_s} s",
+        why="two beats are missing; the last command is held, as between two events",
+        flying=_WARN, landing=_WARN, ground=_WARN),
+    Row(fault=Fault.GROUND_LAW_SILENT,
+        sign="nothing that a law on the ground has sent with a pose is newer than {command_silent_s} s (cable, radio, "
+        "computer or process gone, its motion capture lost), or no ground law has this vehicle",
+        why="nobody corrects the vehicle; PX4 lands. A ground law that returns is used again after `companion resume` "
+        "only",
+        flying=_PX4, landing=_PX4, ground=_DISARM),
+    Row(fault=Fault.COMMAND_DELAYED,
+        sign="median age of a second's messages at their arrival above {command_delayed_s} s",
+        why="the law predicts over the age it measures, but its margin shrinks with it; enough to land with the law",
+        flying=_LAND, landing=_WARN, ground=_DISARM),
+    Row(fault=Fault.COMMANDS_LOST, sign="more than {commands_lost_share} of a second's messages do not arrive",
+        why="lost commands are sent again, but the next gap may be the one that is too long; land while some arrive",
+        flying=_LAND, landing=_WARN, ground=_DISARM),
+    Row(fault=Fault.COMMANDS_REORDERED,
+        sign="more than {commands_late_share} of a second's messages arrive after a newer one",
+        why="each of them is dropped, the newest counts; the network is not as it was measured",
+        flying=_WARN, landing=_WARN, ground=_WARN),
+    Row(fault=Fault.COMMANDS_FOREIGN,
+        sign="datagrams with a wrong key, of another session, or played again, in the last second",
+        why="all are dropped, none is flown: a wrong key file, a second ground law, or somebody who tries",
+        flying=_WARN, landing=_WARN, ground=_WARN),
+    Row(fault=Fault.GROUND_LAW_TWICE,
+        sign="a ground law with the right key asks for the vehicle during a flight: a second one, or the first one "
+        "restarted",
+        why="it is refused: a law that begins in the air knows nothing of this flight",
+        flying=_WARN, landing=_WARN, ground=_WARN),
     Row(fault=Fault.LOOP_LATE,
         sign="control cycles on average more than {loop_late_s} s late over a second, or so late that fewer than "
         "{slow_hz} frames were used in it",

@@ -3,6 +3,7 @@
 from companion.core.types import Array, AttitudeThrust, AutopilotStatus, VehicleState
 from companion.core.values import value
 from companion.estimation.state import Verdict
+from companion.law_link.link_status import LinkStatus
 from companion.supervisor.faults import Stage
 
 
@@ -64,3 +65,7 @@ class HealthInputs:
     """Time since the broker was last connected; 0 when none is configured."""
     disk_free_mb: float
     """Free space in the folder of the records; infinite when nothing is recorded to disk."""
+    link: LinkStatus | None = None
+    """Link to a law on the ground; None for a law on board."""
+    command_age_s: float = 0.0
+    """Time since that law confirmed its command for this flight; 0 for a law on board."""

@@ -43,3 +43,12 @@ class SafetyRules:
     hold_s: float = 30.0
     operator_gone_s: float = 2.0
     disk_free_mb: float = 200.0
+    command_late_s: float = 0.06
+    """A beat comes every 0.03 s."""
+    command_coast_s: float = 0.12
+    command_level_s: float = 0.2
+    command_silent_s: float = 0.25
+    """With beat, cycle and command, PX4 lands 0.3 s after the last command."""
+    command_delayed_s: float = 0.1
+    commands_lost_share: float = 0.6
+    commands_late_share: float = 0.4

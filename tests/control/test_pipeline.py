@@ -14,7 +14,7 @@ from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
 from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import flip_quat, flip_yz, quat_from_rotation_vector
 from companion.guard.geofence import Fence
-from companion.guard.guard import Guard
+from companion.guard.guard import AgeRange, Guard
 from companion.guard.limits import Limits
 from companion.trajectories.reference import Ellipse, LapTiming, MinimumJerk, Trajectory
 from mock_autopilot.physics import plant, plant_one
@@ -286,7 +286,7 @@ def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_h
 # --- with a guard ---
 
 FENCE = Fence((-4.5, -4.5), (4.5, 4.5, 3.5))
-GUARD = Guard(LIMITS, ThrustModel(), FENCE, coast_s=0.05, degraded_s=0.10)
+GUARD = Guard(LIMITS, ThrustModel(), FENCE, AgeRange(0.05, 0.10))
 
 
 def guarded(law: Script) -> ControlPipeline:

@@ -254,7 +254,7 @@ async def fly(
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
     cameras = SimulatedMocap(room, every_tick)
     cameras.lost_at_s = mocap_lost_at_s
-    devices = Devices(cameras, autopilot, room, NoWatchdogTimer(), bus)
+    devices = Devices(mocap=cameras, autopilot=autopilot, clock=room, watchdog_timer=NoWatchdogTimer(), arms=bus)
     loop = FlightLoop(devices, stages_of(devices, law, config), sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")

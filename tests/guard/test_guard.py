@@ -13,7 +13,7 @@ from companion.core.types import Array, AttitudeThrust, VehicleState
 from companion.geometry.attitude import ThrustModel, accel_of_setpoint, setpoint_of_accel
 from companion.geometry.frames import quat_from_yaw, yaw_of
 from companion.guard.geofence import Fence
-from companion.guard.guard import Guard, most_braking_mps2
+from companion.guard.guard import AgeRange, Guard, most_braking_mps2
 from companion.guard.limits import LimitedSetpoint, Limits, limit_setpoint
 from tests.control.held_in import pressed
 
@@ -74,7 +74,7 @@ def same(a: LimitedSetpoint, b: LimitedSetpoint) -> bool:
 
 
 def guard() -> Guard:
-    return Guard(LIMITS, MODEL, FENCE, coast_s=0.05, degraded_s=0.10)
+    return Guard(LIMITS, MODEL, FENCE, AgeRange(0.05, 0.10))
 
 
 # --- a legal flight ---
@@ -272,7 +272,9 @@ def test_what_a_fence_may_count_on_is_what_the_guard_brakes_with() -> None:
     idling = replace(LIMITS, min_thrust=0.3)
     left = (0.5 * 0.3 * 0.3 + 0.5 * 0.3) / (0.5 * 0.4 * 0.4 + 0.5 * 0.4)
     assert most_braking_mps2(idling, curved)[1] == pytest.approx((1.0 - left) * G)
-    cut = Guard(idling, curved, FENCE, 0.05, 0.1).check(HOVER, HOVER, at((0.0, 0.0, 3.6), (0.0, 0.0, 3.0)), 0.01, 10.0)
+    cut = Guard(idling, curved, FENCE, AgeRange(0.05, 0.1)).check(
+        HOVER, HOVER, at((0.0, 0.0, 3.6), (0.0, 0.0, 3.0)), 0.01, 10.0
+    )
     assert accel_of_setpoint(cut.setpoint, curved)[2] == pytest.approx(-(1.0 - left) * G)
 
 
@@ -285,7 +287,7 @@ def test_a_ceiling_holds_who_presses_against_it_as_long_as_no_more_is_counted_on
     speed_mps = 6.0
     below_m = fence.stopping_point_w_m(np.zeros(3), np.array([0.0, 0.0, speed_mps]))[2] + 0.05
     start = np.array([0.0, 0.0, 9.0 - below_m]), np.array([0.0, 0.0, speed_mps]), 0.0
-    pressing = Guard(LIMITS, MODEL, fence, 0.05, 0.1)
+    pressing = Guard(LIMITS, MODEL, fence, AgeRange(0.05, 0.1))
     held = pressed(pressing, fence, AttitudeThrust(LEVEL, np.array(0.8)), start)
     assert bool((held.beyond_m > 0.0).any()) is left, f"by {held.beyond_m.max():.2f} m"
 

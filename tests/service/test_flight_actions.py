@@ -104,7 +104,9 @@ async def served(
         in_preflight(loop)
         return ()
 
-    devices = Devices(cameras(room, count), autopilot, room, NoWatchdogTimer(), servos)
+    devices = Devices(
+        mocap=cameras(room, count), autopilot=autopilot, clock=room, watchdog_timer=NoWatchdogTimer(), arms=servos
+    )
     loop = FlightLoop(devices, stages_of(devices, law, config), lambda _: None, "etnn")
     ticking = asyncio.create_task(loop.run())
     reports = DeviceReports(preflight or passed, no_params)

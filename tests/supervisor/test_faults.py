@@ -133,7 +133,7 @@ def test_who_loses_the_autopilot_lets_go_and_who_loses_sight_has_px4_land() -> N
     assert px4 >= BLIND
     assert px4 - BLIND == {
         Fault.SETPOINT_NOT_FOLLOWED, Fault.TRACKING_LOST, Fault.FENCE_LEFT, Fault.LAW_FAILED, Fault.BATTERY_CRITICAL,
-        Fault.LANDING_TOO_LONG,
+        Fault.LANDING_TOO_LONG, Fault.GROUND_LAW_SILENT,
     }  # fmt: skip
 
 
@@ -178,7 +178,8 @@ def test_what_does_not_hinder_a_take_off() -> None:
     assert {row.fault for row in TABLE if row.ground is FailsafeAction.WARN} == {
         Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.FENCE_NEAR,
         Fault.THRUST_SATURATED, Fault.AUTOPILOT_DISARMED, Fault.LAND_REFUSED, Fault.LANDING_TOO_LONG,
-        Fault.HOLD_TOO_LONG, Fault.HORIZON_CAPPED,
+        Fault.HOLD_TOO_LONG, Fault.HORIZON_CAPPED, Fault.COMMAND_LATE, Fault.COMMANDS_REORDERED, Fault.COMMANDS_FOREIGN,
+        Fault.GROUND_LAW_TWICE,
     }  # fmt: skip
 
 

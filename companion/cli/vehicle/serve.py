@@ -17,9 +17,10 @@ from companion.adapters.system.realtime import lock_memory
 from companion.adapters.system.systemd import Notifier, logging_to
 from companion.cli.options import AllowUnstable, ControllerName, VehicleConfigFile, vehicle_settings
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import controller_text
+from companion.config.controller_config import ON_GROUND, ErrorLimits, LoadedController, controller_text
 from companion.config.locations import vehicle_config_path
 from companion.config.operator_config import OperatorConfig
+from companion.control.remote_law import RemoteLaw
 from companion.flight.assembly import controller_of, margin_in
 from companion.records.record_process import RecordSink
 from companion.service.daemon import DaemonSettings, serve
@@ -40,8 +41,7 @@ def serve_command(
     cannot be used.
     """
     settings = vehicle_settings(config, logs=True)
-    law = controller_of(settings, controller or settings.control.controller, allow_unstable)
-    margin = margin_in(settings, law)
+    law, of_law = _law(settings, controller or settings.control.controller, allow_unstable)
     notifier = Notifier.from_environment()
     place = settings.operator or OperatorConfig(embedded=True)
     vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
@@ -50,7 +50,7 @@ def serve_command(
         service_lock(place.host, place.port, vehicle),  # before anything is bound or begun
     ):
         LOG.info("configuration %s", config or vehicle_config_path())
-        LOG.info("control law %s: %s", law.name, margin.says)
+        LOG.info("control law %s: %s", law.name, of_law)
         lock_memory()
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()
@@ -61,7 +61,7 @@ def serve_command(
             notifier=notifier,
             recorder=recorder,
             records=folder,
-            note_law=_note_law(recorder, law.name),
+            note_law=_note_law(recorder, "" if settings.law.on_ground else law.name),
             last_resort=last_resort,
         )
         try:
@@ -82,8 +82,19 @@ def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
         if recorder is not None:
             recorder.begin({"laws": texts})
 
-    note(first)
+    if first:
+        note(first)
     return note
+
+
+def _law(settings: CompanionConfig, name: str, allow_unstable: bool) -> tuple[LoadedController, str]:
+    """Return the law, and a sentence about it; for a law on the ground a stand-in that holds its commands."""
+    if settings.law.on_ground:
+        link = settings.law.link
+        waits = f"on the ground: `companion law` there; waits for it on {link.listen}, UDP port {link.port}"
+        return LoadedController(ON_GROUND, RemoteLaw(), ErrorLimits()), waits
+    law = controller_of(settings, name, allow_unstable)
+    return law, margin_in(settings, law).says
 
 
 def _recorder(settings: CompanionConfig) -> RecordSink:

@@ -12,6 +12,7 @@ from companion.supervisor.faults import TABLE, Event, Fault
 from companion.supervisor.health.attitude import AttitudeHealth, check_attitude
 from companion.supervisor.health.autopilot import AutopilotHealth, check_autopilot
 from companion.supervisor.health.in_flight import FlightHealth, check_flight
+from companion.supervisor.health.law_link import check_law_link
 from companion.supervisor.health.mocap import MocapHealth, check_mocap
 from companion.supervisor.health.position import PositionHealth, check_position
 from companion.supervisor.health.stream import StreamHealth, check_stream
@@ -47,6 +48,7 @@ def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) 
     autopilot, autopilot_events = check_autopilot(memory.autopilot, now, rules)
     flight, flight_events = check_flight(memory.flight, now, rules)
     found = mocap_events + stream_events + attitude_events + position_events + autopilot_events + flight_events
+    found += check_law_link(now, rules)
     if attitude.horizon_wrong:
         found = _without_autopilot(found)
     events = {event.fault: event for event in found}.values()

@@ -1,0 +1,259 @@
+"""One cycle of the law on the ground. No I/O, no clock.
+
+The law computes as if it stood on the vehicle when its command arrives: the state is older by the uplink's age, the
+reference and the arms' motion are those of that moment, and the setpoint sent last is the ground's own copy of what the
+vehicle makes of its commands, corrected by reports where the vehicle did otherwise.
+"""
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.arms.feedforward import ArmFeedforward
+from companion.control.controller import Controller
+from companion.control.pipeline import YAW_STEP_RAD, ControlPipeline, PipelineOutput
+from companion.core.types import Array, AttitudeThrust, JointMotion, MocapFrame, Reference, VehicleState
+from companion.estimation import estimator
+from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.geometry.frames import matrix_from_quat, yaw_of
+from companion.law_link.ground_end import GroundEnd
+from companion.law_link.messages import NO_FLAGS, TICK_S, Command, DownFlags, Plan, Pose, Report, UpFlags
+from companion.law_link.plan import PlannedMotion
+
+LOG = logging.getLogger(__name__)
+
+_OLDEST_S = 0.1
+"""Age of the state from which on the ground law says that it is blind; the vehicle levels itself at this age."""
+_BEYOND_PLAN_S = 0.3
+_BAD_CYCLES = 20
+_RETUNE_S = 0.004
+"""Change of the uplink's age for which the law is made anew, on the ground only."""
+_LONGEST_UP_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundTick:
+    """Inputs and result of one cycle on the ground, for the record and for observers."""
+
+    time_s: float
+    vehicle_s: float
+    """Time on the vehicle's clock at which a command sent now arrives; NaN without a session."""
+    vehicle: VehicleState | None
+    age_s: float
+    """Age of that state now."""
+    reference: Reference | None
+    output: PipelineOutput | None
+    sent: Command | None
+    """Command that this cycle has sent; None without an event."""
+    flags: UpFlags
+    law: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroundParts:
+    """Parts of the law on the ground, from the configuration."""
+
+    pipeline: Callable[[Controller], ControlPipeline]
+    law: Callable[[str, float], Controller]
+    """Returns a law by its name, for an uplink of this age (s)."""
+    estimator: EstimatorParams
+    feedforward: ArmFeedforward | None
+    period_s: float
+    delay_s: float
+    """Usual age of the uplink, until it is measured."""
+    with_pose: bool
+    """Each message carries the pose, as no frames reach the vehicle."""
+
+
+class GroundLaw:
+    """Holds estimator, law and their memories; call `take` for each frame and `tick` once a cycle."""
+
+    def __init__(self, end: GroundEnd, parts: GroundParts, name: str) -> None:
+        self._end, self._parts = end, parts
+        self._estimate = EstimatorState()
+        self._made_for_s = parts.delay_s
+        self.name = name
+        self._pipeline = parts.pipeline(parts.law(name, parts.delay_s))
+        self._flying, self._epoch = False, 0
+        self._mirror: AttitudeThrust | None = None
+        self._report: Report | None = None
+        self._plan: Plan | None = None
+        self._motion: PlannedMotion | None = None
+        self._yaw_sent_rad = math.nan
+        self._bad = 0
+        self.failure = ""
+        """Reason for which the law is no longer trusted; empty while it is."""
+
+    @property
+    def estimate(self) -> EstimatorState:
+        """Newest estimate of the vehicle's motion."""
+        return self._estimate
+
+    def take(self, frame: MocapFrame) -> None:
+        """Feed a frame to the estimator."""
+        self._estimate = estimator.step(self._estimate, frame, self._parts.estimator)
+
+    def switch(self, name: str, law: Controller) -> None:
+        """Fly another law from the next cycle on, without a jump of the command."""
+        LOG.info("control law %s -> %s", self.name, name)
+        self._pipeline.switch(law)
+        self.name, self._end.law = name, (self._end.law + 1) % 256
+        self.failure, self._bad = "", 0
+
+    @property
+    def made_for_s(self) -> float:
+        """Age of the uplink for which the law was made, s."""
+        return self._made_for_s
+
+    def tick(self, now_s: float, dt_s: float) -> GroundTick:
+        """Run one cycle, and hand its command to the link."""
+        self._hear()
+        age_s = estimator.age_s(self._estimate, now_s)
+        output = sent = reference = None
+        arrives_s = now_s + self._end.clock.offset_s + self._up_age_s()
+        if self._flying:
+            output, sent, reference = self._fly(now_s, arrives_s, age_s, dt_s)
+        else:
+            self._end.flags = UpFlags.BLIND if self._is_blind(age_s) else NO_FLAGS
+            self._retune()
+        self._end.pose = self._pose(age_s) if self._parts.with_pose else None
+        return GroundTick(
+            time_s=now_s,
+            vehicle_s=arrives_s,
+            vehicle=self._estimate.vehicle,
+            age_s=age_s,
+            reference=reference,
+            output=output,
+            sent=sent,
+            flags=self._end.flags,
+            law=self.name,
+        )
+
+    def settle(self) -> dict[str, Array]:
+        """Do what the law left for after the command, and return its late internal values."""
+        if not self._flying or self.failure:
+            return {}
+        try:
+            return self._pipeline.settle()
+        except Exception as error:
+            self._fail(error)
+            return {}
+
+    def _hear(self) -> None:
+        """Take the newest report and plan; begin or end a flight."""
+        report, plan = self._end.report, self._end.plan
+        if plan is not None and plan is not self._plan:
+            self._plan, self._motion = plan, PlannedMotion(plan)
+        if report is None or report is self._report:
+            return
+        self._report = report
+        airborne = bool(report.flags & DownFlags.AIRBORNE)
+        if airborne and (not self._flying or report.epoch != self._epoch):
+            self._begin(report)
+        elif not airborne and self._flying:
+            self._flying = False
+            self._pipeline.forget()
+
+    def _begin(self, report: Report) -> None:
+        self._pipeline.forget()
+        self._flying, self._epoch, self._end.epoch = True, report.epoch, report.epoch
+        self._mirror, self._yaw_sent_rad = _setpoint_of(report), math.nan
+        self.failure, self._bad = "", 0
+        if self._parts.feedforward is not None:
+            self._parts.feedforward.reset()
+
+    def _up_age_s(self) -> float:
+        measured_s = self._end.up_age_s
+        return min(measured_s, _LONGEST_UP_S) if math.isfinite(measured_s) else self._parts.delay_s
+
+    def _retune(self) -> None:
+        """Make the law anew where the uplink's age has changed: a law knows its delay from the beginning."""
+        report, age_s = self._report, self._up_age_s()
+        arming = report is None or bool(report.flags & DownFlags.ARMING)
+        if not arming and abs(age_s - self._made_for_s) > _RETUNE_S:
+            self._pipeline = self._parts.pipeline(self._parts.law(self.name, age_s))
+            self._made_for_s = age_s
+            LOG.info("commands are %.1f ms old at their arrival: the law is made for that", 1e3 * age_s)
+
+    def _is_blind(self, age_s: float) -> bool:
+        return self._estimate.vehicle is None or not age_s <= _OLDEST_S
+
+    def _fly(
+        self, now_s: float, arrives_s: float, age_s: float, dt_s: float
+    ) -> tuple[PipelineOutput | None, Command | None, Reference | None]:
+        vehicle, motion = self._estimate.vehicle, self._motion
+        beyond = motion is None or motion.since_begin_s(arrives_s) > motion.length_s + _BEYOND_PLAN_S
+        blind = self._is_blind(age_s) or beyond
+        self._end.flags = UpFlags.FLYING | (UpFlags.BLIND if blind else NO_FLAGS)
+        if self.failure:
+            self._end.flags |= UpFlags.FAILED
+        if blind or self.failure or vehicle is None or motion is None or self._mirror is None:
+            return None, None, None
+        self._correct_mirror(now_s)
+        ahead = motion.reference(arrives_s + self._pipeline.preview_s)
+        known = self._known_accel(motion, arrives_s, vehicle)
+        try:
+            output = self._pipeline.fly(vehicle, age_s + self._up_age_s(), ahead, self._mirror, dt_s, known)
+        except Exception as error:
+            self._fail(error)
+            return None, None, None
+        self._mirror = output.limited.setpoint
+        return output, self._sent(output, ahead, now_s, vehicle), ahead
+
+    def _correct_mirror(self, now_s: float) -> None:
+        """Take over what the vehicle has sent, where it cannot be what our commands say."""
+        report = self._report
+        if report is not None and (report.flags & DownFlags.CUT or self._end.is_lost(now_s)):
+            self._mirror = _setpoint_of(report)
+
+    def _known_accel(self, motion: PlannedMotion, arrives_s: float, vehicle: VehicleState) -> Array:
+        feedforward = self._parts.feedforward
+        if feedforward is None or motion.joints(arrives_s) is None:
+            return np.zeros(3)
+
+        def joints_at(time_s: float) -> JointMotion:
+            joints = motion.joints(time_s)
+            assert joints is not None, "a plan has joints in all of its knots or in none"
+            return joints
+
+        return np.asarray(matrix_from_quat(vehicle.q_w_flu_wxyz) @ feedforward.step(joints_at, arrives_s))
+
+    def _sent(self, output: PipelineOutput, ahead: Reference, now_s: float, vehicle: VehicleState) -> Command | None:
+        """Hand the cycle's command to the link if it is to be sent: at an event, or where the heading has turned."""
+        accel = output.law_output.accel_w_mps2
+        if not np.isfinite(accel).all():
+            self._bad += 1
+            if self._bad > _BAD_CYCLES:
+                self.failure = f"the control law gave no finite command for {_BAD_CYCLES} cycles"
+                LOG.error(self.failure)
+            return None
+        self._bad = 0
+        turned = not abs(ahead.yaw_rad - self._yaw_sent_rad) <= YAW_STEP_RAD
+        if not (output.law_output.event.item() > 0.0 or turned):
+            return None
+        x, y, z = accel.tolist()
+        ago = min(max(round((now_s - vehicle.time_s) / TICK_S), 0), 65535)
+        command = Command(accel_w_mps2=(x, y, z), yaw_rad=ahead.yaw_rad, capture_ago=ago)
+        self._yaw_sent_rad = ahead.yaw_rad
+        self._end.command(command)
+        return command
+
+    def _fail(self, error: Exception) -> None:
+        LOG.exception("the control law failed")
+        self.failure = f"the control law failed: {type(error).__name__}: {error}"
+        self._end.flags |= UpFlags.FAILED
+
+    def _pose(self, age_s: float) -> Pose | None:
+        """Return the pose of now, carried forward with the velocity."""
+        vehicle = self._estimate.vehicle
+        if vehicle is None or self._is_blind(age_s):
+            return None
+        x, y, z = (vehicle.position_w_m + age_s * vehicle.velocity_w_mps).tolist()
+        return Pose(position_w_m=(x, y, z), yaw_rad=float(yaw_of(vehicle.q_w_flu_wxyz)))
+
+
+def _setpoint_of(report: Report) -> AttitudeThrust:
+    return AttitudeThrust(np.array(report.q_w_flu_wxyz), np.array(report.thrust))

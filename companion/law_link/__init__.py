@@ -1,0 +1,1 @@
+"""Link between a control law on the ground and the vehicle: messages, sessions, clocks, plans. Pure."""

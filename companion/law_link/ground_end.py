@@ -1,0 +1,306 @@
+"""Ground's end of the law's link: a session with the vehicle, events and beats up, reports and plans down. Pure.
+
+An event is sent when the law wants it, a beat when nothing was sent for `beat_s`. An event that was not acknowledged
+within a round trip is sent again until it is; and while nothing at all is acknowledged, every cycle sends something.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, nan
+
+from companion.law_link.agreement import Introduction
+from companion.law_link.clock_offset import ClockOffset, RoundTrip
+from companion.law_link.messages import (
+    TICK_S,
+    BadMessageError,
+    Command,
+    Kind,
+    Plan,
+    Pose,
+    Report,
+    Text,
+    UpFlags,
+    UpMessage,
+    packed,
+    seconds_between,
+    ticks_of,
+    unpacked,
+)
+from companion.law_link.sealing import SessionKeys, hello_seal, session_keys
+from companion.law_link.sequence_window import Order, SequenceWindow
+
+_HELLO_S = 0.5
+_SILENT_S = 1.0
+"""Silence of the vehicle after which a new session is asked for; the old one goes on if the vehicle returns."""
+_CLOCK_S = 0.5
+_AGAIN_S = 0.01
+"""Time beyond a round trip after which a command counts as lost."""
+_AGAIN_EVERY_S = 0.02
+_HURRY_S = 0.1
+"""Time beyond a round trip without any acknowledgement after which every cycle sends."""
+
+
+@dataclass(kw_only=True)
+class LinkCounts:
+    """Messages and payload bytes sent so far, tags included."""
+
+    events: int = 0
+    again: int = 0
+    beats: int = 0
+    bytes_up: int = 0
+    bytes_down: int = 0
+    reports: int = 0
+
+    @property
+    def messages(self) -> int:
+        """Messages up."""
+        return self.events + self.again + self.beats
+
+
+@dataclass(kw_only=True)
+class _Session:
+    """Session with the vehicle."""
+
+    number: int
+    keys: SessionKeys
+    window: SequenceWindow = field(default_factory=SequenceWindow)
+    sent: int = 0
+    sent_s: float = -inf
+    clock_s: float = -inf
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    report: Report | None = None
+    report_s: float = -inf
+    plan: Plan | None = None
+    plan_sequence: int = 0
+    command: Command | None = None
+    number_sent: int = 0
+    command_s: float = -inf
+    """Time at which the newest command was first sent."""
+    again_s: float = -inf
+    """Time at which it was last sent."""
+
+
+class GroundEnd:
+    """Session with one vehicle. Feed it datagrams with `hear`, and call `tick` once a cycle."""
+
+    def __init__(self, secret: bytes, me: Introduction, random: Callable[[int], bytes], beat_s: float) -> None:
+        self._secret, self.me, self._beat_s = secret, me, beat_s
+        self._hello = hello_seal(secret)
+        self._nonce = random(16)
+        """Of this process, so that the vehicle tells a new ground law from one that it knows."""
+        self._session: _Session | None = None
+        self._hello_s = -inf
+        self.refused = ""
+        """Reason for which the vehicle refused the last hello; empty without one."""
+        self.counts = LinkCounts()
+        self.epoch = self.law = 0
+        self.flags = UpFlags(0)
+        self.pose: Pose | None = None
+        """Sent with every message, if there is one."""
+        self.asked: Text | None = None
+        """Newest question of the vehicle."""
+        self._answer: Text | None = None
+
+    @property
+    def report(self) -> Report | None:
+        """Newest report of the vehicle."""
+        return None if self._session is None else self._session.report
+
+    @property
+    def plan(self) -> Plan | None:
+        """Newest plan of the vehicle."""
+        return None if self._session is None else self._session.plan
+
+    @property
+    def session(self) -> int | None:
+        """Number of the session; None before the first."""
+        return None if self._session is None else self._session.number
+
+    @property
+    def newest_number(self) -> int:
+        """Number of the newest command sent."""
+        return 0 if self._session is None else self._session.number_sent
+
+    @property
+    def clock(self) -> ClockOffset:
+        """Vehicle's clock against ours."""
+        return ClockOffset() if self._session is None else self._session.clock
+
+    @property
+    def up_age_s(self) -> float:
+        """Median age of our messages at their arrival, as the vehicle measures it; NaN while unknown."""
+        report = self.report
+        return nan if report is None or report.up_age == 0 else report.up_age * TICK_S
+
+    def silence_s(self, now_s: float) -> float:
+        """Return the time since the newest report, s; infinite before the first."""
+        return inf if self._session is None else now_s - self._session.report_s
+
+    def is_lost(self, now_s: float) -> bool:
+        """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
+        s = self._session
+        if s is None or s.report is None or s.command is None or s.report.number == s.number_sent:
+            return False
+        return now_s - s.command_s > self._round_trip_s() + _AGAIN_S
+
+    def hear(self, datagram: bytes, now_s: float) -> None:
+        """Take one datagram; what is not of this vehicle and session is dropped."""
+        s = self._session
+        data = None if s is None else s.keys.down.opened(datagram)
+        if s is not None and data is not None:
+            self.counts.bytes_down += len(datagram)
+            self._take(s, data, now_s)
+            return
+        hello = self._hello.opened(datagram)
+        if hello is not None:
+            self._take_reply(hello)
+
+    def _take_reply(self, data: bytes) -> None:
+        try:
+            reply = unpacked(data)
+        except BadMessageError:
+            return
+        if not isinstance(reply, Text) or reply.nonce != self._nonce:
+            return
+        if reply.kind is Kind.REFUSED:
+            self.refused = reply.text
+        elif reply.kind is Kind.WELCOME:
+            keys = session_keys(self._secret, self._nonce, reply.vehicle_nonce)
+            self._session, self.refused, self.asked, self._answer = (
+                _Session(number=reply.session, keys=keys),
+                "",
+                None,
+                None,
+            )
+
+    def _take(self, s: _Session, data: bytes, now_s: float) -> None:
+        try:
+            message = unpacked(data)
+        except BadMessageError:
+            return
+        if isinstance(message, UpMessage) or message.session != s.number:
+            return
+        newest = s.window.take(message.sequence) is Order.NEWEST
+        if isinstance(message, Text):
+            if newest and message.kind is Kind.ASK:
+                self._take_question(message)
+        elif newest and isinstance(message, Report):
+            self.counts.reports += 1
+            s.report, s.report_s = message, now_s
+            s.clock = s.clock.after(_round_trip(message, now_s))
+        elif isinstance(message, Plan) and message.knots and message.sequence > s.plan_sequence:
+            s.plan, s.plan_sequence = message, message.sequence
+
+    def _take_question(self, message: Text) -> None:
+        if self._answer is not None and self._answer.nonce == message.nonce:
+            self.asked = replace(message, text="")  # answered before: the answer is sent again
+        elif self.asked is None or self.asked.nonce != message.nonce:
+            self.asked, self._answer = message, None
+
+    def answer(self, question: Text, text: str) -> None:
+        """Answer a question of the vehicle; the answer is sent as often as the question comes."""
+        self._answer = replace(question, kind=Kind.ANSWER, text=text)
+        self.asked = replace(question, text="")
+
+    def command(self, command: Command) -> None:
+        """Set a new command; `tick` sends it as an event."""
+        s = self._session
+        if s is None:
+            return
+        s.command, s.number_sent = command, s.number_sent % 65535 + 1
+        s.command_s = s.again_s = -inf
+
+    def tick(self, now_s: float) -> list[bytes]:
+        """Return the datagrams to send now; call it once a cycle, after `command`."""
+        out = []
+        s = self._session
+        if s is None or now_s - s.report_s > _SILENT_S:
+            out += self._say_hello(now_s)
+        if s is not None:
+            out += self._messages(s, now_s)
+        return out
+
+    def _say_hello(self, now_s: float) -> list[bytes]:
+        if now_s - self._hello_s < _HELLO_S:
+            return []
+        self._hello_s = now_s
+        return [self._hello.sealed(packed(Text(kind=Kind.HELLO, nonce=self._nonce, text=self.me.text())))]
+
+    def _messages(self, s: _Session, now_s: float) -> list[bytes]:
+        out = []
+        if self._answer is not None and self.asked is not None:
+            self.asked = None
+            out.append(self._sealed(s, replace(self._answer, session=s.number, sequence=self._next(s)), now_s))
+        new = s.command is not None and s.command_s == -inf
+        if new or self._due_again(s, now_s):
+            self.counts.events += new
+            self.counts.again += not new
+            s.command_s = now_s if new else s.command_s
+            s.again_s = now_s
+            out.append(self._state(s, Kind.EVENT, now_s))
+        elif now_s - s.sent_s >= self._interval_s(s, now_s) - 0.5 * TICK_S:
+            self.counts.beats += 1
+            out.append(self._state(s, self._kind_of_beat(s, now_s), now_s))
+        return out
+
+    def _due_again(self, s: _Session, now_s: float) -> bool:
+        """Return True if the newest command is not acknowledged although it should be by now."""
+        return self.is_lost(now_s) and now_s - s.again_s >= _AGAIN_EVERY_S - TICK_S
+
+    def _interval_s(self, s: _Session, now_s: float) -> float:
+        report = s.report
+        if report is None or not self.flags & UpFlags.FLYING:
+            return self._beat_s
+        acknowledged_s = seconds_between(ticks_of(now_s), report.echo)
+        return 0.0 if acknowledged_s > self._round_trip_s() + _HURRY_S else self._beat_s
+
+    def _kind_of_beat(self, s: _Session, now_s: float) -> Kind:
+        if not isfinite(s.clock.offset_s) or now_s - s.clock_s < _CLOCK_S:
+            return Kind.BEAT
+        s.clock_s = now_s
+        return Kind.CLOCK
+
+    def _round_trip_s(self) -> float:
+        """Return the usual round trip: the quickest one, with twice the median age up for what jitter adds."""
+        quickest_s = self.clock.round_trip_s
+        usual_s = 2.0 * self.up_age_s
+        return max(one for one in (quickest_s, usual_s, 0.0) if isfinite(one))
+
+    def _state(self, s: _Session, kind: Kind, now_s: float) -> bytes:
+        message = UpMessage(
+            kind=kind,
+            session=s.number,
+            sequence=self._next(s),
+            stamp=ticks_of(now_s),
+            number=s.number_sent,
+            epoch=self.epoch,
+            law=self.law,
+            flags=self.flags,
+            command=s.command if kind is Kind.EVENT else None,
+            pose=self.pose,
+            clock_offset=ticks_of(s.clock.offset_s) if kind is Kind.CLOCK else 0,
+        )
+        return self._sealed(s, message, now_s)
+
+    @staticmethod
+    def _next(s: _Session) -> int:
+        s.sent += 1
+        return s.sent
+
+    def _sealed(self, s: _Session, message: "UpMessage | Text", now_s: float) -> bytes:
+        s.sent_s = now_s
+        data = s.keys.up.sealed(packed(message))
+        self.counts.bytes_up += len(data)
+        return data
+
+
+def _round_trip(report: Report, now_s: float) -> RoundTrip:
+    """Return the exchange that a report ends; times count from now on our clock, and from the report's stamp there."""
+    sent_s = now_s - seconds_between(ticks_of(now_s), report.echo)
+    vehicle_s = now_s + seconds_between(report.stamp, ticks_of(now_s))
+    return RoundTrip(
+        ground_sent_s=sent_s,
+        vehicle_received_s=vehicle_s - report.held * TICK_S,
+        vehicle_sent_s=vehicle_s,
+        ground_received_s=now_s,
+    )

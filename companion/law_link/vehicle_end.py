@@ -1,0 +1,359 @@
+"""Vehicle's end of the law's link: one ground law at a time, its newest command, and reports to it. Pure.
+
+A session begins only while no flight is on, so that a ground law that comes back, or a second one, never takes over in
+the air. Datagrams that are not of the session are counted and dropped, whatever they contain.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite
+
+from companion.law_link.agreement import Introduction, difference, introduction_of
+from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount
+from companion.law_link.messages import (
+    MESSAGE,
+    TICK_S,
+    BadMessageError,
+    Command,
+    DownFlags,
+    Kind,
+    Plan,
+    Pose,
+    Report,
+    Text,
+    UpFlags,
+    UpMessage,
+    is_number_newer,
+    packed,
+    seconds_between,
+    ticks_of,
+    unpacked,
+)
+from companion.law_link.sealing import Seal, SessionKeys, hello_seal, session_keys
+from companion.law_link.sequence_window import Order, SequenceWindow
+
+Random = Callable[[int], bytes]
+"""Returns this many random bytes."""
+_ASK_AGAIN_S = 0.1
+_REPLY_S = 0.2
+"""Shortest time between two replies to hellos: nobody is answered more often than it helps."""
+_LONG_AGO_S = 6.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldCommand:
+    """Newest command of the ground law, which the vehicle holds."""
+
+    number: int
+    epoch: int
+    law: int
+    command: Command
+    received_s: float
+    """Arrival on the vehicle's clock."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """State that the flight shows to the ground law."""
+
+    airborne: bool
+    cut: bool
+    arming: bool
+    epoch: int
+    number: int
+    """Number of the command in use; 0 without one."""
+    q_w_flu_wxyz: tuple[float, float, float, float]
+    thrust: float
+
+
+@dataclass(kw_only=True)
+class _Session:
+    """Session with one ground law."""
+
+    number: int
+    keys: SessionKeys
+    ground_nonce: bytes
+    who: Introduction
+    window: SequenceWindow = field(default_factory=SequenceWindow)
+    sent: int = 0
+    received: int = 0
+    newest: UpMessage | None = None
+    newest_s: float = -inf
+    """Arrival of the newest message."""
+    seen_s: float = -inf
+    """Time at which the newest message of a ground law with a pose was sent, by the vehicle's clock."""
+    offset: int | None = None
+    held: HeldCommand | None = None
+    pose: tuple[Pose, float] | None = None
+
+
+class VehicleEnd:
+    """Sessions, and what came in them. Feed it datagrams with `hear`; `report`, `plan` and `poll` return others."""
+
+    def __init__(self, secret: bytes, me: Introduction, random: Random) -> None:
+        self._secret, self._me, self._random = secret, me, random
+        self._hello = hello_seal(secret)
+        self._session: _Session | None = None
+        self._pending: _Session | None = None
+        """Session that was offered; it begins with the first message that proves its key."""
+        self.locked = False
+        """True while a flight is on: no session begins."""
+        self._ages = RecentAges()
+        self._received, self._missing, self._late, self._foreign = (SecondCount() for _ in range(4))
+        self._foreign_from, self._rival, self._rival_s, self._refused = "", "", -inf, ""
+        self._replied_s = -inf
+        self._asked: tuple[str, float] | None = None
+        self._asks = 0
+        self.answers: list[str] = []
+        """Answers to `ask`, as they came; whoever reads one removes it."""
+        self._accepted = self.bytes_up = self.bytes_down = 0
+        """Payload bytes received in sessions, and sent, tags included."""
+
+    @property
+    def held(self) -> HeldCommand | None:
+        """Newest command of the session; None before the first."""
+        return None if self._session is None else self._session.held
+
+    @property
+    def received(self) -> int:
+        """Messages that were accepted in sessions so far."""
+        return self._accepted
+
+    @property
+    def pose(self) -> tuple[Pose, float] | None:
+        """Newest pose that a message carried, and the time (s) at which it was sent; None without one."""
+        return None if self._session is None else self._session.pose
+
+    def hear(self, datagram: bytes, now_s: float, source: str) -> bytes | None:
+        """Take one datagram from `source`; return a reply to it, if there is one."""
+        for session in (self._session, self._pending):
+            data = None if session is None else session.keys.up.opened(datagram)
+            if session is not None and data is not None:
+                self._take(session, data, len(datagram), now_s, source)
+                return None
+        hello = self._hello.opened(datagram)
+        if hello is None:
+            self._note_foreign(now_s, source)
+            return None
+        try:
+            return self._answer_hello(unpacked(hello), now_s, source)
+        except BadMessageError:
+            self._note_foreign(now_s, source)
+            return None
+
+    def _note_foreign(self, now_s: float, source: str) -> None:
+        self._foreign.note(now_s)
+        self._foreign_from = source
+
+    def _answer_hello(self, hello: MESSAGE, now_s: float, source: str) -> bytes | None:
+        if not isinstance(hello, Text) or hello.kind is not Kind.HELLO:
+            self._note_foreign(now_s, source)
+            return None
+        if now_s - self._replied_s < _REPLY_S:
+            return None
+        who = introduction_of(hello.text)
+        same = self._session is not None and hello.nonce == self._session.ground_nonce
+        if same and (self.locked or self._heard_lately(now_s)):
+            return None  # it goes on in its session
+        self._replied_s = now_s
+        reason = self._reason_to_refuse(who, now_s)
+        if reason:
+            if difference(self._me, who) == "":
+                self._rival, self._rival_s = who.host, now_s
+            self._refused = reason
+            return self._hello.sealed(packed(Text(kind=Kind.REFUSED, nonce=hello.nonce, text=reason)))
+        return self._welcome(hello.nonce, who)
+
+    def _reason_to_refuse(self, who: Introduction, now_s: float) -> str:
+        if self._session is not None and self._heard_lately(now_s):
+            return f"the ground law on {self._session.who.host} has this vehicle: stop it first"
+        if self.locked:
+            return "a flight is on: a ground law may begin only while the vehicle stands disarmed, or is landed"
+        return difference(self._me, who)
+
+    def _heard_lately(self, now_s: float) -> bool:
+        return self._session is not None and now_s - self._session.newest_s < 1.0
+
+    def _welcome(self, ground_nonce: bytes, who: Introduction) -> bytes:
+        vehicle_nonce = self._random(16)
+        number = int.from_bytes(self._random(2), "little")
+        keys = session_keys(self._secret, ground_nonce, vehicle_nonce)
+        self._pending = _Session(number=number, keys=keys, ground_nonce=ground_nonce, who=who)
+        welcome = Text(
+            kind=Kind.WELCOME,
+            session=number,
+            nonce=ground_nonce,
+            vehicle_nonce=vehicle_nonce,
+            text=json.dumps({"vehicle": self._me.host}),
+        )
+        return self._hello.sealed(packed(welcome))
+
+    def _take(self, session: _Session, data: bytes, size: int, now_s: float, source: str) -> None:
+        try:
+            message = unpacked(data)
+        except BadMessageError:
+            self._note_foreign(now_s, source)
+            return
+        if not isinstance(message, UpMessage | Text) or message.session != session.number:
+            self._note_foreign(now_s, source)
+            return
+        if session is self._pending:
+            if self.locked:
+                return
+            self._session, self._pending, self._refused = session, None, ""
+            self._ages = RecentAges()
+        newest_before = session.window.newest
+        order = session.window.take(message.sequence)
+        if order is Order.REPEATED:
+            self._note_foreign(now_s, source)
+            return
+        self.bytes_up += size
+        self._accepted += 1
+        session.received += 1
+        if order is Order.LATE:
+            self._late.note(now_s)
+            self._missing.note(now_s, -1)
+            return
+        self._received.note(now_s)
+        self._missing.note(now_s, message.sequence - newest_before - 1)
+        if isinstance(message, Text):
+            self._take_answer(message)
+        else:
+            self._take_state(session, message, now_s)
+
+    def _take_answer(self, message: Text) -> None:
+        if self._asked is not None and message.kind is Kind.ANSWER and message.nonce == self._ask_nonce():
+            self._asked = None
+            self.answers.append(message.text)
+
+    def _take_state(self, session: _Session, message: UpMessage, now_s: float) -> None:
+        if message.kind is Kind.CLOCK:
+            session.offset = message.clock_offset
+        session.newest, session.newest_s = message, now_s
+        age_s = 0.0
+        if session.offset is not None:
+            age_s = seconds_between(ticks_of(now_s), message.stamp + session.offset)
+            self._ages.note(now_s, age_s)
+        if not message.flags & (UpFlags.BLIND | UpFlags.FAILED):
+            session.seen_s = max(session.seen_s, now_s - max(age_s, 0.0))
+        if message.pose is not None:
+            session.pose = message.pose, now_s - max(age_s, 0.0)
+        before = session.held
+        if message.command is not None and (before is None or is_number_newer(message.number, before.number)):
+            session.held = HeldCommand(
+                number=message.number,
+                epoch=message.epoch,
+                law=message.law,
+                command=message.command,
+                received_s=now_s,
+            )
+
+    def status(self, now_s: float) -> LinkStatus:
+        """Return the state of the link now."""
+        session = self._session
+        lately = now_s - self._rival_s < 1.0
+        around = replace(
+            NO_LINK,
+            foreign=self._foreign.sum(now_s),
+            foreign_from=self._foreign_from,
+            rival=self._rival if lately else "",
+            refused=self._refused,
+        )
+        if session is None:
+            return around
+        flags = session.newest.flags if session.newest is not None else UpFlags(0)
+        return replace(
+            around,
+            connected=True,
+            law=session.who.law,
+            host=session.who.host,
+            silence_s=now_s - session.seen_s,
+            blind=bool(flags & UpFlags.BLIND),
+            failed=bool(flags & UpFlags.FAILED),
+            age_s=self._ages.median_s,
+            received=self._received.sum(now_s),
+            missing=max(self._missing.sum(now_s), 0),
+            late=self._late.sum(now_s),
+        )
+
+    def is_acknowledged(self, number: int) -> bool:
+        """Return True if the session's newest command is this one."""
+        return self.held is not None and self.held.number == number
+
+    def report(self, shown: Shown, now_s: float) -> bytes | None:
+        """Return a report to the ground law; None without a session."""
+        session = self._session
+        if session is None or session.newest is None:
+            return None
+        flags = DownFlags.AIRBORNE if shown.airborne else DownFlags(0)
+        flags |= DownFlags.CUT if shown.cut else DownFlags(0)
+        flags |= DownFlags.ARMING if shown.arming else DownFlags(0)
+        median_s = self._ages.median_s
+        session.sent += 1
+        report = Report(
+            session=session.number,
+            sequence=session.sent,
+            stamp=ticks_of(now_s),
+            echo=session.newest.stamp,
+            held=_short_ticks(now_s - session.newest_s),
+            received=session.received,
+            number=shown.number,
+            epoch=shown.epoch,
+            law=session.held.law if session.held is not None else 0,
+            flags=flags,
+            up_age=_short_ticks(median_s) if isfinite(median_s) else 0,
+            q_w_flu_wxyz=shown.q_w_flu_wxyz,
+            thrust=shown.thrust,
+        )
+        return self._sealed(session, report)
+
+    def plan(self, plan: Plan) -> bytes | None:
+        """Return a plan to the ground law; None without a session."""
+        session = self._session
+        if session is None:
+            return None
+        session.sent += 1
+        return self._sealed(session, replace(plan, session=session.number, sequence=session.sent))
+
+    def ask(self, text: str, now_s: float) -> None:
+        """Ask the ground law for something, until it answers; an earlier question is dropped."""
+        self._asks += 1
+        self._asked = text, now_s - _LONG_AGO_S
+        self.answers.clear()
+
+    def rename(self, law: str) -> None:
+        """Note that the ground flies another law."""
+        if self._session is not None:
+            self._session.who = replace(self._session.who, law=law)
+
+    def stop_asking(self) -> None:
+        """Drop the question that is still open."""
+        self._asked = None
+
+    def poll(self, now_s: float) -> bytes | None:
+        """Return the open question when it is time to send it again; None otherwise."""
+        session = self._session
+        if self._asked is None or session is None or now_s - self._asked[1] < _ASK_AGAIN_S:
+            return None
+        text, _ = self._asked
+        self._asked = text, now_s
+        session.sent += 1
+        ask = Text(kind=Kind.ASK, session=session.number, sequence=session.sent, nonce=self._ask_nonce(), text=text)
+        return self._sealed(session, ask)
+
+    def _ask_nonce(self) -> bytes:
+        return self._asks.to_bytes(16, "little")
+
+    def _sealed(self, session: _Session, message: MESSAGE) -> bytes:
+        data = _down(session).sealed(packed(message))
+        self.bytes_down += len(data)
+        return data
+
+
+def _down(session: _Session) -> Seal:
+    return session.keys.down
+
+
+def _short_ticks(time_s: float) -> int:
+    return min(max(round(time_s / TICK_S), 0), 65535)
