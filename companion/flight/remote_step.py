@@ -82,6 +82,7 @@ class RemoteStep:
     def _signals(self) -> dict[str, Array]:
         """Return the link's numbers for the record."""
         s, end = self.status, self._link.end
+        counts = end.counts
         return {
             "link_command": np.array([float(self._number)]),
             "link_silence_s": np.array([min(s.silence_s, 1e3)]),
@@ -89,7 +90,11 @@ class RemoteStep:
             "link_received": np.array([float(s.received)]),
             "link_missing": np.array([float(s.missing)]),
             "link_late": np.array([float(s.late)]),
-            "link_bytes_up": np.array([float(end.bytes_up)]),
+            "link_messages": np.array([float(counts.messages)]),
+            "link_events": np.array([float(counts.events)]),
+            "link_again": np.array([float(counts.again)]),
+            "link_lost": np.array([float(counts.lost)]),
+            "link_bytes_up": np.array([float(counts.sent_bytes)]),
             "link_bytes_down": np.array([float(end.bytes_down)]),
         }
 

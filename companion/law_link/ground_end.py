@@ -13,6 +13,7 @@ from companion.law_link.clock_offset import ClockOffset, RoundTrip
 from companion.law_link.messages import (
     TICK_S,
     BadMessageError,
+    Clock,
     Command,
     Kind,
     Plan,
@@ -42,7 +43,7 @@ _HURRY_S = 0.1
 
 @dataclass(kw_only=True)
 class LinkCounts:
-    """Messages and payload bytes sent so far, tags included."""
+    """Messages and payload bytes of a session so far, tags included."""
 
     events: int = 0
     again: int = 0
@@ -166,12 +167,8 @@ class GroundEnd:
             self.refused = reply.text
         elif reply.kind is Kind.WELCOME:
             keys = session_keys(self._secret, self._nonce, reply.vehicle_nonce)
-            self._session, self.refused, self.asked, self._answer = (
-                _Session(number=reply.session, keys=keys),
-                "",
-                None,
-                None,
-            )
+            self._session, self.counts = _Session(number=reply.session, keys=keys), LinkCounts()
+            self.refused, self.asked, self._answer = "", None, None
 
     def _take(self, s: _Session, data: bytes, now_s: float) -> None:
         try:
@@ -278,9 +275,13 @@ class GroundEnd:
             flags=self.flags,
             command=s.command if kind is Kind.EVENT else None,
             pose=self.pose,
-            clock_offset=ticks_of(s.clock.offset_s) if kind is Kind.CLOCK else 0,
+            clock=self._clock_of(s) if kind is Kind.CLOCK else None,
         )
         return self._sealed(s, message, now_s)
+
+    def _clock_of(self, s: _Session) -> Clock:
+        c = self.counts
+        return Clock(offset=ticks_of(s.clock.offset_s), sent_bytes=c.bytes_up, again=c.again)
 
     @staticmethod
     def _next(s: _Session) -> int:

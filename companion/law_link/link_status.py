@@ -60,6 +60,32 @@ NO_LINK = LinkStatus(
 """State before the first ground law."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class UpCounts:
+    """Messages that the ground law has sent in this session, by its own count."""
+
+    messages: int = 0
+    events: int = 0
+    """New commands."""
+    again: int = 0
+    """Commands sent again, as known twice a second."""
+    sent_bytes: int = 0
+    """Payload with tags, as known twice a second."""
+    received: int = 0
+    """Messages that have arrived, late ones included."""
+    received_bytes: int = 0
+
+    @property
+    def beats(self) -> int:
+        """Messages without a command."""
+        return self.messages - self.events - self.again
+
+    @property
+    def lost(self) -> int:
+        """Messages that have not arrived so far."""
+        return self.messages - self.received
+
+
 class SecondCount:
     """Sum of numbers noted in the last second."""
 

@@ -104,6 +104,18 @@ class Command:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Clock:
+    """Offset of the clocks, and how much the ground has sent in this session."""
+
+    offset: int
+    """Vehicle's clock less the ground's, in ticks modulo 2^32."""
+    sent_bytes: int
+    """Payload, tags included, modulo 2^32."""
+    again: int
+    """Commands sent again, modulo 2^32."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class UpMessage:
     """Beat, clock or event: the ground law's state, and a command in an event."""
 
@@ -120,8 +132,8 @@ class UpMessage:
     flags: UpFlags = NO_FLAGS
     command: Command | None = None
     pose: Pose | None = None
-    clock_offset: int = 0
-    """In CLOCK: the vehicle's clock less the ground's, in ticks modulo 2^32."""
+    clock: Clock | None = None
+    """In CLOCK alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +202,7 @@ class Text:
 _UP = struct.Struct("<BHIIHBBB")
 _COMMAND = struct.Struct("<4fH")
 _POSE = struct.Struct("<4h")
-_CLOCK = struct.Struct("<I")
+_CLOCK = struct.Struct("<III")
 _REPORT = struct.Struct("<BHIIIHIHBBBH5f")
 _PLAN = struct.Struct("<BHIIHBB")
 _TEXT = struct.Struct("<BHI16s16s")
@@ -224,8 +236,8 @@ def _packed_up(m: UpMessage) -> bytes:
     data = _UP.pack(m.kind, m.session, m.sequence, m.stamp, *state)
     if m.command is not None:
         data += _COMMAND.pack(*m.command.accel_w_mps2, m.command.yaw_rad, m.command.capture_ago)
-    if m.kind is Kind.CLOCK:
-        data += _CLOCK.pack(m.clock_offset)
+    if m.clock is not None:
+        data += _CLOCK.pack(m.clock.offset, m.clock.sent_bytes % _WRAP, m.clock.again % _WRAP)
     if m.pose is not None:
         steps = [_short(one / _POSITION_STEP_M) for one in m.pose.position_w_m]
         data += _POSE.pack(*steps, _short(m.pose.yaw_rad / _YAW_STEP_RAD))
@@ -271,13 +283,13 @@ def _unpacked(data: bytes) -> MESSAGE:
 
 def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
     _, session, sequence, stamp, number, epoch, law, bits = _UP.unpack_from(data)
-    at, command, pose, offset = _UP.size, None, None, 0
+    at, command, pose, clock = _UP.size, None, None, None
     if kind is Kind.EVENT:
         *accel, yaw_rad, ago = _COMMAND.unpack_from(data, at)
         command, at = Command(accel_w_mps2=_vector(accel), yaw_rad=yaw_rad, capture_ago=ago), at + _COMMAND.size
     if kind is Kind.CLOCK:
-        (offset,) = _CLOCK.unpack_from(data, at)
-        at += _CLOCK.size
+        offset, sent, again = _CLOCK.unpack_from(data, at)
+        clock, at = Clock(offset=offset, sent_bytes=sent, again=again), at + _CLOCK.size
     if bits & UpFlags.POSE:
         *steps, turn = _POSE.unpack_from(data, at)
         position = _vector([step * _POSITION_STEP_M for step in steps])
@@ -294,7 +306,7 @@ def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
         flags=UpFlags(bits),
         command=command,
         pose=pose,
-        clock_offset=offset,
+        clock=clock,
     )
 
 

@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 from math import inf, isfinite
 
 from companion.law_link.agreement import Introduction, difference, introduction_of
-from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount
+from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
 from companion.law_link.messages import (
     MESSAGE,
     TICK_S,
     BadMessageError,
+    Clock,
     Command,
     DownFlags,
     Kind,
@@ -78,12 +79,14 @@ class _Session:
     window: SequenceWindow = field(default_factory=SequenceWindow)
     sent: int = 0
     received: int = 0
+    received_bytes: int = 0
     newest: UpMessage | None = None
     newest_s: float = -inf
     """Arrival of the newest message."""
     seen_s: float = -inf
     """Time at which the newest message of a ground law with a pose was sent, by the vehicle's clock."""
-    offset: int | None = None
+    clock: Clock | None = None
+    events: int = 0
     held: HeldCommand | None = None
     pose: tuple[Pose, float] | None = None
 
@@ -107,8 +110,8 @@ class VehicleEnd:
         self._asks = 0
         self.answers: list[str] = []
         """Answers to `ask`, as they came; whoever reads one removes it."""
-        self._accepted = self.bytes_up = self.bytes_down = 0
-        """Payload bytes received in sessions, and sent, tags included."""
+        self._accepted = self.bytes_down = 0
+        """Messages accepted; payload bytes sent in sessions, tags included."""
 
     @property
     def held(self) -> HeldCommand | None:
@@ -208,9 +211,9 @@ class VehicleEnd:
         if order is Order.REPEATED:
             self._note_foreign(now_s, source)
             return
-        self.bytes_up += size
         self._accepted += 1
         session.received += 1
+        session.received_bytes += size
         if order is Order.LATE:
             self._late.note(now_s)
             self._missing.note(now_s, -1)
@@ -228,12 +231,13 @@ class VehicleEnd:
             self.answers.append(message.text)
 
     def _take_state(self, session: _Session, message: UpMessage, now_s: float) -> None:
-        if message.kind is Kind.CLOCK:
-            session.offset = message.clock_offset
+        if message.clock is not None:
+            session.clock = message.clock
+        session.events += (message.number - (session.newest.number if session.newest else 0)) % 65535
         session.newest, session.newest_s = message, now_s
         age_s = 0.0
-        if session.offset is not None:
-            age_s = seconds_between(ticks_of(now_s), message.stamp + session.offset)
+        if session.clock is not None:
+            age_s = seconds_between(ticks_of(now_s), message.stamp + session.clock.offset)
             self._ages.note(now_s, age_s)
         if not message.flags & (UpFlags.BLIND | UpFlags.FAILED):
             session.seen_s = max(session.seen_s, now_s - max(age_s, 0.0))
@@ -277,9 +281,20 @@ class VehicleEnd:
             late=self._late.sum(now_s),
         )
 
-    def is_acknowledged(self, number: int) -> bool:
-        """Return True if the session's newest command is this one."""
-        return self.held is not None and self.held.number == number
+    @property
+    def counts(self) -> UpCounts:
+        """Messages that the ground law has sent in this session."""
+        s = self._session
+        if s is None:
+            return UpCounts()
+        return UpCounts(
+            messages=s.window.newest,
+            events=s.events,
+            again=0 if s.clock is None else s.clock.again,
+            sent_bytes=0 if s.clock is None else s.clock.sent_bytes,
+            received=s.received,
+            received_bytes=s.received_bytes,
+        )
 
     def report(self, shown: Shown, now_s: float) -> bytes | None:
         """Return a report to the ground law; None without a session."""
