@@ -46,6 +46,8 @@ class Summary:
     disarmed: bool
     arms: "ArmSummary | None" = None
     """None for a vehicle without arms."""
+    link: "LinkSummary | None" = None
+    """None for a law on board."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,25 @@ class ArmSummary:
     bus_cycle_ms: Spread
     bad_packets: int
     """Late, broken or missing answers that were requested again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkSummary:
+    """Key numbers of the link to a law on the ground, over the same cycles, as the ground has sent."""
+
+    uplink_bytes_per_s: float
+    """Payload with tags, lost messages included."""
+    downlink_bytes_per_s: float
+    messages_per_s: float
+    """Events, beats and repeated commands up; a plain stream has one a cycle."""
+    events: int
+    beats: int
+    again: int
+    """Commands that were sent again because they were not acknowledged."""
+    lost: int
+    age_ms: Spread
+    """Age of a message at its arrival."""
+    longest_silence_ms: float
 
 
 def summarise(columns: Columns) -> Summary | None:
@@ -87,6 +108,7 @@ def summarise(columns: Columns) -> Summary | None:
         landed=last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
         disarmed=not bool(columns["armed"][-1]),
         arms=_summarise_arms(columns, tracking) if "arm_phase" in columns else None,
+        link=_summarise_link(columns, tracking) if "law_link_messages" in columns else None,
     )
 
 
@@ -99,6 +121,29 @@ def _summarise_arms(columns: Columns, tracking: NDArray[np.bool_]) -> ArmSummary
         float(known.max()) if known.size else float("nan"),
         spread_ms(_floats(columns["arm_bus_cycle_s"])[tracking]),
         int(bad[-1] - bad[0]),
+    )
+
+
+def _summarise_link(columns: Columns, tracking: NDArray[np.bool_]) -> LinkSummary:
+    time_s = _floats(columns["time_s"])[tracking]
+    passed_s = max(float(time_s[-1] - time_s[0]), 1e-9)
+
+    def grown(name: str) -> int:
+        counts = _floats(columns[f"law_link_{name}"]).reshape(-1)[tracking]
+        return int(counts[-1] - counts[0])
+
+    messages, events, again = grown("messages"), grown("events"), grown("again")
+    ages_s = _floats(columns["law_link_newest_age_s"]).reshape(-1)[tracking]
+    return LinkSummary(
+        uplink_bytes_per_s=grown("bytes_up") / passed_s,
+        downlink_bytes_per_s=grown("bytes_down") / passed_s,
+        messages_per_s=messages / passed_s,
+        events=events,
+        beats=messages - events - again,
+        again=again,
+        lost=grown("lost"),
+        age_ms=spread_ms(ages_s[np.isfinite(ages_s)]),
+        longest_silence_ms=1e3 * float(_floats(columns["law_link_silence_s"]).reshape(-1)[tracking].max()),
     )
 
 

@@ -15,7 +15,7 @@ from companion.law_link.vehicle_end import Shown, VehicleEnd
 from companion.supervisor.flight_state import STREAMING, FlightState, Phase
 from companion.supervisor.state_machine import reference_at
 
-_REPORT_S = 0.04
+_REPORT_S = 0.03
 """Longest time between two reports; the ground takes silence of 0.1 s for a loss."""
 _ARMING = frozenset({Phase.PREFLIGHT, Phase.ARMED})
 
@@ -64,7 +64,7 @@ class RemoteStep:
         end = self._link.end
         end.locked = flight.phase in STREAMING
         self.status = end.status(now_s)
-        held = end.held
+        held = end.use(now_s)
         current = held is not None and held.epoch == self._epoch and flight.airborne
         self._number = held.number if current and held is not None else 0
         self.command_age_s = self.status.silence_s
@@ -87,6 +87,7 @@ class RemoteStep:
             "link_command": np.array([float(self._number)]),
             "link_silence_s": np.array([min(s.silence_s, 1e3)]),
             "link_age_s": np.array([s.age_s]),
+            "link_newest_age_s": np.array([s.newest_age_s]),
             "link_received": np.array([float(s.received)]),
             "link_missing": np.array([float(s.missing)]),
             "link_late": np.array([float(s.late)]),
@@ -108,7 +109,7 @@ class RemoteStep:
     ) -> None:
         """Report to the ground what was sent, at once when it has changed, and the plan when that is due."""
         shown = self._state(flight, sent, limited)
-        if shown != self._shown or now_s - self._shown_s >= _REPORT_S:
+        if shown != self._shown or self._link.end.unreported or now_s - self._shown_s >= _REPORT_S:
             self._shown, self._shown_s = shown, now_s
             self._send(self._link.end.report(shown, now_s))
         self._send(self._link.end.poll(now_s))

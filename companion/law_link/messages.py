@@ -155,7 +155,7 @@ class Report:
     law: int
     flags: DownFlags
     up_age: int
-    """Median age of the messages up at their arrival, in ticks, 0 to 65535."""
+    """Median age of the messages up when a control cycle uses them, in ticks, 0 to 65535."""
     q_w_flu_wxyz: tuple[float, float, float, float]
     """Setpoint sent, after the guard: attitude, and thrust 0..1."""
     thrust: float

@@ -7,7 +7,7 @@ the air. Datagrams that are not of the session are counted and dropped, whatever
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import inf, isfinite
+from math import inf, isfinite, nan
 
 from companion.law_link.agreement import Introduction, difference, introduction_of
 from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
@@ -81,12 +81,15 @@ class _Session:
     received: int = 0
     received_bytes: int = 0
     newest: UpMessage | None = None
+    newest_age_s: float = nan
     newest_s: float = -inf
     """Arrival of the newest message."""
     seen_s: float = -inf
     """Time at which the newest message of a ground law with a pose was sent, by the vehicle's clock."""
     clock: Clock | None = None
     events: int = 0
+    used: int = 0
+    """Sequence of the newest message that a cycle has used."""
     held: HeldCommand | None = None
     pose: tuple[Pose, float] | None = None
 
@@ -102,7 +105,7 @@ class VehicleEnd:
         """Session that was offered; it begins with the first message that proves its key."""
         self.locked = False
         """True while a flight is on: no session begins."""
-        self._ages = RecentAges()
+        self._ages, self._used_ages = RecentAges(), RecentAges()
         self._received, self._missing, self._late, self._foreign = (SecondCount() for _ in range(4))
         self._foreign_from, self._rival, self._rival_s, self._refused = "", "", -inf, ""
         self._replied_s = -inf
@@ -110,13 +113,10 @@ class VehicleEnd:
         self._asks = 0
         self.answers: list[str] = []
         """Answers to `ask`, as they came; whoever reads one removes it."""
+        self.unreported = False
+        """A command, new or repeated, has arrived since the last report."""
         self._accepted = self.bytes_down = 0
         """Messages accepted; payload bytes sent in sessions, tags included."""
-
-    @property
-    def held(self) -> HeldCommand | None:
-        """Newest command of the session; None before the first."""
-        return None if self._session is None else self._session.held
 
     @property
     def received(self) -> int:
@@ -205,7 +205,7 @@ class VehicleEnd:
             if self.locked:
                 return
             self._session, self._pending, self._refused = session, None, ""
-            self._ages = RecentAges()
+            self._ages, self._used_ages = RecentAges(), RecentAges()
         newest_before = session.window.newest
         order = session.window.take(message.sequence)
         if order is Order.REPEATED:
@@ -217,13 +217,15 @@ class VehicleEnd:
         if order is Order.LATE:
             self._late.note(now_s)
             self._missing.note(now_s, -1)
-            return
-        self._received.note(now_s)
-        self._missing.note(now_s, message.sequence - newest_before - 1)
+        else:
+            self._received.note(now_s)
+            self._missing.note(now_s, message.sequence - newest_before - 1)
         if isinstance(message, Text):
             self._take_answer(message)
-        else:
+            return
+        if order is Order.NEWEST:
             self._take_state(session, message, now_s)
+        self._take_command(session, message, now_s)
 
     def _take_answer(self, message: Text) -> None:
         if self._asked is not None and message.kind is Kind.ANSWER and message.nonce == self._ask_nonce():
@@ -239,11 +241,16 @@ class VehicleEnd:
         if session.clock is not None:
             age_s = seconds_between(ticks_of(now_s), message.stamp + session.clock.offset)
             self._ages.note(now_s, age_s)
+            session.newest_age_s = age_s
         if not message.flags & (UpFlags.BLIND | UpFlags.FAILED):
             session.seen_s = max(session.seen_s, now_s - max(age_s, 0.0))
         if message.pose is not None:
             session.pose = message.pose, now_s - max(age_s, 0.0)
+
+    def _take_command(self, session: _Session, message: UpMessage, now_s: float) -> None:
+        """Take a command that is newer than the one held, also from a message that a beat has overtaken."""
         before = session.held
+        self.unreported |= message.command is not None
         if message.command is not None and (before is None or is_number_newer(message.number, before.number)):
             session.held = HeldCommand(
                 number=message.number,
@@ -252,6 +259,16 @@ class VehicleEnd:
                 command=message.command,
                 received_s=now_s,
             )
+
+    def use(self, now_s: float) -> HeldCommand | None:
+        """Return the newest command at the begin of a control cycle, when it is put to use; None before the first."""
+        s = self._session
+        if s is None:
+            return None
+        if s.newest is not None and s.clock is not None and s.newest.sequence != s.used:
+            s.used = s.newest.sequence
+            self._used_ages.note(now_s, seconds_between(ticks_of(now_s), s.newest.stamp + s.clock.offset))
+        return s.held
 
     def status(self, now_s: float) -> LinkStatus:
         """Return the state of the link now."""
@@ -276,6 +293,7 @@ class VehicleEnd:
             blind=bool(flags & UpFlags.BLIND),
             failed=bool(flags & UpFlags.FAILED),
             age_s=self._ages.median_s,
+            newest_age_s=session.newest_age_s,
             received=self._received.sum(now_s),
             missing=max(self._missing.sum(now_s), 0),
             late=self._late.sum(now_s),
@@ -304,7 +322,8 @@ class VehicleEnd:
         flags = DownFlags.AIRBORNE if shown.airborne else DownFlags(0)
         flags |= DownFlags.CUT if shown.cut else DownFlags(0)
         flags |= DownFlags.ARMING if shown.arming else DownFlags(0)
-        median_s = self._ages.median_s
+        median_s = self._used_ages.median_s
+        self.unreported = False
         session.sent += 1
         report = Report(
             session=session.number,

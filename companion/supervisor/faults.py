@@ -245,7 +245,7 @@ TABLE: tuple[Row, ...] = (
     Row(fault=Fault.COMMAND_LATE,
         sign="nothing that a law on the ground has sent is newer than {command_late_s} s; from {command_coast_s} s on "
         "the guard reduces the tilt, until the vehicle is level at {command_level_s} s",
-        why="two beats are missing; the last command is held, as between two events",
+        why="three beats are missing; the last command is held, as between two events",
         flying=_WARN, landing=_WARN, ground=_WARN),
     Row(fault=Fault.GROUND_LAW_SILENT,
         sign="nothing that a law on the ground has sent with a pose is newer than {command_silent_s} s (cable, radio, "

@@ -43,8 +43,8 @@ class SafetyRules:
     hold_s: float = 30.0
     operator_gone_s: float = 2.0
     disk_free_mb: float = 200.0
-    command_late_s: float = 0.06
-    """A beat comes every 0.03 s."""
+    command_late_s: float = 0.1
+    """A beat comes every 0.03 s: three in a row are missing."""
     command_coast_s: float = 0.12
     command_level_s: float = 0.2
     command_silent_s: float = 0.25

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -43,6 +44,13 @@ _BUSY = frozenset({
 _BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have not answered")
 
 
+class Place(StrEnum):
+    """Place where the control law runs."""
+
+    BOARD = "board"
+    GROUND = "ground"
+
+
 def demo(
     trajectory: Annotated[
         str, typer.Option(help="ellipse, figure8, or a CSV file of waypoints.", autocompletion=trajectories)
@@ -77,6 +85,17 @@ def demo(
             "docs/faults.md.",
         ),
     ] = None,
+    law_on: Annotated[
+        Place, typer.Option("--law-on", help="Run the control law on board, or in a process on the ground.")
+    ] = Place.BOARD,
+    link: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SENTENCE",
+            help="With --law-on ground: impair the radio between both: 'loss 10% jitter 20 ms', 'loss 30% burst 100 "
+            "ms delay 5 ms'.",
+        ),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print all log messages.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Use free ports, to run several demos at once.")] = False,
 ) -> None:
@@ -91,6 +110,8 @@ def demo(
     console = Console()
     settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
     _check_faults(fault or (), mocks, broker=settings.operator is not None)
+    if link is not None and law_on is Place.BOARD:
+        raise ConfigError(f"--link {link!r}: there is no such link with the law on board: give --law-on ground")
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)
@@ -109,6 +130,8 @@ def demo(
             start_mocks=mocks,
             faults=tuple(fault or ()),
             records=out,
+            on_ground=law_on is Place.GROUND,
+            link=link,
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]

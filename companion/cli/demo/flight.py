@@ -18,10 +18,12 @@ from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.analysis.summary import Summary, summarise
 from companion.cli.demo.fault_messages import shorter, still_there
 from companion.cli.demo.flight_log import FlightStory
+from companion.cli.demo.ground_process import law_on_ground
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.demo.progress import FlightDisplay
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import LoadedController, controller_text
+from companion.config.controller_config import ON_GROUND, LoadedController, controller_text
+from companion.control.remote_law import RemoteLaw
 from companion.core.interfaces import CompanionError, FlightError
 from companion.flight.sinks import FanOutSink
 from companion.protocol.commands import Track
@@ -35,6 +37,7 @@ _POLL_S = 0.02
 _THEIRS_S = 30.0
 """Time for which a flight under the pilot's or PX4's control is watched."""
 _STOPPED_S = 1.0
+_GROUND_S = 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +59,10 @@ class DemoFlight:
     """Faults to inject, as sentences."""
     records: Path
     """Folder of the record."""
+    on_ground: bool = False
+    """The law runs in a process on the ground."""
+    link: str | None = None
+    """Impairment of the link to it, as a sentence; None: none."""
 
     @property
     def name(self) -> str:
@@ -110,9 +117,10 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
                     display.say("connecting to motion capture and autopilot")
                     sink = FanOutSink([flown.recorder, kept, display.take])
                     watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
-                    async with open_local_operator(
-                        flight.config, flight.controller, sink, watchdog_timer, flight.records, display.say
-                    ) as operator:
+                    async with (
+                        _law_placed(flight) as (config, law),
+                        open_local_operator(config, law, sink, watchdog_timer, flight.records, display.say) as operator,
+                    ):
                         await _mission(flight, operator, display, flown)
                 except CompanionError as error:
                     if not flown.recorder.flew:
@@ -175,6 +183,26 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
         raise
 
 
+@asynccontextmanager
+async def _law_placed(flight: DemoFlight) -> AsyncIterator[tuple[CompanionConfig, LoadedController]]:
+    """Run the law where it is to run; yield the vehicle's configuration and law."""
+    if not flight.on_ground:
+        yield flight.config, flight.controller
+        return
+    async with law_on_ground(flight.config, flight.controller, flight.link, flight.seed) as config:
+        yield config, LoadedController(ON_GROUND, RemoteLaw(), flight.controller.error_limits)
+
+
+async def _ground_law_connected(operator: LocalOperator, display: FlightDisplay) -> None:
+    """Wait for a law on the ground; FlightError when none comes."""
+    remote = operator.service.loop.remote
+    if remote is None:
+        return
+    display.say("waiting for the law on the ground")
+    if not await operator.service.until(lambda: remote.status.connected, _GROUND_S):
+        raise FlightError(f"no ground law has connected within {_GROUND_S:g} s: {remote.status.refused or 'silence'}")
+
+
 async def _mission(flight: DemoFlight, operator: LocalOperator, display: FlightDisplay, flown: Flown) -> None:
     """Fly; land after every error and interrupt."""
     service = operator.service
@@ -208,7 +236,7 @@ async def _fly(flight: DemoFlight, operator: LocalOperator, display: FlightDispl
     """Send the commands; another operator's hold ends them, and lasts until an operator or a fault ends it."""
     for warning in operator.service.reports.warnings:
         display.say(warning)
-    commands = asyncio.create_task(_commands(flight, operator), name="companion.demo_commands")
+    commands = asyncio.create_task(_commands(flight, operator, display), name="companion.demo_commands")
     try:
         while not (commands.done() or display.story.held):
             await asyncio.wait({commands}, timeout=_POLL_S)
@@ -221,7 +249,8 @@ async def _fly(flight: DemoFlight, operator: LocalOperator, display: FlightDispl
         commands.result()
 
 
-async def _commands(flight: DemoFlight, operator: LocalOperator) -> None:
+async def _commands(flight: DemoFlight, operator: LocalOperator, display: FlightDisplay) -> None:
+    await _ground_law_connected(operator, display)
     await operator.do("arm")
     await operator.do("takeoff")
     await operator.send(flight.track)

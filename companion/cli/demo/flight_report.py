@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console, Group
 from rich.text import Text
 
-from companion.analysis.summary import ArmSummary, Summary
+from companion.analysis.summary import ArmSummary, LinkSummary, Summary
 from companion.cli.terminal import numbers_table
 from companion.config.controller_config import ErrorLimits, LoadedController
 from companion.core.types import Array
@@ -42,6 +42,7 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
         "landed": summary.landed,
         "disarmed": summary.disarmed,
         "arms": None if summary.arms is None else asdict(summary.arms),
+        **({} if summary.link is None else {"link": asdict(summary.link)}),
     }
 
 
@@ -56,6 +57,8 @@ def print_report(
         console.print(_timing_table(summary))
         if summary.arms is not None:
             console.print(_arms_line(summary.arms), highlight=False, soft_wrap=True)
+        if summary.link is not None:
+            console.print(_link_line(summary.link), highlight=False, soft_wrap=True)
     verdict = Text.assemble(("interrupted", "yellow"), "; ") if interrupted else Text()
     console.print(verdict + _verdict(controller, summary, failure), highlight=False, soft_wrap=True)
 
@@ -116,6 +119,14 @@ def _arms_line(arms: ArmSummary) -> str:
     return (
         f"arms {did}, joints within {off_deg:.1f}° of their goals; bus cycle {arms.bus_cycle_ms.median:.1f} ms "
         f"(p99 {arms.bus_cycle_ms.p99:.1f}), {arms.bad_packets} answers asked for again"
+    )
+
+
+def _link_line(link: LinkSummary) -> str:
+    return (
+        f"link {link.messages_per_s:.0f} messages/s, {link.uplink_bytes_per_s:.0f} bytes/s up: {link.events} events, "
+        f"{link.beats} beats, {link.again} again, {link.lost} lost; age {link.age_ms.median:.1f} ms (p99 "
+        f"{link.age_ms.p99:.1f}), longest silence {link.longest_silence_ms:.0f} ms"
     )
 
 

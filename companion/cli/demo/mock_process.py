@@ -83,6 +83,18 @@ def free_ports() -> MockPorts:
             end.close()
 
 
+def free_udp_ports(count: int) -> list[int]:
+    """Return UDP ports of this computer that are free at this moment."""
+    ends = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for end in ends:
+            end.bind(("127.0.0.1", 0))
+        return [int(end.getsockname()[1]) for end in ends]
+    finally:
+        for end in ends:
+            end.close()
+
+
 @asynccontextmanager
 async def mock_process(
     config: Path,

@@ -1,0 +1,92 @@
+"""Law on the ground for the duration of a demo: its process, a key, and a relay that impairs the link."""
+
+import asyncio
+import json
+import logging
+import secrets
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
+from pathlib import Path
+
+from companion.adapters.system import child_process
+from companion.cli.demo.mock_process import MockError, free_udp_ports
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController
+from companion.config.flight_config import LawConfig, LawLinkConfig
+
+_STOP_S = 5.0
+
+
+@asynccontextmanager
+async def law_on_ground(
+    config: CompanionConfig, law: LoadedController, link: str | None, seed: int
+) -> AsyncIterator[CompanionConfig]:
+    """Run the law in a process of its own; yield the vehicle's configuration.
+
+    `link` impairs the way between both, in the words of `python -m mock_autopilot.impairment`; MockError for others.
+    """
+    vehicle_port, relay_port = free_udp_ports(2)
+    with _key_file() as key:
+        ends = LawLinkConfig(port=vehicle_port, listen="127.0.0.1", key_file=str(key))
+        split = config.model_copy(update={"law": LawConfig(runs_on="ground", link=ends)})
+        async with _relay(link, relay_port, vehicle_port, seed) as port, _ground_process(split, law, port):
+            yield split
+
+
+@contextmanager
+def _key_file() -> Iterator[Path]:
+    with tempfile.TemporaryDirectory(prefix="dauam-law-") as folder:
+        key = Path(folder) / "key"
+        key.touch(mode=0o600)
+        key.write_text(secrets.token_hex(32) + "\n", encoding="ascii")
+        yield key
+
+
+@asynccontextmanager
+async def _relay(link: str | None, listen: int, to: int, seed: int) -> AsyncIterator[int]:
+    """Yield the port by which the ground reaches the vehicle's."""
+    if link is None:
+        yield to
+        return
+    options = ["--udp", link, "--listen", str(listen), "--to", f"127.0.0.1:{to}", "--seed", str(seed)]
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "mock_autopilot.impairment", *options),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.PIPE,
+        start_new_session=True,
+    )
+    try:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        if not await process.stdout.readline():
+            said = (await process.stderr.read()).decode(errors="replace").strip()
+            raise MockError(f"--link {link!r}: {said.partition(': ')[2] or said}")
+        yield listen
+    finally:
+        process.terminate()
+        await child_process.end(process, _STOP_S)
+
+
+@asynccontextmanager
+async def _ground_process(config: CompanionConfig, law: LoadedController, port: int) -> AsyncIterator[None]:
+    link = config.law.link.model_copy(update={"port": port})
+    ground = config.model_copy(update={"law": config.law.model_copy(update={"link": link})})
+    settings = {
+        "config": ground.model_dump(mode="json"),
+        "controller": law.name,
+        "allow_unstable": law.unstable_allowed,
+        "level": logging.INFO if logging.getLogger("companion").isEnabledFor(logging.DEBUG) else logging.CRITICAL,
+    }
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "companion.ground"), stdin=asyncio.subprocess.PIPE, start_new_session=True
+    )
+    try:
+        assert process.stdin is not None
+        process.stdin.write(json.dumps(settings).encode() + b"\n")
+        await process.stdin.drain()
+        yield
+    finally:
+        await child_process.end(process, _STOP_S)
