@@ -6,6 +6,8 @@ Other people's programs use it as `python -m mock_autopilot.impairment`, docs/mo
 from mock_autopilot.impairment.direction import Counts, ImpairedDirection
 from mock_autopilot.impairment.model import CLEAN, CUT, Impairment
 from mock_autopilot.impairment.sentences import Directions, ImpairmentError, parse, parse_directions
+from mock_autopilot.impairment.stream import ImpairedStream
+from mock_autopilot.impairment.tcp_relay import TcpRelay, tcp_relay
 from mock_autopilot.impairment.udp_relay import RelayError, UdpRelay, udp_relay
 
 __all__ = [
@@ -14,11 +16,14 @@ __all__ = [
     "Counts",
     "Directions",
     "ImpairedDirection",
+    "ImpairedStream",
     "Impairment",
     "ImpairmentError",
     "RelayError",
+    "TcpRelay",
     "UdpRelay",
     "parse",
     "parse_directions",
+    "tcp_relay",
     "udp_relay",
 ]

@@ -14,7 +14,9 @@ QUEUE_S = 0.2
 """Longest wait for a limited rate; what would wait longer is lost, as in a full queue."""
 OVERTAKEN_WITHIN_S = 0.1
 """A datagram that is to be overtaken waits so long for a successor."""
-_SLACK_S = 1e-9
+SLACK_S = 1e-9
+BURST_KEY = 0x5DEECE66D
+"""Makes the seed of the bursts another one."""
 
 
 @dataclass
@@ -41,7 +43,7 @@ class ImpairedDirection(Generic[Item]):
     """
 
     def __init__(self, impairment: Impairment, seed: int = 1) -> None:
-        self._rng, self._burst_rng = Random(seed), Random(seed ^ 0x5DEECE66D)
+        self._rng, self._burst_rng = Random(seed), Random(seed ^ BURST_KEY)
         self._impairment, self._bursts = CLEAN, Bursts(0.0, 0.0, self._burst_rng)
         self._queue: list[tuple[float, int, int, Item]] = []
         self._overtaken: tuple[float, int, Item] | None = None
@@ -101,11 +103,11 @@ class ImpairedDirection(Generic[Item]):
 
     def due(self, now_s: float) -> list[Item]:
         """Return what has arrived by `now_s`, in the order of arrival, each once."""
-        if self._overtaken is not None and self._overtaken[0] + OVERTAKEN_WITHIN_S <= now_s + _SLACK_S:
+        if self._overtaken is not None and self._overtaken[0] + OVERTAKEN_WITHIN_S <= now_s + SLACK_S:
             (held_s, size, item), self._overtaken = self._overtaken, None
             self._push(held_s + OVERTAKEN_WITHIN_S, size, item)
         arrived = []
-        while self._queue and self._queue[0][0] <= now_s + _SLACK_S:
+        while self._queue and self._queue[0][0] <= now_s + SLACK_S:
             _, _, size, item = heapq.heappop(self._queue)
             self.counts.arrived += 1
             self.counts.arrived_bytes += size

@@ -8,7 +8,7 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any
 
-from mock_autopilot.impairment.direction import ImpairedDirection
+from mock_autopilot.impairment.direction import Counts, ImpairedDirection
 from mock_autopilot.impairment.model import CLEAN, Impairment
 
 Address = tuple[str, int]
@@ -37,6 +37,16 @@ class UdpRelay:
         self._timer: asyncio.TimerHandle | None = None
         self._timer_s = math.inf
         self._loop.add_reader(inward, self._take_upward)
+
+    @property
+    def up_counts(self) -> Counts:
+        """Return what passed and what was lost from the clients to the server."""
+        return self.up.counts
+
+    @property
+    def down_counts(self) -> Counts:
+        """Return what passed and what was lost from the server to the clients."""
+        return self.down.counts
 
     @property
     def port(self) -> int:
