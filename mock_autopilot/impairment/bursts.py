@@ -3,36 +3,24 @@
 import math
 from random import Random
 
-_MOST_CYCLES = 10_000
-"""After a longer silence the windows begin anew: what nobody has seen need not be counted."""
-
 
 class Bursts:
-    """Windows of a fixed length, with gaps of random length (exponential) so that their share of the time is `share`.
+    """Windows of a fixed length whose share of the time is `share`: one, at random, in each cell of `length / share`.
 
-    Ask with times that do not go back.
+    They depend on the seed and the time alone, so directions with the same seed are cut at the same times.
     """
 
-    def __init__(self, share: float, length_s: float, rng: Random) -> None:
-        self._share, self._length_s, self._rng = share, length_s, rng
-        self._begin_s, self._end_s = math.nan, math.nan
+    def __init__(self, share: float = 0.0, length_s: float = 0.0, seed: int = 1) -> None:
+        self._share, self._length_s, self._seed = share, length_s, seed
+        self._cell_s = length_s / share if share else math.inf
+        self._cell, self._begin_s = -1, math.inf
 
     def covers(self, now_s: float) -> bool:
-        """Return whether `now_s` is in a window."""
-        if self._share <= 0.0 or self._share >= 1.0:
+        """Return whether `now_s` (s) is in a window."""
+        if not 0.0 < self._share < 1.0:
             return self._share >= 1.0
-        if not now_s - self._end_s <= _MOST_CYCLES * self._length_s / self._share:
-            self._begin(now_s)
-        while self._end_s <= now_s:
-            self._begin_s = self._end_s + self._gap_s()
-            self._end_s = self._begin_s + self._length_s
-        return self._begin_s <= now_s
-
-    def _begin(self, now_s: float) -> None:
-        """Begin anywhere in the cycle, so that the share is right from the first moment on."""
-        inside = self._rng.random() < self._share
-        self._begin_s = now_s - self._rng.random() * self._length_s if inside else now_s + self._gap_s()
-        self._end_s = self._begin_s + self._length_s
-
-    def _gap_s(self) -> float:
-        return self._rng.expovariate(self._share / (self._length_s * (1.0 - self._share)))
+        cell = math.floor(now_s / self._cell_s)
+        if cell != self._cell:
+            offset = Random(f"{self._seed} {cell}").random()
+            self._cell, self._begin_s = cell, cell * self._cell_s + offset * (self._cell_s - self._length_s)
+        return self._begin_s <= now_s < self._begin_s + self._length_s

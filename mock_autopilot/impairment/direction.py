@@ -15,8 +15,6 @@ QUEUE_S = 0.2
 OVERTAKEN_WITHIN_S = 0.1
 """A datagram that is to be overtaken waits so long for a successor."""
 SLACK_S = 1e-9
-BURST_KEY = 0x5DEECE66D
-"""Makes the seed of the bursts another one."""
 
 
 @dataclass
@@ -38,13 +36,14 @@ class ImpairedDirection(Generic[Item]):
     """One direction of a link; `put` what is sent, and ask with `due` for what has arrived.
 
     In order: the rate's queue, loss, delay and jitter, reordering. Each datagram has a jitter of its own, so one with
-    a small jitter overtakes one sent before it with a large one. A datagram is `reordered` by waiting until its
+    a small jitter overtakes one sent before it with a large one. A datagram is reordered by waiting until its
     successor has arrived. The seed decides everything: the same datagrams are lost whatever the other impairments are.
+    Directions with the same `burst_seed` (without one: `seed`) are cut at the same times, as by a fading radio.
     """
 
-    def __init__(self, impairment: Impairment, seed: int = 1) -> None:
-        self._rng, self._burst_rng = Random(seed), Random(seed ^ BURST_KEY)
-        self._impairment, self._bursts = CLEAN, Bursts(0.0, 0.0, self._burst_rng)
+    def __init__(self, impairment: Impairment, seed: int = 1, burst_seed: int | None = None) -> None:
+        self._rng, self._burst_seed = Random(seed), seed if burst_seed is None else burst_seed
+        self._impairment, self._bursts = CLEAN, Bursts()
         self._queue: list[tuple[float, int, int, Item]] = []
         self._overtaken: tuple[float, int, Item] | None = None
         self._free_s = -math.inf
@@ -62,7 +61,7 @@ class ImpairedDirection(Generic[Item]):
         """Change the impairment; what is on its way arrives as it would have."""
         before, self._impairment = self._impairment, impairment
         if (before.burst_share, before.burst_s) != (impairment.burst_share, impairment.burst_s):
-            self._bursts = Bursts(impairment.burst_share, impairment.burst_s, self._burst_rng)
+            self._bursts = Bursts(impairment.burst_share, impairment.burst_s, self._burst_seed)
         if math.isinf(impairment.rate_bytes_per_s):
             self._free_s = -math.inf
 

@@ -14,7 +14,7 @@ from enum import Enum
 from random import Random
 
 from mock_autopilot.impairment.bursts import Bursts
-from mock_autopilot.impairment.direction import BURST_KEY, SLACK_S, Counts
+from mock_autopilot.impairment.direction import SLACK_S, Counts
 from mock_autopilot.impairment.model import CLEAN, Impairment
 
 SEGMENT_BYTES = 1448
@@ -45,9 +45,9 @@ class _Segment:
 class ImpairedStream:
     """One direction of a TCP connection; `put` what is written, and ask with `due` for what can be read."""
 
-    def __init__(self, impairment: Impairment, seed: int = 1) -> None:
-        self._rng, self._burst_rng = Random(seed), Random(seed ^ BURST_KEY)
-        self._impairment, self._bursts = CLEAN, Bursts(0.0, 0.0, self._burst_rng)
+    def __init__(self, impairment: Impairment, seed: int = 1, burst_seed: int | None = None) -> None:
+        self._rng, self._burst_seed = Random(seed), seed if burst_seed is None else burst_seed
+        self._impairment, self._bursts = CLEAN, Bursts()
         self._line: deque[_Segment] = deque()
         self._events: list[tuple[float, int, _Event, _Segment, float]] = []
         self._free_s = -math.inf
@@ -67,7 +67,7 @@ class ImpairedStream:
         """Change the impairment for all segments that are sent, or sent again, after this."""
         before, self._impairment = self._impairment, impairment
         if (before.burst_share, before.burst_s) != (impairment.burst_share, impairment.burst_s):
-            self._bursts = Bursts(impairment.burst_share, impairment.burst_s, self._burst_rng)
+            self._bursts = Bursts(impairment.burst_share, impairment.burst_s, self._burst_seed)
         if math.isinf(impairment.rate_bytes_per_s):
             self._free_s = -math.inf
 

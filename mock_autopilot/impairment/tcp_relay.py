@@ -2,10 +2,10 @@
 
 import asyncio
 import contextlib
-import math
 import time
 from collections.abc import AsyncIterator, Iterator
 
+from mock_autopilot.impairment.delivery import TimedDelivery
 from mock_autopilot.impairment.direction import Counts
 from mock_autopilot.impairment.model import CLEAN, Impairment
 from mock_autopilot.impairment.stream import ImpairedStream
@@ -24,7 +24,7 @@ class TcpRelay:
         self._server: asyncio.Server | None = None
         self._pipes: set[_Pipe] = set()
         self._tasks: set[asyncio.Task[None]] = set()
-        self._number = 0
+        self._number, self._begin_s = 0, time.monotonic()
         self.up_counts = Counts()
         """Segments from the clients to the server."""
         self.down_counts = Counts()
@@ -77,19 +77,22 @@ class TcpRelay:
         """Pass on both directions until both have ended, or one breaks."""
         seed, self._number = self._seed + 2 * self._number, self._number + 1
         pipes = [
-            _Pipe(upward, ImpairedStream(self._up, seed), self.up_counts),
-            _Pipe(downward, ImpairedStream(self._down, seed + 1), self.down_counts, upward=False),
+            self._pipe(upward, ImpairedStream(self._up, seed, self._seed), upward=True),
+            self._pipe(downward, ImpairedStream(self._down, seed + 1, self._seed), upward=False),
         ]
         self._pipes.update(pipes)
         try:
             async with asyncio.TaskGroup() as tasks:
                 for pipe in pipes:
-                    tasks.create_task(pipe.take(), name="mock_autopilot.impairment.take")
-                    tasks.create_task(pipe.deliver(), name="mock_autopilot.impairment.deliver")
+                    tasks.create_task(pipe.run(), name="mock_autopilot.impairment.pipe")
         except* OSError as errors:  # one end has reset its connection: the other one is cut off, too
             raise ConnectionResetError from errors
         finally:
             self._pipes.difference_update(pipes)
+
+    def _pipe(self, ends: "_Ends", stream: ImpairedStream, upward: bool) -> "_Pipe":
+        stream.counts = self.up_counts if upward else self.down_counts  # one sum of all connections
+        return _Pipe(ends, stream, self._begin_s, upward)
 
 
 _Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
@@ -98,47 +101,39 @@ _Ends = tuple[asyncio.StreamReader, asyncio.StreamWriter]
 class _Pipe:
     """One direction of a connection, from a reader to a writer."""
 
-    def __init__(self, ends: _Ends, stream: ImpairedStream, counts: Counts, upward: bool = True) -> None:
+    def __init__(self, ends: _Ends, stream: ImpairedStream, begin_s: float, upward: bool) -> None:
         self._reader, self._writer = ends
         self._stream, self.upward = stream, upward
-        self._stream.counts = counts
-        self._changed, self._room = asyncio.Event(), asyncio.Event()
-        self._ended = False
+        self._delivery = TimedDelivery(stream, self._write, begin_s)
+        self._moved = asyncio.Event()
 
     def set(self, impairment: Impairment) -> None:
         """Change the impairment."""
         self._stream.set(impairment)
-        self._changed.set()
+        self._delivery.look()
 
-    async def take(self) -> None:
-        """Read until the end of the stream, as long as there is room."""
-        while data := await self._reader.read(CHUNK_BYTES):
-            self._stream.put(time.monotonic(), data)
-            self._changed.set()
-            self._room.clear()
-            if self._stream.waiting_bytes > MOST_WAITING_BYTES:
-                await self._room.wait()
-        self._ended = True
-        self._changed.set()
+    async def run(self) -> None:
+        """Pass on until the end of the stream, and the end as well."""
+        try:
+            while data := await self._reader.read(CHUNK_BYTES):
+                self._stream.put(self._delivery.now_s, data)
+                self._delivery.look()
+                await self._wait_for_room(MOST_WAITING_BYTES)
+            await self._wait_for_room(0)
+            self._writer.write_eof()
+        finally:
+            self._delivery.close()
 
-    async def deliver(self) -> None:
-        """Write what has arrived until the end, and then end the stream."""
-        while not (self._ended and self._stream.waiting_bytes == 0):
-            self._changed.clear()
-            for data in self._stream.due(time.monotonic()):
-                self._writer.write(data)
-            await self._writer.drain()
-            if self._stream.waiting_bytes <= MOST_WAITING_BYTES:
-                self._room.set()
-            if not self._ended or self._stream.waiting_bytes:
-                await self._wait(self._stream.next_s - time.monotonic())
-        self._writer.write_eof()
+    def _write(self, data: bytes) -> None:
+        self._writer.write(data)
+        self._moved.set()
 
-    async def _wait(self, for_s: float) -> None:
-        """Wait for the next arrival, or for a change."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(max(for_s, 0.0) if math.isfinite(for_s) else None):
-                await self._changed.wait()
+    async def _wait_for_room(self, at_most_bytes: int) -> None:
+        """Wait until no more than `at_most_bytes` are on their way, and the reader of this end has kept up."""
+        while self._stream.waiting_bytes > at_most_bytes:
+            self._moved.clear()
+            await self._moved.wait()
+        await self._writer.drain()
 
 
 @contextlib.contextmanager
@@ -164,8 +159,8 @@ async def tcp_relay(
 ) -> AsyncIterator[TcpRelay]:
     """Listen on a TCP port (0: any free one) and pass connections on to `to`, over the impaired link.
 
-    TCP loses nothing: loss becomes the delay of sending again (`stream`), and reordering is put in order. Each
-    connection has a link of its own, with its own rate and bursts; connecting itself is not impaired. Raises
+    TCP loses nothing: loss becomes the delay of sending again (`stream`), and reordering is put in order. Bursts cut
+    all connections at the same times; a rate is each connection's own. Connecting itself is not impaired. Raises
     RelayError.
     """
     relay = TcpRelay(to, up, down, seed)

@@ -2,12 +2,12 @@
 
 import asyncio
 import contextlib
-import math
 import socket
 import time
 from collections.abc import AsyncIterator
 from typing import Any
 
+from mock_autopilot.impairment.delivery import TimedDelivery
 from mock_autopilot.impairment.direction import Counts, ImpairedDirection
 from mock_autopilot.impairment.model import CLEAN, Impairment
 
@@ -29,13 +29,14 @@ class UdpRelay:
     def __init__(self, inward: socket.socket, to: _Raw, up: Impairment, down: Impairment, seed: int) -> None:
         self._inward, self._to = inward, to
         self._clients: dict[_Raw, _Client] = {}
-        self.up: ImpairedDirection[tuple[_Client, bytes]] = ImpairedDirection(up, 2 * seed)
+        self.up: ImpairedDirection[tuple[_Client, bytes]] = ImpairedDirection(up, 2 * seed, seed)
         """From the clients to the server."""
-        self.down: ImpairedDirection[tuple[_Client, bytes]] = ImpairedDirection(down, 2 * seed + 1)
+        self.down: ImpairedDirection[tuple[_Client, bytes]] = ImpairedDirection(down, 2 * seed + 1, seed)
         """From the server to the clients."""
+        begin_s = time.monotonic()
+        self._upward = TimedDelivery(self.up, lambda sent: _send(sent[0].outward, sent[1], None), begin_s)
+        self._downward = TimedDelivery(self.down, lambda sent: _send(inward, sent[1], sent[0].address), begin_s)
         self._loop = asyncio.get_running_loop()
-        self._timer: asyncio.TimerHandle | None = None
-        self._timer_s = math.inf
         self._loop.add_reader(inward, self._take_upward)
 
     @property
@@ -62,20 +63,20 @@ class UdpRelay:
 
     def close(self) -> None:
         """Close every socket; what is on its way is lost."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self._upward.close()
+        self._downward.close()
         for end in (self._inward, *(client.outward for client in self._clients.values())):
             self._loop.remove_reader(end)
             end.close()
         self._clients = {}
 
     def _take_upward(self) -> None:
-        now_s = time.monotonic()
+        now_s = self._upward.now_s
         for payload, sender in _waiting(self._inward):
             client = self._clients.get(sender) or self._welcome(sender, now_s)
             client.heard_s = now_s
             self.up.put(now_s, (client, payload), len(payload))
-        self._deliver()
+        self._upward.look()
 
     def _welcome(self, address: _Raw, now_s: float) -> "_Client":
         """Return a new client with a socket of its own towards the server, and forget those that have gone."""
@@ -90,31 +91,10 @@ class UdpRelay:
         return client
 
     def _take_downward(self, client: "_Client") -> None:
-        now_s = time.monotonic()
+        client.heard_s = now_s = self._downward.now_s
         for payload, _ in _waiting(client.outward):
-            client.heard_s = now_s
             self.down.put(now_s, (client, payload), len(payload))
-        self._deliver()
-
-    def _deliver(self) -> None:
-        """Send what has arrived, and come back for the next."""
-        now_s = time.monotonic()
-        for client, payload in self.up.due(now_s):
-            _send(client.outward, payload, None)
-        for client, payload in self.down.due(now_s):
-            _send(self._inward, payload, client.address)
-        next_s = min(self.up.next_s, self.down.next_s)
-        if next_s == self._timer_s and self._timer is not None:
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer, self._timer_s = None, next_s
-        if next_s < math.inf:
-            self._timer = self._loop.call_later(max(next_s - now_s, 0.0), self._wake)
-
-    def _wake(self) -> None:
-        self._timer, self._timer_s = None, math.inf
-        self._deliver()
+        self._downward.look()
 
 
 class _Client:
