@@ -14,6 +14,9 @@ from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.faults.fault import Fault
 from mock_autopilot.faults.schedule import FaultTransition
 from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
+from mock_autopilot.impairment.config import impaired
+from mock_autopilot.impairment.sentences import parse_directions
+from mock_autopilot.impairment.udp_relay import RelayError
 from mock_autopilot.mavlink.link import LinkError
 from mock_autopilot.qtm.server import ServerStartError
 from mock_autopilot.servos.bus import BusStartError
@@ -31,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         config = _configure(options)
         with asyncio.Runner(loop_factory=_fast_loop()) as runner:
             runner.run(_serve(config, options))
-    except (MockConfigError, LinkError, ServerStartError, BusStartError) as error:
+    except (MockConfigError, LinkError, ServerStartError, BusStartError, RelayError) as error:
         print(f"mock autopilot: {error}", file=sys.stderr)
         return BAD_INPUT
     return 0
@@ -53,6 +56,13 @@ def _parser() -> argparse.ArgumentParser:
         default=[],
         metavar="SENTENCE",
         help=f'fault to inject, such as "{EXAMPLES[0]}"; repeatable',
+    )
+    parser.add_argument(
+        "--impair",
+        action="append",
+        default=[],
+        metavar="WHAT",
+        help='bad network: "mavlink loss 10%%", "qtm delay 5 ms", "udp 9000 to 9001 loss 10%%"; repeatable',
     )
     parser.add_argument("--servo-link", metavar="PATH", help="arms' servo bus: link to its pseudo-terminal")
     parser.add_argument("--exit-with-stdin", action="store_true", help="read commands on standard input, end with it")
@@ -86,6 +96,11 @@ def _configure(options: argparse.Namespace) -> MockConfig:
     if options.servo_link is not None:
         values["arms"]["bus"]["link"] = options.servo_link
     values["faults"] = (*values["faults"], *({"say": _checked(sentence)} for sentence in options.fault))
+    for text in options.impair:
+        try:
+            values["impairment"] = impaired(values["impairment"], text)
+        except ValueError as error:
+            raise MockConfigError(f'--impair "{text}": {error}') from None
     values["gcs"]["enabled"] = values["gcs"]["enabled"] or options.gcs
     return MockConfig.from_dict(values)
 
@@ -178,17 +193,24 @@ class _StdinCommands:
     def _execute(self, order: str) -> None:
         """Inject a fault now: `fault mocap stuck for 2 s`, or `servo-fault {"kind": "overload", "id": 6}`.
 
+        Or impair a link: `impair mavlink loss 10%`, `impair qtm delay 5 ms`, `impair network off` (the port pairs).
         Or carry the vehicle: `carry 0.5 0 -0.3` to a position (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw.
         """
         word, _, text = order.partition(" ")
         bus = self._simulator.servo_bus
         if word == "fault":
             self._simulator.world.inject(parse(text))
+        elif word == "impair":
+            part, _, sentence = text.partition(" ")
+            self._simulator.impair(part, parse_directions(sentence))
         elif word == "carry":
             numbers = [float(number) for number in text.split()]
             self._simulator.world.carry(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
         elif word != "servo-fault":
-            raise ValueError("unknown command: use fault SENTENCE (docs/faults.md), servo-fault {json} or carry X Y Z")
+            raise ValueError(
+                "unknown command: use fault SENTENCE (docs/faults.md), impair PART SENTENCE, servo-fault {json} or "
+                "carry X Y Z"
+            )
         elif bus is None:
             raise ValueError("there are no arms here")
         else:
@@ -201,6 +223,7 @@ def _ready_line(simulator: Simulator, seed: int) -> str:
         ends.append(f"Qualisys tcp {simulator.qualisys.port}")
     if simulator.servo_bus is not None:
         ends.append(f"servos {simulator.servo_bus.path}")
+    ends += [f"relay {pair}" for pair in simulator.relayed]
     return f"mock autopilot ready: {', '.join(ends)}, seed {seed}"
 
 

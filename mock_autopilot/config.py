@@ -19,6 +19,7 @@ from pydantic import (
 from mock_autopilot.config_errors import sentence
 from mock_autopilot.faults.fault import Fault, check_fits
 from mock_autopilot.faults.sentences import keys_of
+from mock_autopilot.impairment.config import ImpairmentConfig
 from mock_autopilot.physics.arm_bodies import ArmBodies
 from mock_autopilot.physics.arms import JOINT_COUNT, Assembly
 from mock_autopilot.physics.disturbance import Forces, Sinusoid
@@ -224,6 +225,7 @@ class MockConfig(_Strict):
     mavlink: LinkConfig = Field(default_factory=LinkConfig)
     gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)
     qualisys: QualisysConfig = Field(default_factory=lambda: QualisysConfig.model_validate({}))
+    impairment: ImpairmentConfig = Field(default_factory=lambda: ImpairmentConfig.model_validate({}))
     faults: tuple[Annotated[Fault, BeforeValidator(_said)], ...] = Field(
         (), description='Faults, each as keys or as say = "...", docs/faults.md.'
     )

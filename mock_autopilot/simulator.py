@@ -3,9 +3,15 @@
 import asyncio
 import contextlib
 import time
+from dataclasses import replace
 
 from mock_autopilot.config import MockConfig
+from mock_autopilot.faults.catalogue import DOWN, UP, Part
 from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.faults.network import impairment_of
+from mock_autopilot.faults.schedule import FaultTransition
+from mock_autopilot.impairment.ports import PortPair, Relay, open_relays
+from mock_autopilot.impairment.sentences import Directions, parse_directions
 from mock_autopilot.mavlink.link import MavlinkLink
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.qtm.server import QualisysServer
@@ -32,6 +38,13 @@ class Simulator:
         self.servo_bus: ServoBus | None = None
         if self.world.servos is not None:
             self.servo_bus = ServoBus(config.arms.bus, self.catch_up, self.world.servos)
+        self._pairs = [relay.pair() for relay in config.impairment.relays]
+        self._relays: list[Relay] = []
+        self._relays_open = contextlib.AsyncExitStack()
+        self.world.faults.observers.append(self._on_network)
+        self._seed = seed
+        for part, text in (("mavlink", config.impairment.mavlink), ("qtm", config.impairment.qtm)):
+            self.impair(part, parse_directions(text))
         self._boot_s = 0.0
         self._ticks = 0
         self._running: asyncio.Task[None] | None = None
@@ -49,6 +62,7 @@ class Simulator:
                 self.servo_bus.open()
             if self.qualisys is not None:
                 await self.qualisys.start()
+            self._relays = await self._relays_open.enter_async_context(open_relays(self._pairs, self._seed))
         except BaseException:
             self._close_links()
             raise
@@ -68,8 +82,39 @@ class Simulator:
         for link in self.links:
             loop.remove_reader(link.fileno())
         self._close_links()
+        await self._relays_open.aclose()
         if self.qualisys is not None:
             await self.qualisys.stop()
+
+    @property
+    def relayed(self) -> list[PortPair]:
+        """Return the port pairs as they are open, with the ports that were free."""
+        return [
+            replace(pair, listen=(pair.listen[0], relay.port))
+            for pair, relay in zip(self._pairs, self._relays, strict=True)
+        ]
+
+    def impair(self, part: str, link: Directions) -> None:
+        """Impair "mavlink", "qtm" or all port pairs ("network") from now on; ValueError for another part."""
+        if part == "mavlink":
+            self.links[0].impair(link, self._seed)
+        elif part == "qtm":
+            if self.qualisys is not None:
+                self.qualisys.impair(link)
+        elif part == "network":
+            self._pairs = [replace(pair, link=link) for pair in self._pairs]
+            self._set_relays()
+        else:
+            raise ValueError(f'"{part}" cannot be impaired; possible: mavlink, qtm, network')
+
+    def _on_network(self, turn: FaultTransition) -> None:
+        if turn.fault.part is Part.NETWORK:
+            self._set_relays()
+
+    def _set_relays(self) -> None:
+        held = self.world.faults.active(Part.NETWORK)
+        for pair, relay in zip(self._pairs, self._relays, strict=False):  # none before they are open
+            relay.set(up=impairment_of(held, UP, pair.link.up), down=impairment_of(held, DOWN, pair.link.down))
 
     def _close_links(self) -> None:
         for link in self.links:

@@ -19,6 +19,8 @@ class Part(StrEnum):
     SERVOS = "servos"
     BROKER = "broker"
     """The MQTT broker. The mock runs none: it only reports when the fault begins and ends."""
+    NETWORK = "network"
+    """The port pairs that the mock relays, `[[impairment.relays]]`."""
 
 
 class Kind(StrEnum):
@@ -198,7 +200,30 @@ _BROKER = (
     Way(Part.BROKER, Kind.INTERMITTENT, "", "this share of the messages is lost, at random", _share(0.5)),
 )
 
-WAYS: tuple[Way, ...] = (*_MOCAP, *_LINK, *_AUTOPILOT, *_SERVOS, *_BROKER)
+UP, DOWN = "up", "down"
+
+_NETWORK = (
+    *(
+        Way(Part.NETWORK, kind, how, does, amount)
+        for kind, does, amount in (
+            (Kind.OFF, "nothing passes, as with the cable pulled", None),
+            (Kind.DELAYED, "everything comes this much later", _delay(0.05)),
+            (Kind.INTERMITTENT, "this share of the datagrams is lost, at random", _share(0.3)),
+        )
+        for how in ("", UP, DOWN)
+    ),
+    Way(Part.NETWORK, Kind.INTERMITTENT, "bursts of 0.1 s", "for this share of the time nothing passes, 0.1 s at a "
+        "time, at random", _share(0.3)),
+    Way(Part.NETWORK, Kind.INTERMITTENT, "bursts of 0.3 s", "the same, 0.3 s at a time", _share(0.3)),
+    Way(Part.NETWORK, Kind.DELAYED, "jitter", "every datagram comes later by another time, at random, up to this; "
+        "it may be overtaken", _delay(0.05)),
+    Way(Part.NETWORK, Kind.WRONG, "reordered", "this share of the datagrams comes behind its successor",
+        Amount("by", "", 0.2, 0.0, 0.5)),
+    Way(Part.NETWORK, Kind.SLOW, "", "only so many bytes pass in a second; what would wait longer than 0.2 s is lost",
+        Amount("to", "kB/s", 2.0, 0.1, 1000.0)),
+)  # fmt: skip
+
+WAYS: tuple[Way, ...] = (*_MOCAP, *_LINK, *_AUTOPILOT, *_SERVOS, *_BROKER, *_NETWORK)
 
 
 def ways_of(part: Part, kind: Kind) -> list[Way]:

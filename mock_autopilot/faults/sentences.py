@@ -14,7 +14,7 @@ _NUMBER = r"(?P<value>[-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)"
 _SECONDS = rf"{_NUMBER}\s*s"
 _NEXT = rf"(?=\s*$|\s+(?:(?:by|to|with|at|after|for)\s|{'|'.join(Phase)}))"
 _CLAUSES = {
-    "amount": re.compile(rf"(?P<word>by|to|with)\s+{_NUMBER}(?:\s*(?P<unit>m/s|m|rad|s|hz|v))?{_NEXT}"),
+    "amount": re.compile(rf"(?P<word>by|to|with)\s+{_NUMBER}(?:\s*(?P<unit>m/s|m|rad|s|hz|v|kb/s))?{_NEXT}"),
     "at_s": re.compile(rf"at\s+{_SECONDS}(?=\s|$)"),
     "phase": re.compile(rf"(?P<phase>{'|'.join(Phase)})(?=\s|$)"),
     "after_s": re.compile(rf"after\s+{_SECONDS}(?=\s|$)"),

@@ -1,4 +1,4 @@
-"""What an impaired direction lets through, delivered in the event loop's time."""
+"""Delivery of what an impaired direction lets through, in the event loop's time."""
 
 import asyncio
 import math
@@ -6,11 +6,16 @@ import time
 from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
+from mock_autopilot.impairment.model import Impairment
+
 Item = TypeVar("Item")
 
 
 class Arrivals(Protocol[Item]):
     """An impaired direction, of datagrams or of a stream, that knows when its next item arrives."""
+
+    def set(self, impairment: Impairment) -> None:
+        """Change the impairment."""
 
     def due(self, now_s: float) -> list[Item]:
         """Return what has arrived by `now_s`."""
@@ -37,8 +42,13 @@ class TimedDelivery(Generic[Item]):
         """Return the time at which to `put` what is sent now."""
         return time.monotonic() - self._begin_s
 
+    def set(self, impairment: Impairment) -> None:
+        """Change the impairment."""
+        self._direction.set(impairment)
+        self.look()
+
     def look(self) -> None:
-        """Deliver what has arrived, and come back for the next; call it after each `put` and each change."""
+        """Deliver what has arrived, and come back for the next; call it after each `put`."""
         now_s = self.now_s
         for item in self._direction.due(now_s):
             self._deliver(item)

@@ -109,8 +109,7 @@ class _Pipe:
 
     def set(self, impairment: Impairment) -> None:
         """Change the impairment."""
-        self._stream.set(impairment)
-        self._delivery.look()
+        self._delivery.set(impairment)
 
     async def run(self) -> None:
         """Pass on until the end of the stream, and the end as well."""

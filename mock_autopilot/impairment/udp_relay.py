@@ -57,9 +57,9 @@ class UdpRelay:
     def set(self, up: Impairment | None = None, down: Impairment | None = None) -> None:
         """Change the impairment of the directions that are given, from the next datagram on."""
         if up is not None:
-            self.up.set(up)
+            self._upward.set(up)
         if down is not None:
-            self.down.set(down)
+            self._downward.set(down)
 
     def close(self) -> None:
         """Close every socket; what is on its way is lost."""

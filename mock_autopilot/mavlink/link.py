@@ -18,6 +18,8 @@ from mock_autopilot.config import GcsLinkConfig, LinkConfig
 from mock_autopilot.faults.catalogue import FROM, TO
 from mock_autopilot.faults.link import LinkFaults
 from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.impairment.direction import ImpairedDirection
+from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.mavlink.extras import GimbalChatter
 from mock_autopilot.mavlink.frames import messages_in
 from mock_autopilot.mavlink.messages import Message
@@ -65,7 +67,17 @@ class MavlinkLink:
         self._socket: socket.socket | None = None
         schedule, rng = (world.faults if faulty else FaultSchedule()), world.fault_rng()
         self._outgoing, self._incoming = LinkFaults(schedule, rng, FROM), LinkFaults(schedule, rng, TO)
+        self._air: tuple[ImpairedDirection[Any], ImpairedDirection[Any]] | None = None
         self._boot()
+
+    def impair(self, link: Directions, seed: int = 1) -> None:
+        """Impair the link from now on, `up` being to the autopilot; a perfect one costs nothing."""
+        if self._air is None and link == Directions():
+            return
+        if self._air is None:
+            self._air = ImpairedDirection(link.up, 2 * seed, seed), ImpairedDirection(link.down, 2 * seed + 1, seed)
+        for direction, impairment in zip(self._air, (link.up, link.down), strict=True):
+            direction.set(impairment)
 
     def _boot(self) -> None:
         """Reset the link's state, as a reboot of PX4 does: clients, streams, queues."""
@@ -143,8 +155,17 @@ class MavlinkLink:
 
     def _put(self, *frames: Any) -> None:
         """Send frames, and with them those that a fault held back until now."""
-        for frame in self._outgoing.pass_on(frames, self._world.time_s):
+        for frame in self._through_the_air(self._outgoing.pass_on(frames, self._world.time_s), up=False):
             self._transmit(frame)
+
+    def _through_the_air(self, sent: Sequence[Any], up: bool) -> Sequence[Any]:
+        """Return what arrives now over the impaired link when `sent` is sent now."""
+        if self._air is None:
+            return sent
+        now_s, direction = self._world.time_s, self._air[0 if up else 1]
+        for item in sent:
+            direction.put(now_s, item)
+        return direction.due(now_s)
 
     def _transmit(self, frame: Any) -> None:
         if self._socket is not None:
@@ -155,7 +176,7 @@ class MavlinkLink:
 
     def handle(self, payload: bytes) -> list[bytes]:
         """Act on one datagram, ignoring bytes that are not MAVLink; return the frames for the other links."""
-        arrived = self._incoming.pass_on([payload], self._world.time_s)
+        arrived = self._through_the_air(self._incoming.pass_on([payload], self._world.time_s), up=True)
         return [frame for one in arrived for frame in self._understand(one)]
 
     def _understand(self, payload: bytes) -> list[bytes]:
@@ -187,7 +208,7 @@ class MavlinkLink:
     def send_due(self) -> None:
         """Send the messages of streams and queues that are due."""
         self._put()
-        late: Sequence[bytes] = self._incoming.pass_on((), self._world.time_s)
+        late: Sequence[bytes] = self._through_the_air(self._incoming.pass_on((), self._world.time_s), up=True)
         for payload in late:
             self._understand(payload)  # its heartbeats are not forwarded
         if self._boots != self._world.boots:

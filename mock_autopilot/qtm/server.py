@@ -1,10 +1,15 @@
 """A simulated Qualisys Track Manager: its real-time server, protocol 1.25, over TCP and UDP."""
 
 import asyncio
+import time
 from dataclasses import dataclass, field
 from typing import cast
 
 from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.impairment.connection import ImpairedConnection
+from mock_autopilot.impairment.delivery import TimedDelivery
+from mock_autopilot.impairment.direction import ImpairedDirection
+from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.qtm import packets as qtm
 from mock_autopilot.qtm.camera import Camera
@@ -27,12 +32,16 @@ class QualisysServer:
     seed: int = 0
     faults: MocapFaults | None = None
     """Faults between cameras and clients, or None."""
+    link: Directions = field(default_factory=Directions)
+    """Impairment between server and clients; `impair` changes it."""
     capturing: bool = field(default=True, init=False)
     _clients: set["_Client"] = field(default_factory=set, init=False)
     last_frame: qtm.Frame | None = field(default=None, init=False)
     _server: asyncio.Server | None = field(default=None, init=False)
     _udp: asyncio.DatagramTransport | None = field(default=None, init=False)
     _camera: Camera = field(init=False)
+    _frames: "ImpairedDirection[tuple[bytes, tuple[str, int]]]" = field(init=False)
+    _frames_delivery: "TimedDelivery[tuple[bytes, tuple[str, int]]] | None" = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         self._camera = Camera(self.config, self.seed)
@@ -61,6 +70,8 @@ class QualisysServer:
                 "stop the other program on that port or choose another port"
             ) from error
         self._udp, _ = await loop.create_datagram_endpoint(_QuietDatagrams, local_addr=(cfg.host, 0))
+        self._frames = ImpairedDirection(self.link.down, self.seed, self.seed)
+        self._frames_delivery = TimedDelivery(self._frames, self._send_now, time.monotonic())
 
     async def stop(self) -> None:
         """Say goodbye as a closing QTM does and close every connection."""
@@ -69,9 +80,19 @@ class QualisysServer:
             self._server.close()
         for client in tuple(self._clients):
             client.close()
+        if self._frames_delivery is not None:
+            self._frames_delivery.close()
         if self._udp is not None:
             self._udp.close()
         await asyncio.sleep(0)  # lets the transports see their end
+
+    def impair(self, link: Directions) -> None:
+        """Impair the link to the clients from now on; `down` is from the server to them."""
+        self.link = link
+        if self._frames_delivery is not None:
+            self._frames_delivery.set(link.down)
+        for client in tuple(self._clients):
+            client.impair(link)
 
     def publish(self, truth: Truth) -> None:
         """Take the next truth (in order, every few milliseconds of its time) and send the frames that are due."""
@@ -109,8 +130,13 @@ class QualisysServer:
             client.send(packet)
 
     def _send_datagram(self, packet: bytes, address: tuple[str, int]) -> None:
+        if self._frames_delivery is not None:
+            self._frames.put(self._frames_delivery.now_s, (packet, address), len(packet))
+            self._frames_delivery.look()
+
+    def _send_now(self, sent: tuple[bytes, tuple[str, int]]) -> None:
         if self._udp is not None:
-            self._udp.sendto(packet, address)
+            self._udp.sendto(*sent)
 
 
 class _QuietDatagrams(asyncio.DatagramProtocol):
@@ -125,17 +151,34 @@ class _Client(asyncio.Protocol):
         self._session = Session(server.config, bodies=server.bodies)
         self._buffer = bytearray()
         self._transport: asyncio.Transport | None = None
+        self._air: ImpairedConnection | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)  # uvloop's is one without inheriting from it
         self._server._clients.add(self)
+        self.impair(self._server.link)
         self.send(qtm.text_packet(qtm.PacketType.COMMAND, "QTM RT Interface connected"))
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002
         self._transport = None
+        if self._air is not None:
+            self._air.close()
         self._server._clients.discard(self)
 
+    def impair(self, link: Directions) -> None:
+        """Impair the connection from now on; one that never was impaired writes and reads at once."""
+        if self._air is not None:
+            self._air.set(link)
+        elif link != Directions():
+            self._air = ImpairedConnection(link, self._server.seed, self._take, self._write)
+
     def data_received(self, data: bytes) -> None:
+        if self._air is not None:
+            self._air.received(data)
+        else:
+            self._take(data)
+
+    def _take(self, data: bytes) -> None:
         self._buffer += data
         try:
             commands = qtm.take_commands(self._buffer)
@@ -150,10 +193,15 @@ class _Client(asyncio.Protocol):
         """Write to the connection, or cut it off when the client reads nothing."""
         if self._transport is None or self._transport.is_closing():
             return
-        if self._transport.get_write_buffer_size() > MAX_BACKLOG_BYTES:
+        on_the_way = self._air.waiting_bytes if self._air is not None else 0
+        if self._transport.get_write_buffer_size() + on_the_way > MAX_BACKLOG_BYTES:
             self._transport.abort()
             return
-        self._transport.write(packet)
+        (self._write if self._air is None else self._air.send)(packet)
+
+    def _write(self, data: bytes) -> None:
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(data)
 
     def send_frame(self, frame: qtm.Frame) -> None:
         """Send a frame the way the client asked for it, if it did."""

@@ -28,7 +28,9 @@ _SPOKEN = frozenset(way for way in WAYS if way.part is Part.BROKER and way.kind 
 _HUNG = frozenset(way for way in WAYS if way.part is Part.AUTOPILOT and way.kind is Kind.STUCK)
 """Motors that keep their last signals and hear nobody: where it falls, and from which height, is chance and nobody's
 reaction. The table flies it from a hover."""
-_WAYS = tuple(way for way in WAYS if way not in _SPOKEN | _HUNG)
+_ELSEWHERE = frozenset(way for way in WAYS if way.part is Part.NETWORK)
+"""Ways of a network that these flights do not use."""
+_WAYS = tuple(way for way in WAYS if way not in _SPOKEN | _HUNG | _ELSEWHERE)
 _LAP = TrackRequest(Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=9.0, laps=1)), 0.5)
 _LAST_S = 22.0
 """Take-off, approach, lap and landing: a fault begins at any time of it."""

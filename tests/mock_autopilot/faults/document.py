@@ -9,6 +9,7 @@ _TITLES = {
     Part.AUTOPILOT: "The autopilot",
     Part.SERVOS: "The servos",
     Part.BROKER: "The broker (MQTT)",
+    Part.NETWORK: "The network (port pairs that the mock relays)",
 }
 _NOTES = {
     Part.MOCAP: "Frames go through the active faults in the order in which these began.",
@@ -18,6 +19,10 @@ _NOTES = {
     'input, `servo-fault {"kind": "overload", "id": 6}`, or `[[arms.bus.faults]]`.',
     Part.BROKER: "The mock runs no broker. It reports when such a fault begins and ends; the demo obeys. The "
     "demo refuses such a fault when its configuration has no `[operator]`.",
+    Part.NETWORK: "Port pairs are `[[impairment.relays]]` of the mock's configuration, or `--impair` "
+    "([mock.md](mock.md#a-bad-network)); without any the mock only reports when such a fault begins and ends. Up is "
+    "from the client to the server. Without a direction a fault concerns both, and bursts cut both at the same times. "
+    "A fault comes on top of the pair's own impairment. On a TCP pair loss becomes delay.",
 }
 _HEAD = f"""# Faults in the mock
 

@@ -24,6 +24,8 @@ def test_a_sentence_is_a_fault() -> None:
     assert mirrored.for_s == math.inf
     assert parse("link delayed by 0.2 s at 10 s").magnitude == 0.2
     assert parse("mocap slow to 15 Hz").magnitude == 15.0
+    assert parse("network slow to 5 kB/s").magnitude == 5.0
+    assert parse("network intermittent (bursts of 0.1 s) by 0.3 at 12 s for 5 s").how == "bursts of 0.1 s"
     assert parse("mocap slow").magnitude == 20.0, "the usual amount"
     assert parse("mocap wrong (clock jump) for 3 s by -4 s").amount == -4.0
 
@@ -48,7 +50,7 @@ def test_the_examples_are_sentences(sentence: str) -> None:
     ("sentence", "said"),
     [
         ("", 'an empty sentence is no fault; one is "mocap stuck at 12 s for 2 s"'),
-        ("camera stuck", '"camera" is no part; possible: mocap, link, autopilot, servos, broker'),
+        ("camera stuck", '"camera" is no part; possible: mocap, link, autopilot, servos, broker, network'),
         ("autopilot slow", 'autopilot cannot be "slow"; it can be off, stuck, wrong'),
         ("mocap garbage (noise)", 'mocap garbage does not know "(noise)"; possible: nothing more, (packets)'),
         ("autopilot wrong", "autopilot wrong must say which; possible: (reboot), (disarms), (pilot takes over), "),
@@ -67,6 +69,11 @@ def test_the_examples_are_sentences(sentence: str) -> None:
         ("mocap stuck by 3 m", "mocap stuck has no amount, so leave out 3"),
         ("link delayed by 3 m", 'the amount of "link delayed" is in s, not in m'),
         ("link intermittent by 0.5 s", 'the amount of "link intermittent" is a share and has no unit, not in s'),
+        ("network slow to 5 MB/s", '"to 5 mb/s": the amount of "network slow" is in kB/s: "to 5 kB/s"'),
+        (
+            "network intermittent (bursts)",
+            'network intermittent does not know "(bursts)"; possible: nothing more, (up), ',
+        ),
         ("link delayed by 30 s", "link delayed goes from 0 to 5 s, not 30"),
         ("autopilot wrong (reboot) for 3 s", 'autopilot wrong (reboot) happens once: leave out "for"'),
         ("mocap off at 3 s at 4 s", '"at 4 s" says a second time what was said before'),
