@@ -10,7 +10,8 @@ from mock_autopilot.faults.catalogue import DOWN, UP, Part
 from mock_autopilot.faults.mocap import MocapFaults
 from mock_autopilot.faults.network import impairment_of
 from mock_autopilot.faults.schedule import FaultTransition
-from mock_autopilot.impairment.ports import PortPair, Relay, open_relays
+from mock_autopilot.impairment.ports import PortPair
+from mock_autopilot.impairment.relays import Relay, open_relays
 from mock_autopilot.impairment.sentences import Directions, parse_directions
 from mock_autopilot.mavlink.link import MavlinkLink
 from mock_autopilot.mavlink.streams import TICK_S

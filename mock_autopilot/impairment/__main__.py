@@ -12,7 +12,8 @@ import signal
 import sys
 from collections.abc import Sequence
 
-from mock_autopilot.impairment.ports import PortPair, Protocol, Relay, address, open_relays
+from mock_autopilot.impairment.ports import PortPair, Protocol, address
+from mock_autopilot.impairment.relays import Relay, open_relays
 from mock_autopilot.impairment.sentences import EXAMPLES, Directions, ImpairmentError, parse_directions
 from mock_autopilot.impairment.udp_relay import RelayError
 

@@ -8,8 +8,9 @@ from collections.abc import AsyncIterator, Iterator
 from mock_autopilot.impairment.delivery import TimedDelivery
 from mock_autopilot.impairment.direction import Counts
 from mock_autopilot.impairment.model import CLEAN, Impairment
+from mock_autopilot.impairment.ports import Address
 from mock_autopilot.impairment.stream import ImpairedStream
-from mock_autopilot.impairment.udp_relay import Address, RelayError
+from mock_autopilot.impairment.udp_relay import RelayError
 
 MOST_WAITING_BYTES = 65_536
 """With so many bytes on their way nothing more is read, as with a full send buffer: the writer has to wait."""

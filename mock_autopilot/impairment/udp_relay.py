@@ -10,8 +10,8 @@ from typing import Any
 from mock_autopilot.impairment.delivery import TimedDelivery
 from mock_autopilot.impairment.direction import Counts, ImpairedDirection
 from mock_autopilot.impairment.model import CLEAN, Impairment
+from mock_autopilot.impairment.ports import Address
 
-Address = tuple[str, int]
 _Raw = Any  # an address as the socket module has it: of two or four values
 MAX_DATAGRAM = 65_536
 BUFFER_BYTES = 1 << 20
