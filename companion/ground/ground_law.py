@@ -57,8 +57,6 @@ class GroundParts:
     """Parts of the law on the ground, from the configuration."""
 
     pipeline: Callable[[Controller], ControlPipeline]
-    law: Callable[[str, float], Controller]
-    """Returns a law by its name, for an uplink of this age (s)."""
     estimator: EstimatorParams
     feedforward: ArmFeedforward | None
     period_s: float
@@ -71,12 +69,14 @@ class GroundParts:
 class GroundLaw:
     """Holds estimator, law and their memories; call `take` for each frame and `tick` once a cycle."""
 
-    def __init__(self, end: GroundEnd, parts: GroundParts, name: str) -> None:
+    def __init__(self, end: GroundEnd, parts: GroundParts, name: str, law: Controller) -> None:
+        """Take a law that was made for an uplink of the usual age, `parts.delay_s`."""
         self._end, self._parts = end, parts
         self._estimate = EstimatorState()
-        self._made_for_s = parts.delay_s
+        self.made_for_s = parts.delay_s
+        """Age of the uplink for which the law was made, s."""
         self.name = name
-        self._pipeline = parts.pipeline(parts.law(name, parts.delay_s))
+        self._pipeline = parts.pipeline(law)
         self._flying, self._epoch = False, 0
         self._mirror: AttitudeThrust | None = None
         self._report: Report | None = None
@@ -103,11 +103,6 @@ class GroundLaw:
         self.name, self._end.law = name, (self._end.law + 1) % 256
         self.failure, self._bad = "", 0
 
-    @property
-    def made_for_s(self) -> float:
-        """Age of the uplink for which the law was made, s."""
-        return self._made_for_s
-
     def tick(self, now_s: float, dt_s: float) -> GroundTick:
         """Run one cycle, and hand its command to the link."""
         self._hear()
@@ -118,7 +113,7 @@ class GroundLaw:
             output, sent, reference = self._fly(now_s, arrives_s, age_s, dt_s)
         else:
             self._end.flags = UpFlags.BLIND if self._is_blind(age_s) else NO_FLAGS
-            self._retune()
+            self._end.flags |= UpFlags.FAILED if self.failure else NO_FLAGS
         self._end.pose = self._pose(age_s) if self._parts.with_pose else None
         return GroundTick(
             time_s=now_s,
@@ -169,14 +164,23 @@ class GroundLaw:
         measured_s = self._end.up_age_s
         return min(measured_s, _LONGEST_UP_S) if math.isfinite(measured_s) else self._parts.delay_s
 
-    def _retune(self) -> None:
-        """Make the law anew where the uplink's age has changed: a law knows its delay from the beginning."""
+    @property
+    def wants_law_for_s(self) -> float | None:
+        """Age of the uplink (s) that the law should be made for anew, as it has changed; None in flight."""
         report, age_s = self._report, self._up_age_s()
-        arming = report is None or bool(report.flags & DownFlags.ARMING)
-        if not arming and abs(age_s - self._made_for_s) > _RETUNE_S:
-            self._pipeline = self._parts.pipeline(self._parts.law(self.name, age_s))
-            self._made_for_s = age_s
-            LOG.info("commands are %.1f ms old at their arrival: the law is made for that", 1e3 * age_s)
+        busy = report is None or self._flying or bool(report.flags & DownFlags.ARMING)
+        return None if busy or abs(age_s - self.made_for_s) <= _RETUNE_S else age_s
+
+    def adopt(self, law: Controller, age_s: float) -> None:
+        """Use a law that was made for this age of the uplink (s), unless a flight has begun meanwhile."""
+        if not self._flying:
+            LOG.info("commands are %.0f ms old when they are used: the law is made for that", 1e3 * age_s)
+            self._pipeline, self.made_for_s, self.failure = self._parts.pipeline(law), age_s, ""
+
+    def reject(self, reason: str, age_s: float) -> None:
+        """Fly no more with an uplink of this age (s): the vehicle is told that the law has failed."""
+        LOG.error(reason)
+        self.failure, self.made_for_s = reason, age_s
 
     def _is_blind(self, age_s: float) -> bool:
         return self._estimate.vehicle is None or not age_s <= _OLDEST_S

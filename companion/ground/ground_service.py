@@ -3,7 +3,7 @@
 import asyncio
 import json
 import logging
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from typing import Any
 
 from companion.adapters.law_link.udp import GroundLink, open_ground_link
@@ -14,17 +14,20 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
-from companion.core.interfaces import CompanionError, MocapError
+from companion.core.interfaces import CompanionError, ConfigError, MocapError
 from companion.flight.arm_step import feedforward_of
-from companion.flight.assembly import controller_of, estimator_of, period_s
+from companion.flight.assembly import controller_of, estimator_of, margin_in, period_s
 from companion.ground.ground_law import GroundLaw, GroundParts
 from companion.ground.ground_loop import GroundLoop
+from companion.law_link.ground_end import GroundEnd
+from companion.service.margin_process import measure_apart
 from companion.service.planning import load_law
 
 LOG = logging.getLogger(__name__)
 
 _RETRY_S = 2.0
 _POLL_S = 0.02
+_AGE_S = 0.5
 
 
 def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
@@ -33,16 +36,11 @@ def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
     return config.model_copy(update={"mocap": mocap})
 
 
-def parts_of(config: CompanionConfig, allow_unstable: bool) -> GroundParts:
+def parts_of(config: CompanionConfig) -> GroundParts:
     """Return the parts of the law on the ground."""
     step_s = period_s(config)
-
-    def law(name: str, up_age_s: float) -> Controller:
-        return controller_of(with_link(config, up_age_s), name, allow_unstable).law
-
     return GroundParts(
         pipeline=lambda made: ControlPipeline(made, config.vehicle.thrust_model(), config.limits.limits()),
-        law=law,
         estimator=estimator_of(config),
         feedforward=None
         if config.arms is None
@@ -58,10 +56,15 @@ async def serve_law(config: CompanionConfig, controller: LoadedController, stop:
 
     Raises ConfigError for a key or address that cannot be used.
     """
-    clock, parts = MonotonicClock(), parts_of(config, controller.unstable_allowed)
+    clock, parts = MonotonicClock(), parts_of(config)
+    first = controller_of(with_link(config, parts.delay_s), controller.name, controller.unstable_allowed)
     async with open_ground_link(config, controller.name, clock) as link:
-        law = GroundLaw(link.end, parts, controller.name)
-        async with background(_speak(link, law, config), "companion.law_link"):
+        law = GroundLaw(link.end, parts, controller.name, first.law)
+        beside = _Beside(link.end, law, config, controller.unstable_allowed)
+        async with (
+            background(_repeat(beside.speak, _POLL_S), "companion.law_link"),
+            background(_repeat(beside.follow_age, _AGE_S), "companion.law_age"),
+        ):
             while not stop.is_set():
                 try:
                     await _until(stop, _with_mocap(config, link, law, clock, parts.period_s))
@@ -100,21 +103,55 @@ async def _beat_on(link: GroundLink, law: GroundLaw, clock: MonotonicClock, stop
         await asyncio.sleep(_POLL_S)
 
 
-async def _speak(link: GroundLink, law: GroundLaw, config: CompanionConfig) -> None:
-    """Log what changes on the link, and answer the vehicle's questions."""
-    end, session, refused = link.end, None, ""
+async def _repeat(step: Callable[[], Coroutine[Any, Any, None]], period_s: float) -> None:
+    """Do a step again and again; one that fails is logged, and ends no flight."""
     while True:
-        if end.session != session:
-            session = end.session
-            LOG.info("the vehicle at %s has taken the law %s", config.law.link.host, law.name)
-        if end.refused != refused:
-            refused = end.refused
-            if refused:
-                LOG.error("the vehicle refuses: %s", refused)
+        try:
+            await step()
+        except Exception:
+            LOG.exception("beside the law")
+        await asyncio.sleep(period_s)
+
+
+class _Beside:
+    """Work beside the law: what changes on the link, the vehicle's questions, and the age of the uplink."""
+
+    def __init__(self, end: GroundEnd, law: GroundLaw, config: CompanionConfig, allow_unstable: bool) -> None:
+        self._end, self._law, self._config, self._allow_unstable = end, law, config, allow_unstable
+        self._session, self._refused = end.session, ""
+
+    async def speak(self) -> None:
+        """Log what has changed on the link, and answer the vehicle's question."""
+        end = self._end
+        if end.session != self._session:
+            self._session = end.session
+            LOG.info("the vehicle at %s has taken the law %s", self._config.law.link.host, self._law.name)
+        if end.refused != self._refused:
+            self._refused = end.refused
+            if self._refused:
+                LOG.error("the vehicle refuses: %s", self._refused)
         question = end.asked
         if question is not None and question.text:
-            end.answer(question, await _answer(question.text, law, config))
-        await asyncio.sleep(_POLL_S)
+            end.answer(question, await _answer(question.text, self._law, self._config))
+
+    async def follow_age(self) -> None:
+        """Make the law anew, on the ground, for the age that the vehicle measures; reject one without enough margin."""
+        age_s = self._law.wants_law_for_s
+        if age_s is None:
+            return
+        aged = with_link(self._config, age_s)
+        try:
+            law = await asyncio.to_thread(_made, self._law.name, aged, self._allow_unstable)
+        except ConfigError as error:
+            self._law.reject(f"commands are {1e3 * age_s:.0f} ms old when they are used: {error}", age_s)
+        else:
+            self._law.adopt(law, age_s)
+
+
+def _made(name: str, config: CompanionConfig, allow_unstable: bool) -> Controller:
+    loaded = controller_of(config, name, allow_unstable)
+    margin_in(config, loaded, measure_apart)
+    return loaded.law
 
 
 async def _answer(question: str, law: GroundLaw, config: CompanionConfig) -> str:
