@@ -108,7 +108,7 @@ def summarise(columns: Columns) -> Summary | None:
         landed=last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
         disarmed=not bool(columns["armed"][-1]),
         arms=_summarise_arms(columns, tracking) if "arm_phase" in columns else None,
-        link=_summarise_link(columns, tracking) if "law_link_messages" in columns else None,
+        link=_summarise_link(columns, tracking) if "link_messages" in columns else None,
     )
 
 
@@ -129,22 +129,29 @@ def _summarise_link(columns: Columns, tracking: NDArray[np.bool_]) -> LinkSummar
     passed_s = max(float(time_s[-1] - time_s[0]), 1e-9)
 
     def grown(name: str) -> int:
-        counts = _floats(columns[f"law_link_{name}"]).reshape(-1)[tracking]
+        counts = _floats(columns[f"link_{name}"])[tracking]
         return int(counts[-1] - counts[0])
 
     messages, events, again = grown("messages"), grown("events"), grown("again")
-    ages_s = _floats(columns["law_link_newest_age_s"]).reshape(-1)[tracking]
+    ages_s = message_ages_s(columns, tracking)
     return LinkSummary(
-        uplink_bytes_per_s=grown("bytes_up") / passed_s,
+        uplink_bytes_per_s=grown("bytes") / passed_s,
         downlink_bytes_per_s=grown("bytes_down") / passed_s,
         messages_per_s=messages / passed_s,
         events=events,
-        beats=messages - events - again,
+        beats=grown("beats"),
         again=again,
         lost=grown("lost"),
         age_ms=spread_ms(ages_s[np.isfinite(ages_s)]),
-        longest_silence_ms=1e3 * float(_floats(columns["law_link_silence_s"]).reshape(-1)[tracking].max()),
+        longest_silence_ms=1e3 * float(_floats(columns["link_silence_s"])[tracking].max()),
     )
+
+
+def message_ages_s(columns: Columns, among: NDArray[np.bool_]) -> Array:
+    """Return the age (s) at its arrival of each message that was the newest in one of these cycles; NaN if unknown."""
+    arrived_s = _floats(columns["link_message_arrived_s"])[among]
+    first = np.diff(arrived_s, prepend=np.nan) != 0.0
+    return (arrived_s - _floats(columns["link_message_sent_s"])[among])[first]
 
 
 def tracking_error_w_m(columns: Columns) -> Array:

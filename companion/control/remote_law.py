@@ -22,11 +22,9 @@ class RemoteCommand:
     """Heading; None: that of the reference."""
     age_s: float
     """Time since the ground law last showed that the command still holds."""
-    signals: dict[str, Array]
-    """Numbers of the link, for the record."""
 
 
-NOTHING_HEARD = RemoteCommand(number=0, accel_w_mps2=NO_COMMAND, yaw_rad=None, age_s=inf, signals={})
+NOTHING_HEARD = RemoteCommand(number=0, accel_w_mps2=NO_COMMAND, yaw_rad=None, age_s=inf)
 
 
 class RemoteLaw:
@@ -47,7 +45,7 @@ class RemoteLaw:
         output = ControlOutput(
             accel_w_mps2=c.accel_w_mps2,
             event=np.array([float(c.number != memory)]),
-            signals=c.signals,
+            signals={},
             yaw_rad=c.yaw_rad,
             age_s=c.age_s,
         )

@@ -222,6 +222,7 @@ class FlightLoop:
                 estimate=self._estimate,
                 law=self.law_name,
                 wire=wire,
+                link=None if self.remote is None else self.remote.tick,
                 stage=stage,
             )
         )

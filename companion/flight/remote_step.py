@@ -7,9 +7,11 @@ from typing import Protocol
 import numpy as np
 
 from companion.control.remote_law import NO_COMMAND, RemoteCommand, RemoteLaw
-from companion.core.types import Array, AttitudeThrust, JointMotion
+from companion.core.types import AttitudeThrust, JointMotion
+from companion.core.values import value
 from companion.guard.limits import LimitedSetpoint
-from companion.law_link.link_status import LinkStatus
+from companion.law_link.link_status import LinkStatus, UpCounts
+from companion.law_link.link_times import LinkTimes
 from companion.law_link.plan import SPACING_S, plan_of
 from companion.law_link.vehicle_end import Shown, VehicleEnd
 from companion.supervisor.flight_state import STREAMING, FlightState, Phase
@@ -31,6 +33,23 @@ class LawLink(Protocol):
         """Send one datagram to the ground law; never waits, never raises because of the network."""
 
 
+@value(kw_only=True)
+class LinkTick:
+    """Link to a law on the ground in one cycle, for the record."""
+
+    command: RemoteCommand
+    """Command in use."""
+    epoch: int
+    """Number of the flight."""
+    status: LinkStatus
+    counts: UpCounts
+    times: LinkTimes
+    messages_down: int
+    """Messages to the ground law in this session."""
+    bytes_down: int
+    """Their payload with tags, of all sessions."""
+
+
 class RemoteStep:
     """Call `read` at the begin of a cycle and `show` after its setpoint was sent."""
 
@@ -42,6 +61,8 @@ class RemoteStep:
         self.status: LinkStatus = link.end.status(0.0)
         self.command_age_s = math.inf
         """Time since the ground law confirmed its command for this flight."""
+        self.tick = self._tick()
+        """Link in this cycle, for the record."""
         self._shown: Shown | None = None
         self._shown_s = self._planned_s = -math.inf
         self._planned: object = None
@@ -76,28 +97,20 @@ class RemoteStep:
             accel_w_mps2=NO_COMMAND if command is None else np.array(command.accel_w_mps2),
             yaw_rad=None if command is None else command.yaw_rad,
             age_s=self.command_age_s,
-            signals=self._signals(),
         )
+        self.tick = self._tick()
 
-    def _signals(self) -> dict[str, Array]:
-        """Return the link's numbers for the record."""
-        s, end = self.status, self._link.end
-        counts = end.counts
-        return {
-            "link_command": np.array([float(self._number)]),
-            "link_silence_s": np.array([min(s.silence_s, 1e3)]),
-            "link_age_s": np.array([s.age_s]),
-            "link_newest_age_s": np.array([s.newest_age_s]),
-            "link_received": np.array([float(s.received)]),
-            "link_missing": np.array([float(s.missing)]),
-            "link_late": np.array([float(s.late)]),
-            "link_messages": np.array([float(counts.messages)]),
-            "link_events": np.array([float(counts.events)]),
-            "link_again": np.array([float(counts.again)]),
-            "link_lost": np.array([float(counts.lost)]),
-            "link_bytes_up": np.array([float(counts.sent_bytes)]),
-            "link_bytes_down": np.array([float(end.bytes_down)]),
-        }
+    def _tick(self) -> LinkTick:
+        end, counts = self._link.end, self._link.end.counts
+        return LinkTick(
+            command=self._law.command,
+            epoch=self._epoch,
+            status=self.status,
+            counts=counts,
+            times=end.times,
+            messages_down=end.sent,
+            bytes_down=end.bytes_down,
+        )
 
     def show(
         self,

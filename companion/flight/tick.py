@@ -8,6 +8,7 @@ from companion.control.wire_setpoint import Wire
 from companion.core.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
 from companion.estimation.state import EstimatorState
 from companion.flight.arm_step import ArmTick
+from companion.flight.remote_step import LinkTick
 from companion.guard.limits import LimitedSetpoint
 from companion.supervisor.faults import Event, Stage
 from companion.supervisor.flight_state import FlightState
@@ -44,6 +45,8 @@ class Tick:
     """Name of the control law."""
     wire: Wire | None = None
     """Setpoint that was sent, with the correction of the autopilot's horizon."""
+    link: LinkTick | None = None
+    """Link to a law on the ground; None for a law on board."""
     stage: Stage = Stage.GROUND
     """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
 

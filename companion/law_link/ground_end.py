@@ -273,11 +273,19 @@ class GroundEnd:
             epoch=self.epoch,
             law=self.law,
             flags=self.flags,
-            command=s.command if kind is Kind.EVENT else None,
+            command=self._command_of(s, now_s) if kind is Kind.EVENT else None,
             pose=self.pose,
             clock=self._clock_of(s) if kind is Kind.CLOCK else None,
         )
         return self._sealed(s, message, now_s)
+
+    @staticmethod
+    def _command_of(s: _Session, now_s: float) -> Command | None:
+        """Return the newest command; its frame is older when it is sent again."""
+        if s.command is None or now_s <= s.command_s:
+            return s.command
+        ago = s.command.capture_ago + round((now_s - s.command_s) / TICK_S)
+        return replace(s.command, capture_ago=min(ago, 65535))
 
     def _clock_of(self, s: _Session) -> Clock:
         c = self.counts

@@ -25,8 +25,6 @@ class LinkStatus:
     """The ground law says that its law has failed."""
     age_s: float
     """Median age of the messages of the last second at their arrival; NaN while unknown."""
-    newest_age_s: float
-    """Age of the newest message at its arrival; NaN while unknown."""
     received: int
     """Messages of the last second that arrived as the newest."""
     missing: int
@@ -51,7 +49,6 @@ NO_LINK = LinkStatus(
     blind=False,
     failed=False,
     age_s=nan,
-    newest_age_s=nan,
     received=0,
     missing=0,
     late=0,

@@ -11,6 +11,7 @@ from math import inf, isfinite, nan
 
 from companion.law_link.agreement import Introduction, difference, introduction_of
 from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
+from companion.law_link.link_times import LinkTimes, MessageTimes, offset_s_of, times_of
 from companion.law_link.messages import (
     MESSAGE,
     TICK_S,
@@ -50,6 +51,8 @@ class HeldCommand:
     epoch: int
     law: int
     command: Command
+    stamp: int
+    """Ground's clock when the message with it was sent."""
     received_s: float
     """Arrival on the vehicle's clock."""
 
@@ -81,7 +84,6 @@ class _Session:
     received: int = 0
     received_bytes: int = 0
     newest: UpMessage | None = None
-    newest_age_s: float = nan
     newest_s: float = -inf
     """Arrival of the newest message."""
     seen_s: float = -inf
@@ -241,7 +243,6 @@ class VehicleEnd:
         if session.clock is not None:
             age_s = seconds_between(ticks_of(now_s), message.stamp + session.clock.offset)
             self._ages.note(now_s, age_s)
-            session.newest_age_s = age_s
         if not message.flags & (UpFlags.BLIND | UpFlags.FAILED):
             session.seen_s = max(session.seen_s, now_s - max(age_s, 0.0))
         if message.pose is not None:
@@ -257,6 +258,7 @@ class VehicleEnd:
                 epoch=message.epoch,
                 law=message.law,
                 command=message.command,
+                stamp=message.stamp,
                 received_s=now_s,
             )
 
@@ -293,7 +295,6 @@ class VehicleEnd:
             blind=bool(flags & UpFlags.BLIND),
             failed=bool(flags & UpFlags.FAILED),
             age_s=self._ages.median_s,
-            newest_age_s=session.newest_age_s,
             received=self._received.sum(now_s),
             missing=max(self._missing.sum(now_s), 0),
             late=self._late.sum(now_s),
@@ -312,6 +313,26 @@ class VehicleEnd:
             sent_bytes=0 if s.clock is None else s.clock.sent_bytes,
             received=s.received,
             received_bytes=s.received_bytes,
+        )
+
+    @property
+    def sent(self) -> int:
+        """Messages sent to the ground law in this session."""
+        return 0 if self._session is None else self._session.sent
+
+    @property
+    def times(self) -> LinkTimes:
+        """Clocks and newest messages of the session."""
+        s = self._session
+        if s is None or s.newest is None:
+            return LinkTimes()
+        held = s.held
+        return LinkTimes(
+            session=s.number,
+            clock_offset_s=offset_s_of(s.clock),
+            message=times_of(s.newest.stamp, s.newest_s, s.clock),
+            command=MessageTimes() if held is None else times_of(held.stamp, held.received_s, s.clock),
+            capture_ago_s=nan if held is None else held.command.capture_ago * TICK_S,
         )
 
     def report(self, shown: Shown, now_s: float) -> bytes | None:

@@ -7,6 +7,7 @@ import numpy as np
 from companion.arms.model import JOINT_COUNT
 from companion.core.types import Array
 from companion.flight.tick import Tick
+from companion.records.link_columns import ACCEL, NUMBERS, link_accel, link_numbers
 
 _NOWHERE = np.full(3, np.nan)
 _NO_ATTITUDE = np.full(4, np.nan)
@@ -91,6 +92,9 @@ class Recorder:
                 "joint_temperature_c": status.temperature_c,
                 "arms_known_accel_w_mps2": tick.arms.known_accel_w_mps2,
             }
+        if tick.link is not None:
+            scalars |= dict(zip(NUMBERS, link_numbers(tick.link), strict=True))
+            vectors[ACCEL] = link_accel(tick.link)
         signals = (output.law_output.signals if output else {}) | tick.late_signals
         for name, value in scalars.items():
             self._columns.setdefault(name, []).append(value)

@@ -9,7 +9,10 @@ import numpy as np
 from mcap.records import Message
 
 EVENTS = "/event"
-_FLAGS = ("airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs", "failsafe")
+_FLAGS = (
+    "airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs", "failsafe",
+    "link_connected", "link_blind", "link_failed",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from companion.core.types import Array
 from companion.estimation.state import Counts
 from companion.flight.tick import Tick
+from companion.records.link_columns import LINK, link_accel, link_numbers
 
 F64 = np.dtype(np.float64)
 _WANTED = "accel_w_mps2"
@@ -150,6 +151,10 @@ def gathered(tick: Tick) -> Values:
             seen.autopilot_age_s, seen.trusted, seen.flying, wire.dt_s, wire.begun,
         )  # fmt: skip
         arrays += (wire.setpoint.q_w_flu_wxyz, wire.last.q_w_flu_wxyz, seen.autopilot_q_w_flu_wxyz)
+    if tick.link is not None:
+        parts.append(LINK)
+        numbers += link_numbers(tick.link)
+        arrays.append(link_accel(tick.link))
     if tick.arms is not None:
         _gather_arms(tick, parts, numbers, arrays)
     return Values(parts, numbers, arrays)
