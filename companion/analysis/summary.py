@@ -151,7 +151,7 @@ def message_ages_s(columns: Columns, among: NDArray[np.bool_]) -> Array:
     """Return the age (s) at its arrival of each message that was the newest in one of these cycles; NaN if unknown."""
     arrived_s = _floats(columns["link_message_arrived_s"])[among]
     first = np.diff(arrived_s, prepend=np.nan) != 0.0
-    return (arrived_s - _floats(columns["link_message_sent_s"])[among])[first]
+    return np.asarray((arrived_s - _floats(columns["link_message_sent_s"])[among])[first])
 
 
 def tracking_error_w_m(columns: Columns) -> Array:

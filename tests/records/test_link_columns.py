@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from companion.analysis.summary import summarise
 from companion.law_link.messages import TICK_S
 from companion.records.link_columns import ACCEL, NUMBERS
 from companion.records.read import FlightRecord, read_flight
@@ -68,3 +69,16 @@ def test_the_recorder_in_memory_has_them_too(record: FlightRecord) -> None:
             recorder(tick)
     for name in (*NUMBERS, ACCEL):
         np.testing.assert_array_equal(recorder.arrays()[name], record.columns[name], name)
+
+
+def test_the_summary_has_the_links_messages_and_ages() -> None:
+    recorder = Recorder()
+    for tick in flight_with_link():
+        recorder(tick)
+    summary = summarise(recorder.arrays())
+    assert summary is not None
+    assert summary.link is not None
+    assert summary.link.age_ms.median == pytest.approx(1e3 * 0.5 * (UP_S + DOWN_S), abs=0.3)
+    assert summary.link.events == 7
+    assert 30.0 < summary.link.messages_per_s < 50.0
+    assert summary.link.lost == 0
