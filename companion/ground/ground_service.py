@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import sys
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -10,6 +11,7 @@ from companion.adapters.law_link.udp import GroundLink, open_ground_link
 from companion.adapters.mocap.source import open_mocap
 from companion.adapters.system.background import background
 from companion.adapters.system.clock import MonotonicClock
+from companion.adapters.system.realtime import SWITCH_INTERVAL_S, spare_the_collector
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.control.controller import Controller
@@ -56,10 +58,12 @@ async def serve_law(config: CompanionConfig, controller: LoadedController, stop:
 
     Raises ConfigError for a key or address that cannot be used.
     """
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     clock, parts = MonotonicClock(), parts_of(config)
     first = controller_of(with_link(config, parts.delay_s), controller.name, controller.unstable_allowed)
     async with open_ground_link(config, controller.name, clock) as link:
         law = GroundLaw(link.end, parts, controller.name, first.law)
+        spare_the_collector()
         beside = _Beside(link.end, law, config, controller.unstable_allowed)
         async with (
             background(_repeat(beside.speak, _POLL_S), "companion.law_link"),

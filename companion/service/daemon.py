@@ -17,6 +17,7 @@ from companion.adapters.broker.process import open_broker
 from companion.adapters.mqtt.link import BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.last_resort import LastResort
+from companion.adapters.system.realtime import SWITCH_INTERVAL_S
 from companion.adapters.system.systemd import Notifier
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.config.companion_config import CompanionConfig
@@ -45,8 +46,6 @@ _RIVAL_TIMEOUT_S = 3.0
 """Time to wait for the broker's report of another service with this vehicle's name."""
 _TICK_TIMEOUT_S = 0.5
 """Age of the newest tick below which the control loop counts as alive."""
-_SWITCH_INTERVAL_S = 0.0005
-"""Interval after which a computing thread yields to the control loop; Python's default is 5 ms."""
 _LANDING_S = 60.0
 _NOT_PUBLISHED = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
@@ -72,7 +71,7 @@ class DaemonSettings:
 
 async def serve(settings: DaemonSettings) -> None:
     """Run until SIGTERM or Ctrl-C, landing first; raise ConfigError for invalid settings of the broker."""
-    sys.setswitchinterval(_SWITCH_INTERVAL_S)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
     stop = asyncio.Event()
     _end_on_signals(stop, settings)
     asyncio.get_running_loop().set_exception_handler(partial(_failed_callback, settings.last_resort))

@@ -1,7 +1,6 @@
 """Construction of the devices and the flight loop from the configuration."""
 
 import asyncio
-import gc
 import math
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -16,6 +15,7 @@ from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
+from companion.adapters.system.realtime import spare_the_collector
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.core.interfaces import Clock, OperatorLink, WatchdogTimer
@@ -81,7 +81,7 @@ async def open_service(
         async def checks(tell: Tell) -> Sequence[Check]:
             return await preflight(replace(running, tell=tell), config)
 
-        _spare_the_collector()
+        spare_the_collector()
         ticking = asyncio.create_task(loop.run(), name="companion.flight_loop")
         try:
             reports = DeviceReports(checks, autopilot.params, (*autopilot.warnings, *remarks))
@@ -95,9 +95,3 @@ async def open_service(
 def _landed_age_s(loop: FlightLoop, clock: Clock) -> float:
     """Return the time since this service's last flight ended, s; its arming found both attitudes to agree."""
     return clock.now_s() - loop.flight.since_s if loop.flight.phase is Phase.DISARMED else math.inf
-
-
-def _spare_the_collector() -> None:
-    """Exempt everything built so far from garbage collection, which would take 50 ms in flight."""
-    gc.collect()
-    gc.freeze()
