@@ -249,8 +249,8 @@ TABLE: tuple[Row, ...] = (
         flying=_WARN, landing=_WARN, ground=_WARN),
     Row(fault=Fault.GROUND_LAW_SILENT,
         sign="nothing that a law on the ground has sent with a pose is newer than {command_silent_s} s (cable, radio, "
-        "computer or process gone, its motion capture lost), it says that its law has failed, or no ground law has this "
-        "vehicle",
+        "computer or process gone, its motion capture lost), it says that its law has failed, or no ground law has "
+        "this vehicle",
         why="nobody corrects the vehicle; PX4 lands. A ground law that returns is used again after `companion resume` "
         "only",
         flying=_PX4, landing=_PX4, ground=_DISARM),
