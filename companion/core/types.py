@@ -5,7 +5,7 @@ turning body coordinates into W. Control code broadcasts, so vectors are (..., 3
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -19,6 +19,11 @@ Scalar = float | Array
 """Number of one vehicle, or numbers of a batch: control code computes with both alike."""
 Flag = bool | Mask
 """Truth value of one vehicle, or those of a batch."""
+
+
+def unknown_vector() -> Array:
+    """Return NaN as a vector (3,)."""
+    return np.full(3, np.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +129,13 @@ class AutopilotStatus:
     heard_s: float = -math.inf
     """Arrival of the newest message of any kind on the service's monotonic clock; -inf before the first."""
     attitude_s: float = -math.inf
-    """Arrival of `q_w_flu_wxyz` on the service's monotonic clock; -inf before the first."""
+    """Arrival of `q_w_flu_wxyz` and `rate_flu_radps` on the service's monotonic clock; -inf before the first."""
+    rate_flu_radps: Array = field(default_factory=unknown_vector)
+    """The autopilot's own body rate, (3,); NaN before the first."""
+    velocity_w_mps: Array = field(default_factory=unknown_vector)
+    """The velocity of its own estimate, (3,), in W where it takes its heading from vision; NaN before the first."""
+    velocity_s: float = -math.inf
+    """Arrival of `velocity_w_mps` on the service's monotonic clock; -inf before the first."""
     boot_s: float = math.nan
     """The autopilot's time since boot, as last reported; NaN before the first report."""
     battery_id: int = -1

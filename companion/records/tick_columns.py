@@ -22,8 +22,8 @@ Column = tuple[str, str, Shape]
 _BASE = {
     "/flight": ("time_s late_s age_s sent_s airborne touched_down since_s theirs level takeoff_height_m", ""),
     "/autopilot": (
-        "connected heartbeat_s armed in_air battery_fraction battery_v heard_s attitude_s boot_s failsafe",
-        "autopilot_q_w_flu_wxyz",
+        "connected heartbeat_s armed in_air battery_fraction battery_v heard_s attitude_s boot_s failsafe velocity_s",
+        "autopilot_q_w_flu_wxyz autopilot_rate_flu_radps autopilot_velocity_w_mps",
     ),
 }
 _FRAME = {
@@ -108,9 +108,9 @@ def gathered(tick: Tick) -> Values:
         tick.time_s, tick.late_s, tick.age_s, tick.sent_s, flight.airborne, flight.touched_down, flight.since_s,
         flight.theirs, flight.level, flight.takeoff_height_m,
         status.connected, status.heartbeat_s, status.armed, status.in_air, status.battery_fraction, status.battery_v,
-        status.heard_s, status.attitude_s, status.boot_s, status.failsafe,
+        status.heard_s, status.attitude_s, status.boot_s, status.failsafe, status.velocity_s,
     ]  # fmt: skip
-    arrays = [status.q_w_flu_wxyz]
+    arrays = [status.q_w_flu_wxyz, status.rate_flu_radps, status.velocity_w_mps]
     if (frame := tick.frame) is not None:
         parts.append(_FRAME)
         numbers += (frame.frame, frame.stamp_s, frame.received_s, frame.residual_m, frame.late)

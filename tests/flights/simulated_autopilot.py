@@ -30,7 +30,7 @@ SILENT_S = 3.0
 KILL_EVERY_S = 0.1
 _UNKNOWN = [math.nan] * 21
 """A covariance that says nothing."""
-_READ = frozenset({0, 1, 31, 245, CURRENT_MODE})
+_READ = frozenset({0, 1, 31, 32, 245, CURRENT_MODE})
 """Messages that come in streams and are looked at; what nobody reads is not even sent, which takes its time."""
 
 
@@ -54,6 +54,7 @@ class SimulatedAutopilot:
             "CURRENT_MODE": self._on_current_mode,
             "EXTENDED_SYS_STATE": lambda sent: {"in_air": sent.message.landed_state != ON_GROUND},
             "ATTITUDE_QUATERNION": self._on_attitude,
+            "LOCAL_POSITION_NED": _on_local,
             "SYS_STATUS": _on_battery,
             "STATUSTEXT": self._on_text,
         }
@@ -91,7 +92,8 @@ class SimulatedAutopilot:
         if boot_s < self._status.boot_s:  # it has forgotten what was asked of it
             self._ask_for_modes()
         attitude = flip_quat(np.array([m.q1, m.q2, m.q3, m.q4]))
-        return {"q_w_flu_wxyz": attitude, "attitude_s": sent.time_s, "boot_s": boot_s}
+        rate = flip_yz(np.array([m.rollspeed, m.pitchspeed, m.yawspeed]))
+        return {"q_w_flu_wxyz": attitude, "rate_flu_radps": rate, "attitude_s": sent.time_s, "boot_s": boot_s}
 
     def _on_text(self, sent: Sent) -> dict[str, Any]:
         text = sent.message.text if isinstance(sent.message.text, str) else sent.message.text.decode()
@@ -174,6 +176,11 @@ class SimulatedAutopilot:
             self._offboard_asked_s = self._bench.now_s
         filled = [*params, *[np.nan] * (7 - len(params))]
         self._bench.hear(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
+
+
+def _on_local(sent: Sent) -> dict[str, Any]:
+    velocity = flip_yz(np.array([sent.message.vx, sent.message.vy, sent.message.vz]))
+    return {"velocity_w_mps": velocity, "velocity_s": sent.time_s}
 
 
 def _on_battery(sent: Sent) -> dict[str, Any]:

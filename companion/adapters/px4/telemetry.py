@@ -17,7 +17,7 @@ import numpy as np
 from companion.adapters.px4.mavlink import Px4Mavlink
 from companion.adapters.system.log_lines import LineLimit, printable
 from companion.core.interfaces import Clock
-from companion.core.types import Array, AutopilotStatus, BatteryReading, FlightMode
+from companion.core.types import Array, AutopilotStatus, BatteryReading, FlightMode, unknown_vector
 from companion.geometry.frames import flip_quat, flip_yz
 
 LOG = logging.getLogger(__name__)
@@ -99,19 +99,15 @@ class TextPieces:
         return TextPieces(), (*lost_end, text)
 
 
-def _nowhere() -> Array:
-    return np.full(3, np.nan)
-
-
 @dataclass(frozen=True)
 class LocalEstimate:
     """PX4's local position estimate (EKF2) in W, provided that its origin is motion capture's."""
 
     time_s: float = -math.inf
     """Arrival of the newest position on our monotonic clock; -inf before the first. It comes without vision, too."""
-    position_w_m: Array = field(default_factory=_nowhere)
+    position_w_m: Array = field(default_factory=unknown_vector)
     """Shape (3,); NaN before the first."""
-    velocity_w_mps: Array = field(default_factory=_nowhere)
+    velocity_w_mps: Array = field(default_factory=unknown_vector)
     """Shape (3,); NaN before the first."""
     flags_s: float = -math.inf
     """Arrival of the newest flags; they come at 1 Hz."""
@@ -190,15 +186,15 @@ class Px4Telemetry:
         if boot_s < self.status.boot_s:
             self._rebooted()
         attitude, now_s = flip_quat(_floats(fields, "q1", "q2", "q3", "q4")), self._clock.now_s()
-        self._update(q_w_flu_wxyz=attitude, attitude_s=now_s, heard_s=now_s, boot_s=boot_s)
+        rate = flip_yz(_floats(fields, "rollspeed", "pitchspeed", "yawspeed"))
+        self._update(q_w_flu_wxyz=attitude, rate_flu_radps=rate, attitude_s=now_s, heard_s=now_s, boot_s=boot_s)
 
     def _on_local(self, fields: dict[str, Any]) -> None:
-        self.local = replace(
-            self.local,
-            time_s=self._clock.now_s(),
-            position_w_m=flip_yz(_floats(fields, "x", "y", "z")),
-            velocity_w_mps=flip_yz(_floats(fields, "vx", "vy", "vz")),
-        )
+        """Handle position and velocity, at 30 Hz by default, as recorded from PX4 v1.17."""
+        velocity, now_s = flip_yz(_floats(fields, "vx", "vy", "vz")), self._clock.now_s()
+        position = flip_yz(_floats(fields, "x", "y", "z"))
+        self.local = replace(self.local, time_s=now_s, position_w_m=position, velocity_w_mps=velocity)
+        self._update(velocity_w_mps=velocity, velocity_s=now_s)
 
     def _on_estimator(self, fields: dict[str, Any]) -> None:
         self.local = replace(self.local, flags=fields["flags"], flags_s=self._clock.now_s())

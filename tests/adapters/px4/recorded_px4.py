@@ -104,5 +104,5 @@ def _attitudes(session: Session) -> Iterator[tuple[float, str, dict[str, Any]]]:
         at_s = step * ATTITUDE_PERIOD_S
         booted_s = max([booted_s, *(on_s for _, on_s in session.silent_s if on_s <= at_s)])
         if not any(off_s < at_s < on_s for off_s, on_s in session.silent_s):
-            upright = {"q1": 1.0, "q2": 0.0, "q3": 0.0, "q4": 0.0}
+            upright = {"q1": 1.0, "q2": 0.0, "q3": 0.0, "q4": 0.0, "rollspeed": 0.0, "pitchspeed": 0.0, "yawspeed": 0.0}
             yield at_s, "ATTITUDE_QUATERNION", {"time_boot_ms": round((at_s - booted_s) * 1e3), **upright}

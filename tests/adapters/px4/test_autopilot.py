@@ -28,7 +28,11 @@ async def test_a_pose_in_w_arrives_in_the_autopilots_frame() -> None:
         start = np.array(START_NED_M)
         believed = np.array(mock.world.vehicle.estimate.position_m)
         assert believed == pytest.approx(start, abs=0.05), "x to north, y to the west, up is up"
-        assert float(yaw_of(autopilot.status().q_w_flu_wxyz)) == pytest.approx(1.0, abs=0.05), "left is positive in W"
+        status = autopilot.status()
+        assert float(yaw_of(status.q_w_flu_wxyz)) == pytest.approx(1.0, abs=0.05), "left is positive in W"
+        assert status.velocity_w_mps == pytest.approx(np.zeros(3), abs=0.1)
+        assert status.rate_flu_radps == pytest.approx(np.zeros(3), abs=0.1)
+        assert min(status.velocity_s, status.attitude_s) > MonotonicClock().now_s() - 0.2, "both come again and again"
 
 
 @beside
