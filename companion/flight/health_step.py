@@ -15,7 +15,7 @@ from companion.flight.arm_step import ArmStep
 from companion.geometry.frames import yaw_of
 from companion.guard.geofence import Fence
 from companion.law_link.link_status import LinkStatus
-from companion.supervisor.faults import Event, FailsafeAction, reaction_to
+from companion.supervisor.faults import Event, FailsafeAction, Fault, reaction_to
 from companion.supervisor.flight_state import COMMANDED, STREAMING, FlightInputs, FlightState, Phase
 from companion.supervisor.health import checks
 from companion.supervisor.health.checks import Health
@@ -60,8 +60,9 @@ class Cycle:
 class HealthStep:
     """Holds the checks' memory. Call `look` once a cycle."""
 
-    def __init__(self, rules: SafetyRules, fence: Fence, sides: Sides) -> None:
-        self._rules, self._fence, self._sides = rules, fence, sides
+    def __init__(self, rules: SafetyRules, fence: Fence, sides: Sides, off: frozenset[Fault] = frozenset()) -> None:
+        """`off` are faults that this vehicle cannot recognise."""
+        self._rules, self._fence, self._sides, self._off = rules, fence, sides, off
         self._memory = Health()
         self.events: tuple[Event, ...] = ()
         """Faults that are present now."""
@@ -69,7 +70,8 @@ class HealthStep:
     def look(self, cycle: Cycle, flight: FlightState) -> tuple[Event, ...]:
         """Run the checks; what was not there a cycle ago is logged."""
         before = {event.fault for event in self.events}
-        self._memory, self.events = checks.assess(self._memory, self._observed(cycle, flight), self._rules, self._fence)
+        observed = self._observed(cycle, flight)
+        self._memory, self.events = checks.assess(self._memory, observed, self._rules, self._fence, self._off)
         for event in self.events:
             if event.fault not in before:
                 self._tell(event, flight)

@@ -100,6 +100,17 @@ class Fault(StrEnum):
     KILL = "operator kills"
 
 
+class PoseNeed(StrEnum):
+    """Part of motion capture's pose without which a fault cannot be recognised; the value is its name in messages."""
+
+    FRAMES = "motion capture"
+    """The frames themselves."""
+    ATTITUDE = "attitude comparison"
+    """The true attitude, beside the autopilot's."""
+    PLACE = "fence and tracking"
+    """The true position, at every cycle."""
+
+
 @dataclass(frozen=True)
 class Event:
     """A fault that is present now, with its message."""
@@ -122,6 +133,8 @@ class Row:
     landing: FailsafeAction
     ground: FailsafeAction
     handed_over: FailsafeAction = FailsafeAction.WARN
+    needs: PoseNeed | None = None
+    """None: it is recognised on a vehicle that gets no frames, too."""
 
     def reaction(self, stage: Stage) -> FailsafeAction:
         """Return the failsafe action in this stage of the flight."""
@@ -135,54 +148,55 @@ class Row:
 
 _WARN, _DISARM, _HOLD, _LAND = FailsafeAction.WARN, FailsafeAction.DISARM, FailsafeAction.HOLD, FailsafeAction.LAND
 _PX4, _RELEASE, _TERMINATE = FailsafeAction.AUTOPILOT_LAND, FailsafeAction.RELEASE, FailsafeAction.TERMINATE
+_FRAMES, _ATTITUDE, _PLACE = PoseNeed.FRAMES, PoseNeed.ATTITUDE, PoseNeed.PLACE
 
 TABLE: tuple[Row, ...] = (
     Row(fault=Fault.MOCAP_LATE, sign="newest usable frame older than {coast_s} s",
         why="five frames at 100 Hz: the law still predicts over this gap; from here on the guard reduces the tilt",
-        flying=_WARN, landing=_WARN, ground=_WARN),
+        flying=_WARN, landing=_WARN, ground=_WARN, needs=_FRAMES),
     Row(fault=Fault.MOCAP_DEGRADED, sign="newest usable frame older than {degraded_s} s",
         why="the velocity estimate is unreliable by now; the guard has levelled the vehicle, which costs least if the "
         "pose returns",
-        flying=_WARN, landing=_WARN, ground=_WARN),
+        flying=_WARN, landing=_WARN, ground=_WARN, needs=_FRAMES),
     Row(fault=Fault.MOCAP_SILENT, sign="no usable frame for {silent_s} s",
         why="at 1 m/s the vehicle has flown 0.25 m without a pose; PX4 lands by its own estimate, which drifts",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_FROZEN, sign="frames arrive, but the pose is identical to the last bit for {frozen_s} s",
         why="a measured pose has noise; the control loop would fly away from a constant one",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_NAN, sign="frames arrive without the body for {silent_s} s",
         why="covered markers; same as mocap silent",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_INVALID, sign="invalid rotation, or a position outside any room, for {silent_s} s",
         why="a corrupt or foreign stream; same as mocap silent",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_OUTLIERS,
         sign="frames farther from the last pose than the vehicle can have moved, for {silent_s} s",
         why="reflections, a partly covered body, or the pose of another body now and then; same as mocap silent",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_JUMPED,
         sign="ten frames agree on a pose that the vehicle cannot have reached (bodies swapped, mirrored, upside down, "
         "origin moved)",
         why="the pose before or the pose after the jump is wrong, and nothing tells which; vision is withheld from "
         "PX4 too",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_SLOW,
         sign="fewer than {slow_hz} usable frames in a second, and no late cycles that explain it",
         why="the filter's noise and the law's delay grow; enough frames to land with our controller",
-        flying=_LAND, landing=_WARN, ground=_DISARM),
+        flying=_LAND, landing=_WARN, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_DELAYED,
         sign="median age over half a second above {delayed_s} s, or latency increased by that much",
         why="the clock estimate absorbs a constant delay, so that frames look fresh; the law is tuned to the known "
         "delay",
-        flying=_LAND, landing=_WARN, ground=_DISARM),
+        flying=_LAND, landing=_WARN, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_OUT_OF_ORDER,
         sign="more than {out_of_order_share} of a second's frames older than one already used",
         why="each such frame is dropped; many of them mean that the network reorders packets or that two servers send",
-        flying=_LAND, landing=_WARN, ground=_DISARM),
+        flying=_LAND, landing=_WARN, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.MOCAP_CLOCK_JUMP,
         sign="time stamps and arrival times of two consecutive frames disagree by {clock_jump_s} s",
         why="velocities and ages are computed from that clock",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_FRAMES),
     Row(fault=Fault.LIFT_OFF_UNSEEN,
         sign="motion capture shows no lift-off by the end of the thrust ramp; counts as flying unless PX4 reports "
         "that it is on the ground",
@@ -193,25 +207,25 @@ TABLE: tuple[Row, ...] = (
         sign="tilt by motion capture and by the autopilot {tilt_apart_rad} rad apart for {apart_s} s",
         why="mirrored axes or a slipped marker plate: PX4 flies by its own horizon, which the motion does not "
         "contradict",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_ATTITUDE),
     Row(fault=Fault.HORIZON_WRONG,
         sign="tilts apart as above, and the motion agrees with the tilt by motion capture, not with the autopilot's",
         why="PX4 would land by its wrong horizon and fly sideways; our position control compensates as long as the "
         "tilt limit allows; while it lasts, tracking lost and battery critical also lead to our own landing",
-        flying=_LAND, landing=_WARN, ground=_DISARM),
+        flying=_LAND, landing=_WARN, ground=_DISARM, needs=_ATTITUDE),
     Row(fault=Fault.HORIZON_LOST, sign="autopilot's horizon wrong, and the predicted stopping point outside the fence",
         why="neither our landing nor PX4's keeps the vehicle inside: a fall here is safer than flying into the net",
-        flying=_TERMINATE, landing=_TERMINATE, ground=_DISARM),
+        flying=_TERMINATE, landing=_TERMINATE, ground=_DISARM, needs=_ATTITUDE),
     Row(fault=Fault.HORIZON_CAPPED,
         sign="slow part of the tilt difference, motion capture less autopilot, above [control] horizon_cap_rad for "
         "{horizon_capped_s} s",
         why="one of the two attitudes is off by more than PX4's in normal flight: the part above the limit pushes the "
         "vehicle, and the law compensates; check for a tilted rigid body definition and the accelerometer calibration "
         "(docs/horizon.md)",
-        flying=_WARN, landing=_WARN, ground=_WARN),
+        flying=_WARN, landing=_WARN, ground=_WARN, needs=_ATTITUDE),
     Row(fault=Fault.HEADING_DISAGREES, sign="headings {heading_apart_rad} rad apart for {apart_s} s",
         why="every correction acts in a wrong direction, and the vehicle circles (toilet bowl)",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_ATTITUDE),
     Row(fault=Fault.SETPOINT_NOT_FOLLOWED,
         sign="attitude {not_followed_rad} rad from the modelled response to the setpoints, on the ground from the "
         "tilt at arming, or no setpoint can be sent, for {not_followed_s} s",
@@ -220,21 +234,21 @@ TABLE: tuple[Row, ...] = (
         flying=_PX4, landing=_PX4, ground=_DISARM),
     Row(fault=Fault.TRACKING_ERROR, sign="more than {tracking_m} m from the reference for {tracking_s} s",
         why="ten times the usual error: the model or the room is not as configured; land while control holds",
-        flying=_LAND, landing=_WARN, ground=_WARN),
+        flying=_LAND, landing=_WARN, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.TRACKING_LOST,
         sign="more than {lost_m} m from the reference, or more than {tracking_m} m and growing for {growing_s} s",
         why="our controller does not hold the vehicle",
-        flying=_PX4, landing=_PX4, ground=_WARN),
+        flying=_PX4, landing=_PX4, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.FENCE_NEAR, sign="predicted stopping point outside the fence",
         why="the guard brakes at the same time; the trajectory must not push the vehicle farther",
-        flying=_HOLD, landing=_WARN, ground=_WARN),
+        flying=_HOLD, landing=_WARN, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.FENCE_LEFT, sign="position outside the fence",
         why="neither law nor guard kept the vehicle inside",
-        flying=_PX4, landing=_PX4, ground=_DISARM),
+        flying=_PX4, landing=_PX4, ground=_DISARM, needs=_PLACE),
     Row(fault=Fault.ROOM_LEFT, sign="{beyond_m} m beyond the fence, and still armed",
         why="the net is next: a fall here is safer than flying into it; in all modes but OFFBOARD, PX4's landing and "
         "its failsafes a pilot controls the motors",
-        flying=_TERMINATE, landing=_TERMINATE, ground=_DISARM, handed_over=_TERMINATE),
+        flying=_TERMINATE, landing=_TERMINATE, ground=_DISARM, handed_over=_TERMINATE, needs=_PLACE),
     Row(fault=Fault.THRUST_SATURATED, sign="thrust at its upper limit for {saturated_s} s",
         why="no thrust reserve against disturbances: weak battery, too much weight, or a failed motor",
         flying=_LAND, landing=_WARN, ground=_WARN),

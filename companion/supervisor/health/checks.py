@@ -38,8 +38,13 @@ class Health:
     flight: FlightHealth = field(default_factory=FlightHealth)
 
 
-def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) -> tuple[Health, tuple[Event, ...]]:
-    """Return the checks' next memory and the faults present now, in the table's order, each at most once."""
+def assess(
+    memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence, off: frozenset[Fault] = frozenset()
+) -> tuple[Health, tuple[Event, ...]]:
+    """Return the checks' next memory and the faults present now, in the table's order, each at most once.
+
+    Faults that are `off` are not reported, and have no part in what is.
+    """
     new = now.mocap.verdict is not None and now.mocap.received_s != memory.received_s
     mocap, mocap_events = check_mocap(memory.mocap, now, rules, new)
     stream, stream_events = check_stream(memory.stream, now, rules, new)
@@ -49,7 +54,8 @@ def assess(memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence) 
     flight, flight_events = check_flight(memory.flight, now, rules)
     found = mocap_events + stream_events + attitude_events + position_events + autopilot_events + flight_events
     found += check_law_link(now, rules)
-    if attitude.horizon_wrong:
+    found = [event for event in found if event.fault not in off]
+    if attitude.horizon_wrong and Fault.HORIZON_WRONG not in off:
         found = _without_autopilot(found)
     events = {event.fault: event for event in found}.values()
     memory = Health(

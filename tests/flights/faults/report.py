@@ -42,12 +42,12 @@ def read_json(path: Path) -> dict[str, Result]:
 def recognised() -> str:
     """faults.TABLE as Markdown, with the limits' values."""
     lines = [
-        "| fault | how it is recognised | why | flying | landing | on the ground | handed over |",
-        "|" + " --- |" * 7,
+        "| fault | how it is recognised | why | flying | landing | on the ground | handed over | needs a pose |",
+        "|" + " --- |" * 8,
     ]
     lines += [
         f"| {row.fault} | {row.sign.format(**asdict(RULES))} | {row.why} | {row.flying.words} | {row.landing.words} | "
-        f"{row.ground.words} | {row.handed_over.words} |"
+        f"{row.ground.words} | {row.handed_over.words} | {'' if row.needs is None else 'yes'} |"
         for row in TABLE
     ]
     return "\n".join(lines)
