@@ -6,7 +6,7 @@ Adapters implement them; the flight loop and the tests depend on nothing else of
 from typing import Protocol
 
 from companion.core.errors import ArmError, AutopilotError, CompanionError, ConfigError, FlightError, MocapError
-from companion.core.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, MocapFrame
+from companion.core.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, GroundPose, MocapFrame
 
 __all__ = [
     "ArmBus",
@@ -17,6 +17,7 @@ __all__ = [
     "CompanionError",
     "ConfigError",
     "FlightError",
+    "GroundPoses",
     "MocapError",
     "MocapSource",
     "OperatorLink",
@@ -45,6 +46,13 @@ class MocapSource(Protocol):
 
     def why_silent(self) -> str:
         """Return a sentence that says why no frames arrive; empty when the reason is not known."""
+
+
+class GroundPoses(Protocol):
+    """Poses that come with the commands of a law on the ground; the latest wins, nothing is queued."""
+
+    def latest_pose(self) -> GroundPose | None:
+        """Return the newest pose, or None before the first one; never waits."""
 
 
 class Autopilot(Protocol):

@@ -51,6 +51,17 @@ class MocapFrame:
         return bool(np.isfinite(self.position_w_m).all() and np.isfinite(self.rotation_w_b).all())
 
 
+@dataclass(frozen=True, kw_only=True)
+class GroundPose:
+    """Position and heading that a law on the ground computed a command for: all that the vehicle gets of a pose."""
+
+    time_s: float
+    """Instant that it holds for, on the service's monotonic clock."""
+    position_w_m: Array
+    """Shape (3,)."""
+    yaw_rad: float
+
+
 @dataclass(frozen=True)
 class VehicleState:
     """Estimated state of the vehicle at `time_s` on the service's monotonic clock."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf, sqrt
 
-from companion.core.types import VehicleState
+from companion.core.types import Vec3, VehicleState
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync
 from companion.estimation.kalman import Motion
@@ -105,6 +105,8 @@ class EstimatorState:
     """Arrival of the last accepted frame."""
     pose: tuple[float, ...] = ()
     """Position and rotation of the last tracked frame, whatever its verdict."""
+    velocity_off_w_mps: Vec3 = (0.0, 0.0, 0.0)
+    """Without frames: the autopilot's velocity less the true one, as the ground's poses show it."""
     agreeing: int = 0
     """Outliers in a row that agree with each other; 0 unless the last tracked frame was one."""
 
