@@ -24,6 +24,7 @@ from companion.config.records_config import RecordsConfig
 from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.config.toml_files import Section, read_toml, validate
 from companion.control.controller import VehicleModel
+from companion.guard.geofence import Fence
 from companion.guard.guard import AgeRange, Guard, most_braking_mps2
 from companion.law_link.agreement import Agreed
 from companion.supervisor.flight_state import FlightRules
@@ -81,13 +82,13 @@ class CompanionConfig(Section):
             land_on_arm_fault=arms.land_on_fault,
         )
 
-    def guard(self) -> Guard:
-        """Return the guard in front of the autopilot."""
+    def guard(self, fence: Fence | None = None) -> Guard:
+        """Return the guard in front of the autopilot, with the configured fence or another one."""
         safety = self.safety
         model, limits = self.vehicle.thrust_model(), self.limits.limits()
         pose = AgeRange(safety.coast_s, safety.degraded_s)
         command = AgeRange(safety.command_coast_s, safety.command_level_s)
-        return Guard(limits, model, self.fence.fence(), pose, command)
+        return Guard(limits, model, fence or self.fence.fence(), pose, command)
 
     def airframe(self) -> Airframe:
         """Return the vehicle's properties that set its response to the arms' forces and torques."""

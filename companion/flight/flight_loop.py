@@ -3,13 +3,12 @@
 import asyncio
 import logging
 import math
-from typing import TypeGuard
 
 from companion.control.controller import Controller
 from companion.control.pipeline import idle_setpoint
 from companion.control.wire_setpoint import Wire
 from companion.core.interfaces import CompanionError
-from companion.core.types import FlightMode, MocapFrame
+from companion.core.types import FlightMode
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorState, Verdict
 from companion.flight.arming import Arming, refused_for
@@ -51,7 +50,7 @@ class FlightLoop:
     def __init__(self, devices: Devices, stages: Stages, sink: TickSink, law_name: str = "") -> None:
         self._mocap, self._autopilot, self._clock = devices.mocap, devices.autopilot, devices.clock
         self._sink: TickSink | None = sink
-        self._period_s, self._estimator_params = stages.period_s, stages.estimator
+        self._period_s, self._estimating = stages.period_s, stages.estimate
         self._rules, self._safety, self._pipeline = stages.rules, stages.safety, stages.control
         self._law, self._health, self._stream, self._vision = stages.law, stages.health, stages.stream, stages.vision
         self._horizon = stages.horizon
@@ -63,8 +62,6 @@ class FlightLoop:
         self._calls = AutopilotCalls(devices.autopilot)
         self.arming = Arming()
         """Arming, which comes before the phases of the flight."""
-        self._estimate = EstimatorState()
-        self._frame: MocapFrame | None = None
         self._flight = FlightState()
         self._failed = False
         self._law_name = law_name
@@ -84,7 +81,7 @@ class FlightLoop:
     @property
     def estimate(self) -> EstimatorState:
         """Return the latest estimate of the vehicle's motion."""
-        return self._estimate
+        return self._estimating.state
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -181,35 +178,34 @@ class FlightLoop:
         """The loop is behind: let in what has arrived meanwhile, before anything is concluded from its absence."""
         for _ in range(_TURNS):
             await asyncio.sleep(0)
-        frame = self._mocap.latest()
-        return frame.received_s if self._is_new(frame) else None
+        return self._estimating.waiting_s()
 
     def tick(self, now_s: float, late_s: float) -> None:
         """One control cycle at `now_s`, begun `late_s` late."""
-        frame_received_s = self._read()
         if self.remote is not None:
             self.remote.read(now_s, self._flight)
+        arrival = self._estimating.read(self._autopilot.status())
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
         self._look(now_s, late_s)
         stage = self._flight.stage
         self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
-        pipeline, limited = self._law.control(self._flight, self._estimate, self._stream.law_sent, now_s)
+        pipeline, limited = self._law.control(self._flight, self.estimate, self._stream.law_sent, now_s)
         wire, sent_s = self._send(limited, now_s)
         self._keep_or_end_stream(now_s)
         if self.remote is not None:
             joints_at = None if self.arms is None else self.arms.motion_at
             self.remote.show(now_s, self._flight, self._stream.law_sent, limited, joints_at)
         late_signals = self._law.settle()
-        self._vision.forward(now_s, math.isfinite(frame_received_s), self._estimate)
+        self._vision.forward(now_s, arrival.is_new, self._estimating.for_vision(now_s))
         self._tell(
             Tick(
                 time_s=now_s,
                 late_s=late_s,
-                frame_received_s=frame_received_s,
+                frame_received_s=arrival.frame_received_s,
                 sent_s=sent_s,
-                vehicle=self._estimate.vehicle,
-                age_s=estimator.age_s(self._estimate, now_s),
+                vehicle=self.estimate.vehicle,
+                age_s=estimator.age_s(self.estimate, now_s),
                 status=self._autopilot.status(),
                 flight=self._flight,
                 reference=state_machine.reference_at(self._flight, now_s) if pipeline else None,
@@ -218,8 +214,9 @@ class FlightLoop:
                 late_signals=late_signals,
                 arms=self.arms.tick(now_s, self._flight) if self.arms is not None else None,
                 events=self._events,
-                frame=self._frame if math.isfinite(frame_received_s) else None,
-                estimate=self._estimate,
+                frame=arrival.frame,
+                ground_pose=arrival.pose,
+                estimate=self.estimate,
                 law=self.law_name,
                 wire=wire,
                 link=None if self.remote is None else self.remote.tick,
@@ -232,23 +229,8 @@ class FlightLoop:
         if limited is None:
             return None, math.nan
         status, setpoint = self._autopilot.status(), limited.setpoint
-        wire = self._horizon.correct(setpoint, self._estimate, status, self._events, self._flight, now_s)
+        wire = self._horizon.correct(setpoint, self.estimate, status, self._events, self._flight, now_s)
         return wire, self._stream.send(setpoint, None if wire is None else wire.setpoint)
-
-    def _read(self) -> float:
-        """Feed the newest frame to the estimator; its arrival (s), or NaN when there is no new one."""
-        frame = self._mocap.latest()
-        if frame is None or not self._is_new(frame):
-            return math.nan
-        self._frame = frame
-        self._estimate = estimator.step(self._estimate, frame, self._estimator_params)
-        return frame.received_s
-
-    def _is_new(self, frame: MocapFrame | None) -> TypeGuard[MocapFrame]:
-        """By its stamp, too: some QTM versions number every frame 1."""
-        if frame is None or self._frame is None:
-            return frame is not None
-        return frame.frame != self._frame.frame or frame.stamp_s != self._frame.stamp_s
 
     def _look(self, now_s: float, late_s: float) -> None:
         """Update the faults, and judge whether the autopilot may see what we see."""
@@ -257,7 +239,7 @@ class FlightLoop:
             time_s=now_s,
             late_s=late_s,
             frame=self._mocap.latest(),
-            estimate=self._estimate,
+            estimate=self.estimate,
             status=status,
             streaming=self._stream.on,
             sent=self._stream.sent,
@@ -275,7 +257,7 @@ class FlightLoop:
 
     def _facts(self, now_s: float) -> FlightInputs:
         thrust = float(self._stream.law_sent.thrust) if self._stream.on else math.nan
-        return facts_of(now_s, self._estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
+        return facts_of(now_s, self.estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""
@@ -341,10 +323,10 @@ class FlightLoop:
             self._enter(flight)
 
     def _see_without_checks(self, now_s: float) -> None:
-        new = math.isfinite(self._read())
-        if self._estimate.verdict is Verdict.STARTED:  # jumped, or lost for long
+        new = self._estimating.read(self._autopilot.status()).is_new
+        if self.estimate.verdict is Verdict.STARTED:  # jumped, or lost for long
             self._vision.trusted = False
-        self._vision.forward(now_s, new, self._estimate)
+        self._vision.forward(now_s, new, self._estimating.for_vision(now_s))
 
     def _supervise_without_checks(self, now_s: float) -> None:
         if self._flight.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:

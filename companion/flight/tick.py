@@ -5,7 +5,7 @@ from typing import Protocol
 
 from companion.control.pipeline import PipelineOutput
 from companion.control.wire_setpoint import Wire
-from companion.core.types import Array, AutopilotStatus, MocapFrame, Reference, VehicleState
+from companion.core.types import Array, AutopilotStatus, GroundPose, MocapFrame, Reference, VehicleState
 from companion.estimation.state import EstimatorState
 from companion.flight.arm_step import ArmTick
 from companion.flight.remote_step import LinkTick
@@ -39,6 +39,8 @@ class Tick:
     """Faults that were present."""
     frame: MocapFrame | None = None
     """The frame this cycle was the first to use."""
+    ground_pose: GroundPose | None = None
+    """The ground law's pose that this cycle was the first to use, on a vehicle that frames do not reach."""
     estimate: EstimatorState | None = None
     """All that the estimator knows after it."""
     law: str = ""

@@ -78,3 +78,7 @@ class Fence:
         root = at * at - 4.0 * self.braking_mps2 * (speed_mps * for_s - 2.0 * left_m)
         end_mps = 0.5 * (math.copysign(math.sqrt(abs(root)), root) - at)
         return (end_mps - speed_mps) / for_s
+
+
+NO_FENCE = Fence((-math.inf, -math.inf), (math.inf, math.inf, math.inf))
+"""For a vehicle that does not know its position at every cycle."""

@@ -36,6 +36,7 @@ from mock_autopilot.qtm.config import QualisysConfig
 from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
+from tests.flights.simulated_ground import SimulatedGround
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import IMPERFECT, Bench
@@ -130,13 +131,15 @@ class Room:
 class SimulatedMocap:
     """interfaces.MocapSource."""
 
-    def __init__(self, room: Room, every_tick: Callable[[], None]) -> None:
-        self._room, self._every_tick = room, every_tick
+    def __init__(self, room: Room, every_tick: Callable[[], None], ground: SimulatedGround | None = None) -> None:
+        self._room, self._every_tick, self._ground = room, every_tick, ground
         self._last: MocapFrame | None = None
         self.lost_at_s = math.inf
         """Then the connection breaks, which ends the flight loop."""
 
     def latest(self) -> MocapFrame | None:
+        if self._ground is not None:
+            return None
         if self._room.now_s() <= self.lost_at_s:
             self._last = self._room.frame
         return self._last
@@ -149,6 +152,9 @@ class SimulatedMocap:
         if self._room.now_s() > self.lost_at_s:
             raise MocapError("the connection to QTM was lost")
         self._every_tick()
+        if self._ground is not None:
+            self._ground.pass_time(self._room, timeout_s)
+            return False
         self._room.pass_time(timeout_s)
         fresh, self._room.new_frame = self._room.new_frame, False
         return fresh
@@ -213,12 +219,14 @@ async def fly(
     faults: Sequence[str] = (),
     estimator: Mapping[str, Any] = IMPERFECT,
     real_driver: bool = False,
+    ground: SimulatedGround | None = None,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
     `estimator` is the mock's [estimator]: its horizon errs as PX4's does unless it is PERFECT.
+    With `ground` the law runs there, and frames do not reach the vehicle.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
@@ -252,10 +260,19 @@ async def fly(
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None and not real_driver else None
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
-    cameras = SimulatedMocap(room, every_tick)
+    cameras = SimulatedMocap(room, every_tick, ground)
     cameras.lost_at_s = mocap_lost_at_s
-    devices = Devices(mocap=cameras, autopilot=autopilot, clock=room, watchdog_timer=NoWatchdogTimer(), arms=bus)
-    loop = FlightLoop(devices, stages_of(devices, law, config), sink)
+    devices = Devices(
+        mocap=cameras,
+        autopilot=autopilot,
+        clock=room,
+        watchdog_timer=NoWatchdogTimer(),
+        arms=bus,
+        ground_poses=ground,
+    )
+    loop = FlightLoop(devices, stages_of(devices, law if ground is None else ground, config), sink)
+    if ground is not None:
+        ground.loop = loop
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")
