@@ -4,11 +4,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
 from companion.core.interfaces import GroundPoses, MocapSource
 from companion.core.types import AutopilotStatus, GroundPose, MocapFrame
 from companion.estimation import estimator, from_autopilot
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.estimation.from_autopilot import FromAutopilotParams
+from companion.law_link.vehicle_end import VehicleEnd
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,21 @@ class EstimateFromFrames:
         if frame is None or last is None:
             return frame
         return frame if frame.frame != last.frame or frame.stamp_s != last.stamp_s else None
+
+
+class LinkPoses:
+    """GroundPoses from the link to a law on the ground."""
+
+    def __init__(self, end: VehicleEnd) -> None:
+        self._end = end
+
+    def latest_pose(self) -> GroundPose | None:
+        """Return the newest pose that a message of the ground law carried; None before the first one."""
+        newest = self._end.pose
+        if newest is None:
+            return None
+        pose, sent_s = newest
+        return GroundPose(time_s=sent_s, position_w_m=np.array(pose.position_w_m), yaw_rad=pose.yaw_rad)
 
 
 class EstimateFromAutopilot:

@@ -21,6 +21,7 @@ from companion.control.controller import Controller
 from companion.core.interfaces import MocapError
 from companion.core.types import Array, MocapFrame
 from companion.flight.assembly import Devices, stages_of
+from companion.flight.estimate_step import LinkPoses
 from companion.flight.flight_loop import FlightLoop
 from companion.flight.tick import Tick
 from companion.geometry.frames import flip_yz
@@ -131,14 +132,17 @@ class Room:
 class SimulatedMocap:
     """interfaces.MocapSource."""
 
-    def __init__(self, room: Room, every_tick: Callable[[], None], ground: SimulatedGround | None = None) -> None:
-        self._room, self._every_tick, self._ground = room, every_tick, ground
+    def __init__(
+        self, room: Room, every_tick: Callable[[], None], ground: SimulatedGround | None = None, frames: bool = True
+    ) -> None:
+        """Without `frames`, only the law on the ground gets them."""
+        self._room, self._every_tick, self._ground, self._frames = room, every_tick, ground, frames
         self._last: MocapFrame | None = None
         self.lost_at_s = math.inf
         """Then the connection breaks, which ends the flight loop."""
 
     def latest(self) -> MocapFrame | None:
-        if self._ground is not None:
+        if not self._frames:
             return None
         if self._room.now_s() <= self.lost_at_s:
             self._last = self._room.frame
@@ -153,8 +157,7 @@ class SimulatedMocap:
             raise MocapError("the connection to QTM was lost")
         self._every_tick()
         if self._ground is not None:
-            self._ground.pass_time(self._room, timeout_s)
-            return False
+            return self._ground.pass_time(self._room, timeout_s, self._frames)
         self._room.pass_time(timeout_s)
         fresh, self._room.new_frame = self._room.new_frame, False
         return fresh
@@ -226,7 +229,7 @@ async def fly(
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
     `estimator` is the mock's [estimator]: its horizon errs as PX4's does unless it is PERFECT.
-    With `ground` the law runs there, and frames do not reach the vehicle.
+    With `ground` the law runs there, and frames reach the vehicle, too, if `config.law.onboard_mocap` says so.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
@@ -260,7 +263,7 @@ async def fly(
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None and not real_driver else None
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
-    cameras = SimulatedMocap(room, every_tick, ground)
+    cameras = SimulatedMocap(room, every_tick, ground, config.law.onboard_mocap)
     cameras.lost_at_s = mocap_lost_at_s
     devices = Devices(
         mocap=cameras,
@@ -268,11 +271,10 @@ async def fly(
         clock=room,
         watchdog_timer=NoWatchdogTimer(),
         arms=bus,
-        ground_poses=ground,
+        law_link=ground,
+        ground_poses=None if ground is None or config.law.onboard_mocap else LinkPoses(ground.end),
     )
-    loop = FlightLoop(devices, stages_of(devices, law if ground is None else ground, config), sink)
-    if ground is not None:
-        ground.loop = loop
+    loop = FlightLoop(devices, stages_of(devices, law, config), sink)
     flight = Flight(room, autopilot, loop, servos)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")

@@ -1,28 +1,31 @@
-"""A law on the ground in simulated time: it has the frames, and the vehicle gets commands and poses, some time later.
+"""A law on the ground in simulated time: `companion law` and both ends of its link as they are, over a simulated radio.
 
-What the link makes of them, and how it is lost, is not here: only a radio that delays, and a law that may die.
+The ground's clock is not the vehicle's. Datagrams are delivered in the order of their arrival.
 """
 
+import heapq
 import math
-from collections import deque
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import load_controller
-from companion.control.controller import ControlInput, ControlOutput
-from companion.control.pipeline import ControlPipeline
-from companion.core.types import Array, GroundPose, MocapFrame
-from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.flight.flight_loop import FlightLoop
-from companion.geometry.frames import yaw_of
-from companion.supervisor.state_machine import reference_at
+from companion.config.flight_config import LawConfig
+from companion.core.types import MocapFrame
+from companion.ground.ground_law import GroundLaw, GroundTick
+from companion.ground.ground_service import parts_of
+from companion.law_link.agreement import Introduction
+from companion.law_link.ground_end import GroundEnd
+from companion.law_link.vehicle_end import VehicleEnd
+
+SECRET = b"a key that both sides have"
+PERIOD_S, WAITS_FOR_FRAME_S = 0.01, 0.014
+CLOCKS_APART_S = 500.0
 
 
 class Room(Protocol):
-    """The room, as far as the ground sees it."""
+    """The room, as far as the ground has to do with it."""
 
     frame: MocapFrame | None
     new_frame: bool
@@ -32,90 +35,95 @@ class Room(Protocol):
     def pass_time(self, for_s: float) -> None: ...
 
 
-PERIOD_S = 0.01
+@dataclass(frozen=True, kw_only=True)
+class Radio:
+    """What the air does to each datagram, in both directions."""
+
+    delay_s: float = 0.003
+    jitter_s: float = 0.0
+    """Mean of what is added to it, exponential."""
+    loss: float = 0.0
+
+
+def ground_config(config: CompanionConfig, onboard_mocap: bool) -> CompanionConfig:
+    """Return a configuration with the law on the ground; the key is given otherwise."""
+    law = LawConfig().model_copy(update={"runs_on": "ground", "onboard_mocap": onboard_mocap})
+    return config.model_copy(update={"law": law})
 
 
 class SimulatedGround:
-    """Law on the ground and its radio: interfaces.GroundPoses, and the vehicle's Controller."""
+    """The ground law, the radio, and the vehicle's end of it: flight.remote_step.LawLink."""
 
-    preview_s = 0.0
+    def __init__(
+        self, config: CompanionConfig, law: str = "practical", radio: Radio | None = None, seed: int = 1
+    ) -> None:
+        self.radio, self._rng = radio or Radio(), np.random.default_rng(seed)
+        me = Introduction(version="1", law=law, host="simulated", agreed={})
+        self.end = VehicleEnd(SECRET, replace(me, law=""), self._rng.bytes)
+        self.ground_end = GroundEnd(SECRET, me, self._rng.bytes, config.law.link.beat_s)
+        self.law = GroundLaw(self.ground_end, parts_of(config, allow_unstable=False), law)
+        self.ticks: list[GroundTick] = []
+        self.dies_at_s = math.inf
+        """From then on the ground computes and sends nothing."""
+        self.cut_off_s = (math.inf, math.inf)
+        """Nothing arrives, either way, in this time."""
+        self._now_s = 0.0
+        self._cycle_s = 0.0
+        self._on_the_way: list[tuple[float, int, bool, bytes]] = []
+        self._count = 0
+        self.last_arrival_s = -math.inf
+        """Arrival of the newest datagram at the vehicle."""
 
-    def __init__(self, config: CompanionConfig, radio_s: float = 0.01, law: str = "etnn") -> None:
-        model, limits = config.vehicle.thrust_model(), config.limits.limits()
-        self._pipeline = ControlPipeline(load_controller(law, config.vehicle_model(), PERIOD_S).law, model, limits)
-        self._estimate, self._params = EstimatorState(), EstimatorParams(delay_s=config.mocap.delay_s)
-        self.radio_s = radio_s
-        self.dead_at_s = math.inf
-        """From then on nothing leaves the ground."""
-        self.beat_s = 0.03
-        """Period of its messages; each law's event comes at once."""
-        self._sent_s = -math.inf
-        self._on_the_way: deque[tuple[float, GroundPose, Array | None]] = deque()
-        self._pose: GroundPose | None = None
-        self._accel: Array = np.zeros(3)
-        self._number = 0
-        self.arrived_s = -math.inf
-        """Arrival of the newest message."""
-        self.loop: FlightLoop | None = None
+    def send(self, datagram: bytes) -> None:
+        """Send from the vehicle to the ground."""
+        self._send(datagram, up=False)
 
-    # -- on the ground ---------------------------------------------------------------------------
-
-    def see(self, frame: MocapFrame, now_s: float) -> None:
-        """Estimate, run the law as the vehicle's flight asks for, and send."""
-        self._estimate = estimator.step(self._estimate, frame, self._params)
-        vehicle = self._estimate.vehicle
-        if vehicle is None or self.loop is None or now_s >= self.dead_at_s:
-            return
-        accel = self._command(now_s)
-        if accel is None and now_s - self._sent_s < self.beat_s - 1e-9:
-            return
-        self._sent_s = now_s
-        at = vehicle.position_w_m.round(3), round(float(yaw_of(vehicle.q_w_flu_wxyz)), 4)
-        pose = GroundPose(time_s=vehicle.time_s, position_w_m=at[0], yaw_rad=at[1])
-        self._on_the_way.append((now_s + self.radio_s, pose, accel))
-
-    def _command(self, now_s: float) -> Array | None:
-        """Return the law's acceleration if it is worth sending; None while the vehicle is not in the air."""
-        assert self.loop is not None
-        vehicle, flight = self._estimate.vehicle, self.loop.flight
-        assert vehicle is not None
-        if not flight.airborne:
-            self._pipeline.forget()
-            return None
-        arrives_s = now_s + self.radio_s
-        ahead = reference_at(flight, arrives_s + self._pipeline.preview_s)
-        sent = self.loop._stream.law_sent  # noqa: SLF001 - what the downlink tells
-        output = self._pipeline.fly(vehicle, arrives_s - vehicle.time_s, ahead, sent, PERIOD_S).law_output
-        self._pipeline.settle()
-        return output.accel_w_mps2 if output.event.any() else None
-
-    def pass_time(self, room: Room, for_s: float) -> None:
-        """Let time pass in the room; the ground sees each frame."""
+    def pass_time(self, room: Room, for_s: float, until_frame: bool) -> bool:
+        """Let time pass, for the ground and what is on its way, too; with `until_frame`, to a frame and True."""
         end_s = room.now_s() + for_s
         while True:
-            room.pass_time(end_s - room.now_s())
-            if room.new_frame and room.frame is not None:
-                room.new_frame = False
-                self.see(room.frame, room.now_s())
-            self.receive(room.now_s())
-            if room.now_s() >= end_s - 1e-9:
-                return
+            due_s = min(end_s, self._cycle_s + WAITS_FOR_FRAME_S, *(one[0] for one in self._on_the_way[:1]))
+            room.pass_time(max(due_s - room.now_s(), 0.0))
+            self._now_s = room.now_s()
+            self._deliver()
+            fresh, room.new_frame = room.new_frame, False
+            if fresh or self._now_s >= self._cycle_s + WAITS_FOR_FRAME_S - 1e-9:
+                self._cycle(room.frame if fresh else None)
+            if (fresh and until_frame) or self._now_s >= end_s - 1e-9:
+                return fresh and until_frame
 
-    # -- on the vehicle --------------------------------------------------------------------------
+    def _cycle(self, frame: MocapFrame | None) -> None:
+        """Run one cycle of the ground, as GroundLoop does."""
+        self._cycle_s = self._now_s
+        if self._now_s >= self.dies_at_s:
+            return
+        if frame is not None:
+            self.law.take(replace(frame, received_s=frame.received_s - CLOCKS_APART_S))
+        self.ticks.append(self.law.tick(self._ground_s, PERIOD_S))
+        for datagram in self.ground_end.tick(self._ground_s):
+            self._send(datagram, up=True)
+        self.law.settle()
 
-    def receive(self, now_s: float) -> None:
-        """Take what has arrived by now."""
-        while self._on_the_way and self._on_the_way[0][0] <= now_s:
-            self.arrived_s, self._pose, accel = self._on_the_way.popleft()
-            if accel is not None:
-                self._accel, self._number = accel, self._number + 1
+    @property
+    def _ground_s(self) -> float:
+        return self._now_s - CLOCKS_APART_S
 
-    def latest_pose(self) -> GroundPose | None:
-        return self._pose
+    def _send(self, datagram: bytes, up: bool) -> None:
+        radio, (begin_s, end_s) = self.radio, self.cut_off_s
+        late_s = radio.delay_s + (self._rng.exponential(radio.jitter_s) if radio.jitter_s else 0.0)
+        lost = radio.loss and self._rng.uniform() < radio.loss
+        if lost or begin_s <= self._now_s < end_s:
+            return
+        self._count += 1
+        heapq.heappush(self._on_the_way, (self._now_s + late_s, self._count, up, datagram))
 
-    def initial(self, first: ControlInput) -> int:  # noqa: ARG002 - the interface of a law
-        self._accel = np.zeros(3)
-        return self._number
-
-    def step(self, memory: int, now: ControlInput) -> tuple[int, ControlOutput]:  # noqa: ARG002 - the interface of a law
-        return self._number, ControlOutput(self._accel, np.array([float(self._number != memory)]), {})
+    def _deliver(self) -> None:
+        while self._on_the_way and self._on_the_way[0][0] <= self._now_s + 1e-9:
+            _, _, up, datagram = heapq.heappop(self._on_the_way)
+            if up:
+                self.last_arrival_s = self._now_s
+                reply = self.end.hear(datagram, self._now_s, "ground")
+                if reply is not None:
+                    self.send(reply)
+            elif self._now_s < self.dies_at_s:
+                self.ground_end.hear(datagram, self._ground_s)
