@@ -13,8 +13,9 @@ import numpy as np
 from companion.config.companion_config import CompanionConfig
 from companion.config.flight_config import LawConfig
 from companion.core.types import MocapFrame
+from companion.flight.assembly import controller_of
 from companion.ground.ground_law import GroundLaw, GroundTick
-from companion.ground.ground_service import parts_of
+from companion.ground.ground_service import parts_of, with_link
 from companion.law_link.agreement import Introduction
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.vehicle_end import VehicleEnd
@@ -61,7 +62,9 @@ class SimulatedGround:
         me = Introduction(version="1", law=law, host="simulated", agreed={})
         self.end = VehicleEnd(SECRET, replace(me, law=""), self._rng.bytes)
         self.ground_end = GroundEnd(SECRET, me, self._rng.bytes, config.law.link.beat_s)
-        self.law = GroundLaw(self.ground_end, parts_of(config, allow_unstable=False), law)
+        late_s = self.radio.delay_s + self.radio.jitter_s  # as `companion law` measures before a flight
+        made = controller_of(with_link(config, late_s), law).law
+        self.law = GroundLaw(self.ground_end, replace(parts_of(config), delay_s=late_s), law, made)
         self.ticks: list[GroundTick] = []
         self.dies_at_s = math.inf
         """From then on the ground computes and sends nothing."""
