@@ -8,7 +8,7 @@ import numpy as np
 from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
-from companion.core.types import Array, AttitudeThrust, Mask, Reference, Scalar, VehicleState
+from companion.core.types import Array, AttitudeThrust, Flag, Mask, Reference, Scalar, VehicleState
 from companion.core.values import value
 from companion.geometry.array_math import absolute, any_true, column, unstack, where
 from companion.geometry.attitude import ThrustModel, accel_of_setpoint, limit_tilt, setpoint_of_accel
@@ -32,6 +32,8 @@ class PipelineOutput:
     """Inputs of the law."""
     begun: bool
     """True if the law began with this cycle: lift-off, or a switch to another law."""
+    is_new: Flag
+    """True where the law's setpoint is a new one: at an event, and when the heading has turned."""
 
 
 class ControlPipeline:
@@ -166,27 +168,27 @@ class ControlPipeline:
             self._switching = None if after.over else after
         before = no_disturbance(now) if self._disturbance is None else self._disturbance
         self._disturbance = estimate_disturbance(before, now)
-        self._law_setpoint = self._latest(output, ahead.yaw_rad if output.yaw_rad is None else output.yaw_rad)
+        self._law_setpoint, is_new = self._latest(output, ahead.yaw_rad if output.yaw_rad is None else output.yaw_rad)
         if self._guard is None:
             limited = limit_setpoint(self._law_setpoint, sent, self._limits, dt_s)
         else:
             limited = self._guard.check(self._law_setpoint, sent, vehicle, float(age_s), dt_s, output.age_s)
-        return PipelineOutput(ahead, output, limited, now, begun)
+        return PipelineOutput(ahead, output, limited, now, begun, is_new)
 
-    def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> AttitudeThrust:
+    def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> tuple[AttitudeThrust, Flag]:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""
         held, (event,) = self._law_setpoint, unstack(output.event)
         fresh = (event > 0.0) | (absolute(yaw_rad - self._yaw_rad) > YAW_STEP_RAD)
         if held is not None and not any_true(fresh):
-            return held
+            return held, fresh
         upright = limit_tilt(output.accel_w_mps2, self._limits.max_tilt_rad, self._model.gravity_mps2)
         new = setpoint_of_accel(upright, yaw_rad, self._model)
         if held is None:
             self._yaw_rad = yaw_rad
-            return new
+            return new, fresh | True
         self._yaw_rad = where(fresh, yaw_rad, self._yaw_rad)
         q = where(column(fresh), new.q_w_flu_wxyz, held.q_w_flu_wxyz)
-        return AttitudeThrust(q, where(fresh, new.thrust, held.thrust))
+        return AttitudeThrust(q, where(fresh, new.thrust, held.thrust)), fresh
 
 
 def idle_setpoint(yaw_rad: Scalar, thrust: float = 0.0) -> AttitudeThrust:

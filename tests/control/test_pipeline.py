@@ -103,6 +103,15 @@ def test_between_events_the_setpoint_stays_and_the_gate_goes_on_towards_it() -> 
     np.testing.assert_allclose(leans, [min(0.06 * (n + 1), wanted) for n in range(12)], atol=1e-9)
 
 
+def test_a_setpoint_is_new_in_the_first_cycle_at_events_and_when_the_heading_has_turned() -> None:
+    law = Script()
+    stage, said = stage_of(law), []
+    for event, yaw_rad in ((0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (0.0, 1.1 * YAW_STEP_RAD), (0.0, 1.1 * YAW_STEP_RAD)):
+        law.event = event
+        said.append(stage.fly(VEHICLE, 0.01, reference(yaw_rad), SENT, DT_S).is_new)
+    assert said == [True, False, True, True, False]
+
+
 def test_a_heading_that_turns_is_sent_without_an_event() -> None:
     law = Script()
     stage, sent = stage_of(law), SENT
@@ -278,7 +287,9 @@ def test_in_a_batch_each_vehicle_holds_its_own_setpoint_until_its_event_or_its_h
     stage.fly(batch, 0.01, reference(), sent, DT_S)
     law.accel = np.tile([0.0, 0.0, 0.49], (3, 1))  # 5 % of gravity: thrust 0.5 -> 0.525
     turned: Any = yaw_rad
-    setpoint = stage.fly(batch, 0.01, reference(turned), sent, DT_S).limited.setpoint
+    result = stage.fly(batch, 0.01, reference(turned), sent, DT_S)
+    setpoint = result.limited.setpoint
+    np.testing.assert_array_equal(result.is_new, [True, False, True])
     np.testing.assert_allclose(setpoint.thrust, [0.525, 0.5, 0.525])
     np.testing.assert_allclose(2.0 * np.arctan2(setpoint.q_w_flu_wxyz[:, 3], setpoint.q_w_flu_wxyz[:, 0]), yaw_rad)
 
