@@ -19,6 +19,7 @@ from companion.supervisor.state_machine import reference_at
 
 _REPORT_S = 0.03
 """Longest time between two reports; the ground takes silence of 0.1 s for a loss."""
+_PHASES = tuple(Phase)
 _ARMING = frozenset({Phase.PREFLIGHT, Phase.ARMED})
 
 
@@ -138,6 +139,7 @@ class RemoteStep:
             airborne=flight.airborne,
             cut=cut,
             arming=flight.phase in _ARMING,
+            phase=_PHASES.index(flight.phase),
             epoch=self._epoch,
             number=self._number,
             q_w_flu_wxyz=(w, x, y, z),

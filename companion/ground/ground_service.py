@@ -24,12 +24,14 @@ from companion.ground.ground_loop import GroundLoop
 from companion.law_link.ground_end import GroundEnd
 from companion.service.margin_process import measure_apart
 from companion.service.planning import load_law
+from companion.supervisor.flight_state import Phase
 
 LOG = logging.getLogger(__name__)
 
 _RETRY_S = 2.0
 _POLL_S = 0.02
 _AGE_S = 0.5
+_PHASES = tuple(Phase)
 
 
 def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
@@ -122,7 +124,7 @@ class _Beside:
 
     def __init__(self, end: GroundEnd, law: GroundLaw, config: CompanionConfig, allow_unstable: bool) -> None:
         self._end, self._law, self._config, self._allow_unstable = end, law, config, allow_unstable
-        self._session, self._refused = end.session, ""
+        self._session, self._refused, self._phase = end.session, "", 0
 
     async def speak(self) -> None:
         """Log what has changed on the link, and answer the vehicle's question."""
@@ -134,6 +136,9 @@ class _Beside:
             self._refused = end.refused
             if self._refused:
                 LOG.error("the vehicle refuses: %s", self._refused)
+        if end.report is not None and end.report.phase != self._phase:
+            self._phase = end.report.phase
+            LOG.info("the vehicle: %s", _PHASES[self._phase])
         question = end.asked
         if question is not None and question.text:
             end.answer(question, await _answer(question.text, self._law, self._config))

@@ -154,6 +154,8 @@ class Report:
     epoch: int
     law: int
     flags: DownFlags
+    phase: int = 0
+    """Phase of the flight: its place in `supervisor.flight_state.Phase`."""
     up_age: int
     """Median age of the messages up when a control cycle uses them, in ticks, 0 to 65535."""
     q_w_flu_wxyz: tuple[float, float, float, float]
@@ -203,7 +205,7 @@ _UP = struct.Struct("<BHIIHBBB")
 _COMMAND = struct.Struct("<4fH")
 _POSE = struct.Struct("<4h")
 _CLOCK = struct.Struct("<III")
-_REPORT = struct.Struct("<BHIIIHIHBBBH5f")
+_REPORT = struct.Struct("<BHIIIHIHBBBBH5f")
 _PLAN = struct.Struct("<BHIIHBB")
 _TEXT = struct.Struct("<BHI16s16s")
 _POSITION_STEP_M, _YAW_STEP_RAD = 1e-3, 1e-4
@@ -218,7 +220,7 @@ def packed(message: MESSAGE) -> bytes:
     if isinstance(message, Report):
         m = message
         heard = m.echo, m.held, m.received
-        state = m.number, m.epoch, m.law, int(m.flags), m.up_age
+        state = m.number, m.epoch, m.law, int(m.flags), m.phase, m.up_age
         report = (Kind.REPORT, m.session, m.sequence, m.stamp, *heard, *state, *m.q_w_flu_wxyz, m.thrust)
         return _REPORT.pack(*report)
     if isinstance(message, Plan):
@@ -311,8 +313,8 @@ def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
 
 
 def _unpacked_report(data: bytes) -> Report:
-    _, session, sequence, stamp, echo, held, received, number, epoch, law, flags, up_age, *setpoint = _REPORT.unpack(
-        data
+    _, session, sequence, stamp, echo, held, received, number, epoch, law, flags, phase, up_age, *setpoint = (
+        _REPORT.unpack(data)
     )
     w, x, y, z, thrust = setpoint
     return Report(
@@ -326,6 +328,7 @@ def _unpacked_report(data: bytes) -> Report:
         epoch=epoch,
         law=law,
         flags=DownFlags(flags),
+        phase=phase,
         up_age=up_age,
         q_w_flu_wxyz=(w, x, y, z),
         thrust=thrust,

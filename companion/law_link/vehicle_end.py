@@ -64,6 +64,8 @@ class Shown:
     airborne: bool
     cut: bool
     arming: bool
+    phase: int
+    """Place of the phase in `supervisor.flight_state.Phase`."""
     epoch: int
     number: int
     """Number of the command in use; 0 without one."""
@@ -357,6 +359,7 @@ class VehicleEnd:
             epoch=shown.epoch,
             law=session.held.law if session.held is not None else 0,
             flags=flags,
+            phase=shown.phase,
             up_age=_short_ticks(median_s) if isfinite(median_s) else 0,
             q_w_flu_wxyz=shown.q_w_flu_wxyz,
             thrust=shown.thrust,
