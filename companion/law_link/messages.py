@@ -313,10 +313,8 @@ def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
 
 
 def _unpacked_report(data: bytes) -> Report:
-    _, session, sequence, stamp, echo, held, received, number, epoch, law, flags, phase, up_age, *setpoint = (
-        _REPORT.unpack(data)
-    )
-    w, x, y, z, thrust = setpoint
+    _, session, sequence, stamp, *rest = _REPORT.unpack(data)
+    echo, held, received, number, epoch, law, flags, phase, up_age, w, x, y, z, thrust = rest
     return Report(
         session=session,
         sequence=sequence,
