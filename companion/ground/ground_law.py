@@ -185,12 +185,18 @@ class GroundLaw:
     def _is_blind(self, age_s: float) -> bool:
         return self._estimate.vehicle is None or not age_s <= _OLDEST_S
 
+    def _is_planned(self, vehicle_s: float) -> bool:
+        """Return True if the plan reaches to this time of the vehicle, which is NaN while its clock is unknown."""
+        motion = self._motion
+        if motion is None or not math.isfinite(vehicle_s):
+            return False
+        return motion.since_begin_s(vehicle_s) <= motion.length_s + _BEYOND_PLAN_S
+
     def _fly(
         self, now_s: float, arrives_s: float, age_s: float, dt_s: float
     ) -> tuple[PipelineOutput | None, Command | None, Reference | None]:
         vehicle, motion = self._estimate.vehicle, self._motion
-        beyond = motion is None or motion.since_begin_s(arrives_s) > motion.length_s + _BEYOND_PLAN_S
-        blind = self._is_blind(age_s) or beyond
+        blind = self._is_blind(age_s) or not self._is_planned(arrives_s)
         self._end.flags = UpFlags.FLYING | (UpFlags.BLIND if blind else NO_FLAGS)
         if self.failure:
             self._end.flags |= UpFlags.FAILED

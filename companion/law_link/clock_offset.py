@@ -1,13 +1,16 @@
 """Offset between the clocks of ground and vehicle, from messages that go round. Pure.
 
 As in NTP (RFC 5905, section 8): the offset is exact if both ways take equally long, and wrong by at most half of the
-round trip. The quickest round trip of the last seconds counts.
+round trip. The quickest round trip of the last seconds counts. Two exchanges that contradict each other show that a
+clock has jumped, and what was known before is dropped.
 """
 
 from dataclasses import dataclass
 from math import inf, nan
 
 HALF_WINDOW_S = 5.0
+_DRIFT_S = 2e-3
+"""Difference that two clocks may gain in the seconds of the window, and the resolution of stamps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +59,14 @@ class ClockOffset:
         return nan if self.best is None else self.best.round_trip_s
 
     def after(self, trip: RoundTrip) -> "ClockOffset":
-        """Return the offset with one more exchange."""
+        """Return the offset with one more exchange; a clock that has jumped begins again."""
+        if trip.round_trip_s < -_DRIFT_S:
+            return ClockOffset()
+        best = self.best
+        if best is not None:
+            most_s = 0.5 * (trip.round_trip_s + best.round_trip_s) + _DRIFT_S
+            if abs(trip.offset_s - best.offset_s) > most_s:
+                return ClockOffset(started_s=trip.ground_received_s, running=trip)
         if trip.ground_received_s - self.started_s >= HALF_WINDOW_S:
             return ClockOffset(started_s=trip.ground_received_s, running=trip, previous=self.running)
         running = trip if self.running is None else min(self.running, trip, key=lambda one: one.round_trip_s)

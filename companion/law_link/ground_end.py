@@ -34,6 +34,8 @@ _HELLO_S = 0.5
 _SILENT_S = 1.0
 """Silence of the vehicle after which a new session is asked for; the old one goes on if the vehicle returns."""
 _CLOCK_S = 0.5
+_JUMP_S = 0.02
+"""Change of the clocks' offset that the vehicle is told at once."""
 _AGAIN_S = 0.01
 """Time beyond a round trip after which a command counts as lost."""
 _AGAIN_EVERY_S = 0.02
@@ -68,6 +70,9 @@ class _Session:
     sent: int = 0
     sent_s: float = -inf
     clock_s: float = -inf
+    """Time at which the vehicle was told the clocks' offset."""
+    clock_told_s: float = nan
+    """Offset that it was told."""
     clock: ClockOffset = field(default_factory=ClockOffset)
     report: Report | None = None
     report_s: float = -inf
@@ -141,6 +146,8 @@ class GroundEnd:
         """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
         s = self._session
         if s is None or s.report is None or s.command is None or s.report.number == s.number_sent:
+            return False
+        if not self.flags & UpFlags.FLYING:  # a vehicle that stands uses no command, and acknowledges none
             return False
         return now_s - s.command_s > self._round_trip_s() + _AGAIN_S
 
@@ -227,7 +234,7 @@ class GroundEnd:
         out = []
         if self._answer is not None and self.asked is not None:
             self.asked = None
-            out.append(self._sealed(s, replace(self._answer, session=s.number, sequence=self._next(s)), now_s))
+            out.append(self._sealed(s, replace(self._answer, session=s.number, sequence=self._next(s))))
         new = s.command is not None and s.command_s == -inf
         if new or self._due_again(s, now_s):
             self.counts.events += new
@@ -235,9 +242,13 @@ class GroundEnd:
             s.command_s = now_s if new else s.command_s
             s.again_s = now_s
             out.append(self._state(s, Kind.EVENT, now_s))
-        elif now_s - s.sent_s >= self._interval_s(s, now_s) - 0.5 * TICK_S:
+        if self._clock_is_due(s, now_s):  # also beside events that leave no time for beats
+            s.clock_s, s.clock_told_s = now_s, s.clock.offset_s
             self.counts.beats += 1
-            out.append(self._state(s, self._kind_of_beat(s, now_s), now_s))
+            out.append(self._state(s, Kind.CLOCK, now_s))
+        elif s.sent_s < now_s and now_s - s.sent_s >= self._interval_s(s, now_s) - 0.5 * TICK_S:
+            self.counts.beats += 1
+            out.append(self._state(s, Kind.BEAT, now_s))
         return out
 
     def _due_again(self, s: _Session, now_s: float) -> bool:
@@ -251,11 +262,11 @@ class GroundEnd:
         acknowledged_s = seconds_between(ticks_of(now_s), report.echo)
         return 0.0 if acknowledged_s > self._round_trip_s() + _HURRY_S else self._beat_s
 
-    def _kind_of_beat(self, s: _Session, now_s: float) -> Kind:
-        if not isfinite(s.clock.offset_s) or now_s - s.clock_s < _CLOCK_S:
-            return Kind.BEAT
-        s.clock_s = now_s
-        return Kind.CLOCK
+    @staticmethod
+    def _clock_is_due(s: _Session, now_s: float) -> bool:
+        offset_s = s.clock.offset_s
+        jumped = abs(offset_s - s.clock_told_s) > _JUMP_S
+        return isfinite(offset_s) and (jumped or now_s - s.clock_s >= _CLOCK_S)
 
     def _round_trip_s(self) -> float:
         """Return the usual round trip: the quickest one, with twice the median age up for what jitter adds."""
@@ -277,7 +288,8 @@ class GroundEnd:
             pose=self.pose,
             clock=self._clock_of(s) if kind is Kind.CLOCK else None,
         )
-        return self._sealed(s, message, now_s)
+        s.sent_s = now_s
+        return self._sealed(s, message)
 
     @staticmethod
     def _command_of(s: _Session, now_s: float) -> Command | None:
@@ -296,8 +308,7 @@ class GroundEnd:
         s.sent += 1
         return s.sent
 
-    def _sealed(self, s: _Session, message: "UpMessage | Text", now_s: float) -> bytes:
-        s.sent_s = now_s
+    def _sealed(self, s: _Session, message: "UpMessage | Text") -> bytes:
         data = s.keys.up.sealed(packed(message))
         self.counts.bytes_up += len(data)
         return data

@@ -88,8 +88,10 @@ class _Session:
     newest: UpMessage | None = None
     newest_s: float = -inf
     """Arrival of the newest message."""
+    newest_sent_s: float = -inf
+    """Time at which it was sent, by the vehicle's clock."""
     seen_s: float = -inf
-    """Time at which the newest message of a ground law with a pose was sent, by the vehicle's clock."""
+    """The same of the newest message by which a ground law with a pose confirms the command that is held."""
     clock: Clock | None = None
     events: int = 0
     used: int = 0
@@ -230,6 +232,7 @@ class VehicleEnd:
         if order is Order.NEWEST:
             self._take_state(session, message, now_s)
         self._take_command(session, message, now_s)
+        self._confirm(session)
 
     def _take_answer(self, message: Text) -> None:
         if self._asked is not None and message.kind is Kind.ANSWER and message.nonce == self._ask_nonce():
@@ -240,15 +243,13 @@ class VehicleEnd:
         if message.clock is not None:
             session.clock = message.clock
         session.events += (message.number - (session.newest.number if session.newest else 0)) % 65535
-        session.newest, session.newest_s = message, now_s
         age_s = 0.0
         if session.clock is not None:
             age_s = seconds_between(ticks_of(now_s), message.stamp + session.clock.offset)
             self._ages.note(now_s, age_s)
-        if not message.flags & (UpFlags.BLIND | UpFlags.FAILED):
-            session.seen_s = max(session.seen_s, now_s - max(age_s, 0.0))
+        session.newest, session.newest_s, session.newest_sent_s = message, now_s, now_s - max(age_s, 0.0)
         if message.pose is not None:
-            session.pose = message.pose, now_s - max(age_s, 0.0)
+            session.pose = message.pose, session.newest_sent_s
 
     def _take_command(self, session: _Session, message: UpMessage, now_s: float) -> None:
         """Take a command that is newer than the one held, also from a message that a beat has overtaken."""
@@ -263,6 +264,16 @@ class VehicleEnd:
                 stamp=message.stamp,
                 received_s=now_s,
             )
+
+    @staticmethod
+    def _confirm(session: _Session) -> None:
+        """Note that the command held is the ground law's newest, which a beat after a lost event does not say."""
+        newest, held = session.newest, session.held
+        if newest is None or newest.flags & (UpFlags.BLIND | UpFlags.FAILED):
+            return
+        unused = not newest.flags & UpFlags.FLYING  # on the ground no command is used, and none sent again
+        if unused or newest.number == (0 if held is None else held.number):
+            session.seen_s = max(session.seen_s, session.newest_sent_s)
 
     def use(self, now_s: float) -> HeldCommand | None:
         """Return the newest command at the begin of a control cycle, when it is put to use; None before the first."""

@@ -1,0 +1,1 @@
+"""Tests of the link between a law on the ground and the vehicle."""
