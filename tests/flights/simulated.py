@@ -37,7 +37,7 @@ from mock_autopilot.qtm.config import QualisysConfig
 from tests.flights.command import ROOT
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_bus import simulated_bus
-from tests.flights.simulated_ground import SimulatedGround
+from tests.flights.simulated_ground import GroundSetup, GroundWorld
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.flights.simulated_servos import SimulatedServos
 from tests.mock_autopilot.bench import IMPERFECT, Bench
@@ -132,11 +132,9 @@ class Room:
 class SimulatedMocap:
     """interfaces.MocapSource."""
 
-    def __init__(
-        self, room: Room, every_tick: Callable[[], None], ground: SimulatedGround | None = None, frames: bool = True
-    ) -> None:
-        """Without `frames`, only the law on the ground gets them."""
-        self._room, self._every_tick, self._ground, self._frames = room, every_tick, ground, frames
+    def __init__(self, room: Room, every_tick: Callable[[], None], frames: bool = True) -> None:
+        """Without `frames`, only a law on the ground gets them."""
+        self._room, self._every_tick, self._frames = room, every_tick, frames
         self._last: MocapFrame | None = None
         self.lost_at_s = math.inf
         """Then the connection breaks, which ends the flight loop."""
@@ -156,11 +154,18 @@ class SimulatedMocap:
         if self._room.now_s() > self.lost_at_s:
             raise MocapError("the connection to QTM was lost")
         self._every_tick()
-        if self._ground is not None:
-            return self._ground.pass_time(self._room, timeout_s, self._frames)
-        self._room.pass_time(timeout_s)
+        return self._passed(timeout_s) if self._frames else self._passed_without_frames(timeout_s)
+
+    def _passed(self, for_s: float) -> bool:
+        self._room.pass_time(for_s)
         fresh, self._room.new_frame = self._room.new_frame, False
         return fresh
+
+    def _passed_without_frames(self, for_s: float) -> bool:
+        end_s = self._room.now_s() + for_s
+        while self._room.now_s() < end_s:
+            self._passed(end_s - self._room.now_s())
+        return False
 
 
 class FlightTimeoutError(AssertionError):
@@ -189,6 +194,8 @@ class Flight:
     loop: FlightLoop
     servos: SimulatedServos | None
     """None for a vehicle without arms, and where they have their real driver."""
+    ground: GroundWorld | None = None
+    """None for a law on board."""
     ticks: list[Tick] = field(default_factory=list)
     truths_w_m: list[Array] = field(default_factory=list)
     """True position of the vehicle at each tick."""
@@ -222,7 +229,7 @@ async def fly(
     faults: Sequence[str] = (),
     estimator: Mapping[str, Any] = IMPERFECT,
     real_driver: bool = False,
-    ground: SimulatedGround | None = None,
+    ground: GroundSetup | None = None,
     longest_s: float = 120.0,
 ) -> Flight:
     """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
@@ -263,19 +270,22 @@ async def fly(
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None and not real_driver else None
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
-    cameras = SimulatedMocap(room, every_tick, ground, config.law.onboard_mocap)
+    cameras = SimulatedMocap(room, every_tick, config.law.onboard_mocap)
     cameras.lost_at_s = mocap_lost_at_s
+    split = GroundWorld(room, ground, config, controller, seed) if ground is not None else None
+    if split is not None:
+        room.bench.world.observers.append(lambda _: split.step())
     devices = Devices(
         mocap=cameras,
         autopilot=autopilot,
         clock=room,
         watchdog_timer=NoWatchdogTimer(),
         arms=bus,
-        law_link=ground,
-        ground_poses=None if ground is None or config.law.onboard_mocap else LinkPoses(ground.end),
+        law_link=None if split is None else split.vehicle,
+        ground_poses=None if split is None or config.law.onboard_mocap else LinkPoses(split.end),
     )
     loop = FlightLoop(devices, stages_of(devices, law, config), sink)
-    flight = Flight(room, autopilot, loop, servos)
+    flight = Flight(room, autopilot, loop, servos, split)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")
     ways_to_end: set[asyncio.Future[None]] = {running, scripted, clock}

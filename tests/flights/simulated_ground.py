@@ -1,132 +1,242 @@
-"""A law on the ground in simulated time: `companion law` and both ends of its link as they are, over a simulated radio.
+"""The law on the ground in simulated time: the real law, loop and ends of the link, and a network that fails."""
 
-The ground's clock is not the vehicle's. Datagrams are delivered in the order of their arrival.
-"""
-
-import heapq
-import math
+import asyncio
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from math import inf
+from random import Random
+from typing import Any, Protocol
 
-import numpy as np
-
+from companion.adapters.law_link.udp import Address, GroundLink, VehicleLink, introduction
 from companion.config.companion_config import CompanionConfig
 from companion.config.flight_config import LawConfig
+from companion.control.controller import Controller
+from companion.core.interfaces import Clock
 from companion.core.types import MocapFrame
 from companion.flight.assembly import controller_of
-from companion.ground.ground_law import GroundLaw, GroundTick
+from companion.flight.tick_timer import TickTimer
+from companion.ground.ground_law import GroundLaw, GroundParts, GroundTick
+from companion.ground.ground_loop import GroundLoop
 from companion.ground.ground_service import parts_of, with_link
 from companion.law_link.agreement import Introduction
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.vehicle_end import VehicleEnd
+from mock_autopilot.impairment import CUT, ImpairedDirection, Impairment, parse
 
-SECRET = b"a key that both sides have"
-PERIOD_S, WAITS_FOR_FRAME_S = 0.01, 0.014
-CLOCKS_APART_S = 500.0
-
-
-class Room(Protocol):
-    """The room, as far as the ground has to do with it."""
-
-    frame: MocapFrame | None
-    new_frame: bool
-
-    def now_s(self) -> float: ...
-
-    def pass_time(self, for_s: float) -> None: ...
+KEY = b"the key of this room's vehicle"
+VEHICLE: Address = ("vehicle", 14600)
+USUAL = "delay 3 ms"
+"""Wi-Fi, and the time that the law takes: longer than from a frame's arrival to the vehicle's cycle."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Radio:
-    """What the air does to each datagram, in both directions."""
+class GroundSetup:
+    """Conditions of the ground and its network when a flight begins."""
 
-    delay_s: float = 0.003
-    jitter_s: float = 0.0
-    """Mean of what is added to it, exponential."""
-    loss: float = 0.0
+    link: str = USUAL
+    """Impairment of either direction, in the mock's words."""
+    clock_offset_s: float = 1234.5
+    """Ground's clock less the vehicle's."""
 
 
 def ground_config(config: CompanionConfig, onboard_mocap: bool) -> CompanionConfig:
-    """Return a configuration with the law on the ground; the key is given otherwise."""
+    """Return a configuration with the law on the ground; its key is given otherwise."""
     law = LawConfig().model_copy(update={"runs_on": "ground", "onboard_mocap": onboard_mocap})
     return config.model_copy(update={"law": law})
 
 
-class SimulatedGround:
-    """The ground law, the radio, and the vehicle's end of it: flight.remote_step.LawLink."""
-
-    def __init__(
-        self, config: CompanionConfig, law: str = "practical", radio: Radio | None = None, seed: int = 1
-    ) -> None:
-        self.radio, self._rng = radio or Radio(), np.random.default_rng(seed)
-        me = Introduction(version="1", law=law, host="simulated", agreed={})
-        self.end = VehicleEnd(SECRET, replace(me, law=""), self._rng.bytes)
-        self.ground_end = GroundEnd(SECRET, me, self._rng.bytes, config.law.link.beat_s)
-        late_s = self.radio.delay_s + self.radio.jitter_s  # as `companion law` measures before a flight
-        made = controller_of(with_link(config, late_s), law).law
-        self.law = GroundLaw(self.ground_end, replace(parts_of(config), delay_s=late_s), law, made)
-        self.ticks: list[GroundTick] = []
-        self.dies_at_s = math.inf
-        """From then on the ground computes and sends nothing."""
-        self.cut_off_s = (math.inf, math.inf)
-        """Nothing arrives, either way, in this time."""
-        self._now_s = 0.0
-        self._cycle_s = 0.0
-        self._on_the_way: list[tuple[float, int, bool, bytes]] = []
-        self._count = 0
-        self.last_arrival_s = -math.inf
-        """Arrival of the newest datagram at the vehicle."""
-
-    def send(self, datagram: bytes) -> None:
-        """Send from the vehicle to the ground."""
-        self._send(datagram, up=False)
-
-    def pass_time(self, room: Room, for_s: float, until_frame: bool) -> bool:
-        """Let time pass, for the ground and what is on its way, too; with `until_frame`, to a frame and True."""
-        end_s = room.now_s() + for_s
-        while True:
-            due_s = min(end_s, self._cycle_s + WAITS_FOR_FRAME_S, *(one[0] for one in self._on_the_way[:1]))
-            room.pass_time(max(due_s - room.now_s(), 0.0))
-            self._now_s = room.now_s()
-            self._deliver()
-            fresh, room.new_frame = room.new_frame, False
-            if fresh or self._now_s >= self._cycle_s + WAITS_FOR_FRAME_S - 1e-9:
-                self._cycle(room.frame if fresh else None)
-            if (fresh and until_frame) or self._now_s >= end_s - 1e-9:
-                return fresh and until_frame
-
-    def _cycle(self, frame: MocapFrame | None) -> None:
-        """Run one cycle of the ground, as GroundLoop does."""
-        self._cycle_s = self._now_s
-        if self._now_s >= self.dies_at_s:
-            return
-        if frame is not None:
-            self.law.take(replace(frame, received_s=frame.received_s - CLOCKS_APART_S))
-        self.ticks.append(self.law.tick(self._ground_s, PERIOD_S))
-        for datagram in self.ground_end.tick(self._ground_s):
-            self._send(datagram, up=True)
-        self.law.settle()
+class Room(Protocol):
+    """Room with its cameras and its clock, which is the vehicle's."""
 
     @property
-    def _ground_s(self) -> float:
-        return self._now_s - CLOCKS_APART_S
+    def frame(self) -> MocapFrame | None:
+        """Newest frame."""
 
-    def _send(self, datagram: bytes, up: bool) -> None:
-        radio, (begin_s, end_s) = self.radio, self.cut_off_s
-        late_s = radio.delay_s + (self._rng.exponential(radio.jitter_s) if radio.jitter_s else 0.0)
-        lost = radio.loss and self._rng.uniform() < radio.loss
-        if lost or begin_s <= self._now_s < end_s:
+    def now_s(self) -> float:
+        """Simulated time."""
+
+
+@dataclass
+class Datagram:
+    """One datagram on its way."""
+
+    data: bytes
+    source: Address
+    to: Address
+    sent_s: float
+
+
+class SimulatedNetwork:
+    """Network between the vehicle and its grounds: one direction up, one down."""
+
+    def __init__(self, clock: Clock, sentence: str, seed: int) -> None:
+        self._clock = clock
+        self._usual = parse(sentence)
+        self._up: ImpairedDirection[Datagram] = ImpairedDirection(self._usual, seed, seed)
+        self._down: ImpairedDirection[Datagram] = ImpairedDirection(self._usual, seed + 1, seed)
+        self._changes: list[tuple[float, Impairment]] = []
+        self.sent_up: list[Datagram] = []
+        """Everything that was ever sent to the vehicle, for those who listen in and play it again."""
+
+    def send(self, datagram: Datagram) -> None:
+        """Take what somebody sends now."""
+        up = datagram.to == VEHICLE
+        if up:
+            self.sent_up.append(datagram)
+        (self._up if up else self._down).put(self._clock.now_s(), datagram, len(datagram.data))
+
+    def impair(self, sentence: str, for_s: float = inf) -> None:
+        """Add this to what the network usually does, for a time."""
+        now_s = self._clock.now_s()
+        self._set(self._usual.and_also(parse(sentence)))
+        self._changes = [(now_s + for_s, self._usual)]
+
+    def cut(self, for_s: float = inf) -> None:
+        """Let nothing through, and lose what is on its way."""
+        now_s = self._clock.now_s()
+        for direction in (self._up, self._down):
+            direction.due(inf)
+        self._set(CUT)
+        self._changes = [(now_s + for_s, self._usual)]
+
+    def _set(self, impairment: Impairment) -> None:
+        self._up.set(impairment)
+        self._down.set(impairment)
+
+    def arrived(self) -> list[Datagram]:
+        """Return what arrives now."""
+        now_s = self._clock.now_s()
+        while self._changes and self._changes[0][0] <= now_s:
+            self._set(self._changes.pop(0)[1])
+        return [*self._up.due(now_s), *self._down.due(now_s)]
+
+
+class _Socket(asyncio.DatagramTransport):
+    """Socket of one end."""
+
+    def __init__(self, network: SimulatedNetwork, clock: Clock, source: Address) -> None:
+        super().__init__()
+        self._network, self._clock, self._source = network, clock, source
+
+    def sendto(self, data: Any, addr: Any = None) -> None:
+        """Send to an address, or to the vehicle."""
+        self._network.send(Datagram(bytes(data), self._source, addr or VEHICLE, self._clock.now_s()))
+
+
+class _GroundMocap:
+    """interfaces.MocapSource of the ground, as far as a cycle asks."""
+
+    def __init__(self) -> None:
+        self.frame: MocapFrame | None = None
+
+    def latest(self) -> MocapFrame | None:
+        return self.frame
+
+    def why_silent(self) -> str:
+        return ""
+
+    async def wait_frame(self, timeout_s: float) -> bool:
+        raise NotImplementedError("here frames come by `SimulatedGround.step`")
+
+
+class SimulatedGround:
+    """One computer on the ground with `companion law` on it; `step` lets it live."""
+
+    def __init__(self, world: "GroundWorld", me: Introduction, parts: GroundParts, address: Address) -> None:
+        self._world, self._parts, self._address = world, parts, address
+        self.offset_s = world.setup.clock_offset_s
+        self.stopped = False
+        """It gets no time; its socket and its cameras' newest frame wait."""
+        self.sees = True
+        """Its frames come."""
+        self.ticks: list[GroundTick] = []
+        self._begin(me)
+
+    def _begin(self, me: Introduction) -> None:
+        world = self._world
+        end = GroundEnd(world.key, me, world.random, beat_s=0.03)
+        self.link = GroundLink(end, self)
+        self.link.opened(_Socket(world.network, world.room, self._address))
+        self.law = GroundLaw(end, self._parts, me.law, world.law(self._parts.delay_s))
+        self._mocap, self._waiting = _GroundMocap(), list[Datagram]()
+        self._loop = GroundLoop(self._mocap, self.link, self.law, self, self._parts.period_s)
+        self._loop.observers.append(self.ticks.append)
+        self._timer = TickTimer(self._parts.period_s, self.now_s() + self._parts.period_s)
+
+    def now_s(self) -> float:
+        """interfaces.Clock: the ground's own."""
+        return self._world.room.now_s() + self.offset_s
+
+    def hear(self, datagram: Datagram) -> None:
+        """Take a datagram into the socket."""
+        self._waiting.append(datagram)
+
+    def step(self, frame: MocapFrame | None) -> None:
+        """Live on until now; `frame` is new, or None."""
+        if frame is not None and self.sees:
+            self._mocap.frame = replace(frame, received_s=self.now_s())
+        else:
+            frame = None
+        if self.stopped:
             return
-        self._count += 1
-        heapq.heappush(self._on_the_way, (self._now_s + late_s, self._count, up, datagram))
+        for datagram in self._waiting:
+            self.link.hear(datagram.data, datagram.source)
+        self._waiting.clear()
+        now_s = self.now_s()
+        due = frame is not None and not self._timer.frame_is_early(now_s)
+        if due or now_s >= self._timer.deadline_s:
+            self._timer.begin(now_s, now_s if due else None)
+            self._loop.cycle(now_s)
+            age_s = self.law.wants_law_for_s
+            if age_s is not None:
+                self.law.adopt(self._world.law(age_s), age_s)
 
-    def _deliver(self) -> None:
-        while self._on_the_way and self._on_the_way[0][0] <= self._now_s + 1e-9:
-            _, _, up, datagram = heapq.heappop(self._on_the_way)
-            if up:
-                self.last_arrival_s = self._now_s
-                reply = self.end.hear(datagram, self._now_s, "ground")
-                if reply is not None:
-                    self.send(reply)
-            elif self._now_s < self.dies_at_s:
-                self.ground_end.hear(datagram, self._ground_s)
+
+class GroundWorld:
+    """Network, vehicle's end and all grounds of one flight; `step` lets them live."""
+
+    def __init__(
+        self, room: Room, setup: GroundSetup, config: CompanionConfig, law: str | Controller, seed: int
+    ) -> None:
+        self.room, self.setup, self.key = room, setup, KEY
+        self.random: Callable[[int], bytes] = Random(seed).randbytes
+        self.network = SimulatedNetwork(room, setup.link, seed)
+        self._me = introduction(config, law if isinstance(law, str) else type(law).__name__)
+        self.end = VehicleEnd(self.key, replace(self._me, law=""), self.random)
+        self.vehicle = VehicleLink(self.end, room)
+        self.vehicle.opened(_Socket(self.network, room, VEHICLE))
+        self._parts, self._config, self._law = parts_of(config), config, law
+        self._grounds: dict[Address, SimulatedGround] = {}
+        self.heard: list[tuple[float, Datagram]] = []
+        """Every datagram that came to the vehicle, and when."""
+        self._frame: MocapFrame | None = None
+        self.ground = self.begin("ground")
+
+    def law(self, up_age_s: float) -> Controller:
+        """Return the law for commands that are this old when they are used (s)."""
+        law = self._law
+        return controller_of(with_link(self._config, up_age_s), law).law if isinstance(law, str) else law
+
+    def begin(self, host: str, **changes: Any) -> SimulatedGround:
+        """Start a ground law on a computer; `changes` are of how it introduces itself."""
+        ground = SimulatedGround(self, replace(self._me, host=host, **changes), self._parts, (host, 14600))
+        self._grounds[host, 14600] = ground
+        return ground
+
+    def kill(self, ground: SimulatedGround) -> None:
+        """End its process."""
+        self._grounds = {address: one for address, one in self._grounds.items() if one is not ground}
+
+    def step(self) -> None:
+        """Let the network and all grounds live until now."""
+        newest = self.room.frame
+        fresh = newest if newest is not self._frame else None
+        self._frame = newest
+        for datagram in self.network.arrived():
+            if datagram.to == VEHICLE:
+                self.heard.append((self.room.now_s(), datagram))
+                self.vehicle.hear(datagram.data, datagram.source)
+            elif datagram.to in self._grounds:
+                self._grounds[datagram.to].hear(datagram)
+        for ground in list(self._grounds.values()):
+            ground.step(fresh)

@@ -13,7 +13,7 @@ from companion.supervisor.faults import Fault
 from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import BRISK, Flight, Step, fly
-from tests.flights.simulated_ground import Radio, SimulatedGround, ground_config
+from tests.flights.simulated_ground import GroundSetup, GroundWorld, ground_config
 from tests.flights.test_simulated_flights import UP, ask, until, wait
 
 pytestmark = pytest.mark.slow
@@ -23,32 +23,36 @@ LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=10.0, laps=1)
 WITHIN_S = 0.3
 """From the last command that arrives to the command to land."""
 
-_FLOWN: dict[str, tuple[Flight, SimulatedGround]] = {}
+_FLOWN: dict[str, Flight] = {}
 """Flights that several tests look at, by name; the same again, bit by bit."""
 
 
 async def _lap() -> Flight:
     """Take off, fly a lap, land."""
     if "lap" not in _FLOWN:
-        ground = SimulatedGround(CONFIG, radio=Radio(delay_s=0.01, jitter_s=0.005, loss=0.02))
         track = [ask(TrackRequest(LAP, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0)]
         script = [*UP, *track, ask(LandRequest()), until(Phase.DISARMED), wait(0.5)]
-        _FLOWN["lap"] = await fly(script, config=CONFIG, ground=ground), ground
-    return _FLOWN["lap"][0]
+        setup = GroundSetup(link="delay 10 ms jitter 10 ms loss 2%")
+        _FLOWN["lap"] = await fly(script, controller="practical", config=CONFIG, ground=setup)
+    return _FLOWN["lap"]
 
 
-async def _died() -> tuple[Flight, SimulatedGround]:
+def _ground(flight: Flight) -> GroundWorld:
+    assert flight.ground is not None
+    return flight.ground
+
+
+def _die(flight: Flight) -> bool:
+    _ground(flight).kill(_ground(flight).ground)
+    return True
+
+
+async def _died() -> Flight:
     """The ground law dies on the path."""
     if "died" not in _FLOWN:
-        ground = SimulatedGround(CONFIG)
-
-        def die(flight: Flight) -> bool:
-            ground.dies_at_s = flight.room.now_s()
-            return True
-
-        track: list[Step] = [ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(3.0), die]
+        track: list[Step] = [ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(3.0), _die]
         script = [*UP, *track, until(Phase.HANDED_OVER), until(Phase.DISARMED)]
-        _FLOWN["died"] = await fly(script, config=CONFIG, ground=ground), ground
+        _FLOWN["died"] = await fly(script, controller="practical", config=CONFIG, ground=GroundSetup())
     return _FLOWN["died"]
 
 
@@ -121,12 +125,13 @@ async def test_the_horizon_is_not_corrected_and_no_fence_brakes() -> None:
 
 
 async def test_the_autopilot_lands_within_0_3_s_of_the_last_command_of_a_ground_law_that_dies() -> None:
-    flight, ground = await _died()
+    flight = await _died()
+    last_s = _ground(flight).heard[-1][0]
     handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
     assert handed.flight.cause is Fault.GROUND_LAW_SILENT
-    assert handed.time_s - ground.last_arrival_s < WITHIN_S
+    assert handed.time_s - last_s < WITHIN_S
     level = next(tick for tick in flight.ticks if tick.limited is not None and tick.limited.age_cut)
-    assert level.time_s - ground.last_arrival_s < 0.14, "it is level before that"
+    assert level.time_s - last_s < 0.14, "it is level before that"
     landing = next(tick for tick in flight.ticks if tick.status.mode is FlightMode.LAND)
     assert landing.time_s - handed.time_s < 0.1
     assert flight.autopilot.land_calls == 1
@@ -134,8 +139,9 @@ async def test_the_autopilot_lands_within_0_3_s_of_the_last_command_of_a_ground_
 
 async def test_that_landing_is_blind_and_ends_not_far_away() -> None:
     """Eight seeds: 0.3 to 1.2 m (docs/split.md); a landing with motion capture on board drifts 0.2 to 0.4 m."""
-    flight, ground = await _died()
-    begin = next(n for n, tick in enumerate(flight.ticks) if tick.time_s >= ground.dies_at_s)
+    flight = await _died()
+    last_s = _ground(flight).heard[-1][0]
+    begin = next(n for n, tick in enumerate(flight.ticks) if tick.time_s >= last_s)
     assert math.dist(flight.truths_w_m[begin][:2], flight.truths_w_m[-1][:2]) < 2.0
     assert flight.phases()[-2:] == [Phase.HANDED_OVER, Phase.DISARMED]
     assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=0.01)
