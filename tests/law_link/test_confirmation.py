@@ -44,8 +44,9 @@ def test_a_command_that_a_beat_has_overtaken_is_used_and_confirmed() -> None:
     ends.deliver(late)
     assert before_s == pytest.approx(0.05, abs=0.002)
     assert silence_s(ends) == pytest.approx(0.04, abs=0.002), "the beat that overtook it was sent then"
-    assert ends.vehicle.held is not None
-    assert ends.vehicle.held.number == 2
+    held = ends.vehicle.use(ends.now_s)
+    assert held is not None
+    assert held.number == 2
 
 
 @pytest.mark.parametrize("flag", [UpFlags.BLIND, UpFlags.FAILED])
