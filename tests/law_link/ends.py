@@ -18,6 +18,7 @@ def shown(number: int, airborne: bool = True, epoch: int = 1) -> Shown:
         airborne=airborne,
         cut=False,
         arming=False,
+        phase=0,
         epoch=epoch,
         number=number,
         q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0),
