@@ -8,15 +8,40 @@ a first-order low pass and is subtracted. Pure, one vehicle.
 
 import math
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
-from companion.core.types import Array, AutopilotStatus, GroundPose, VehicleState
+from companion.core.types import Array, GroundPose, VehicleState
 from companion.estimation.state import Counts, EstimatorState, Verdict
 from companion.geometry.frames import quat_from_yaw, quat_multiply, turned, yaw_of
 
 _LONGEST_S = 0.5
 """Longest time over which a heading is carried on by the turn rate."""
+
+
+class OwnMotion(Protocol):
+    """The autopilot's own motion; see AutopilotStatus."""
+
+    @property
+    def q_w_flu_wxyz(self) -> Array:
+        """Attitude, (4,)."""
+
+    @property
+    def rate_flu_radps(self) -> Array:
+        """Body rate, (3,)."""
+
+    @property
+    def attitude_s(self) -> float:
+        """Arrival of both."""
+
+    @property
+    def velocity_w_mps(self) -> Array:
+        """Velocity, (3,)."""
+
+    @property
+    def velocity_s(self) -> float:
+        """Arrival of the velocity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +61,7 @@ class FromAutopilotParams:
 
 
 def step(
-    state: EstimatorState, status: AutopilotStatus, pose: GroundPose | None, params: FromAutopilotParams
+    state: EstimatorState, status: OwnMotion, pose: GroundPose | None, params: FromAutopilotParams
 ) -> EstimatorState:
     """Advance to the autopilot's newest attitude, and take a pose that is newer than the one before.
 
@@ -68,7 +93,7 @@ def vision_of(state: EstimatorState, pose: GroundPose, at_s: float) -> VehicleSt
     return replace(vehicle, time_s=at_s, position_w_m=_carried(vehicle, at_s, vehicle.velocity_w_mps), q_w_flu_wxyz=q)
 
 
-def _known(status: AutopilotStatus) -> bool:
+def _known(status: OwnMotion) -> bool:
     """Return True if attitude, rate and velocity have come."""
     own = (*status.q_w_flu_wxyz.tolist(), *status.rate_flu_radps.tolist(), *status.velocity_w_mps.tolist())
     return math.isfinite(sum(own)) and math.isfinite(status.attitude_s + status.velocity_s)
@@ -81,7 +106,7 @@ def _carried(vehicle: VehicleState | None, to_s: float, velocity_w_mps: Array) -
     return np.asarray(vehicle.position_w_m + velocity_w_mps * (to_s - vehicle.time_s))
 
 
-def _restarted(state: EstimatorState, moved: VehicleState, status: AutopilotStatus, pose: GroundPose) -> EstimatorState:
+def _restarted(state: EstimatorState, moved: VehicleState, status: OwnMotion, pose: GroundPose) -> EstimatorState:
     """Return the state that begins with this pose and the autopilot's velocity as it is."""
     velocity_w_mps = status.velocity_w_mps
     position_w_m = pose.position_w_m + velocity_w_mps * (moved.time_s - pose.time_s)

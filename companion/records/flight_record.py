@@ -11,18 +11,25 @@ import numpy as np
 
 from companion.control.controller import ControlInput
 from companion.control.horizon_correction import HorizonInput
-from companion.core.types import Array, AttitudeThrust, MocapFrame, Reference
+from companion.core.types import Array, AttitudeThrust, GroundPose, MocapFrame, Reference
 from companion.estimation.state import EstimatorState
 from companion.records.errors import RecordError
 from companion.records.exact_json import of_json
 from companion.records.table import HealthEvent, RecordedEvent
 
 _OURS = frozenset({"law_name"})
-_FOR_REPLAY = (
-    "tick", "law_name", "sent_s", "frame_number", "frame_stamp_s", "frame_received_s", "frame_position_w_m",
-    "frame_rotation_w_b", "frame_residual_m", "frame_late",
+_FOR_REPLAY = ("tick", "law_name", "sent_s")
+"""Columns that every record of the service has."""
+_OF_FRAMES = (
+    "frame_number", "frame_stamp_s", "frame_received_s", "frame_position_w_m", "frame_rotation_w_b",
+    "frame_residual_m", "frame_late",
 )  # fmt: skip
-"""Columns that every record of the service has, once motion capture gave a frame."""
+"""Columns besides, once motion capture gave a frame."""
+_WITHOUT_FRAMES = (
+    "ground_pose_s", "ground_pose_yaw_rad", "ground_pose_position_w_m", "autopilot_q_w_flu_wxyz",
+    "autopilot_rate_flu_radps", "autopilot_velocity_w_mps", "attitude_s", "velocity_s",
+)  # fmt: skip
+"""Columns instead, on a vehicle that frames do not reach, once the ground gave a pose."""
 _OF_A_LAW = (
     "event", "begun", "accel_w_mps2", "given_position_w_m", "given_velocity_w_mps", "given_q_w_flu_wxyz",
     "given_rate_flu_radps", "given_age_s", "given_reference_position_w_m", "given_reference_velocity_w_mps",
@@ -49,6 +56,18 @@ class RecordedWire:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RecordedMotion:
+    """The autopilot's own motion, and the ground's pose that this cycle was the first to use."""
+
+    q_w_flu_wxyz: Array
+    rate_flu_radps: Array
+    attitude_s: float
+    velocity_w_mps: Array
+    velocity_s: float
+    pose: GroundPose | None
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordedTick:
     """Exact inputs and outputs of one cycle; arrays with the law's types and shapes."""
 
@@ -59,6 +78,8 @@ class RecordedTick:
     law: str
     frame: MocapFrame | None
     """The motion-capture frame that this cycle was the first to use."""
+    motion: RecordedMotion | None
+    """Inputs of the estimate on a vehicle that frames do not reach; None where they do."""
     given: ControlInput | None
     """All that the law saw; None while it sleeps."""
     begun: bool
@@ -122,6 +143,12 @@ class FlightRecord:
         )
 
     @property
+    def frames(self) -> bool:
+        """Return True unless it is the record of a vehicle that frames do not reach."""
+        law = self.metadata.get("config", {}).get("law", {})
+        return bool(law.get("onboard_mocap", True))
+
+    @property
     def law_flew(self) -> bool:
         """Return True when a law flew in at least one cycle."""
         given = self.columns.get("given_dt_s")
@@ -136,7 +163,7 @@ class FlightRecord:
 
     def ticks(self) -> Iterator[RecordedTick]:
         """Return every recorded cycle; RecordError when the record does not have all that a replay needs."""
-        needed = _FOR_REPLAY + (_OF_A_LAW if self.law_flew else ())
+        needed = _FOR_REPLAY + (_OF_FRAMES if self.frames else _WITHOUT_FRAMES) + (_OF_A_LAW if self.law_flew else ())
         missing = [name for name in needed if name not in self.columns]
         if missing:
             raise RecordError(f"{self.path}: no column {missing[0]}: too old or too short a record for a replay")
@@ -153,7 +180,8 @@ class FlightRecord:
             time_s=float(c["time_s"][row]),
             phase=str(c["phase"][row]),
             law=str(c["law_name"][row]),
-            frame=self._frame(row) if np.isfinite(c["frame_stamp_s"][row]) else None,
+            frame=self._frame(row) if self.frames and np.isfinite(c["frame_stamp_s"][row]) else None,
+            motion=None if self.frames else self._motion(row),
             given=self._given(row) if flown else None,
             begun=bool(flown and c["begun"][row]),
             accel_w_mps2=c["accel_w_mps2"][row] if flown else None,
@@ -185,6 +213,23 @@ class FlightRecord:
             error_rad=np.array([float(c[name][row]) for name in _HORIZON]),
             dt_s=float(c["horizon_dt_s"][row]),
             begun=bool(c["horizon_begun"][row]),
+        )
+
+    def _motion(self, row: int) -> RecordedMotion:
+        c, pose = self.columns, None
+        if np.isfinite(c["ground_pose_s"][row]):
+            pose = GroundPose(
+                time_s=float(c["ground_pose_s"][row]),
+                position_w_m=c["ground_pose_position_w_m"][row],
+                yaw_rad=float(c["ground_pose_yaw_rad"][row]),
+            )
+        return RecordedMotion(
+            q_w_flu_wxyz=c["autopilot_q_w_flu_wxyz"][row],
+            rate_flu_radps=c["autopilot_rate_flu_radps"][row],
+            attitude_s=float(c["attitude_s"][row]),
+            velocity_w_mps=c["autopilot_velocity_w_mps"][row],
+            velocity_s=float(c["velocity_s"][row]),
+            pose=pose,
         )
 
     def _frame(self, row: int) -> MocapFrame:

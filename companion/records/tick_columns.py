@@ -32,6 +32,7 @@ _FRAME = {
         "frame_position_w_m frame_rotation_w_b",
     )
 }
+_GROUND_POSE = {"/ground_pose": ("ground_pose_s ground_pose_yaw_rad", "ground_pose_position_w_m")}
 _ESTIMATE = {
     "/estimate": (
         "estimate_run estimate_agreeing estimate_stamp_s estimate_clock_offset_s "
@@ -115,6 +116,10 @@ def gathered(tick: Tick) -> Values:
         parts.append(_FRAME)
         numbers += (frame.frame, frame.stamp_s, frame.received_s, frame.residual_m, frame.late)
         arrays += (frame.position_w_m, frame.rotation_w_b)
+    if (pose := tick.ground_pose) is not None:
+        parts.append(_GROUND_POSE)
+        numbers += (pose.time_s, pose.yaw_rad)
+        arrays.append(pose.position_w_m)
     if (estimate := tick.estimate) is not None:
         parts.append(_ESTIMATE)
         numbers += (estimate.run, estimate.agreeing, estimate.stamp_s, estimate.clock.offset_s)

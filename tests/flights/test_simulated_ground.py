@@ -1,20 +1,26 @@
 """Whole flights by a law on the ground, without motion capture on the vehicle, in simulated time."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from companion.analysis.replay.rerun import replay
 from companion.config.companion_config import CompanionConfig
+from companion.control.remote_law import RemoteLaw
 from companion.core.types import FlightMode
 from companion.flight.tick import Tick
+from companion.records.read import read_flight
 from companion.supervisor.faults import Fault
 from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.simulated_ground import GroundSetup, GroundWorld, ground_config
 from tests.flights.test_simulated_flights import UP, ask, until, wait
+from tests.records.test_round_trip import written
 
 pytestmark = pytest.mark.slow
 
@@ -147,3 +153,17 @@ async def test_that_landing_is_blind_and_ends_not_far_away() -> None:
     assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=0.01)
     after = [tick.ground_pose for tick in flight.ticks[begin + 2 :] if tick.ground_pose is not None]
     assert not after, "nothing tells it where it is any more"
+
+
+async def test_estimate_and_sent_setpoints_are_replayed_to_the_last_bit(tmp_path: Path) -> None:
+    flight = await _lap()
+    ticks = [replace(tick, law="ground") for tick in flight.ticks]
+    (path,) = written(tmp_path, ticks, {"config": CONFIG.model_dump(mode="json"), "unix_offset_s": 0.0})
+    record = read_flight(path)
+    again = replay(record, CONFIG, {"ground": RemoteLaw()})
+    estimates = [one for name, one in again.differences.items() if name.startswith("estimate")]
+    assert len(estimates) == 4
+    for one in (*estimates, again.differences["sent attitude"], again.differences["horizon"]):
+        assert one.compared > 1000
+        assert one.differ == 0, one.name
+    assert np.isfinite(record.columns["ground_pose_s"]).sum() > 200

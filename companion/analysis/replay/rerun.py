@@ -17,9 +17,9 @@ from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline, idle_setpoint
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import Array, AttitudeThrust, VehicleState
-from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState
-from companion.flight.assembly import estimator_of, pipeline_of, wire_of
+from companion.estimation import estimator, from_autopilot
+from companion.estimation.estimator import EstimatorState
+from companion.flight.assembly import estimator_of, from_autopilot_of, pipeline_of, wire_of
 from companion.records.errors import RecordError
 from companion.records.read import FlightRecord, RecordedTick
 
@@ -93,10 +93,10 @@ def replay(
         raise RecordError(f"{record.path}: the law was never in charge in this flight: nothing to compare")
     done = Replayed(law="" if other is None else "another")
     begin_s = float(record.columns["time_s"][0])
-    estimating = _Estimating(record, estimator_of(config))
+    estimating = _Estimating(record, config)
     first = other if other is not None else next(iter(laws.values()))
-    flying = _Flying(record.path, pipeline_of(config, first), laws, other)
-    sending = _Sending(wire_of(config))
+    flying = _Flying(record.path, pipeline_of(config, first, record.frames), laws, other)
+    sending = _Sending(wire_of(config, record.frames))
     for row, tick in enumerate(record.ticks()):
         done.ticks += 1
         if row > 0 and other is None:
@@ -108,16 +108,20 @@ def replay(
 
 
 class _Estimating:
-    """Replay of the estimator: frames to estimates."""
+    """Replay of the estimator: frames to estimates, or without them the autopilot's motion and the ground's poses."""
 
-    def __init__(self, record: FlightRecord, params: EstimatorParams) -> None:
+    def __init__(self, record: FlightRecord, config: CompanionConfig) -> None:
         self._state: EstimatorState | None = record.first_estimate
-        self._columns, self._params = record.columns, params
+        self._columns = record.columns
+        self._params, self._without_frames = estimator_of(config), from_autopilot_of(config)
 
     def step(self, row: int, tick: RecordedTick, done: Replayed, at_s: float) -> None:
-        if self._state is None or tick.frame is None:
+        if self._state is None or (tick.frame is None and tick.motion is None):
             return
-        self._state = estimator.step(self._state, tick.frame, self._params)
+        if tick.motion is not None:
+            self._state = from_autopilot.step(self._state, tick.motion, tick.motion.pose, self._without_frames)
+        elif tick.frame is not None:
+            self._state = estimator.step(self._state, tick.frame, self._params)
         vehicle = self._state.vehicle
         if vehicle is None:
             return
