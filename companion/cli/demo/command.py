@@ -17,6 +17,7 @@ from companion.analysis.summary import Summary
 from companion.cli.complete import controllers, motions_or_off, trajectories
 from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
 from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
+from companion.cli.demo.ground_process import Ground
 from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
@@ -88,6 +89,9 @@ def demo(
     law_on: Annotated[
         Place, typer.Option("--law-on", help="Run the control law on board, or in a process on the ground.")
     ] = Place.BOARD,
+    onboard_mocap: Annotated[
+        bool, typer.Option(help="With --law-on ground: frames of motion capture reach the vehicle, too.")
+    ] = True,
     link: Annotated[
         str | None,
         typer.Option(
@@ -110,6 +114,8 @@ def demo(
     console = Console()
     settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
     _check_faults(fault or (), mocks, broker=settings.operator is not None)
+    if not onboard_mocap and law_on is Place.BOARD:
+        raise ConfigError("--no-onboard-mocap: a law on board needs frames: give --law-on ground")
     if link is not None and law_on is Place.BOARD:
         raise ConfigError(f"--link {link!r}: there is no such link with the law on board: give --law-on ground")
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
@@ -130,8 +136,7 @@ def demo(
             start_mocks=mocks,
             faults=tuple(fault or ()),
             records=out,
-            on_ground=law_on is Place.GROUND,
-            link=link,
+            ground=Ground(onboard_mocap, link) if law_on is Place.GROUND else None,
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]

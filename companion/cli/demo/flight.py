@@ -18,7 +18,7 @@ from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.analysis.summary import Summary, summarise
 from companion.cli.demo.fault_messages import shorter, still_there
 from companion.cli.demo.flight_log import FlightStory
-from companion.cli.demo.ground_process import law_on_ground
+from companion.cli.demo.ground_process import Ground, law_on_ground
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.demo.progress import FlightDisplay
 from companion.config.companion_config import CompanionConfig
@@ -59,10 +59,8 @@ class DemoFlight:
     """Faults to inject, as sentences."""
     records: Path
     """Folder of the record."""
-    on_ground: bool = False
-    """The law runs in a process on the ground."""
-    link: str | None = None
-    """Impairment of the link to it, as a sentence; None: none."""
+    ground: Ground | None = None
+    """Law in a process on the ground; None: on board."""
 
     @property
     def name(self) -> str:
@@ -186,10 +184,10 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
 @asynccontextmanager
 async def _law_placed(flight: DemoFlight) -> AsyncIterator[tuple[CompanionConfig, LoadedController]]:
     """Run the law where it is to run; yield the vehicle's configuration and law."""
-    if not flight.on_ground:
+    if flight.ground is None:
         yield flight.config, flight.controller
         return
-    async with law_on_ground(flight.config, flight.controller, flight.link, flight.seed) as config:
+    async with law_on_ground(flight.config, flight.controller, flight.ground, flight.seed) as config:
         yield config, LoadedController(ON_GROUND, RemoteLaw(), flight.controller.error_limits)
 
 

@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 from companion.adapters.system import child_process
@@ -19,19 +20,27 @@ from companion.config.flight_config import LawConfig, LawLinkConfig
 _STOP_S = 5.0
 
 
+@dataclass(frozen=True)
+class Ground:
+    """Options of a law on the ground."""
+
+    onboard_mocap: bool = True
+    link: str | None = None
+    """Impairment of the link, in the words of `python -m mock_autopilot.impairment`; None: none."""
+
+
 @asynccontextmanager
 async def law_on_ground(
-    config: CompanionConfig, law: LoadedController, link: str | None, seed: int
+    config: CompanionConfig, law: LoadedController, ground: Ground, seed: int
 ) -> AsyncIterator[CompanionConfig]:
-    """Run the law in a process of its own; yield the vehicle's configuration.
-
-    `link` impairs the way between both, in the words of `python -m mock_autopilot.impairment`; MockError for others.
-    """
+    """Run the law in a process of its own; yield the vehicle's configuration; MockError for a wrong impairment."""
     vehicle_port, relay_port = free_udp_ports(2)
     with _key_file() as key:
         ends = LawLinkConfig(port=vehicle_port, listen="127.0.0.1", key_file=str(key))
-        split = config.model_copy(update={"law": LawConfig(runs_on="ground", link=ends)})
-        async with _relay(link, relay_port, vehicle_port, seed) as port, _ground_process(split, law, port):
+        split = config.model_copy(
+            update={"law": LawConfig(runs_on="ground", onboard_mocap=ground.onboard_mocap, link=ends)}
+        )
+        async with _relay(ground.link, relay_port, vehicle_port, seed) as port, _ground_process(split, law, port):
             yield split
 
 
