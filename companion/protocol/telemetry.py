@@ -129,5 +129,7 @@ class State(_Said):
     text: str = Field("", description="the autopilot's newest STATUSTEXT")
     text_age_s: float | None = Field(None, description="time since that text arrived, s")
     warnings: tuple[str, ...] = Field(
-        (), description="problems outside the vehicle: the flight is not recorded, another service uses the same name"
+        (),
+        description="what the operator must know beside faults: the flight is not recorded, another service uses the "
+        "same name, checks are off",
     )

@@ -27,6 +27,7 @@ _LARGEST_NPZ = 4_000_000_000
 """Bytes of all arrays, unpacked."""
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "unix_offset_s": (int, float), "vehicle": str, "config": dict, "controller": dict, "laws": dict, "versions": dict,
+    "off": str,
 }  # fmt: skip
 """Types of the service's messages; a value of another type was damaged."""
 

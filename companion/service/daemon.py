@@ -36,6 +36,7 @@ from companion.service.flight_actions import FlightActions
 from companion.service.telemetry import Telemetry
 from companion.service.vehicle_service import open_service
 from companion.supervisor.flight_state import STREAMING, Phase
+from companion.supervisor.without_frames import off_sentence
 
 LOG = logging.getLogger(__name__)
 
@@ -241,7 +242,7 @@ async def _publish_state(
         if lives(heartbeat.ticked_s, dispatcher.ticking, time.monotonic()):
             settings.notifier.alive()
         try:
-            telemetry.warn(_warnings(settings.recorder, link))
+            telemetry.warn(_warnings(settings, link))
             ended = dispatcher.ended_loop
             if ended is not None:
                 telemetry.note_ended_loop(*ended, time.monotonic())
@@ -253,10 +254,12 @@ async def _publish_state(
         await asyncio.sleep(_STATE_S)
 
 
-def _warnings(recorder: RecordSink | None, link: BusLink) -> tuple[str, ...]:
-    """Return warnings that do not concern the vehicle: the record, and a second service."""
+def _warnings(settings: DaemonSettings, link: BusLink) -> tuple[str, ...]:
+    """Return warnings that do not concern the flight: the record, a second service, and what is off for good."""
+    recorder = settings.recorder
     unrecorded = f"the record: {recorder.failed}" if recorder is not None and recorder.failed else ""
-    return tuple(filter(None, (unrecorded, link.rival())))
+    off = "" if settings.config.law.onboard_mocap else off_sentence()
+    return tuple(filter(None, (unrecorded, link.rival(), off)))
 
 
 def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:

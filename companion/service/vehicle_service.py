@@ -10,6 +10,7 @@ from pathlib import Path
 
 from companion.adapters.dynamixel.bus import open_dynamixel
 from companion.adapters.law_link.udp import open_law_link
+from companion.adapters.mocap.no_frames import NoFrames
 from companion.adapters.mocap.source import open_mocap
 from companion.adapters.px4.link import open_px4
 from companion.adapters.system.clock import MonotonicClock
@@ -20,6 +21,7 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.core.interfaces import Clock, OperatorLink, WatchdogTimer
 from companion.flight.assembly import Devices, stages_of
+from companion.flight.estimate_step import LinkPoses
 from companion.flight.flight_loop import FlightLoop
 from companion.flight.health_step import Sides
 from companion.flight.tick import TickSink
@@ -45,11 +47,11 @@ async def open_service(
     Raises MocapError, AutopilotError or ArmError when a device cannot be reached, when another service has the
     autopilot, or when the first two devices fail later, and whatever the law raises.
     """
-    clock = MonotonicClock()
+    clock, frames = MonotonicClock(), config.law.onboard_mocap
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
-        mocap = await devices.enter_async_context(open_mocap(config, clock))
+        mocap = await devices.enter_async_context(open_mocap(config, clock)) if frames else NoFrames()
         autopilot = await devices.enter_async_context(open_px4(config.px4, clock))
         arms = await devices.enter_async_context(open_dynamixel(config.arms, clock)) if config.arms else None
         remarks = arms.warnings if arms is not None else ()
@@ -63,6 +65,7 @@ async def open_service(
             arms=arms,
             sides=sides,
             law_link=link,
+            ground_poses=None if link is None or frames else LinkPoses(link.end),
         )
         loop = FlightLoop(parts, stages_of(parts, controller.law, config), sink, controller.name)
         running = Running(

@@ -18,6 +18,6 @@ def off_words(need: PoseNeed) -> str:
 
 
 def off_sentence() -> str:
-    """Return the sentence that says what is off in all, and why."""
-    faults = ", ".join(fault for need in PoseNeed for fault in OFF_BY_NEED[need])
-    return f"off: {faults}, the fence in the guard, the horizon correction, {_WHY}"
+    """Return the sentence that says in few words what is off in all, and why."""
+    checks = ", ".join(PoseNeed)
+    return f"off: the checks of {checks}, the guard's fence and the horizon correction, {_WHY}"

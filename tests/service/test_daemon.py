@@ -10,6 +10,7 @@ import pytest
 from companion.core.interfaces import AutopilotError
 from companion.service import daemon
 from companion.service.daemon import begun_unless
+from companion.supervisor.without_frames import off_sentence
 
 
 class Doing:
@@ -84,8 +85,14 @@ def test_operators_are_told_when_a_flight_is_not_recorded_or_a_name_is_not_its_o
     alone: Any = SimpleNamespace(rival=lambda: "")
     broken: Any = SimpleNamespace(failed="the process that writes records has ended")
     well: Any = SimpleNamespace(failed=None)
-    assert daemon._warnings(None, alone) == daemon._warnings(well, alone) == ()
-    assert daemon._warnings(broken, link) == (
+
+    def settings(recorder: Any, onboard_mocap: bool = True) -> Any:
+        law = SimpleNamespace(onboard_mocap=onboard_mocap)
+        return SimpleNamespace(recorder=recorder, config=SimpleNamespace(law=law))
+
+    assert daemon._warnings(settings(None), alone) == daemon._warnings(settings(well), alone) == ()
+    assert daemon._warnings(settings(well, onboard_mocap=False), alone) == (off_sentence(),)
+    assert daemon._warnings(settings(broken), link) == (
         "the record: the process that writes records has ended",
         "another service",
     )

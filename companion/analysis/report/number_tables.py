@@ -26,6 +26,8 @@ def head(numbers: Numbers) -> list[tuple[str, str]]:
     ]
     if numbers.versions:
         facts.append(("versions", ", ".join(f"{name} {version}" for name, version in numbers.versions.items())))
+    if numbers.off:
+        facts.append(("off", numbers.off.removeprefix("off: ")))
     return facts
 
 

@@ -77,6 +77,8 @@ class Numbers:
     vehicle: str
     laws: tuple[str, ...]
     versions: dict[str, str]
+    off: str
+    """Sentence that says which checks were off; empty where none was."""
     ended: str
     over: bool
     """True if the flight ended within the record."""
@@ -113,6 +115,7 @@ def numbers_of(flown: Flown) -> Numbers:
         vehicle=str(record.metadata.get("vehicle", "")),
         laws=flown.law_names,
         versions={str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
+        off=str(record.metadata.get("off", "")),
         ended=story.ended,
         over=story.over,
         truncated=record.truncated,
@@ -125,7 +128,7 @@ def numbers_of(flown: Flown) -> Numbers:
         whole=_errors(flown, flown.airborne),
         triggers_whole=_triggers(flown, flown.airborne),
         latencies={name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
-        horizon=_horizon(flown),
+        horizon=_horizon(flown) if record.frames else None,
         story=story,
     )
 

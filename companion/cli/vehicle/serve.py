@@ -24,6 +24,7 @@ from companion.control.remote_law import RemoteLaw
 from companion.flight.assembly import controller_of, margin_in
 from companion.records.record_process import RecordSink
 from companion.service.daemon import DaemonSettings, serve
+from companion.supervisor.without_frames import off_sentence
 
 LOG = logging.getLogger("companion.serve")
 
@@ -51,6 +52,8 @@ def serve_command(
     ):
         LOG.info("configuration %s", config or vehicle_config_path())
         LOG.info("control law %s: %s", law.name, of_law)
+        if not settings.law.onboard_mocap:
+            LOG.warning("%s: `companion preflight` names the faults", off_sentence())
         lock_memory()
         recorder = _recorder(settings) if record else None
         last_resort = LastResort()
@@ -104,6 +107,7 @@ def _recorder(settings: CompanionConfig) -> RecordSink:
         {
             "config": settings.model_dump(mode="json"),
             "versions": {"companion": __version__},
+            "off": "" if settings.law.onboard_mocap else off_sentence(),
         }
     )
     return recorder
