@@ -20,7 +20,7 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.geometry.frames import matrix_from_quat, yaw_of
 from companion.law_link.ground_end import GroundEnd
-from companion.law_link.messages import NO_FLAGS, TICK_S, Command, DownFlags, Plan, Pose, Report, UpFlags
+from companion.law_link.messages import NO_FLAGS, Command, DownFlags, Plan, Pose, Report, UpFlags, short_ticks
 from companion.law_link.plan import PlannedMotion
 
 LOG = logging.getLogger(__name__)
@@ -245,7 +245,7 @@ class GroundLaw:
         if not (output.law_output.event.item() > 0.0 or turned):
             return None
         x, y, z = accel.tolist()
-        ago = min(max(round((now_s - vehicle.time_s) / TICK_S), 0), 65535)
+        ago = short_ticks(now_s - vehicle.time_s)
         command = Command(accel_w_mps2=(x, y, z), yaw_rad=ahead.yaw_rad, capture_ago=ago)
         self._yaw_sent_rad = ahead.yaw_rad
         self._end.command(command)

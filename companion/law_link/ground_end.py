@@ -24,6 +24,7 @@ from companion.law_link.messages import (
     UpMessage,
     packed,
     seconds_between,
+    short_ticks,
     ticks_of,
     unpacked,
 )
@@ -301,7 +302,8 @@ class GroundEnd:
 
     def _clock_of(self, s: _Session) -> Clock:
         c = self.counts
-        return Clock(offset=ticks_of(s.clock.offset_s), sent_bytes=c.bytes_up, again=c.again)
+        trip = short_ticks(s.clock.round_trip_s)
+        return Clock(offset=ticks_of(s.clock.offset_s), sent_bytes=c.bytes_up, again=c.again, round_trip=trip)
 
     @staticmethod
     def _next(s: _Session) -> int:

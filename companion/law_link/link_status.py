@@ -39,6 +39,10 @@ class LinkStatus:
     """Another ground law that has asked for a session in the last second, and was refused; empty without one."""
     refused: str
     """Reason for which a ground law was refused last; empty after a session has begun."""
+    session: int = 0
+    """Number of the session; 0 without one."""
+    round_trip_s: float = nan
+    """Quickest round trip of the last seconds, as the ground measures it; NaN until the clocks are compared."""
 
 
 NO_LINK = LinkStatus(

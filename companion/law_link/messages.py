@@ -78,6 +78,11 @@ def ticks_of(time_s: float) -> int:
     return round(time_s / TICK_S) % _WRAP
 
 
+def short_ticks(time_s: float) -> int:
+    """Return a duration (s) in ticks, kept in 0 to 65535."""
+    return min(max(round(time_s / TICK_S), 0), 65535)
+
+
 def seconds_between(stamp: int, earlier: int) -> float:
     """Return the time from one stamp to another (s), in -60 to 60 hours: stamps wrap."""
     ticks = (stamp - earlier) % _WRAP
@@ -113,6 +118,8 @@ class Clock:
     """Payload, tags included, modulo 2^32."""
     again: int
     """Commands sent again, modulo 2^32."""
+    round_trip: int
+    """Quickest round trip of the last seconds, in ticks, 0 to 65535: the offset is known to half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +211,7 @@ class Text:
 _UP = struct.Struct("<BHIIHBBB")
 _COMMAND = struct.Struct("<4fH")
 _POSE = struct.Struct("<4h")
-_CLOCK = struct.Struct("<III")
+_CLOCK = struct.Struct("<IIIH")
 _REPORT = struct.Struct("<BHIIIHIHBBBBH5f")
 _PLAN = struct.Struct("<BHIIHBB")
 _TEXT = struct.Struct("<BHI16s16s")
@@ -239,7 +246,8 @@ def _packed_up(m: UpMessage) -> bytes:
     if m.command is not None:
         data += _COMMAND.pack(*m.command.accel_w_mps2, m.command.yaw_rad, m.command.capture_ago)
     if m.clock is not None:
-        data += _CLOCK.pack(m.clock.offset, m.clock.sent_bytes % _WRAP, m.clock.again % _WRAP)
+        c = m.clock
+        data += _CLOCK.pack(c.offset, c.sent_bytes % _WRAP, c.again % _WRAP, c.round_trip)
     if m.pose is not None:
         steps = [_short(one / _POSITION_STEP_M) for one in m.pose.position_w_m]
         data += _POSE.pack(*steps, _short(m.pose.yaw_rad / _YAW_STEP_RAD))
@@ -290,8 +298,8 @@ def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
         *accel, yaw_rad, ago = _COMMAND.unpack_from(data, at)
         command, at = Command(accel_w_mps2=_vector(accel), yaw_rad=yaw_rad, capture_ago=ago), at + _COMMAND.size
     if kind is Kind.CLOCK:
-        offset, sent, again = _CLOCK.unpack_from(data, at)
-        clock, at = Clock(offset=offset, sent_bytes=sent, again=again), at + _CLOCK.size
+        offset, sent, again, trip = _CLOCK.unpack_from(data, at)
+        clock, at = Clock(offset=offset, sent_bytes=sent, again=again, round_trip=trip), at + _CLOCK.size
     if bits & UpFlags.POSE:
         *steps, turn = _POSE.unpack_from(data, at)
         position = _vector([step * _POSITION_STEP_M for step in steps])

@@ -29,6 +29,7 @@ from companion.law_link.messages import (
     is_number_newer,
     packed,
     seconds_between,
+    short_ticks,
     ticks_of,
     unpacked,
 )
@@ -304,6 +305,8 @@ class VehicleEnd:
             connected=True,
             law=session.who.law,
             host=session.who.host,
+            session=session.number,
+            round_trip_s=nan if session.clock is None else session.clock.round_trip * TICK_S,
             silence_s=now_s - session.seen_s,
             blind=bool(flags & UpFlags.BLIND),
             failed=bool(flags & UpFlags.FAILED),
@@ -364,14 +367,14 @@ class VehicleEnd:
             sequence=session.sent,
             stamp=ticks_of(now_s),
             echo=session.newest.stamp,
-            held=_short_ticks(now_s - session.newest_s),
+            held=short_ticks(now_s - session.newest_s),
             received=session.received,
             number=shown.number,
             epoch=shown.epoch,
             law=session.held.law if session.held is not None else 0,
             flags=flags,
             phase=shown.phase,
-            up_age=_short_ticks(median_s) if isfinite(median_s) else 0,
+            up_age=short_ticks(median_s) if isfinite(median_s) else 0,
             q_w_flu_wxyz=shown.q_w_flu_wxyz,
             thrust=shown.thrust,
         )
@@ -422,7 +425,3 @@ class VehicleEnd:
 
 def _down(session: _Session) -> Seal:
     return session.keys.down
-
-
-def _short_ticks(time_s: float) -> int:
-    return min(max(round(time_s / TICK_S), 0), 65535)

@@ -4,6 +4,7 @@ import asyncio
 import ctypes
 import math
 import os
+import stat
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,8 +14,10 @@ from typing import Protocol
 
 import numpy as np
 
+from companion import __version__
 from companion.adapters.px4.telemetry import LocalEstimate
 from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import LawLinkConfig
 from companion.config.law_margin import REMEDY, margin_of
 from companion.config.preflight_config import PreflightConfig, load_recommended
 from companion.core.interfaces import Clock, ConfigError, MocapSource
@@ -22,10 +25,12 @@ from companion.core.types import Array, AutopilotStatus
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import controller_of, period_s
+from companion.law_link.link_status import LinkStatus
 from companion.preflight.checks.agreement import Difference, VisionFacts, apart, settles
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import ComputerFacts
+from companion.preflight.checks.law_link import LawLinkFacts
 from companion.preflight.checks.mocap import MocapFacts, MocapWatch, median
 from companion.preflight.checks.vehicle import ServoFacts
 from companion.preflight.hand_test_file import read_hand_test
@@ -81,6 +86,8 @@ class Running:
     tell: Callable[[str], None] = lambda _: None
     law_loaded: bool = False
     """A service has a law, whose margins were looked at when it was loaded."""
+    law_link: Callable[[], LinkStatus] | None = None
+    """State of the link to a law on the ground; None for a law on board."""
 
 
 async def preflight(
@@ -97,7 +104,9 @@ async def preflight(
     _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
     watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
     facts = facts_of(running, watched, parameters, wanted)
-    if not running.law_loaded:
+    if config.law.on_ground:
+        facts = replace(facts, law_link=law_link_facts(running, config.law.link))
+    elif not running.law_loaded:
         facts = replace(facts, law=await asyncio.to_thread(check_configured_law, config))
     return check_all(facts, config, wanted, recommended, trajectory)
 
@@ -122,6 +131,8 @@ async def settle(running: Running, wanted: PreflightConfig) -> bool:
     def settled() -> bool:
         vehicle, status = running.estimate().vehicle, running.autopilot.status()
         if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running) or _operator_age_s(running):
+            return False
+        if not _link_known(running):
             return False
         off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
         return abs(off.heading_rad) <= wanted.heading_apart_rad
@@ -167,6 +178,32 @@ def _fused(running: Running) -> bool:
 
 def _operator_age_s(running: Running) -> float:
     return running.operator_age_s() if running.operator_age_s is not None else 0.0
+
+
+def _link_known(running: Running) -> bool:
+    """Return True if nothing more is to come from the ground's law: it was refused, or all is measured."""
+    if running.law_link is None:
+        return True
+    link = running.law_link()
+    return math.isfinite(link.age_s) if link.connected else bool(link.refused)
+
+
+def law_link_facts(running: Running, link: LawLinkConfig) -> LawLinkFacts | None:
+    """Return the state of the link and of its key's file; None where no link is open."""
+    if running.law_link is None:
+        return None
+    name = str(link.key_file)
+    try:
+        mode = stat.S_IMODE(Path(name).stat().st_mode)
+    except OSError:
+        mode = None
+    return LawLinkFacts(
+        status=running.law_link(),
+        version=__version__,
+        where=f"{link.listen}, UDP port {link.port}",
+        key_file=name,
+        key_mode=mode,
+    )
 
 
 @dataclass(frozen=True)

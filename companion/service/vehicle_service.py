@@ -79,6 +79,7 @@ async def open_service(
             arms_remarks=remarks,
             landed_age_s=partial(_landed_age_s, loop, clock),
             law_loaded=True,
+            law_link=None if link is None else lambda: link.end.status(clock.now_s()),
         )
 
         async def checks(tell: Tell) -> Sequence[Check]:

@@ -32,6 +32,7 @@ from companion.preflight.checks.all_checks import check_operator
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.hand_test import HandTest
 from companion.preflight.hand_test_file import hand_test_path, require_writable, write_hand_test
+from companion.preflight.link_observer import open_link_observer
 from companion.preflight.live_observer import DevicesMissingError, open_live_observer
 from companion.preflight.service_facts import preflight as check_everything
 from companion.preflight.service_facts import settle
@@ -90,13 +91,13 @@ async def _look(
 ) -> tuple[Check, ...]:
     with console.status("connecting") as status:
         show_cursor(console)
-        async with _broker(config.operator) as (operator_age_s, met_broker):
+        async with _broker(config.operator) as (operator_age_s, met_broker), open_link_observer(config) as law_link:
             try:
                 async with open_live_observer(
                     config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
                 ) as (running, _):
                     status.update("looking at motion capture and the autopilot, asking for its parameters")
-                    met = replace(running, operator_age_s=operator_age_s)
+                    met = replace(running, operator_age_s=operator_age_s, law_link=law_link)
                     return await check_everything(met, config, trajectory)
             except DevicesMissingError as missing:
                 await met_broker()

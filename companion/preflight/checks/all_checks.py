@@ -16,6 +16,7 @@ from companion.preflight.checks.agreement import Difference, VisionFacts
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.hand_test import HandTest, check_hand_test
+from companion.preflight.checks.law_link import LawLinkFacts, check_law_link
 from companion.preflight.checks.mocap import MocapFacts
 from companion.preflight.checks.vehicle import ServoFacts, check_parameters
 from companion.trajectories.reference import Trajectory
@@ -49,6 +50,8 @@ class Facts:
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
     law: Check | None = None
     """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
+    law_link: LawLinkFacts | None = None
+    """Link to a law on the ground; None for a law on board."""
 
 
 def check_all(
@@ -73,6 +76,7 @@ def check_all(
         vehicle.check_battery(facts.status, wanted.battery),
         *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
         *([facts.law] if facts.law is not None else []),
+        *(check_law_link(facts.law_link, config.safety.rules()) if facts.law_link is not None else ()),
         *check_place(facts.position_w_m, config.fence, config.flight.takeoff_height_m, trajectory),
         check_hand_test(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
     )
