@@ -31,9 +31,11 @@ def config(tmp_path: Path) -> CompanionConfig:
 
 async def when(status: Callable[[], LinkStatus], true: Callable[[LinkStatus], bool]) -> LinkStatus:
     async with asyncio.timeout(_PATIENCE_S):
-        while not true(status()):
+        while True:
+            link = status()
+            if true(link):
+                return link
             await asyncio.sleep(_CYCLE_S)
-    return status()
 
 
 async def test_a_ground_law_is_seen_and_measured_before_a_service_runs(config: CompanionConfig) -> None:
