@@ -65,6 +65,11 @@ _SERVICE: dict[str, Command | Group] = {
         "Run the control law on the ground, for a split deployment.",
         ("law --config ground.toml", "law --config ground.toml --controller pid"),
     ),
+    "law-key": Command(
+        "vehicle.law_key:law_key",
+        "Make the key that a law on the ground and its vehicle share.",
+        ("law-key law.key",),
+    ),
     "mocap-bridge": Command(
         "vehicle.mocap_bridge:mocap_bridge",
         "Forward motion capture from QTM to the broker.",

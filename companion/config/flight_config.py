@@ -186,12 +186,12 @@ class LawLinkConfig(Section):
         """Return the key in `key_file`; ConfigError if there is none or it is no key."""
         where = f"{self.table}.key_file"
         if self.key_file is None:
-            raise ConfigError(f"{where}: missing: a law on the ground needs a key; docs/split.md says how to make one")
+            raise ConfigError(f"{where}: missing: a law on the ground needs a key; `companion law-key FILE` makes one")
         key = secret_in(self.key_file, f"{where} = {self.key_file!r}", MOST_KEY_BYTES, "the key").encode()
         if len(key) < LEAST_KEY_BYTES:
             raise ConfigError(
                 f"{where} = {self.key_file!r}: {len(key)} characters, at least {LEAST_KEY_BYTES} are needed: "
-                "`head -c 32 /dev/urandom | base64` makes a key"
+                "`companion law-key FILE` makes one"
             )
         return key
 
@@ -215,5 +215,5 @@ class LawConfig(Section):
         if not self.onboard_mocap and not self.on_ground:
             raise ValueError('onboard_mocap = false: a law on board needs frames: give runs_on = "ground" as well')
         if self.on_ground and self.link.key_file is None:
-            raise ValueError('runs_on = "ground": link.key_file is missing: make a key as docs/split.md says')
+            raise ValueError('runs_on = "ground": link.key_file is missing; `companion law-key FILE` makes one')
         return self

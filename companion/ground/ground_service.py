@@ -5,6 +5,8 @@ import json
 import logging
 import sys
 from collections.abc import Callable, Coroutine
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
 from typing import Any
 
 from companion.adapters.law_link.udp import GroundLink, open_ground_link
@@ -12,6 +14,7 @@ from companion.adapters.mocap.source import open_mocap
 from companion.adapters.system.background import background
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.realtime import SWITCH_INTERVAL_S, spare_the_collector
+from companion.adapters.system.systemd import Notifier
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.control.controller import Controller
@@ -22,6 +25,7 @@ from companion.flight.assembly import controller_of, estimator_of, margin_in, pe
 from companion.ground.ground_law import GroundLaw, GroundParts
 from companion.ground.ground_loop import GroundLoop
 from companion.law_link.ground_end import GroundEnd
+from companion.law_link.messages import UpFlags
 from companion.service.margin_process import measure_apart
 from companion.service.planning import load_law
 from companion.supervisor.flight_state import Phase
@@ -32,6 +36,11 @@ _RETRY_S = 2.0
 _POLL_S = 0.02
 _AGE_S = 0.5
 _PHASES = tuple(Phase)
+_STATE_S = 0.1
+_SILENT_S = 1.0
+_REFUSED_S = 3.0
+"""Time of refusal after which the service ends; a process that was just killed keeps its session for a second."""
+NO_SYSTEMD = Notifier(None, None)
 
 
 def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
@@ -55,10 +64,12 @@ def parts_of(config: CompanionConfig) -> GroundParts:
     )
 
 
-async def serve_law(config: CompanionConfig, controller: LoadedController, stop: asyncio.Event) -> None:
+async def serve_law(
+    config: CompanionConfig, controller: LoadedController, stop: asyncio.Event, notifier: Notifier = NO_SYSTEMD
+) -> None:
     """Run the law until `stop` is set; motion capture that is lost is sought again, and the vehicle is told meanwhile.
 
-    Raises ConfigError for a key or address that cannot be used.
+    Raises ConfigError for a key or address that cannot be used, and when the vehicle goes on refusing this law.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     clock, parts = MonotonicClock(), parts_of(config)
@@ -67,46 +78,81 @@ async def serve_law(config: CompanionConfig, controller: LoadedController, stop:
         law = GroundLaw(link.end, parts, controller.name, first.law)
         spare_the_collector()
         beside = _Beside(link.end, law, config, controller.unstable_allowed)
+        service = _Service(config, link, law, clock, notifier)
         async with (
             background(_repeat(beside.speak, _POLL_S), "companion.law_link"),
             background(_repeat(beside.follow_age, _AGE_S), "companion.law_age"),
         ):
-            while not stop.is_set():
-                try:
-                    await _until(stop, _with_mocap(config, link, law, clock, parts.period_s))
-                except MocapError as error:
-                    LOG.error("no motion capture: %s; next attempt in %g s", error, _RETRY_S)  # noqa: TRY400
-                    await _beat_on(link, law, clock, stop)
+            await _first_of(service.fly(parts.period_s), service.watch_link(), stop.wait())
     LOG.info("the law on the ground ends")
 
 
-async def _with_mocap(
-    config: CompanionConfig, link: GroundLink, law: GroundLaw, clock: MonotonicClock, step_s: float
-) -> None:
-    async with open_mocap(config, clock) as mocap:
-        LOG.info("motion capture is there; the law %s waits for the vehicle at %s", law.name, config.law.link.host)
-        await GroundLoop(mocap, link, law, clock, step_s).run()
-
-
-async def _until(stop: asyncio.Event, work: Coroutine[Any, Any, None]) -> None:
-    task, stopping = asyncio.create_task(work), asyncio.create_task(stop.wait())
+async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
+    """Run all until the first ends; raise its error."""
+    tasks = [asyncio.create_task(work) for work in works]
     try:
-        await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
-        if task.done():
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
             task.result()
     finally:
-        task.cancel()
-        stopping.cancel()
-        await asyncio.gather(task, stopping, return_exceptions=True)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
-async def _beat_on(link: GroundLink, law: GroundLaw, clock: MonotonicClock, stop: asyncio.Event) -> None:
-    """Tell the vehicle, until the next attempt, that the law sees nothing."""
-    end_s = clock.now_s() + _RETRY_S
-    while clock.now_s() < end_s and not stop.is_set():
-        law.tick(clock.now_s(), _POLL_S)
-        link.send_due()
-        await asyncio.sleep(_POLL_S)
+@dataclass(frozen=True)
+class _Service:
+    """Tasks that run as long as the service does."""
+
+    config: CompanionConfig
+    link: GroundLink
+    law: GroundLaw
+    clock: MonotonicClock
+    notifier: Notifier
+
+    async def fly(self, step_s: float) -> None:
+        """Connect motion capture and run the law, again and again."""
+        while True:
+            try:
+                await self._with_mocap(step_s)
+            except MocapError as error:
+                LOG.error("no motion capture: %s; next attempt in %g s", error, _RETRY_S)  # noqa: TRY400
+                async with background(self._beat_on(), "companion.beats"):
+                    await asyncio.sleep(_RETRY_S)
+
+    async def _with_mocap(self, step_s: float) -> None:
+        async with AsyncExitStack() as devices:
+            async with background(self._beat_on(), "companion.beats"):
+                mocap = await devices.enter_async_context(open_mocap(self.config, self.clock))
+            LOG.info("motion capture is there; the law %s waits for the vehicle", self.law.name)
+            loop = GroundLoop(mocap, self.link, self.law, self.clock, step_s)
+            loop.observers.append(lambda _: self.notifier.alive())
+            await loop.run()
+
+    async def _beat_on(self) -> None:
+        """Tell the vehicle, while there is no motion capture, that the law sees nothing."""
+        while True:
+            self.law.tick(self.clock.now_s(), _POLL_S)
+            self.link.send_due()
+            self.notifier.alive()
+            await asyncio.sleep(_POLL_S)
+
+    async def watch_link(self) -> None:
+        """Tell systemd the link's state; raise ConfigError when the vehicle goes on refusing this law."""
+        end, host = self.link.end, self.config.law.link.host
+        while True:
+            now_s = self.clock.now_s()
+            if end.refused_for_s(now_s) > _REFUSED_S:
+                raise ConfigError(f"the vehicle at {host} refuses this ground law: {end.refused}")
+            self.notifier.status(f"{self.law.name}: {_state(end, now_s)}")
+            await asyncio.sleep(_STATE_S)
+
+
+def _state(end: GroundEnd, now_s: float) -> str:
+    """Return the state of the link as a few words."""
+    if end.silence_s(now_s) > _SILENT_S:
+        return "no vehicle answers"
+    return "flies the vehicle" if end.flags & UpFlags.FLYING else "the vehicle is there"
 
 
 async def _repeat(step: Callable[[], Coroutine[Any, Any, None]], period_s: float) -> None:
@@ -135,7 +181,7 @@ class _Beside:
         if end.refused != self._refused:
             self._refused = end.refused
             if self._refused:
-                LOG.error("the vehicle refuses: %s", self._refused)
+                LOG.warning("the vehicle refuses: %s", self._refused)
         if end.report is not None and end.report.phase != self._phase:
             self._phase = end.report.phase
             LOG.info("the vehicle: %s", _PHASES[self._phase])

@@ -44,6 +44,29 @@ def introduction_of(text: str) -> Introduction:
         raise BadMessageError(f"a hello that cannot be read: {error}") from error
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """Refusal of a ground law by the vehicle."""
+
+    reason: str
+    """Sentence for the operator, with what to do."""
+    passes: bool = False
+    """It ends by itself, with the flight that is on."""
+
+    def text(self) -> str:
+        """Return it as JSON."""
+        return json.dumps({"reason": self.reason, "passes": self.passes}, separators=(",", ":"))
+
+
+def refusal_of(text: str) -> Refusal:
+    """Return the refusal in a reply; raises BadMessageError."""
+    try:
+        said = json.loads(text)
+        return Refusal(str(said["reason"]), bool(said["passes"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadMessageError(f"a refusal that cannot be read: {error}") from error
+
+
 def difference(vehicle: Introduction, ground: Introduction) -> str:
     """Return what differs, and what to do, as a sentence; empty when both agree."""
     if vehicle.protocol != ground.protocol or vehicle.version != ground.version:

@@ -5,10 +5,11 @@ within a round trip is sent again until it is; and while nothing at all is ackno
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
 
-from companion.law_link.agreement import Introduction
+from companion.law_link.agreement import Introduction, refusal_of
 from companion.law_link.clock_offset import ClockOffset, RoundTrip
 from companion.law_link.messages import (
     TICK_S,
@@ -99,6 +100,8 @@ class GroundEnd:
         self._hello_s = -inf
         self.refused = ""
         """Reason for which the vehicle refused the last hello; empty without one."""
+        self._refused_s = inf
+        """Time since which it refuses for reasons that do not end by themselves; infinite if it does not."""
         self.counts = LinkCounts()
         self.epoch = self.law = 0
         self.flags = UpFlags(0)
@@ -143,6 +146,10 @@ class GroundEnd:
         """Return the time since the newest report, s; infinite before the first."""
         return inf if self._session is None else now_s - self._session.report_s
 
+    def refused_for_s(self, now_s: float) -> float:
+        """Return for how long the vehicle has refused us for reasons that do not end by themselves, s; 0 if not."""
+        return max(now_s - self._refused_s, 0.0)
+
     def is_lost(self, now_s: float) -> bool:
         """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
         s = self._session
@@ -161,19 +168,22 @@ class GroundEnd:
             self._take(s, data, now_s)
             return
         hello = self._hello.opened(datagram)
-        if hello is not None:
-            self._take_reply(hello)
-
-    def _take_reply(self, data: bytes) -> None:
-        try:
-            reply = unpacked(data)
-        except BadMessageError:
+        if hello is None:
             return
+        with suppress(BadMessageError):
+            self._take_reply(hello, now_s)
+
+    def _take_reply(self, data: bytes, now_s: float) -> None:
+        """Take a reply to our hello; raises BadMessageError."""
+        reply = unpacked(data)
         if not isinstance(reply, Text) or reply.nonce != self._nonce:
             return
         if reply.kind is Kind.REFUSED:
-            self.refused = reply.text
+            refusal = refusal_of(reply.text)
+            self.refused = refusal.reason
+            self._refused_s = inf if refusal.passes else min(self._refused_s, now_s)
         elif reply.kind is Kind.WELCOME:
+            self._refused_s = inf
             keys = session_keys(self._secret, self._nonce, reply.vehicle_nonce)
             self._session, self.counts = _Session(number=reply.session, keys=keys), LinkCounts()
             self.refused, self.asked, self._answer = "", None, None

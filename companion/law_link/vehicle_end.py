@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
 
-from companion.law_link.agreement import Introduction, difference, introduction_of
+from companion.law_link.agreement import Introduction, Refusal, difference, introduction_of
 from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
 from companion.law_link.link_times import LinkTimes, MessageTimes, offset_s_of, times_of
 from companion.law_link.messages import (
@@ -167,20 +167,23 @@ class VehicleEnd:
         if same and (self.locked or self._heard_lately(now_s)):
             return None  # it goes on in its session
         self._replied_s = now_s
-        reason = self._reason_to_refuse(who, now_s)
-        if reason:
-            if difference(self._me, who) == "":
-                self._rival, self._rival_s = who.host, now_s
-            self._refused = reason
-            return self._hello.sealed(packed(Text(kind=Kind.REFUSED, nonce=hello.nonce, text=reason)))
-        return self._welcome(hello.nonce, who)
+        refusal = self._refusal(who, now_s)
+        if refusal is None:
+            return self._welcome(hello.nonce, who)
+        if difference(self._me, who) == "":
+            self._rival, self._rival_s = who.host, now_s
+        self._refused = refusal.reason
+        return self._hello.sealed(packed(Text(kind=Kind.REFUSED, nonce=hello.nonce, text=refusal.text())))
 
-    def _reason_to_refuse(self, who: Introduction, now_s: float) -> str:
+    def _refusal(self, who: Introduction, now_s: float) -> Refusal | None:
+        """Return why this ground law gets no session now; None if it may have one."""
         if self._session is not None and self._heard_lately(now_s):
-            return f"the ground law on {self._session.who.host} has this vehicle: stop it first"
+            return Refusal(f"the ground law on {self._session.who.host} has this vehicle: stop it first")
         if self.locked:
-            return "a flight is on: a ground law may begin only while the vehicle stands disarmed, or is landed"
-        return difference(self._me, who)
+            why = "a flight is on: a ground law may begin only while the vehicle stands disarmed, or is landed"
+            return Refusal(why, passes=True)
+        differs = difference(self._me, who)
+        return Refusal(differs) if differs else None
 
     def _heard_lately(self, now_s: float) -> bool:
         return self._session is not None and now_s - self._session.newest_s < 1.0

@@ -134,7 +134,10 @@ async def _serve_vehicles(
     telemetry: Telemetry,
     stop: asyncio.Event,
 ) -> None:
-    """Serve the vehicle; reconnect on the ground, or while its pilot flies, whenever its devices were lost."""
+    """Serve the vehicle; reconnect on the ground, or while its pilot flies, whenever its devices were lost.
+
+    Raises ConfigError for what no next attempt would mend, such as a port of the law's link that is in use.
+    """
     watchdog_timer, said = KernelWatchdogTimer(settings.config.safety.dead_man_s), ""
     while not stop.is_set():
         opened = asyncio.Event()
@@ -149,6 +152,8 @@ async def _serve_vehicles(
 
         try:
             await begun_unless(stop, opened, one_vehicle())
+        except ConfigError:
+            raise
         except CompanionError as error:
             first, said = not said or opened.is_set(), "" if opened.is_set() else said
             if str(error) != said:

@@ -82,7 +82,8 @@ async def open_law_link(config: CompanionConfig, clock: Clock) -> AsyncIterator[
         )
     except OSError as error:
         raise ConfigError(
-            f"law.link.port = {settings.port}: cannot listen on {settings.listen}: {error.strerror or error}"
+            f"law.link.port = {settings.port}: cannot listen on {settings.listen}: {error.strerror or error}; "
+            "does another vehicle's service have it? Each needs a port of its own"
         ) from error
     link.opened(transport)
     try:
@@ -124,7 +125,10 @@ async def open_ground_link(config: CompanionConfig, law: str, clock: Clock) -> A
             lambda: _Datagrams(link.hear), remote_addr=(settings.host, settings.port)
         )
     except OSError as error:
-        raise ConfigError(f"law.link.host = {settings.host!r}: cannot be reached: {error.strerror or error}") from error
+        raise ConfigError(
+            f"law.link.host = {settings.host!r}: cannot be reached: {error.strerror or error}; give the vehicle's "
+            "address or name"
+        ) from error
     link.opened(transport)
     try:
         yield link

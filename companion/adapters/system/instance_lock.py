@@ -48,6 +48,17 @@ def service_lock(host: str, port: int, vehicle: str) -> Iterator[None]:
 
 
 @contextmanager
+def law_lock(host: str, port: int) -> Iterator[None]:
+    """Hold the place of this computer's ground law for a vehicle; ConfigError naming the process that has it."""
+    with _held(f"law {host}:{port}") as holder:
+        if holder is not None:
+            raise ConfigError(
+                f"another `companion law`{holder} runs on this computer for the vehicle at {host}:{port}: stop it first"
+            )
+        yield
+
+
+@contextmanager
 def _held(what: str) -> Iterator[str | None]:
     """Hold it; yield who else does, for a sentence, or None."""
     name = "\0dauam-companion-" + hashlib.sha256(what.encode()).hexdigest()[:16]

@@ -21,6 +21,7 @@ from companion.config.controller_config import ON_GROUND, ErrorLimits, LoadedCon
 from companion.config.locations import vehicle_config_path
 from companion.config.operator_config import OperatorConfig
 from companion.control.remote_law import RemoteLaw
+from companion.core.errors import ConfigError
 from companion.flight.assembly import controller_of, margin_in
 from companion.records.record_process import RecordSink
 from companion.service.daemon import DaemonSettings, serve
@@ -42,7 +43,7 @@ def serve_command(
     cannot be used.
     """
     settings = vehicle_settings(config, logs=True)
-    law, of_law = _law(settings, controller or settings.control.controller, allow_unstable)
+    law, of_law = _law(settings, controller, allow_unstable)
     notifier = Notifier.from_environment()
     place = settings.operator or OperatorConfig(embedded=True)
     vehicle = "" if place.embedded else f"{place.prefix}/{place.vehicle}"
@@ -90,13 +91,17 @@ def _note_law(recorder: RecordSink | None, first: str) -> Callable[[str], None]:
     return note
 
 
-def _law(settings: CompanionConfig, name: str, allow_unstable: bool) -> tuple[LoadedController, str]:
+def _law(settings: CompanionConfig, name: str | None, allow_unstable: bool) -> tuple[LoadedController, str]:
     """Return the law, and a sentence about it; for a law on the ground a stand-in that holds its commands."""
     if settings.law.on_ground:
+        if name is not None or allow_unstable:
+            given = "--controller" if name is not None else "--allow-unstable"
+            raise ConfigError(f'{given}: law.runs_on = "ground": give it to `companion law`, which runs the law')
         link = settings.law.link
+        link.secret()
         waits = f"on the ground: `companion law` there; waits for it on {link.listen}, UDP port {link.port}"
         return LoadedController(ON_GROUND, RemoteLaw(), ErrorLimits()), waits
-    law = controller_of(settings, name, allow_unstable)
+    law = controller_of(settings, name or settings.control.controller, allow_unstable)
     return law, margin_in(settings, law).says
 
 

@@ -1,0 +1,149 @@
+"""The service of the law on the ground when its vehicle refuses it: one sentence, and its end; loopback sockets."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from companion.adapters.law_link.udp import VehicleLink, open_law_link
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import LoadedController
+from companion.config.flight_config import LawConfig, LawLinkConfig, VehicleConfig
+from companion.config.mocap_config import MocapConfig
+from companion.core.errors import ConfigError
+from companion.flight.assembly import controller_of
+from companion.ground import ground_service
+from companion.ground.ground_service import serve_law
+from companion.law_link.vehicle_end import Shown
+from tests.ports import free_port
+
+_PATIENCE_S = 10.0
+_STANDING = Shown(
+    airborne=False, cut=False, arming=False, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
+)
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CompanionConfig:
+    """Ground and vehicle on one computer, without motion capture; a refusal counts after a moment."""
+    monkeypatch.setattr(ground_service, "_REFUSED_S", 0.05)
+    key = tmp_path / "law.key"
+    key.write_text("0123456789abcdef0123456789abcdef\n")
+    key.chmod(0o600)
+    link = LawLinkConfig(port=free_port(), listen="127.0.0.1", key_file=str(key))
+    cameras = MocapConfig(port=free_port())
+    return CompanionConfig(law=LawConfig(runs_on="ground", link=link), mocap=cameras)
+
+
+@pytest.fixture
+def law(config: CompanionConfig) -> LoadedController:
+    return controller_of(config, "pid")
+
+
+@asynccontextmanager
+async def vehicle(config: CompanionConfig) -> AsyncIterator[VehicleLink]:
+    """A vehicle that stands, and reports it."""
+    clock = MonotonicClock()
+    async with open_law_link(config, clock) as link:
+
+        async def reports() -> None:
+            while True:
+                report = link.end.report(_STANDING, clock.now_s())
+                if report is not None:
+                    link.send(report)
+                await asyncio.sleep(0.02)
+
+        reporting = asyncio.create_task(reports())
+        try:
+            yield link
+        finally:
+            reporting.cancel()
+
+
+async def ends_with(config: CompanionConfig, law: LoadedController) -> str:
+    """Return the sentence with which the ground ends by itself."""
+    async with asyncio.timeout(_PATIENCE_S):
+        with pytest.raises(ConfigError) as refused:
+            await serve_law(config, law, asyncio.Event())
+    return str(refused.value)
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(_PATIENCE_S):
+        while True:
+            if true():
+                return
+            await asyncio.sleep(0.01)
+
+
+async def test_another_configuration_ends_it_with_what_differs(config: CompanionConfig, law: LoadedController) -> None:
+    heavier = config.model_copy(update={"vehicle": VehicleConfig(mass_kg=5.1)})
+    async with vehicle(heavier):
+        said = await ends_with(config, law)
+    here = config.vehicle.mass_kg
+    assert said == (
+        f"the vehicle at 127.0.0.1 refuses this ground law: vehicle.mass_kg is 5.1 on the vehicle and {here} on the "
+        "ground: give both the same configuration"
+    )
+
+
+async def test_another_version_ends_it_with_both_versions(
+    config: CompanionConfig, law: LoadedController, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with vehicle(config) as link:
+        monkeypatch.setattr(link.end, "_me", replace(link.end._me, version="9.9.9"))
+        said = await ends_with(config, law)
+    assert "the vehicle runs companion 9.9.9" in said
+    assert said.endswith("install the same version on both")
+
+
+async def test_a_second_ground_law_ends_and_the_first_one_stays(config: CompanionConfig, law: LoadedController) -> None:
+    async with vehicle(config) as link:
+        stop = asyncio.Event()
+        first = asyncio.create_task(serve_law(config, law, stop))
+        await until(lambda: link.end.status(MonotonicClock().now_s()).connected)
+        session = link.end.status(MonotonicClock().now_s()).session
+        said = await ends_with(config, law)
+        assert "has this vehicle: stop it first" in said
+        after = link.end.status(MonotonicClock().now_s())
+        assert (after.connected, after.session) == (True, session)
+        assert after.rival
+        stop.set()
+        await first
+
+
+async def test_a_flight_that_is_on_is_waited_for(config: CompanionConfig, law: LoadedController) -> None:
+    async with vehicle(config) as link:
+        link.end.locked = True
+        stop = asyncio.Event()
+        ground = asyncio.create_task(serve_law(config, law, stop))
+        await until(lambda: link.end.status(0.0).refused.startswith("a flight is on"))
+        await asyncio.sleep(0.2)
+        assert not ground.done()
+        link.end.locked = False
+        await until(lambda: link.end.status(MonotonicClock().now_s()).connected)
+        stop.set()
+        await ground
+
+
+async def test_a_wrong_host_name_is_one_sentence(config: CompanionConfig, law: LoadedController) -> None:
+    link = config.law.link.model_copy(update={"host": "no-such-vehicle.invalid"})
+    elsewhere = config.model_copy(update={"law": config.law.model_copy(update={"link": link})})
+    said = await ends_with(elsewhere, law)
+    assert said.startswith("law.link.host = 'no-such-vehicle.invalid': cannot be reached: ")
+    assert "\n" not in said
+
+
+async def test_a_port_that_is_in_use_is_one_sentence(config: CompanionConfig) -> None:
+    async with vehicle(config):
+        with pytest.raises(ConfigError) as refused:
+            async with vehicle(config):
+                pass
+    said = str(refused.value)
+    assert said.startswith(f"law.link.port = {config.law.link.port}: cannot listen on 127.0.0.1: ")
+    assert said.endswith("Each needs a port of its own")
+    assert "\n" not in said
