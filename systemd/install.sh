@@ -2,10 +2,11 @@
 # Installs the companion on this computer; `make install` calls it. Again does no harm: it brings everything up to date
 # and leaves your configuration alone. docs/install.md says what is where.
 #
-#   systemd/install.sh [vehicle|room|broker] [--root DIR] [--no-venv]
+#   systemd/install.sh [vehicle|room|law|broker] [--root DIR] [--no-venv]
 #
 #   vehicle     the flight service, for the onboard computer (if nothing is said)
 #   room        the mocap bridge, for the room's workstation
+#   law         the control law on the ground, for the room's workstation (docs/split.md)
 #   broker      a drop-in for Debian's mosquitto, for the computer that runs the broker
 #   --root DIR  puts everything below DIR, as it would be below /: to look at it without touching the system
 #   --no-venv   leaves the Python packages out
@@ -15,7 +16,7 @@ umask 022
 part=vehicle root='' venv=yes
 while [ $# -gt 0 ]; do
     case $1 in
-        vehicle | room | broker) part=$1 ;;
+        vehicle | room | law | broker) part=$1 ;;
         --no-venv) venv=no ;;
         --root)
             [ $# -gt 1 ] || { echo "install: --root wants a folder" >&2; exit 2; }
@@ -24,7 +25,7 @@ while [ $# -gt 0 ]; do
             root=$(cd "$1" && pwd)
             ;;
         *)
-            echo "install: '$1' is unknown; it is: install.sh [vehicle|room|broker] [--root DIR] [--no-venv]" >&2
+            echo "install: '$1' is unknown; it is: install.sh [vehicle|room|law|broker] [--root DIR] [--no-venv]" >&2
             exit 2
             ;;
     esac
@@ -55,9 +56,11 @@ keep() {
 systemd_runs() { [ -z "$root" ] && [ -d /run/systemd/system ]; }
 
 [ -n "$root" ] || [ "$(id -u)" = 0 ] || refuse "this writes to /etc and /opt: say 'sudo make install', or try --root DIR first"
-if systemd_runs && systemctl is-active --quiet dauam-companion; then
-    refuse "the service runs, perhaps in flight; land, then: sudo systemctl stop dauam-companion"
-fi
+for each in dauam-companion dauam-law; do
+    if systemd_runs && systemctl is-active --quiet "$each"; then
+        refuse "the service runs, perhaps in flight; land, then: sudo systemctl stop $each"
+    fi
+done
 
 make_user() {
     put 644 systemd/dauam-sysusers.conf /etc/sysusers.d/dauam.conf
@@ -123,6 +126,10 @@ make_config() {
 if [ "$part" != broker ]; then
     make_user
     make_programs
+fi
+if [ "$part" = law ]; then
+    keep 644 config/ground.toml /etc/dauam/ground.toml
+elif [ "$part" != broker ]; then
     make_config
 fi
 case $part in
@@ -132,6 +139,7 @@ case $part in
         put 644 systemd/99-dauam-u2d2.rules /etc/udev/rules.d/99-dauam-u2d2.rules
         ;;
     room) put 644 systemd/dauam-mocap-bridge.service /etc/systemd/system/dauam-mocap-bridge.service ;;
+    law) put 644 systemd/dauam-law.service /etc/systemd/system/dauam-law.service ;;
     broker) put 644 systemd/mosquitto.service.d/dauam.conf /etc/systemd/system/mosquitto.service.d/dauam.conf ;;
 esac
 
@@ -148,6 +156,7 @@ fi
 case $part in
     vehicle) next="edit /etc/dauam/companion.toml, then: sudo systemctl enable --now dauam-companion" ;;
     room) next="edit /etc/dauam/companion.toml, then: sudo systemctl enable --now dauam-mocap-bridge" ;;
+    law) next="edit /etc/dauam/ground.toml, copy the vehicle's key to /etc/dauam/law.key, then: sudo systemctl enable --now dauam-law" ;;
     broker) next="see config/mosquitto/ for the broker's own files, then: sudo systemctl restart mosquitto" ;;
 esac
 say "done; next: $next"

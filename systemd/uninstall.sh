@@ -21,11 +21,13 @@ if [ -z "$root" ] && [ "$(id -u)" != 0 ]; then
     exit 1
 fi
 if systemd_runs; then
-    if systemctl is-active --quiet dauam-companion; then
-        echo "uninstall: the service runs, perhaps in flight; land, then: sudo systemctl stop dauam-companion" >&2
-        exit 1
-    fi
-    for unit in dauam-companion dauam-mocap-bridge; do
+    for unit in dauam-companion dauam-law; do
+        if systemctl is-active --quiet $unit; then
+            echo "uninstall: the service runs, perhaps in flight; land, then: sudo systemctl stop $unit" >&2
+            exit 1
+        fi
+    done
+    for unit in dauam-companion dauam-law dauam-mocap-bridge; do
         if systemctl cat $unit > /dev/null 2>&1; then
             systemctl disable --quiet --now $unit
         fi
@@ -34,6 +36,7 @@ fi
 
 for each in \
     /etc/systemd/system/dauam-companion.service \
+    /etc/systemd/system/dauam-law.service \
     /etc/systemd/system/dauam-mocap-bridge.service \
     /etc/systemd/system/mosquitto.service.d/dauam.conf \
     /etc/udev/rules.d/99-dauam-u2d2.rules \

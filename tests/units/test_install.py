@@ -92,32 +92,44 @@ def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_pat
     """Each table stands there once: a second one of its name is no TOML."""
     install(tmp_path)
     path = tmp_path / "etc/dauam/companion.toml"
-    before, operator, after = re.split(r"(?m)^(# \[operator\]\n(?:# .*\n)+)", path.read_text())
+    key = tmp_path / "law.key"
+    key.write_text("0123456789abcdef\n")
+    key.chmod(0o600)
+    first = path.read_text().replace("/etc/dauam/law.key", str(key))
+    before, operator, after = re.split(r"(?m)^(# \[operator\]\n(?:# .*\n)+)", first)
     without_files = re.sub(r"(?m)^# \w+_file = .*\n", "", operator)
-    text = re.sub(r"(?m)^# (?=\[?\w+\]?(?: = |\n))", "", before + without_files + after)
+    text = re.sub(r"(?m)^# (?=\[?[\w.]+\]?(?: = |\n))", "", before + without_files + after)
     path.write_text(text)
     config = load_config(path)
     assert config.operator is not None
     assert config.operator.vehicle == "dauam-1"
     assert config.preflight.state_folder == "/var/lib/dauam"
     assert config.preflight.by_hand_within_h == 24.0
+    assert config.law.on_ground
+    assert config.law.link.key_file == str(key)
     assert "# " + "battery" not in text, "it was uncommented"
 
 
 @needs_sysusers
 def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
     install(tmp_path / "room", "room")
+    install(tmp_path / "law", "law")
     install(tmp_path / "broker", "broker")
     assert set(files(tmp_path / "room")) == {
         "etc/dauam/companion.toml",
         "etc/systemd/system/dauam-mocap-bridge.service",
         "etc/sysusers.d/dauam.conf",
     }
+    assert set(files(tmp_path / "law")) == {
+        "etc/dauam/ground.toml",
+        "etc/systemd/system/dauam-law.service",
+        "etc/sysusers.d/dauam.conf",
+    }
     assert set(files(tmp_path / "broker")) == {"etc/systemd/system/mosquitto.service.d/dauam.conf"}
 
 
 @needs_sysusers
-@pytest.mark.parametrize("part", ["vehicle", "room", "broker"])
+@pytest.mark.parametrize("part", ["vehicle", "room", "law", "broker"])
 def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part: str) -> None:
     install(tmp_path, part)
     record = tmp_path / "var/lib/dauam/flights/one.mcap"
@@ -128,6 +140,7 @@ def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part
     command.symlink_to("/opt/dauam/bin/companion")
     out = said(UNINSTALL, "--root", tmp_path)
     left = {"var/lib/dauam/flights/one.mcap"}
+    left |= {"etc/dauam/ground.toml"} if part == "law" else set()
     left |= {name for name in VEHICLE if name.endswith((".conf", ".toml")) and "sysusers" not in name}
     assert set(files(tmp_path)) <= left
     assert record.exists()
@@ -160,7 +173,7 @@ def test_without_root_nothing_is_touched(script: Path, tmp_path: Path) -> None:
     [
         (["vehicel"], "'vehicel' is unknown"),
         (["--root"], "--root wants a folder"),
-        (["--help"], "'--help' is unknown; it is: install.sh [vehicle|room|broker]"),
+        (["--help"], "'--help' is unknown; it is: install.sh [vehicle|room|law|broker]"),
     ],
 )
 def test_a_wrong_word_is_answered_with_the_right_ones(words: list[str], says: str) -> None:

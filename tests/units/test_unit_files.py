@@ -13,6 +13,7 @@ from tests.units.tools import SYSTEMD, said
 UNITS = {
     # Exposure by `systemd-analyze security`, 0 to 10; docs/install.md gives the scores and what makes them up.
     "dauam-companion.service": 2.2,
+    "dauam-law.service": 1.5,
     "dauam-mocap-bridge.service": 1.3,
 }
 needs_analyze = needs("systemd-analyze")
