@@ -12,7 +12,7 @@ from companion.law_link.vehicle_end import Shown
 
 _REPORT_S = 0.04
 _STANDING = Shown(
-    airborne=False, cut=False, arming=False, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
+    airborne=False, cut=False, arming=False, phase=0, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
 )
 
 

@@ -23,7 +23,7 @@ from tests.ports import free_port
 
 _PATIENCE_S = 10.0
 _STANDING = Shown(
-    airborne=False, cut=False, arming=False, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
+    airborne=False, cut=False, arming=False, phase=0, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
 )
 
 
