@@ -95,6 +95,30 @@ class Doing(_Said):
     text: str = ""
 
 
+class LawLink(_Said):
+    """Link to a law on the ground, over its last second (docs/split.md)."""
+
+    connected: bool = Field(description="a ground law has this vehicle")
+    host: str = Field("", description="computer and process of the ground law")
+    session: str = Field("", description="number of its session, hexadecimal")
+    command: int = Field(0, description="number of the command in use; 0 without one")
+    silence_s: float | None = Field(
+        None, description="time since its newest message with a fresh pose was sent; null before the first"
+    )
+    age_s: float | None = Field(
+        None, description="median age of its messages at their arrival; null until the clocks were compared"
+    )
+    round_trip_s: float | None = Field(None, description="quickest round trip; null until it is known")
+    received: int = Field(0, description="messages that arrived as the newest")
+    missing: int = Field(0, description="messages that did not arrive")
+    late: int = Field(0, description="messages that arrived after a newer one, and were dropped")
+    foreign: int = Field(0, description="datagrams with a wrong key or session, or played again; dropped")
+    blind: bool = Field(False, description="the ground law has no fresh pose")
+    failed: bool = Field(False, description="the law has failed")
+    rival: str = Field("", description="another ground law that asks for this vehicle, and is refused")
+    refused: str = Field("", description="why a ground law was refused last; empty after a session has begun")
+
+
 WAITING = "waiting"
 """Phase in the state while the service has no vehicle."""
 
@@ -121,6 +145,7 @@ class State(_Said):
     thrust: float | None = Field(None, description="thrust of the last setpoint of the control law, 0..1")
     controller: str = ""
     sent_share: float | None = Field(None, description="share of the last second's cycles that sent a new setpoint")
+    law_link: LawLink | None = Field(None, description="link to a law on the ground; null for a law on board")
     faults: tuple[str, ...] = Field((), description="active faults, by their names in docs/safety.md")
     arms: str | None = Field(None, description="phase of the arms; null without arms")
     joints_rad: tuple[float | None, ...] | None = None

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.core.types import Array, AutopilotStatus
+from companion.flight.remote_step import LinkTick
 from companion.flight.tick import Tick
 from companion.geometry.frames import up_axis, yaw_of
-from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, State, Vector
+from companion.law_link.link_status import NO_LINK
+from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, LawLink, State, Vector
 from companion.supervisor.faults import Event, Fault, reaction_to
 from companion.supervisor.flight_state import FlightState
 
@@ -39,6 +41,8 @@ class Telemetry:
             self._new_phase(tick)
         if tick.events or self._events:
             self._new_events(tick)
+        if tick.link is not None:
+            self._new_link(None if before is None else before.link, tick.link)
         if tick.status.last_text != self._text:
             self._text, self._text_s = tick.status.last_text, tick.time_s
 
@@ -51,16 +55,27 @@ class Telemetry:
         """Set the warnings shown in every state; publish an event for each that appears or disappears."""
         for text in warnings:
             if text not in self._warnings:
-                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=text))
+                self._log(text)
         for text in self._warnings:
             if text not in warnings:
-                self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=f"over: {text}"))
+                self._log(f"over: {text}")
         self._warnings = warnings
 
     def _new_phase(self, tick: Tick) -> None:
         flight = tick.flight
         text = f"{flight.phase}: {flight.reason}" if flight.reason else str(flight.phase)
         self._tell(Happened(time_s=time.time(), kind=Kind.PHASE, text=text, name=str(flight.phase)))
+
+    def _new_link(self, before: LinkTick | None, now: LinkTick) -> None:
+        """Tell which ground law has the vehicle, and why one was refused, when that changes."""
+        was, link = NO_LINK if before is None else before.status, now.status
+        if link.connected and (not was.connected or link.session != was.session):
+            self._log(f"the ground law {link.law} on {link.host} has this vehicle, session {link.session:04x}")
+        if link.refused and link.refused != was.refused:
+            self._log(f"a ground law was refused: {link.refused}")
+
+    def _log(self, text: str) -> None:
+        self._tell(Happened(time_s=time.time(), kind=Kind.LOG, text=text))
 
     def _new_events(self, tick: Tick) -> None:
         before, now = {e.fault: e for e in self._events}, {e.fault: e for e in tick.events}
@@ -121,6 +136,7 @@ class Telemetry:
             thrust=float(tick.limited.setpoint.thrust) if tick.limited else None,
             controller=tick.law,
             sent_share=self._sent_share(tick, rate_hz),
+            law_link=_law_link(tick.link) if tick.link else None,
             faults=tuple(str(event.fault) for event in tick.events),
             arms=str(tick.arms.phase) if tick.arms else None,
             joints_rad=tuple(map(_number, tick.arms.status.position_rad.tolist())) if tick.arms else None,
@@ -134,6 +150,27 @@ class Telemetry:
     def _sent_share(self, tick: Tick, rate_hz: float) -> float | None:
         self._sent_s = [at_s for at_s in self._sent_s if tick.time_s - at_s < _SHARE_S]
         return min(1.0, len(self._sent_s) / (rate_hz * _SHARE_S)) if tick.flight.airborne else None
+
+
+def _law_link(tick: LinkTick) -> LawLink:
+    link = tick.status
+    return LawLink(
+        connected=link.connected,
+        host=link.host,
+        session=f"{link.session:04x}" if link.connected else "",
+        command=tick.command.number,
+        silence_s=_number(link.silence_s),
+        age_s=_number(link.age_s),
+        round_trip_s=_number(link.round_trip_s),
+        received=link.received,
+        missing=link.missing,
+        late=link.late,
+        foreign=link.foreign,
+        blind=link.blind,
+        failed=link.failed,
+        rival=link.rival,
+        refused=link.refused,
+    )
 
 
 def _number(value: float) -> float | None:

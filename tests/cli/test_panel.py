@@ -9,7 +9,7 @@ from rich.console import Console
 
 from companion.cli.operator.output_formats import words_of
 from companion.cli.operator.panel import panel
-from companion.protocol.telemetry import Doing, Happened, Kind, Presence, State
+from companion.protocol.telemetry import Doing, Happened, Kind, LawLink, Presence, State
 
 STATE = State(time_s=0.0, session="a", phase="hold", armed=True, in_air=True, mode="OFFBOARD")
 
@@ -81,3 +81,26 @@ def test_how_old_a_state_is_is_said_for_what_it_is() -> None:
 )
 def test_a_command_a_reply_and_a_phase_look_different(happened: Happened, words: str) -> None:
     assert words_of(happened) == words
+
+
+@pytest.mark.parametrize(
+    ("link", "lines"),
+    [
+        (
+            LawLink(connected=True, host="ws (process 4)", silence_s=0.012, age_s=0.002, received=30, missing=3),
+            "ground law ws (process 4)\n"
+            "its link silent for 12.0 ms, commands' age 2.0 ms, round trip not known, 33 messages/s, 3 lost, 0 late",
+        ),
+        (LawLink(connected=True, host="ws (process 4)", blind=True), "ground law ws (process 4), without a fresh pose"),
+        (LawLink(connected=True, host="ws (process 4)", failed=True), "ground law ws (process 4), its law has failed"),
+        (LawLink(connected=True, host="ws (process 4)", foreign=7), "0 late, 7 foreign"),
+        (LawLink(connected=False), "ground law none"),
+        (LawLink(connected=False, refused="install the same"), "ground law none; refused: install the same"),
+    ],
+)
+def test_a_law_on_the_ground_is_shown_with_its_link(link: LawLink, lines: str) -> None:
+    assert lines in shown(STATE.model_copy(update={"law_link": link}))
+
+
+def test_a_law_on_board_has_no_lines_of_a_link() -> None:
+    assert "link" not in shown()

@@ -15,7 +15,7 @@ from companion.cli.terminal import show_cursor
 from companion.client import client
 from companion.client.client import Link, Message
 from companion.client.pending_command import armed_of
-from companion.protocol.telemetry import WAITING, Happened, Kind, Presence, State
+from companion.protocol.telemetry import WAITING, Happened, Kind, LawLink, Presence, State
 
 _SILENT_S = 1.0
 _REFRESH_HZ = 5.0
@@ -99,6 +99,8 @@ def _table(state: State, style: str) -> Table:
     if state.controller:
         share = "" if state.sent_share is None else f", updates in {state.sent_share:.0%} of its cycles"
         rows.append(("controller", f"{state.controller}{share}"))
+    if state.law_link is not None:
+        rows += _law_link(state.law_link)
     if state.arms is not None:
         rows.append(("arms", state.arms))
     if state.text:
@@ -111,6 +113,26 @@ def _table(state: State, style: str) -> Table:
     for warning in state.warnings:
         table.add_row("warning", Text(warning, style="red"))
     return table
+
+
+def _law_link(link: LawLink) -> list[tuple[str, str]]:
+    """Return the place of a law on the ground, and how its link does."""
+    if not link.connected:
+        return [("ground law", f"none{f'; refused: {link.refused}' if link.refused else ''}")]
+    sees = ", its law has failed" if link.failed else ", without a fresh pose" if link.blind else ""
+    times = [
+        _milliseconds("silent for", link.silence_s),
+        _milliseconds("commands' age", link.age_s),
+        _milliseconds("round trip", link.round_trip_s),
+    ]
+    sent = link.received + link.missing + link.late
+    counts = f"{sent} messages/s, {link.missing} lost, {link.late} late"
+    foreign = f", {link.foreign} foreign" if link.foreign else ""
+    return [("ground law", f"{link.host}{sees}"), ("its link", f"{', '.join([*times, counts])}{foreign}")]
+
+
+def _milliseconds(what: str, time_s: float | None) -> str:
+    return f"{what} not known" if time_s is None else f"{what} {1e3 * time_s:.1f} ms"
 
 
 def _motion(state: State) -> list[tuple[str, str]]:
