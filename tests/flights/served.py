@@ -39,6 +39,13 @@ slow_hz = 5.0
 autopilot_silent_s = 2.0
 """
 
+PATIENT_LINK = """command_late_s = 0.2
+command_coast_s = 0.25
+command_level_s = 0.3
+command_silent_s = 0.5
+command_delayed_s = 0.25
+"""
+
 
 @dataclass(frozen=True)
 class Site:
@@ -63,7 +70,7 @@ class Site:
         """The folder of the flights' records."""
         return self.folder / "flights"
 
-    def config(self, arms: bool = True, url: str | None = None) -> Path:
+    def config(self, arms: bool = True, url: str | None = None, law_on_ground: bool = False) -> Path:
         """The demo's file on these ports, brisk, and patient with a busy machine; `url` is the autopilot's."""
         text = (ROOT / "config" / "demo.toml").read_text(encoding="utf-8")
         said, armless = text.split("[arms]")
@@ -78,12 +85,22 @@ class Site:
         assert "silent_s = 1.0" in armless, "config/demo.toml's arms are silent after something else now"
         if arms:
             said += f'[arms]\nport = "{self.ports.servo_link}"\nsilent_s = 2.0\n'
-        said += f'{PATIENT}\n[records]\nfolder = "{self.records}"\nlive_port = 0\n\n[operator]\n'
+        patient = PATIENT + (PATIENT_LINK if law_on_ground else "")
+        said += f'{patient}\n[records]\nfolder = "{self.records}"\nlive_port = 0\n\n[operator]\n'
         for name, value in self.served.model_dump(exclude_none=True).items():
             said += f"{name} = {str(value).lower() if isinstance(value, bool | int) else repr(value)}\n"
+        said += self._law() if law_on_ground else ""
         path = self.folder / "companion.toml"
         path.write_text(said, encoding="utf-8")
         return path
+
+    def _law(self) -> str:
+        """The same tables for both sides of the link, and their key."""
+        key = self.folder / "law.key"
+        key.write_text("a key for this test alone\n", encoding="utf-8")
+        key.chmod(0o600)
+        link = f'listen = "127.0.0.1"\nport = {free_port()}\nkey_file = "{key}"\n'
+        return f'\n[law]\nruns_on = "ground"\n[law.link]\n{link}'
 
     def options(self) -> list[str]:
         """For an operator's command."""
@@ -134,7 +151,7 @@ class Underway:
 
 
 class Served:
-    """`companion serve` in a process of its own."""
+    """`companion serve`, or another service, in a process of its own."""
 
     def __init__(self, process: asyncio.subprocess.Process, log: Path) -> None:
         self.process, self._log = process, log
@@ -181,12 +198,12 @@ class Served:
 
 
 @asynccontextmanager
-async def serving(config: Path, log: Path, **environment: str) -> AsyncIterator[Served]:
-    """`companion serve`, from its beginning; killed at the end if it still runs."""
+async def serving(config: Path, log: Path, command: str = "serve", **environment: str) -> AsyncIterator[Served]:
+    """`companion serve`, or the law on the ground, from its beginning; killed at the end if it still runs."""
     with log.open("wb") as journal:
         process = await asyncio.create_subprocess_exec(
             sys.executable,
-            *("-m", "companion.cli.main", "serve", "--config", str(config)),
+            *("-m", "companion.cli.main", command, "--config", str(config)),
             cwd=ROOT,
             env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
             stdin=asyncio.subprocess.DEVNULL,
