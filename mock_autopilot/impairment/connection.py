@@ -17,6 +17,7 @@ class ImpairedConnection:
         begin_s = time.monotonic()
         self._up, self._down = ImpairedStream(link.up, 2 * seed, seed), ImpairedStream(link.down, 2 * seed + 1, seed)
         self._upward, self._downward = TimedDelivery(self._up, take, begin_s), TimedDelivery(self._down, write, begin_s)
+        self.set(link)
 
     @property
     def waiting_bytes(self) -> int:
@@ -25,8 +26,12 @@ class ImpairedConnection:
 
     def set(self, link: Directions) -> None:
         """Change the impairment."""
-        self._upward.set(link.up)
-        self._downward.set(link.down)
+        for stream, delivery, there, back in (
+            (self._up, self._upward, link.up, link.down),
+            (self._down, self._downward, link.down, link.up),
+        ):
+            stream.set(there, back)
+            delivery.look()
 
     def received(self, data: bytes) -> None:
         """Take bytes from the client's end of the link."""

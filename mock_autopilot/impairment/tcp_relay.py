@@ -41,7 +41,7 @@ class TcpRelay:
         """Change the impairment of the directions that are given, from the next segment on."""
         self._up, self._down = up or self._up, down or self._down
         for pipe in self._pipes:
-            pipe.set(self._up if pipe.upward else self._down)
+            pipe.set(*((self._up, self._down) if pipe.upward else (self._down, self._up)))
 
     async def open(self, host: str, port: int) -> None:
         """Listen; raise RelayError when the address is taken."""
@@ -82,6 +82,7 @@ class TcpRelay:
             self._pipe(downward, ImpairedStream(self._down, seed + 1, self._seed), upward=False),
         ]
         self._pipes.update(pipes)
+        self.set()
         try:
             async with asyncio.TaskGroup() as tasks:
                 for pipe in pipes:
@@ -108,9 +109,10 @@ class _Pipe:
         self._delivery = TimedDelivery(stream, self._write, begin_s)
         self._moved = asyncio.Event()
 
-    def set(self, impairment: Impairment) -> None:
-        """Change the impairment."""
-        self._delivery.set(impairment)
+    def set(self, impairment: Impairment, back: Impairment) -> None:
+        """Change the impairment, and that of the acknowledgements."""
+        self._stream.set(impairment, back)
+        self._delivery.look()
 
     async def run(self) -> None:
         """Pass on until the end of the stream, and the end as well."""
