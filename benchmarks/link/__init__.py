@@ -1,0 +1,1 @@
+"""The law's link measured before it is chosen: transports over an impaired IP link, `python -m benchmarks.link`."""
