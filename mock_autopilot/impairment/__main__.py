@@ -1,20 +1,27 @@
 """`python -m mock_autopilot.impairment`: a bad network between any two programs, on a UDP or TCP port.
 
 The client connects to --listen instead of to the server; the relay passes everything on to --to, and back. Lines on
-standard input change the link while it runs: "loss 30%", "up loss 30%; down clean", or an empty line for the counts.
+standard input change the link while it runs: "loss 30%" or "up loss 30%; down clean"; "fault network off for 0.3 s"
+does it for a while (docs/faults.md); an empty line prints the counts.
 """
 
 import argparse
 import asyncio
 import contextlib
+import math
 import os
 import signal
 import sys
 from collections.abc import Sequence
 
+from mock_autopilot.faults.catalogue import DOWN, UP, Part
+from mock_autopilot.faults.network import impairment_of
+from mock_autopilot.faults.schedule import ActiveFault
+from mock_autopilot.faults.sentences import parse as parse_fault
+from mock_autopilot.faults.sentences import sentence_of
 from mock_autopilot.impairment.ports import PortPair, Protocol, address
 from mock_autopilot.impairment.relays import Relay, open_relays
-from mock_autopilot.impairment.sentences import EXAMPLES, Directions, ImpairmentError, parse_directions
+from mock_autopilot.impairment.sentences import EXAMPLES, Directions, parse_directions
 from mock_autopilot.impairment.udp_relay import RelayError
 
 BAD_INPUT = 2
@@ -77,11 +84,12 @@ def _said(link: Directions) -> str:
 
 
 class _Lines:
-    """Lines on standard input: a sentence changes the link, an empty line asks for the counts."""
+    """Lines on standard input: a sentence or a fault changes the link, an empty line asks for the counts."""
 
     def __init__(self, pairs: Sequence[PortPair], relays: Sequence[Relay]) -> None:
         self._pairs, self._relays = pairs, relays
         self._links = [pair.link for pair in pairs]
+        self._held: list[ActiveFault] = []
         self._begun = b""
 
     def read(self) -> None:
@@ -95,17 +103,38 @@ class _Lines:
             self._obey(line.decode(errors="replace").strip())
 
     def _obey(self, line: str) -> None:
-        if not line:
-            self.count()
-            return
+        word, _, rest = line.partition(" ")
         try:
-            self._links = [parse_directions(line, link) for link in self._links]
-        except ImpairmentError as error:
+            if not line:
+                self.count()
+            elif word == "fault":
+                self._begin(rest)
+            else:
+                self._links = [parse_directions(line, link) for link in self._links]
+                self._set()
+        except ValueError as error:
             print(f"impairment: {error}", file=sys.stderr, flush=True)
-            return
+
+    def _begin(self, sentence: str) -> None:
+        """Begin a fault of the network now, whatever time it names; raise ValueError for another fault."""
+        fault = parse_fault(sentence)
+        if fault.part is not Part.NETWORK:
+            raise ValueError(f'"{sentence}": only faults of the network can be caused here, as "network off for 0.3 s"')
+        held = ActiveFault(fault, 0.0)
+        self._held.append(held)
+        if math.isfinite(fault.lasts_s):
+            asyncio.get_running_loop().call_later(fault.lasts_s, self._end, held)
+        self._set()
+
+    def _end(self, held: ActiveFault) -> None:
+        self._held = [one for one in self._held if one is not held]
+        self._set()
+
+    def _set(self) -> None:
         for relay, link in zip(self._relays, self._links, strict=True):
-            relay.set(up=link.up, down=link.down)
-        print(f"impairment now: {_said(self._links[0])}", flush=True)
+            relay.set(up=impairment_of(self._held, UP, link.up), down=impairment_of(self._held, DOWN, link.down))
+        faults = "".join(f", {sentence_of(one.fault)}" for one in self._held)
+        print(f"impairment now: {_said(self._links[0])}{faults}", flush=True)
 
     def count(self) -> None:
         """Print what passed and what was lost so far."""

@@ -22,7 +22,8 @@ _NOTES = {
     Part.NETWORK: "Port pairs are `[[impairment.relays]]` of the mock's configuration, or `--impair` "
     "([mock.md](mock.md#a-bad-network)); without any the mock only reports when such a fault begins and ends. Up is "
     "from the client to the server. Without a direction a fault concerns both, and bursts cut both at the same times. "
-    "A fault comes on top of the pair's own impairment. On a TCP pair loss becomes delay.",
+    "A fault comes on top of the pair's own impairment. On a TCP pair loss becomes delay. In the demo it is the link "
+    "between vehicle and ground, `--law-on ground`.",
 }
 _HEAD = f"""# Faults in the mock
 

@@ -64,6 +64,16 @@ def test_a_mistake_on_standard_input_changes_nothing() -> None:
         assert said_to(process, "delay 1 ms") == "impairment now: delay 1 ms"
 
 
+def test_a_fault_lasts_as_long_as_it_says_on_top_of_the_links_own() -> None:
+    with started("--to", "127.0.0.1:9", "--udp", "delay 1 ms") as (process, _):
+        assert said_to(process, "fault network off for 0.1 s") == "impairment now: delay 1 ms, network off for 0.1 s"
+        assert process.stdout.readline() == "impairment now: delay 1 ms\n"
+        for wrong, said in (("mocap off", "only faults of the network"), ("network of", 'network cannot be "of"')):
+            process.stdin.write(f"fault {wrong}\n")
+            process.stdin.flush()
+            assert said in process.stderr.readline()
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
