@@ -178,7 +178,13 @@ class GroundLaw:
             self._pipeline, self.made_for_s, self.failure = self._parts.pipeline(law), age_s, ""
 
     def reject(self, reason: str, age_s: float) -> None:
-        """Fly no more with an uplink of this age (s): the vehicle is told that the law has failed."""
+        """Begin no flight with an uplink of this age (s): the vehicle is told that the law has failed.
+
+        A flight that has begun meanwhile goes on with the law that it began with.
+        """
+        if self._flying:
+            LOG.warning("%s; the flight goes on with the law for %.0f ms", reason, 1e3 * self.made_for_s)
+            return
         LOG.error(reason)
         self.failure, self.made_for_s = reason, age_s
 

@@ -26,7 +26,7 @@ from companion.ground.ground_law import GroundLaw, GroundParts
 from companion.ground.ground_loop import GroundLoop
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import UpFlags
-from companion.service.margin_process import measure_apart
+from companion.service.margin_process import MarginUnknownError, measure_apart
 from companion.service.planning import load_law
 from companion.supervisor.flight_state import Phase
 
@@ -197,6 +197,8 @@ class _Beside:
         aged = with_link(self._config, age_s)
         try:
             law = await asyncio.to_thread(_made, self._law.name, aged, self._allow_unstable)
+        except MarginUnknownError as error:
+            LOG.warning("%s", error)  # it is measured again; until then the law is that of before
         except ConfigError as error:
             self._law.reject(f"commands are {1e3 * age_s:.0f} ms old when they are used: {error}", age_s)
         else:

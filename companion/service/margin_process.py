@@ -19,10 +19,14 @@ _WITHIN_S = 7.0
 """Timeout, below the 8 s within which a command is answered; an idle computer needs 1.5 s."""
 
 
+class MarginUnknownError(ConfigError):
+    """Error of a measurement that has not come to its end; nothing is known of the law."""
+
+
 def measure_apart(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> Margin | str:
     """Return the law's margins, or why there are none; blocks for one to two seconds, so call it in a thread.
 
-    Raises ConfigError when the process fails, as the margins are unknown then. A user's own law may be too slow.
+    Raises MarginUnknownError when the process fails. A user's own law may be too slow.
     """
     asked = json.dumps({"name": loaded.name, "vehicle": asdict(vehicle), "period_s": period_s})
     command = [sys.executable, "-m", "companion.service.margin_process"]
@@ -33,12 +37,12 @@ def measure_apart(loaded: LoadedController, vehicle: VehicleModel, period_s: flo
     except (OSError, subprocess.TimeoutExpired) as error:
         if loaded.own_file is not None and isinstance(error, subprocess.TimeoutExpired):
             return f"{_WITHIN_S:.0f} s on this computer were not enough for it"
-        raise ConfigError(
+        raise MarginUnknownError(
             f"{loaded.name}: its stability margin could not be measured, try again: {_why(error)}"
         ) from error
     if ran.returncode != 0:
         why = (ran.stderr.strip().splitlines() or [f"exit code {ran.returncode}"])[-1]
-        raise ConfigError(f"{loaded.name}: its stability margin could not be measured, try again: {why}")
+        raise MarginUnknownError(f"{loaded.name}: its stability margin could not be measured, try again: {why}")
     found = json.loads(ran.stdout.strip().splitlines()[-1])
     return found if isinstance(found, str) else Margin(**found | {"verdict": Verdict(found["verdict"])})
 
