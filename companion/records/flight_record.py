@@ -11,6 +11,7 @@ import numpy as np
 
 from companion.control.controller import ControlInput
 from companion.control.horizon_correction import HorizonInput
+from companion.control.remote_law import RemoteCommand
 from companion.core.types import Array, AttitudeThrust, GroundPose, MocapFrame, Reference
 from companion.estimation.state import EstimatorState
 from companion.records.errors import RecordError
@@ -90,6 +91,9 @@ class RecordedTick:
     signals: dict[str, Array]
     setpoint: AttitudeThrust | None
     sent_s: float
+    airborne: bool = False
+    command: RemoteCommand | None = None
+    """Command in use of a law on the ground; None for a law on board."""
     wire: RecordedWire | None = None
     """Also in cycles in which it was as before and did not leave again; None in an old record."""
 
@@ -191,6 +195,8 @@ class FlightRecord:
             if sent
             else None,
             sent_s=float(c["sent_s"][row]),
+            airborne=bool(c["airborne"][row]) if "airborne" in c else flown,
+            command=self._command(row) if "link_command" in c else None,
             wire=self._wire(row) if "wire_thrust" in c and np.isfinite(c["wire_thrust"][row]) else None,
         )
 
@@ -230,6 +236,16 @@ class FlightRecord:
             velocity_w_mps=c["autopilot_velocity_w_mps"][row],
             velocity_s=float(c["velocity_s"][row]),
             pose=pose,
+        )
+
+    def _command(self, row: int) -> RemoteCommand:
+        c = self.columns
+        yaw_rad = float(c["link_yaw_rad"][row])
+        return RemoteCommand(
+            number=int(c["link_command"][row]),
+            accel_w_mps2=c["link_accel_w_mps2"][row],
+            yaw_rad=None if np.isnan(yaw_rad) else yaw_rad,
+            age_s=float(c["link_command_age_s"][row]),
         )
 
     def _frame(self, row: int) -> MocapFrame:

@@ -9,6 +9,7 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import controller_text
 from companion.config.toml_files import validate
 from companion.control.controller import Controller
+from companion.control.remote_law import RemoteLaw
 from companion.core.interfaces import ConfigError
 from companion.flight.assembly import controller_of
 from companion.records.read import FlightRecord, RecordError
@@ -24,7 +25,10 @@ def config_of(record: FlightRecord) -> CompanionConfig:
 
 
 def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controller]:
-    """Return the laws that flew, by name; ConfigError or RecordError when one cannot be loaded any more."""
+    """Return the laws that flew, by name; ConfigError or RecordError when one cannot be loaded any more.
+
+    Laws on the ground are one RemoteLaw, which gives the recorded commands again.
+    """
     columns = record.columns
     if "law_name" not in columns:
         raise RecordError(
@@ -33,6 +37,10 @@ def laws_of(record: FlightRecord, config: CompanionConfig) -> dict[str, Controll
     names = sorted({str(name) for name in np.unique(columns["law_name"]) if name})
     if not names and record.law_flew:
         raise RecordError(f"{record.path}: does not say which law flew: too old a record for a replay")
+    if "link_command" in columns:
+        return dict.fromkeys(names, RemoteLaw())
+    if config.law.on_ground:
+        raise RecordError(f"{record.path}: has no commands of the law on the ground: too old a record for a replay")
     texts: dict[str, str] = record.metadata.get("laws", {})
     return {name: law_of(name, texts.get(name), config) for name in names}
 

@@ -15,6 +15,7 @@ import numpy as np
 from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline, idle_setpoint
+from companion.control.remote_law import RemoteLaw
 from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import Array, AttitudeThrust, VehicleState
 from companion.estimation import estimator, from_autopilot
@@ -170,6 +171,7 @@ class _Flying:
         given = tick.given
         if given is not None:
             self._begin(tick)
+            self._hear(tick)
             vehicle = VehicleState(
                 tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
             )
@@ -184,7 +186,7 @@ class _Flying:
             before, now = done.events
             done.events = before + tick.event, now + bool(output.law_output.event.any())
             done.flown += 1
-        self._airborne = given is not None
+        self._airborne = tick.airborne
         if tick.setpoint is not None:
             self._sent = tick.setpoint
 
@@ -198,6 +200,12 @@ class _Flying:
         if not switched:
             self._pipeline.forget()
         self._law = tick.law
+
+    def _hear(self, tick: RecordedTick) -> None:
+        """Give a stand-in of a law on the ground the command that it had."""
+        law = self._laws.get(tick.law)
+        if isinstance(law, RemoteLaw) and tick.command is not None:
+            law.command = tick.command
 
     def _compare(
         self, tick: RecordedTick, done: Replayed, at_s: float, accel_w_mps2: Array, signals: Mapping[str, Array]
