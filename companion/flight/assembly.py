@@ -88,6 +88,17 @@ def wire_of(config: CompanionConfig, frames: bool = True) -> WireSetpoint:
     return WireSetpoint(rules if frames else replace(rules, enabled=False), config.limits.limits())
 
 
+def ground_pipeline_of(config: CompanionConfig, law: Controller) -> ControlPipeline:
+    """Return the pipeline of a law on the ground; the guard is on the vehicle."""
+    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits())
+
+
+def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
+    """Return the configuration for a law whose commands arrive `up_age_s` late: its poses are older by that."""
+    mocap = config.mocap.model_copy(update={"delay_s": config.mocap.delay_s + up_age_s})
+    return config.model_copy(update={"mocap": mocap})
+
+
 def health_of(config: CompanionConfig, sides: Sides, frames: bool = True) -> HealthStep:
     """Return the health checks; without frames, those that need a pose are off."""
     return HealthStep(config.safety.rules(), config.fence.fence(), sides, frozenset() if frames else OFF)

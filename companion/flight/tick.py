@@ -1,7 +1,7 @@
 """Record of one cycle of the flight loop, for observers."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 from companion.control.pipeline import PipelineOutput
 from companion.control.wire_setpoint import Wire
@@ -12,6 +12,16 @@ from companion.flight.remote_step import LinkTick
 from companion.guard.limits import LimitedSetpoint
 from companion.supervisor.faults import Event, Stage
 from companion.supervisor.flight_state import FlightState
+
+
+@dataclass(frozen=True)
+class MoreColumns:
+    """Further columns for the record of a cycle."""
+
+    names: dict[str, tuple[str, str]]
+    """Names of the numbers and of the arrays of each topic; the same object in every cycle."""
+    numbers: tuple[Any, ...]
+    arrays: tuple[Array, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +59,7 @@ class Tick:
     """Setpoint that was sent, with the correction of the autopilot's horizon."""
     link: LinkTick | None = None
     """Link to a law on the ground; None for a law on board."""
+    more: tuple[MoreColumns, ...] = ()
     stage: Stage = Stage.GROUND
     """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
 

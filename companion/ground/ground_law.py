@@ -19,6 +19,7 @@ from companion.core.types import Array, AttitudeThrust, JointMotion, MocapFrame,
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.geometry.frames import matrix_from_quat, yaw_of
+from companion.ground.ground_tick import FlownCycle, GroundTick
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import NO_FLAGS, Command, DownFlags, Plan, Pose, Report, UpFlags, short_ticks
 from companion.law_link.plan import PlannedMotion
@@ -32,24 +33,6 @@ _BAD_CYCLES = 20
 _RETUNE_S = 0.004
 """Change of the uplink's age for which the law is made anew, on the ground only."""
 _LONGEST_UP_S = 0.1
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundTick:
-    """Inputs and result of one cycle on the ground, for the record and for observers."""
-
-    time_s: float
-    vehicle_s: float
-    """Time on the vehicle's clock at which a command sent now arrives; NaN without a session."""
-    vehicle: VehicleState | None
-    age_s: float
-    """Age of that state now."""
-    reference: Reference | None
-    output: PipelineOutput | None
-    sent: Command | None
-    """Command that this cycle has sent; None without an event."""
-    flags: UpFlags
-    law: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,10 +90,10 @@ class GroundLaw:
         """Run one cycle, and hand its command to the link."""
         self._hear()
         age_s = estimator.age_s(self._estimate, now_s)
-        output = sent = reference = None
+        flown = None
         arrives_s = now_s + self._end.clock.offset_s + self._up_age_s()
         if self._flying:
-            output, sent, reference = self._fly(now_s, arrives_s, age_s, dt_s)
+            flown = self._fly(now_s, arrives_s, age_s, dt_s)
         else:
             self._end.flags = UpFlags.BLIND if self._is_blind(age_s) else NO_FLAGS
             self._end.flags |= UpFlags.FAILED if self.failure else NO_FLAGS
@@ -118,13 +101,16 @@ class GroundLaw:
         return GroundTick(
             time_s=now_s,
             vehicle_s=arrives_s,
-            vehicle=self._estimate.vehicle,
+            estimate=self._estimate,
             age_s=age_s,
-            reference=reference,
-            output=output,
-            sent=sent,
+            flown=flown,
             flags=self._end.flags,
             law=self.name,
+            made_for_s=self.made_for_s,
+            failure=self.failure,
+            flying=self._flying,
+            epoch=self._epoch,
+            link=self._end.state(now_s),
         )
 
     def settle(self) -> dict[str, Array]:
@@ -198,26 +184,27 @@ class GroundLaw:
             return False
         return motion.since_begin_s(vehicle_s) <= motion.length_s + _BEYOND_PLAN_S
 
-    def _fly(
-        self, now_s: float, arrives_s: float, age_s: float, dt_s: float
-    ) -> tuple[PipelineOutput | None, Command | None, Reference | None]:
+    def _fly(self, now_s: float, arrives_s: float, age_s: float, dt_s: float) -> FlownCycle | None:
         vehicle, motion = self._estimate.vehicle, self._motion
         blind = self._is_blind(age_s) or not self._is_planned(arrives_s)
         self._end.flags = UpFlags.FLYING | (UpFlags.BLIND if blind else NO_FLAGS)
         if self.failure:
             self._end.flags |= UpFlags.FAILED
         if blind or self.failure or vehicle is None or motion is None or self._mirror is None:
-            return None, None, None
+            return None
         self._correct_mirror(now_s)
+        mirror = self._mirror
         ahead = motion.reference(arrives_s + self._pipeline.preview_s)
         known = self._known_accel(motion, arrives_s, vehicle)
         try:
-            output = self._pipeline.fly(vehicle, age_s + self._up_age_s(), ahead, self._mirror, dt_s, known)
+            output = self._pipeline.fly(vehicle, age_s + self._up_age_s(), ahead, mirror, dt_s, known)
         except Exception as error:
             self._fail(error)
-            return None, None, None
+            return None
         self._mirror = output.limited.setpoint
-        return output, self._sent(output, ahead, now_s, vehicle), ahead
+        sent = self._sent(output, ahead, now_s, vehicle)
+        here = motion.reference(now_s + self._end.clock.offset_s)
+        return FlownCycle(output=output, sent=sent, mirror=mirror, reference=here)
 
     def _correct_mirror(self, now_s: float) -> None:
         """Take over what the vehicle has sent, where it cannot be what our commands say."""

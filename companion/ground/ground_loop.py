@@ -3,12 +3,14 @@
 import asyncio
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 from companion.core.interfaces import Clock, MocapSource
 from companion.core.types import MocapFrame
 from companion.flight.tick_timer import TickTimer, control_step_s
-from companion.ground.ground_law import GroundLaw, GroundTick
+from companion.ground.ground_law import GroundLaw
+from companion.ground.ground_tick import GroundTick
 from companion.law_link.ground_end import GroundEnd
 
 LOG = logging.getLogger(__name__)
@@ -25,14 +27,27 @@ class VehicleSocket(Protocol):
         """Send what is due now."""
 
 
+Observer = Callable[[GroundTick], None]
+
+
+def show(observers: list[Observer], tick: GroundTick) -> None:
+    """Show a cycle to the observers; one that raises is dropped, and the law flies on."""
+    for observe in list(observers):
+        try:
+            observe(tick)
+        except Exception:
+            LOG.exception("an observer of the law failed and is dropped")
+            observers.remove(observe)
+
+
 class GroundLoop:
-    """Runs the law until cancelled; `observe` gets each cycle, after its command has left."""
+    """Runs the law until cancelled; the observers get each cycle, after its command has left."""
 
     def __init__(self, mocap: MocapSource, link: VehicleSocket, law: GroundLaw, clock: Clock, period_s: float) -> None:
         self._mocap, self._link, self._law, self._clock, self._period_s = mocap, link, law, clock, period_s
         self._frame: MocapFrame | None = None
         self._last_s = clock.now_s()
-        self.observers: list[Callable[[GroundTick], None]] = []
+        self.observers: list[Observer] = []
 
     async def run(self) -> None:
         """Cycle until cancelled; raises MocapError when the connection to motion capture is lost."""
@@ -40,8 +55,7 @@ class GroundLoop:
         while True:
             frame_s = await self._next_start(timer)
             now_s = self._clock.now_s()
-            timer.begin(now_s, frame_s)
-            self.cycle(now_s)
+            self.cycle(now_s, timer.begin(now_s, frame_s))
 
     async def _next_start(self, timer: TickTimer) -> float | None:
         """Wait for the next cycle's frame or for the deadline; return the frame's arrival (s), or None."""
@@ -55,16 +69,22 @@ class GroundLoop:
                 if frame is not None and not timer.frame_is_early(frame.received_s):
                     return frame.received_s
 
-    def cycle(self, now_s: float) -> None:
-        """Run one cycle: frame, law, message; then what the law left for after it."""
-        frame = self._mocap.latest()
-        before = self._frame
-        if frame is not None and (before is None or (frame.frame, frame.stamp_s) != (before.frame, before.stamp_s)):
+    def cycle(self, now_s: float, late_s: float = 0.0) -> None:
+        """Run one cycle: frame, law, message; then what the law left for after it, and the observers."""
+        frame = self._new_frame()
+        if frame is not None:
             self._frame = frame
             self._law.take(frame)
         tick = self._law.tick(now_s, control_step_s(now_s - self._last_s, self._period_s))
         self._last_s = now_s
         self._link.send_due()
-        self._law.settle()
-        for observe in self.observers:
-            observe(tick)
+        late_signals = self._law.settle()
+        if self.observers:
+            show(self.observers, replace(tick, late_s=late_s, frame=frame, late_signals=late_signals))
+
+    def _new_frame(self) -> MocapFrame | None:
+        """Return the newest frame if it is new, by its stamp, too: some QTM versions number every frame 1."""
+        frame, last = self._mocap.latest(), self._frame
+        if frame is None or last is None:
+            return frame
+        return frame if (frame.frame, frame.stamp_s) != (last.frame, last.stamp_s) else None

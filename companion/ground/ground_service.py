@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Coroutine
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from companion.adapters.law_link.udp import GroundLink, open_ground_link
@@ -18,12 +19,19 @@ from companion.adapters.system.systemd import Notifier
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.control.controller import Controller
-from companion.control.pipeline import ControlPipeline
 from companion.core.interfaces import CompanionError, ConfigError, MocapError
 from companion.flight.arm_step import feedforward_of
-from companion.flight.assembly import controller_of, estimator_of, margin_in, period_s
+from companion.flight.assembly import (
+    controller_of,
+    estimator_of,
+    ground_pipeline_of,
+    margin_in,
+    period_s,
+    with_link,
+)
 from companion.ground.ground_law import GroundLaw, GroundParts
-from companion.ground.ground_loop import GroundLoop
+from companion.ground.ground_loop import GroundLoop, Observer, show
+from companion.ground.ground_record import GroundRecorder
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import UpFlags
 from companion.service.margin_process import MarginUnknownError, measure_apart
@@ -43,17 +51,11 @@ _REFUSED_S = 3.0
 NO_SYSTEMD = Notifier(None, None)
 
 
-def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
-    """Return the configuration for a law whose commands arrive `up_age_s` late: its poses are older by that."""
-    mocap = config.mocap.model_copy(update={"delay_s": config.mocap.delay_s + up_age_s})
-    return config.model_copy(update={"mocap": mocap})
-
-
 def parts_of(config: CompanionConfig) -> GroundParts:
     """Return the parts of the law on the ground."""
     step_s = period_s(config)
     return GroundParts(
-        pipeline=lambda made: ControlPipeline(made, config.vehicle.thrust_model(), config.limits.limits()),
+        pipeline=partial(ground_pipeline_of, config),
         estimator=estimator_of(config),
         feedforward=None
         if config.arms is None
@@ -65,11 +67,16 @@ def parts_of(config: CompanionConfig) -> GroundParts:
 
 
 async def serve_law(
-    config: CompanionConfig, controller: LoadedController, stop: asyncio.Event, notifier: Notifier = NO_SYSTEMD
+    config: CompanionConfig,
+    controller: LoadedController,
+    stop: asyncio.Event,
+    notifier: Notifier = NO_SYSTEMD,
+    recorder: GroundRecorder | None = None,
 ) -> None:
     """Run the law until `stop` is set; motion capture that is lost is sought again, and the vehicle is told meanwhile.
 
-    Raises ConfigError for a key or address that cannot be used, and when the vehicle goes on refusing this law.
+    `recorder` gets every cycle, and is left open. Raises ConfigError for a key or address that cannot be used, and when
+    the vehicle goes on refusing this law.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     clock, parts = MonotonicClock(), parts_of(config)
@@ -78,7 +85,11 @@ async def serve_law(
         law = GroundLaw(link.end, parts, controller.name, first.law)
         spare_the_collector()
         beside = _Beside(link.end, law, config, controller.unstable_allowed)
-        service = _Service(config, link, law, clock, notifier)
+        observers: list[Observer] = [lambda _: notifier.alive()]
+        if recorder is not None:
+            beside.note_law = recorder.note_law
+            observers.append(recorder)
+        service = _Service(config, link, law, clock, notifier, observers)
         async with (
             background(_repeat(beside.speak, _POLL_S), "companion.law_link"),
             background(_repeat(beside.follow_age, _AGE_S), "companion.law_age"),
@@ -109,6 +120,7 @@ class _Service:
     law: GroundLaw
     clock: MonotonicClock
     notifier: Notifier
+    observers: list[Observer]
 
     async def fly(self, step_s: float) -> None:
         """Connect motion capture and run the law, again and again."""
@@ -126,15 +138,15 @@ class _Service:
                 mocap = await devices.enter_async_context(open_mocap(self.config, self.clock))
             LOG.info("motion capture is there; the law %s waits for the vehicle", self.law.name)
             loop = GroundLoop(mocap, self.link, self.law, self.clock, step_s)
-            loop.observers.append(lambda _: self.notifier.alive())
+            loop.observers = self.observers
             await loop.run()
 
     async def _beat_on(self) -> None:
         """Tell the vehicle, while there is no motion capture, that the law sees nothing."""
         while True:
-            self.law.tick(self.clock.now_s(), _POLL_S)
+            tick = self.law.tick(self.clock.now_s(), _POLL_S)
             self.link.send_due()
-            self.notifier.alive()
+            show(self.observers, tick)
             await asyncio.sleep(_POLL_S)
 
     async def watch_link(self) -> None:
@@ -171,6 +183,8 @@ class _Beside:
     def __init__(self, end: GroundEnd, law: GroundLaw, config: CompanionConfig, allow_unstable: bool) -> None:
         self._end, self._law, self._config, self._allow_unstable = end, law, config, allow_unstable
         self._session, self._refused, self._phase = end.session, "", 0
+        self.note_law: Callable[[str], None] = lambda _: None
+        """Called with the name of each law that is to fly."""
 
     async def speak(self) -> None:
         """Log what has changed on the link, and answer the vehicle's question."""
@@ -187,7 +201,21 @@ class _Beside:
             LOG.info("the vehicle: %s", _PHASES[self._phase])
         question = end.asked
         if question is not None and question.text:
-            end.answer(question, await _answer(question.text, self._law, self._config))
+            end.answer(question, await self._answer(question.text))
+
+    async def _answer(self, question: str) -> str:
+        """Return the answer to `{"controller": NAME}`: the law is loaded, judged, and flies from the next cycle on."""
+        law = self._law
+        try:
+            name = str(json.loads(question)["controller"])
+            made = await asyncio.to_thread(load_law, name, with_link(self._config, law.made_for_s))
+            self.note_law(name)
+        except CompanionError as error:
+            return json.dumps({"refused": str(error)})
+        except (ValueError, KeyError, TypeError) as error:
+            return json.dumps({"refused": f"the ground law cannot read {question!r}: {error}"})
+        law.switch(name, made)
+        return json.dumps({"flies": name})
 
     async def follow_age(self) -> None:
         """Make the law anew, on the ground, for the age that the vehicle measures; reject one without enough margin."""
@@ -209,16 +237,3 @@ def _made(name: str, config: CompanionConfig, allow_unstable: bool) -> Controlle
     loaded = controller_of(config, name, allow_unstable)
     margin_in(config, loaded, measure_apart)
     return loaded.law
-
-
-async def _answer(question: str, law: GroundLaw, config: CompanionConfig) -> str:
-    """Return the answer to `{"controller": NAME}`: the law is loaded, judged, and flies from the next cycle on."""
-    try:
-        name = str(json.loads(question)["controller"])
-        made = await asyncio.to_thread(load_law, name, with_link(config, law.made_for_s))
-    except CompanionError as error:
-        return json.dumps({"refused": str(error)})
-    except (ValueError, KeyError, TypeError) as error:
-        return json.dumps({"refused": f"the ground law cannot read {question!r}: {error}"})
-    law.switch(name, made)
-    return json.dumps({"flies": name})

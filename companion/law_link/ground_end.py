@@ -62,6 +62,29 @@ class LinkCounts:
         return self.events + self.again + self.beats
 
 
+@dataclass(frozen=True, kw_only=True)
+class GroundLinkState:
+    """Link as the ground sees it."""
+
+    session: int
+    """0 before the first session."""
+    number: int
+    """Number of the newest command."""
+    acknowledged: int
+    """Number of the command that the vehicle has in use; 0 without one."""
+    phase: int | None
+    """Phase of the flight as the vehicle has reported last, by its place in `Phase`; None before the first report."""
+    silence_s: float
+    """Time since the newest report; infinite before the first."""
+    clock_offset_s: float
+    """Vehicle's clock less the ground's; NaN before the first report."""
+    round_trip_s: float
+    """Quickest round trip of the last seconds."""
+    up_age_s: float
+    """Median age of the messages up when the vehicle uses them; NaN while unknown."""
+    counts: LinkCounts
+
+
 @dataclass(kw_only=True)
 class _Session:
     """Session with the vehicle."""
@@ -149,6 +172,21 @@ class GroundEnd:
     def refused_for_s(self, now_s: float) -> float:
         """Return for how long the vehicle has refused us for reasons that do not end by themselves, s; 0 if not."""
         return max(now_s - self._refused_s, 0.0)
+
+    def state(self, now_s: float) -> GroundLinkState:
+        """Return the state of the link now."""
+        report, clock = self.report, self.clock
+        return GroundLinkState(
+            session=self.session or 0,
+            number=self.newest_number,
+            acknowledged=0 if report is None else report.number,
+            phase=None if report is None else report.phase,
+            silence_s=self.silence_s(now_s),
+            clock_offset_s=clock.offset_s,
+            round_trip_s=clock.round_trip_s,
+            up_age_s=self.up_age_s,
+            counts=replace(self.counts),
+        )
 
     def is_lost(self, now_s: float) -> bool:
         """Return True if the vehicle should have acknowledged the newest command by now, and has not."""

@@ -64,7 +64,8 @@ class FlightFiles:
             )
             return
         try:
-            self._open(self._retention.new_path(said["time_s"] + self._offset_s), text)
+            part = str(self._begin.get("part", ""))
+            self._open(self._retention.new_path(said["time_s"] + self._offset_s, part), text)
         except OSError as error:
             self._warn(f"this flight is not recorded: {error.filename or self._retention.folder}: {error.strerror}")
 

@@ -1,6 +1,7 @@
 """Flight read from a file: columns, events, and the exact inputs of each cycle."""
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -92,6 +93,12 @@ class RecordedTick:
     setpoint: AttitudeThrust | None
     sent_s: float
     airborne: bool = False
+    epoch: int = 0
+    """Number of the flight, counted by the vehicle, where the law is on the ground; else 0."""
+    made_for_s: float = math.nan
+    """Age of the uplink that a law on the ground was made for; NaN on the vehicle."""
+    mirror: AttitudeThrust | None = None
+    """Setpoint that the ground took the vehicle to have sent last; None on the vehicle."""
     command: RemoteCommand | None = None
     """Command in use of a law on the ground; None for a law on board."""
     wire: RecordedWire | None = None
@@ -116,6 +123,11 @@ class FlightRecord:
     """The file ends in the middle: service and writer were killed."""
     damage: str = ""
     """In words, the first part that could not be read; empty where the file is whole, or only cut off."""
+
+    @property
+    def is_of_ground(self) -> bool:
+        """Return True for the record of `companion law`, False for that of a vehicle."""
+        return self.metadata.get("side") == "ground"
 
     @property
     def unix_offset_s(self) -> float:
@@ -150,7 +162,7 @@ class FlightRecord:
     def frames(self) -> bool:
         """Return True unless it is the record of a vehicle that frames do not reach."""
         law = self.metadata.get("config", {}).get("law", {})
-        return bool(law.get("onboard_mocap", True))
+        return self.is_of_ground or bool(law.get("onboard_mocap", True))
 
     @property
     def law_flew(self) -> bool:
@@ -196,6 +208,9 @@ class FlightRecord:
             else None,
             sent_s=float(c["sent_s"][row]),
             airborne=bool(c["airborne"][row]) if "airborne" in c else flown,
+            epoch=int(c["link_epoch"][row]) if "link_epoch" in c else 0,
+            made_for_s=float(c["link_made_for_s"][row]) if "link_made_for_s" in c else math.nan,
+            mirror=self._mirror(row) if "mirror_thrust" in c and flown else None,
             command=self._command(row) if "link_command" in c else None,
             wire=self._wire(row) if "wire_thrust" in c and np.isfinite(c["wire_thrust"][row]) else None,
         )
@@ -247,6 +262,10 @@ class FlightRecord:
             yaw_rad=None if np.isnan(yaw_rad) else yaw_rad,
             age_s=float(c["link_command_age_s"][row]),
         )
+
+    def _mirror(self, row: int) -> AttitudeThrust:
+        c = self.columns
+        return AttitudeThrust(c["mirror_q_w_flu_wxyz"][row], np.asarray(c["mirror_thrust"][row]))
 
     def _frame(self, row: int) -> MocapFrame:
         c = self.columns

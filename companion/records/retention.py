@@ -42,10 +42,11 @@ class Retention:
         """Folder that holds the records."""
         return Path(self.config.folder)
 
-    def new_path(self, unix_s: float) -> Path:
-        """Return an unused file path and create the folder; OSError when that fails."""
+    def new_path(self, unix_s: float, part: str = "") -> Path:
+        """Return an unused file path, ending with `part`, and create the folder; OSError when that fails."""
         self.folder.mkdir(parents=True, exist_ok=True)
         stem = f"{datetime.fromtimestamp(unix_s, UTC).astimezone():%Y%m%d-%H%M%S}-{self.vehicle}"
+        stem = f"{stem}-{part}" if part else stem
         path, again = self.folder / f"{stem}.mcap", 1
         while path.exists():
             again += 1

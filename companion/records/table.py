@@ -11,7 +11,7 @@ from mcap.records import Message
 EVENTS = "/event"
 _FLAGS = (
     "airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs", "failsafe",
-    "link_connected", "link_blind", "link_failed",
+    "link_connected", "link_blind", "link_failed", "link_flying",
 )  # fmt: skip
 
 

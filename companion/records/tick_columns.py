@@ -162,6 +162,10 @@ def gathered(tick: Tick) -> Values:
         arrays.append(link_accel(tick.link))
     if tick.arms is not None:
         _gather_arms(tick, parts, numbers, arrays)
+    for more in tick.more:
+        parts.append(more.names)
+        numbers += more.numbers
+        arrays += more.arrays
     return Values(parts, numbers, arrays)
 
 

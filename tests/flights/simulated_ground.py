@@ -13,11 +13,12 @@ from companion.config.flight_config import LawConfig
 from companion.control.controller import Controller
 from companion.core.interfaces import Clock
 from companion.core.types import MocapFrame
-from companion.flight.assembly import controller_of
+from companion.flight.assembly import controller_of, with_link
 from companion.flight.tick_timer import TickTimer
-from companion.ground.ground_law import GroundLaw, GroundParts, GroundTick
+from companion.ground.ground_law import GroundLaw, GroundParts
 from companion.ground.ground_loop import GroundLoop
-from companion.ground.ground_service import parts_of, with_link
+from companion.ground.ground_service import parts_of
+from companion.ground.ground_tick import GroundTick
 from companion.law_link.agreement import Introduction
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.vehicle_end import VehicleEnd

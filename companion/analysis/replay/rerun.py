@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.analysis.replay.laws import LawKey, key_of
 from companion.config.companion_config import CompanionConfig
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline, idle_setpoint
@@ -20,7 +21,7 @@ from companion.control.wire_setpoint import WireSetpoint
 from companion.core.types import Array, AttitudeThrust, VehicleState
 from companion.estimation import estimator, from_autopilot
 from companion.estimation.estimator import EstimatorState
-from companion.flight.assembly import estimator_of, from_autopilot_of, pipeline_of, wire_of
+from companion.flight.assembly import estimator_of, from_autopilot_of, ground_pipeline_of, pipeline_of, wire_of
 from companion.records.errors import RecordError
 from companion.records.read import FlightRecord, RecordedTick
 
@@ -83,9 +84,9 @@ class Replayed:
 
 
 def replay(
-    record: FlightRecord, config: CompanionConfig, laws: Mapping[str, Controller], other: Controller | None = None
+    record: FlightRecord, config: CompanionConfig, laws: Mapping[LawKey, Controller], other: Controller | None = None
 ) -> Replayed:
-    """Replay the whole record by the laws that flew it (by name), or by another one in their place.
+    """Replay the whole record by the laws that flew it, or by another one in their place.
 
     RecordError for a record that is too old for it, or in which no law was in charge. Another law is given what the
     recorded one was given: it shows what that law would have wanted there, not how the vehicle would have flown.
@@ -96,7 +97,8 @@ def replay(
     begin_s = float(record.columns["time_s"][0])
     estimating = _Estimating(record, config)
     first = other if other is not None else next(iter(laws.values()))
-    flying = _Flying(record.path, pipeline_of(config, first, record.frames), laws, other)
+    pipeline = ground_pipeline_of(config, first) if record.is_of_ground else pipeline_of(config, first, record.frames)
+    flying = _Flying(record.path, pipeline, laws, other)
     sending = _Sending(wire_of(config, record.frames))
     for row, tick in enumerate(record.ticks()):
         done.ticks += 1
@@ -159,13 +161,14 @@ class _Flying:
     """Replay of the control pipeline: the law's inputs to limited setpoints."""
 
     def __init__(
-        self, path: Path, pipeline: ControlPipeline, laws: Mapping[str, Controller], other: Controller | None
+        self, path: Path, pipeline: ControlPipeline, laws: Mapping[LawKey, Controller], other: Controller | None
     ) -> None:
         self._path, self._pipeline = path, pipeline
         self._laws, self._other = laws, other
         self._sent = idle_setpoint(0.0)
-        self._law: str | None = None
-        self._airborne = False
+        self._law: LawKey | None = None
+        self._flight: int | None = None
+        """Number of the flight in which the law flew last; None once it has ended."""
 
     def step(self, tick: RecordedTick, done: Replayed, at_s: float) -> None:
         given = tick.given
@@ -176,7 +179,8 @@ class _Flying:
                 tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
             )
             known_mps2 = given.known_accel_w_mps2
-            output = self._pipeline.fly(vehicle, given.age_s, given.reference, self._sent, given.dt_s, known_mps2)
+            sent = self._sent if tick.mirror is None else tick.mirror
+            output = self._pipeline.fly(vehicle, given.age_s, given.reference, sent, given.dt_s, known_mps2)
             late = self._pipeline.settle()
             self._compare(tick, done, at_s, output.law_output.accel_w_mps2, output.law_output.signals | late)
             if self._other is None and tick.setpoint is not None:
@@ -186,7 +190,9 @@ class _Flying:
             before, now = done.events
             done.events = before + tick.event, now + bool(output.law_output.event.any())
             done.flown += 1
-        self._airborne = tick.airborne
+            self._flight = tick.epoch
+        if not tick.airborne:
+            self._flight = None
         if tick.setpoint is not None:
             self._sent = tick.setpoint
 
@@ -194,16 +200,17 @@ class _Flying:
         """Reset the law where the flight did: without memory, or when it took over from another law."""
         if not tick.begun:
             return
-        switched = self._airborne and self._law is not None  # also to the law of the same name, loaded again
-        if self._other is None and (switched or tick.law != self._law):
-            self._pipeline.switch(self._laws[tick.law])
+        law = key_of(tick)
+        switched = self._flight == tick.epoch and self._law is not None  # also to the same law, loaded again
+        if self._other is None and (switched or law != self._law):
+            self._pipeline.switch(self._laws[law])
         if not switched:
             self._pipeline.forget()
-        self._law = tick.law
+        self._law = law
 
     def _hear(self, tick: RecordedTick) -> None:
         """Give a stand-in of a law on the ground the command that it had."""
-        law = self._laws.get(tick.law)
+        law = self._laws.get(key_of(tick))
         if isinstance(law, RemoteLaw) and tick.command is not None:
             law.command = tick.command
 

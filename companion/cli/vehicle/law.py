@@ -18,8 +18,10 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.config.locations import vehicle_config_path
 from companion.core.interfaces import ConfigError
-from companion.flight.assembly import controller_of, margin_in
-from companion.ground.ground_service import serve_law, with_link
+from companion.flight.assembly import controller_of, margin_in, with_link
+from companion.ground.ground_record import GroundRecorder
+from companion.ground.ground_service import serve_law
+from companion.records.record_process import RecordSink
 
 LOG = logging.getLogger("companion.law")
 
@@ -28,6 +30,7 @@ def law_command(
     config: VehicleConfigFile = None,
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
+    record: Annotated[bool, typer.Option(help="Write a record of the ground's side of every flight.")] = True,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log all messages.")] = False,
 ) -> None:
     """Run the control law on this computer: motion capture in, commands to the vehicle out; until Ctrl-C.
@@ -54,13 +57,25 @@ def law_command(
         LOG.info("configuration %s", config or vehicle_config_path())
         LOG.info("control law %s: %s", loaded.name, margin.says)
         lock_memory()
-        uvloop.run(_run(settings, loaded))
+        recorder = _recorder(settings, loaded.name) if record else None
+        try:
+            uvloop.run(_run(settings, loaded, recorder))
+        finally:
+            if recorder is not None:
+                recorder.close()
 
 
-async def _run(settings: CompanionConfig, loaded: LoadedController) -> None:
+def _recorder(settings: CompanionConfig, law: str) -> GroundRecorder:
+    vehicle = settings.operator.vehicle if settings.operator else "vehicle"
+    recorder = GroundRecorder(settings, RecordSink(settings.records, vehicle))
+    recorder.note_law(law)
+    return recorder
+
+
+async def _run(settings: CompanionConfig, loaded: LoadedController, recorder: GroundRecorder | None) -> None:
     stop, notifier = asyncio.Event(), Notifier.from_environment()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     notifier.ready("the law waits for motion capture and the vehicle")
-    await serve_law(settings, loaded, stop, notifier)
+    await serve_law(settings, loaded, stop, notifier, recorder)
     notifier.stopping("ends")
