@@ -192,7 +192,7 @@ class GroundLaw:
             self._end.flags |= UpFlags.FAILED
         if blind or self.failure or vehicle is None or motion is None or self._mirror is None:
             return None
-        self._correct_mirror(now_s)
+        self._correct_mirror()
         mirror = self._mirror
         ahead = motion.reference(arrives_s + self._pipeline.preview_s)
         known = self._known_accel(motion, arrives_s, vehicle)
@@ -206,11 +206,14 @@ class GroundLaw:
         here = motion.reference(now_s + self._end.clock.offset_s)
         return FlownCycle(output=output, sent=sent, mirror=mirror, reference=here)
 
-    def _correct_mirror(self, now_s: float) -> None:
-        """Take over what the vehicle has sent, where it cannot be what our commands say."""
-        report = self._report
-        if report is not None and (report.flags & DownFlags.CUT or self._end.is_lost(now_s)):
-            self._mirror = _setpoint_of(report)
+    def _correct_mirror(self) -> None:
+        """Take over what the vehicle has sent while its guard changes our commands.
+
+        Not for a lost command, which is sent again at once: the report would tell the predictor an old setpoint as the
+        newest, and that is worse than nothing (measured: 5 to 27 % more events at 30 % loss, no smaller error).
+        """
+        if self._report is not None and self._report.flags & DownFlags.CUT:
+            self._mirror = _setpoint_of(self._report)
 
     def _known_accel(self, motion: PlannedMotion, arrives_s: float, vehicle: VehicleState) -> Array:
         feedforward = self._parts.feedforward

@@ -35,7 +35,7 @@ from companion.law_link.sequence_window import Order, SequenceWindow
 _HELLO_S = 0.5
 _SILENT_S = 1.0
 """Silence of the vehicle after which a new session is asked for; the old one goes on if the vehicle returns."""
-_CLOCK_S = 0.5
+_CLOCK_S = 1.0
 _JUMP_S = 0.02
 """Change of the clocks' offset that the vehicle is told at once."""
 _AGAIN_S = 0.01
@@ -188,15 +188,6 @@ class GroundEnd:
             counts=replace(self.counts),
         )
 
-    def is_lost(self, now_s: float) -> bool:
-        """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
-        s = self._session
-        if s is None or s.report is None or s.command is None or s.report.number == s.number_sent:
-            return False
-        if not self.flags & UpFlags.FLYING:  # a vehicle that stands uses no command, and acknowledges none
-            return False
-        return now_s - s.command_s > self._round_trip_s() + _AGAIN_S
-
     def hear(self, datagram: bytes, now_s: float) -> None:
         """Take one datagram; what is not of this vehicle and session is dropped."""
         s = self._session
@@ -301,8 +292,13 @@ class GroundEnd:
         return out
 
     def _due_again(self, s: _Session, now_s: float) -> bool:
-        """Return True if the newest command is not acknowledged although it should be by now."""
-        return self.is_lost(now_s) and now_s - s.again_s >= _AGAIN_EVERY_S - TICK_S
+        """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
+        if s.report is None or s.command is None or s.report.number == s.number_sent:
+            return False
+        if not self.flags & UpFlags.FLYING:  # a vehicle that stands uses no command, and acknowledges none
+            return False
+        is_lost = now_s - s.command_s > self._round_trip_s() + _AGAIN_S
+        return is_lost and now_s - s.again_s >= _AGAIN_EVERY_S - TICK_S
 
     def _interval_s(self, s: _Session, now_s: float) -> float:
         report = s.report

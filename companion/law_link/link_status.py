@@ -72,9 +72,9 @@ class UpCounts:
     events: int = 0
     """New commands."""
     again: int = 0
-    """Commands sent again, as known twice a second."""
+    """Commands sent again, as known once a second."""
     sent_bytes: int = 0
-    """Payload with tags, as known twice a second."""
+    """Payload with tags, as known once a second."""
     received: int = 0
     """Messages that have arrived, late ones included."""
     received_bytes: int = 0
