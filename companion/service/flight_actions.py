@@ -106,15 +106,29 @@ class FlightActions:
 
     async def ready(self) -> None:
         """Wait until the vehicle's motion is estimated; raise MocapError when the body is not seen."""
+        frames = self._config.law.onboard_mocap
 
         def known() -> bool:
-            return self.loop.estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS
+            estimate = self.loop.estimate
+            return estimate.velocity_std_mps < _KNOWN_VELOCITY_MPS if frames else estimate.vehicle is not None
 
         if not await self.until(known, self._config.mocap.first_frame_timeout_s):
-            raise MocapError(
-                f"body {self._config.mocap.body!r} is not seen by motion capture (last frame: "
-                f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
+            raise MocapError(self._why_unknown() if not frames else self._why_unseen())
+
+    def _why_unseen(self) -> str:
+        return (
+            f"body {self._config.mocap.body!r} is not seen by motion capture (last frame: "
+            f"{self.loop.estimate.verdict or 'none'}): is it in the volume, its markers uncovered?"
+        )
+
+    def _why_unknown(self) -> str:
+        """Return which part of the estimate without frames is missing."""
+        if math.isinf(self.status.velocity_s) or math.isinf(self.status.attitude_s):
+            return (
+                "the autopilot sends no attitude or no velocity (ATTITUDE_QUATERNION, LOCAL_POSITION_NED): is its "
+                "link set up as onboard?"
             )
+        return "no pose has come from the law on the ground: does `companion law` run there, and see the body?"
 
     async def _wait_for_status(self) -> None:
         """Wait until the autopilot has reported its arming state, its mode and whether it is in the air."""
