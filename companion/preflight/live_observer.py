@@ -4,25 +4,26 @@ At most it forwards poses to the autopilot's estimator, as a service does while 
 """
 
 import asyncio
-import math
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
 from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
+from companion.adapters.mocap.no_frames import NoFrames
 from companion.adapters.mocap.source import open_mocap
 from companion.adapters.px4.link import open_px4
+from companion.adapters.px4.telemetry import NOT_HEARD
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
-from companion.core.interfaces import Clock, CompanionError, MocapError, MocapSource
-from companion.core.types import MocapFrame
-from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.core.interfaces import Clock, CompanionError, ConfigError, GroundPoses, MocapError, MocapSource
+from companion.core.types import AutopilotStatus, MocapFrame
+from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
-from companion.flight.assembly import arms_of, estimator_of, period_s
+from companion.flight.assembly import arms_of, estimate_of, period_s
+from companion.flight.estimate_step import EstimateStep
 from companion.flight.vision_step import VisionStep
 from companion.preflight.checks.all_checks import check_mocap
 from companion.preflight.checks.check import Check
@@ -56,65 +57,91 @@ class LiveObserver:
         self,
         mocap: MocapSource,
         clock: Clock,
-        params: EstimatorParams,
+        estimating: EstimateStep,
+        status: Callable[[], AutopilotStatus] = lambda: NOT_HEARD,
         arms: ArmStep | None = None,
         vision: VisionStep | None = None,
     ) -> None:
         self._mocap, self._clock, self._arms, self._vision = mocap, clock, arms, vision
-        self._params = params
-        self.estimate = EstimatorState()
+        self._estimating, self._status = estimating, status
         self.frame: MocapFrame | None = None
         self.each: Callable[[float, float], None] | None = None
 
     async def run(self) -> None:
         """Run until cancelled; raises the error of motion capture when its connection is lost."""
         while True:
-            fresh = await self._mocap.wait_frame(_DEADLINE_S)
+            await self._mocap.wait_frame(_DEADLINE_S)
             now_s = self._clock.now_s()
-            received_s = self._read(now_s) if fresh else math.nan
+            received_s = self._read(now_s)
             if self._arms is not None:
                 self._arms.read(now_s, FlightState())
             if self.each is not None:
                 self.each(now_s, received_s)
 
+    @property
+    def estimate(self) -> EstimatorState:
+        """Newest estimate of the vehicle's motion."""
+        return self._estimating.state
+
     def _read(self, now_s: float) -> float:
-        frame = self._mocap.latest()
-        if frame is None:
-            return math.nan
-        self.frame = frame
-        self.estimate = estimator.step(self.estimate, frame, self._params)
+        """Take what is new, and return the frame's arrival (s), NaN without one."""
+        arrival = self._estimating.read(self._status())
+        self.frame = arrival.frame or self.frame
         if self._vision is not None:
-            self._vision.forward(now_s, True, self.estimate)
-        return frame.received_s
+            self._vision.forward(now_s, arrival.is_new, self._estimating.for_vision(now_s))
+        return arrival.frame_received_s
+
+
+class _NoPoses:
+    """GroundPoses of a vehicle to which nobody sends any."""
+
+    def latest_pose(self) -> None:
+        return None
+
+
+def require_frames(config: CompanionConfig) -> None:
+    """Raise ConfigError on a vehicle that motion capture's frames do not reach."""
+    if not config.law.onboard_mocap:
+        raise ConfigError(
+            "this needs motion capture, whose frames do not reach the vehicle (law.onboard_mocap = false): do it with "
+            "a configuration that has law.onboard_mocap = true, on a computer that the frames reach"
+        )
 
 
 @asynccontextmanager
 async def open_live_observer(
-    config: CompanionConfig, records: Path, forward_vision: bool, tell: Tell = lambda _: None
+    config: CompanionConfig,
+    records: Path,
+    forward_vision: bool,
+    tell: Tell = lambda _: None,
+    ground: GroundPoses | None = None,
 ) -> AsyncIterator[tuple[Running, LiveObserver]]:
     """Connect and read all devices; `records` is the folder whose disk is checked.
+
+    Where frames do not reach the vehicle, motion capture is left out, and the poses are those of `ground`.
 
     Raises DevicesMissingError, after all were tried, when a device cannot be reached, AutopilotError when a service has
     the autopilot, and MocapError when motion capture fails later. Servos that are missing or at fault show in
     `Running.arms`.
     """
     clock = MonotonicClock()
+    poses = None if config.law.onboard_mocap else ground or _NoPoses()
     async with AsyncExitStack() as devices:
         devices.enter_context(instance_lock(config.px4.url))
         opening = DeviceOpening(devices, tell)
         where = f"on {config.px4.url}, for up to {config.px4.connect_timeout_s:g} s"
         mocap, autopilot, bus = await asyncio.gather(
-            opening.device("motion capture", mocap_place(config), open_mocap(config, clock)),
+            _opened_mocap(opening, config, clock),
             opening.device("autopilot", where, open_px4(config.px4, clock)),
             _opened_arms(opening, config.arms, clock),
         )
         if mocap is None or autopilot is None or (bus is None and config.arms is not None):
-            seen = () if mocap is None else await _mocap_checks(mocap, clock, config)
+            seen = () if mocap is None or poses is not None else await _mocap_checks(mocap, clock, config)
             raise DevicesMissingError(opening.checks, seen)
         arms = arms_of(config, bus)  # it reads only, and never moves them
         disk = devices.enter_context(DiskWatch(records, _DISK_S))
         vision = VisionStep(autopilot, config.px4.vision_rate_hz, period_s(config)) if forward_vision else None
-        observer = LiveObserver(mocap, clock, estimator_of(config), arms, vision)
+        observer = LiveObserver(mocap, clock, estimate_of(config, mocap, poses), autopilot.status, arms, vision)
         running = Running(
             mocap=mocap,
             autopilot=autopilot,
@@ -123,9 +150,16 @@ async def open_live_observer(
             arms=arms,
             disk_free_mb=disk.free_mb,
             arms_remarks=bus.warnings if bus is not None else (),
+            ground_poses=poses,
         )
         async with _kept_going(observer):
             yield running, observer
+
+
+async def _opened_mocap(opening: DeviceOpening, config: CompanionConfig, clock: Clock) -> MocapSource | None:
+    if not config.law.onboard_mocap:
+        return NoFrames()
+    return await opening.device("motion capture", mocap_place(config), open_mocap(config, clock))
 
 
 async def _opened_arms(opening: DeviceOpening, arms: ArmsConfig | None, clock: Clock) -> DynamixelBus | None:
@@ -139,7 +173,7 @@ async def open_mocap_observer(config: CompanionConfig) -> AsyncIterator[tuple[Li
     """Connect and read motion capture alone; MocapError when it cannot be reached, or fails later."""
     clock = MonotonicClock()
     async with open_mocap(config, clock) as mocap:
-        observer = LiveObserver(mocap, clock, estimator_of(config))
+        observer = LiveObserver(mocap, clock, estimate_of(config, mocap, None))
         watch = MocapWatch(mocap, lambda: observer.estimate, config.mocap.delay_s)
         async with _kept_going(observer):
             yield observer, watch
@@ -147,7 +181,7 @@ async def open_mocap_observer(config: CompanionConfig) -> AsyncIterator[tuple[Li
 
 async def _mocap_checks(mocap: MocapSource, clock: Clock, config: CompanionConfig) -> tuple[Check, ...]:
     """Return the mocap checks from a short observation, used when other devices are missing."""
-    observer = LiveObserver(mocap, clock, estimator_of(config))
+    observer = LiveObserver(mocap, clock, estimate_of(config, mocap, None))
     watch = MocapWatch(mocap, lambda: observer.estimate, config.mocap.delay_s)
     observer.each = lambda now_s, _: watch.look(now_s)
     begun_s = clock.now_s()

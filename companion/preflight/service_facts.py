@@ -20,11 +20,12 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.flight_config import LawLinkConfig
 from companion.config.law_margin import REMEDY, margin_of
 from companion.config.preflight_config import PreflightConfig, load_recommended
-from companion.core.interfaces import Clock, ConfigError, MocapSource
+from companion.core.interfaces import Clock, ConfigError, GroundPoses, MocapSource
 from companion.core.types import Array, AutopilotStatus
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import controller_of, period_s
+from companion.geometry.frames import quat_from_yaw
 from companion.law_link.link_status import LinkStatus
 from companion.preflight.checks.agreement import Difference, VisionFacts, apart, settles
 from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
@@ -33,6 +34,7 @@ from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.law_link import LawLinkFacts
 from companion.preflight.checks.mocap import MocapFacts, MocapWatch, median
 from companion.preflight.checks.vehicle import ServoFacts
+from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.preflight.hand_test_file import read_hand_test
 from companion.trajectories.reference import Trajectory
 
@@ -88,6 +90,8 @@ class Running:
     """A service has a law, whose margins were looked at when it was loaded."""
     law_link: Callable[[], LinkStatus] | None = None
     """State of the link to a law on the ground; None for a law on board."""
+    ground_poses: GroundPoses | None = None
+    """Poses of a law on the ground, on a vehicle that frames do not reach; None where they do."""
 
 
 async def preflight(
@@ -129,12 +133,12 @@ async def settle(running: Running, wanted: PreflightConfig) -> bool:
     """
 
     def settled() -> bool:
-        vehicle, status = running.estimate().vehicle, running.autopilot.status()
-        if vehicle is None or math.isnan(status.battery_fraction) or not _fused(running) or _operator_age_s(running):
+        ours, status = _attitude(running), running.autopilot.status()
+        if ours is None or math.isnan(status.battery_fraction) or not _fused(running) or _operator_age_s(running):
             return False
         if not _link_known(running):
             return False
-        off = apart(vehicle.q_w_flu_wxyz[None], status.q_w_flu_wxyz[None])
+        off = apart(ours[None], status.q_w_flu_wxyz[None])
         return abs(off.heading_rad) <= wanted.heading_apart_rad
 
     begun_s = running.clock.now_s()
@@ -169,6 +173,15 @@ def _tilt_apart_rad(running: Running) -> float:
         return math.nan
     off = apart(vehicle.q_w_flu_wxyz[None], running.autopilot.status().q_w_flu_wxyz[None])
     return max(abs(off.roll_rad), abs(off.pitch_rad))
+
+
+def _attitude(running: Running) -> Array | None:
+    """Return the attitude by motion capture, (4,); level with the ground's heading where frames do not reach us."""
+    vehicle = running.estimate().vehicle
+    if vehicle is None or running.ground_poses is None:
+        return None if vehicle is None else vehicle.q_w_flu_wxyz
+    pose = running.ground_poses.latest_pose()
+    return None if pose is None else quat_from_yaw(pose.yaw_rad)
 
 
 def _fused(running: Running) -> bool:
@@ -213,6 +226,8 @@ class Watched:
     mocap: MocapFacts
     apart: Difference
     vision_apart_m: float
+    ground: GroundPoseFacts | None
+    """None where frames reach the vehicle."""
 
 
 async def watch(
@@ -222,18 +237,26 @@ async def watch(
     clock, mocap = running.clock, MocapWatch(running.mocap, running.estimate, delay_s)
     ours, theirs, distances_m = list[Array](), list[Array](), list[float]()
     begun_s = now_s = pair_due_s = clock.now_s()
+    before = _poses_taken(running)
     while now_s - begun_s < for_s and not enough():
         mocap.look(now_s)
-        vehicle = running.estimate().vehicle
-        if vehicle is not None and now_s >= pair_due_s:
+        vehicle, attitude = running.estimate().vehicle, _attitude(running)
+        if vehicle is not None and attitude is not None and now_s >= pair_due_s:
             pair_due_s = now_s + _PAIR_S
-            ours.append(vehicle.q_w_flu_wxyz)
+            ours.append(attitude)
             theirs.append(running.autopilot.status().q_w_flu_wxyz)
             distances_m.append(float(np.linalg.norm(running.autopilot.local().position_w_m - vehicle.position_w_m)))
         await asyncio.sleep(_POLL_S)
         now_s = clock.now_s()
-    off = apart(np.array(ours).reshape(-1, 4), np.array(theirs).reshape(-1, 4))
-    return Watched(mocap.seen(body, now_s - begun_s), off, median(distances_m))
+    off, taken = apart(np.array(ours).reshape(-1, 4), np.array(theirs).reshape(-1, 4)), _poses_taken(running) - before
+    ground = None if running.ground_poses is None else GroundPoseFacts(taken, now_s - begun_s)
+    return Watched(mocap.seen(body, now_s - begun_s), off, median(distances_m), ground)
+
+
+def _poses_taken(running: Running) -> int:
+    """Return the number of poses or frames that the estimate has used so far."""
+    counts = running.estimate().counts
+    return counts.accepted + counts.started
 
 
 def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float], wanted: PreflightConfig) -> Facts:
@@ -247,6 +270,7 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         status=running.autopilot.status(),
         apart=watched.apart,
         vision=VisionFacts(_fused(running), watched.vision_apart_m),
+        ground=watched.ground,
         parameters=parameters,
         arms=_arms_of(running, now_s),
         machine=machine_of(running),

@@ -57,6 +57,7 @@ async def open_service(
         remarks = arms.warnings if arms is not None else ()
         sides = Sides(operator, disk.free_mb)
         link = await devices.enter_async_context(open_law_link(config, clock)) if config.law.on_ground else None
+        poses = None if link is None or frames else LinkPoses(link.end)
         parts = Devices(
             mocap=mocap,
             autopilot=autopilot,
@@ -65,7 +66,7 @@ async def open_service(
             arms=arms,
             sides=sides,
             law_link=link,
-            ground_poses=None if link is None or frames else LinkPoses(link.end),
+            ground_poses=poses,
         )
         loop = FlightLoop(parts, stages_of(parts, controller.law, config), sink, controller.name)
         running = Running(
@@ -80,6 +81,7 @@ async def open_service(
             landed_age_s=partial(_landed_age_s, loop, clock),
             law_loaded=True,
             law_link=None if link is None else lambda: link.end.status(clock.now_s()),
+            ground_poses=poses,
         )
 
         async def checks(tell: Tell) -> Sequence[Check]:

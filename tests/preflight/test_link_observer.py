@@ -39,9 +39,11 @@ async def when(status: Callable[[], LinkStatus], true: Callable[[LinkStatus], bo
 
 
 async def test_a_ground_law_is_seen_and_measured_before_a_service_runs(config: CompanionConfig) -> None:
-    async with open_link_observer(config) as status, open_ground_link(config, "pid", MonotonicClock()) as ground:
-        assert status is not None
+    async with open_link_observer(config) as link, open_ground_link(config, "pid", MonotonicClock()) as ground:
+        assert link is not None
+        status = link.status
         assert not status().connected
+        assert link.poses.latest_pose() is None
 
         async def cycles() -> None:
             while True:

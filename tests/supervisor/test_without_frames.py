@@ -75,7 +75,7 @@ def test_a_wrong_horizon_that_is_off_does_not_weaken_an_empty_battery() -> None:
 
 
 def test_the_words_name_every_fault_and_the_reason() -> None:
-    sentences = [off_words(need) for need in PoseNeed]
+    sentences = [off_words(OFF_BY_NEED[need]) for need in PoseNeed]
     for sentence in (*sentences, off_sentence()):
         assert sentence.startswith("off: ")
         assert sentence.endswith(", because frames do not reach the vehicle")

@@ -34,7 +34,7 @@ from companion.preflight.checks.all_checks import Facts, check_mocap, check_plac
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.dry_run_report import DryRunFacts, check_health, check_law
 from companion.preflight.dry_run import DryRun
-from companion.preflight.live_observer import open_live_observer
+from companion.preflight.live_observer import open_live_observer, require_frames
 from companion.preflight.service_facts import Running, facts_of, watch
 from companion.records.recorder import Recorder
 from companion.trajectories.reference import Trajectory
@@ -66,6 +66,7 @@ def dry_run(
     armed, 130 after Ctrl-C, which ends it early and keeps the record.
     """
     settings = vehicle_settings(config)
+    require_frames(settings)
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     loaded = controller_of(settings, controller or settings.control.controller, allow_unstable)

@@ -33,7 +33,7 @@ from companion.preflight.checks.check import Check
 from companion.preflight.checks.hand_test import HandTest
 from companion.preflight.hand_test_file import hand_test_path, require_writable, write_hand_test
 from companion.preflight.link_observer import open_link_observer
-from companion.preflight.live_observer import DevicesMissingError, open_live_observer
+from companion.preflight.live_observer import DevicesMissingError, open_live_observer, require_frames
 from companion.preflight.service_facts import preflight as check_everything
 from companion.preflight.service_facts import settle
 from companion.protocol.commands import Command
@@ -59,6 +59,7 @@ def preflight(config: Path | None, trajectory: str | None, by_hand: bool, as_jso
     out = out or Path(settings.records.folder)
     flown = trajectory_of(trajectory, settings)
     if by_hand:
+        require_frames(settings)
         require_writable(settings.preflight)
     check_output(out, None)
     console = Console(stderr=as_json)
@@ -91,13 +92,19 @@ async def _look(
 ) -> tuple[Check, ...]:
     with console.status("connecting") as status:
         show_cursor(console)
-        async with _broker(config.operator) as (operator_age_s, met_broker), open_link_observer(config) as law_link:
+        async with _broker(config.operator) as (operator_age_s, met_broker), open_link_observer(config) as link:
             try:
                 async with open_live_observer(
-                    config, out, forward_vision=True, tell=lambda text: status.update(Text(text))
+                    config,
+                    out,
+                    forward_vision=True,
+                    tell=lambda text: status.update(Text(text)),
+                    ground=None if link is None else link.poses,
                 ) as (running, _):
                     status.update("looking at motion capture and the autopilot, asking for its parameters")
-                    met = replace(running, operator_age_s=operator_age_s, law_link=law_link)
+                    met = replace(
+                        running, operator_age_s=operator_age_s, law_link=None if link is None else link.status
+                    )
                     return await check_everything(met, config, trajectory)
             except DevicesMissingError as missing:
                 await met_broker()

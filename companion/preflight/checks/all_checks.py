@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from companion.config.companion_config import CompanionConfig
-from companion.config.flight_config import VehicleConfig
 from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig, Recommended
 from companion.config.safety_config import FenceConfig, SafetyConfig
 from companion.core.types import Array, AutopilotStatus
-from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle
+from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle, without_frames
 from companion.preflight.checks.agreement import Difference, VisionFacts
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import ComputerFacts
@@ -19,6 +18,7 @@ from companion.preflight.checks.hand_test import HandTest, check_hand_test
 from companion.preflight.checks.law_link import LawLinkFacts, check_law_link
 from companion.preflight.checks.mocap import MocapFacts
 from companion.preflight.checks.vehicle import ServoFacts, check_parameters
+from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.trajectories.reference import Trajectory
 
 DELAY, HOVER, CURVE = "EKF2_EV_DELAY", "MPC_THR_HOVER", "THR_MDL_FAC"
@@ -50,6 +50,8 @@ class Facts:
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
     law: Check | None = None
     """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
+    ground: GroundPoseFacts | None = None
+    """Poses of the law on the ground, on a vehicle that frames do not reach; None where they do."""
     law_link: LawLinkFacts | None = None
     """Link to a law on the ground; None for a law on board."""
 
@@ -65,21 +67,40 @@ def check_all(
     return (
         *check_machine(facts.machine, config.safety, wanted),
         *check_operator(facts.operator_age_s, config.operator),
-        *check_mocap(facts.mocap, config.safety, wanted),
+        *_seen(facts, config.safety, wanted),
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
         vehicle.check_alone(facts.status, config.px4.system_id),
         vehicle.check_ground(facts.status),
-        *check_agreement(facts.apart, wanted, facts.landed_age_s),
+        *_agreeing(facts, wanted),
         agreement.check_vision(facts.vision, wanted.position_apart_m),
-        *_compared(facts, config.vehicle, wanted),
+        *_compared(facts, config, wanted),
         *check_parameters(recommended, facts.parameters),
         vehicle.check_battery(facts.status, wanted.battery),
         *vehicle.check_arms(facts.arms, config.arms.silent_s if config.arms else math.inf),
         *([facts.law] if facts.law is not None else []),
         *(check_law_link(facts.law_link, config.safety.rules()) if facts.law_link is not None else ()),
         *check_place(facts.position_w_m, config.fence, config.flight.takeoff_height_m, trajectory),
-        check_hand_test(facts.kept, config.mocap.body, facts.when, wanted.by_hand_within_h),
+        *(() if facts.ground else (_hand_test(facts, config.mocap.body, wanted),)),
     )
+
+
+def _hand_test(facts: Facts, body: str, wanted: PreflightConfig) -> Check:
+    return check_hand_test(facts.kept, body, facts.when, wanted.by_hand_within_h)
+
+
+def _seen(facts: Facts, safety: SafetyConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Check motion capture; on a vehicle without frames what it has instead, and say what is off."""
+    if facts.ground is None:
+        return check_mocap(facts.mocap, safety, wanted)
+    own = without_frames.check_own_motion(facts.status, facts.time_s)
+    return *without_frames.check_off(), without_frames.check_ground_poses(facts.ground), own
+
+
+def _agreeing(facts: Facts, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Check both attitudes; without frames the heading alone, which comes with the ground's poses."""
+    if facts.ground is None:
+        return check_agreement(facts.apart, wanted, facts.landed_age_s)
+    return (agreement.check_heading(facts.apart, wanted.heading_apart_rad),)
 
 
 def check_machine(seen: ComputerFacts, safety: SafetyConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
@@ -124,10 +145,12 @@ def check_place(
     return standing, start_place.check_trajectory(trajectory, fence.fence(), fence.margin_m)
 
 
-def _compared(facts: Facts, configured: VehicleConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+def _compared(facts: Facts, config: CompanionConfig, wanted: PreflightConfig) -> tuple[Check, ...]:
+    """Compare PX4's parameters; without frames poses are forwarded as if mocap.delay_s old, whatever the radio does."""
     delay_ms, hover, curve = (facts.parameters.get(name, math.nan) for name in (DELAY, HOVER, CURVE))
+    delay_s = facts.mocap.delay_s if facts.ground is None else config.mocap.delay_s
     return (
-        agreement.check_delay(delay_ms, facts.mocap.delay_s, wanted.delay_apart_s),
-        vehicle.check_hover_thrust(configured.hover_thrust, hover),
-        vehicle.check_thrust_curve(configured.thrust_curve, curve),
+        agreement.check_delay(delay_ms, delay_s, wanted.delay_apart_s),
+        vehicle.check_hover_thrust(config.vehicle.hover_thrust, hover),
+        vehicle.check_thrust_curve(config.vehicle.thrust_curve, curve),
     )
