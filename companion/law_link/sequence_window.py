@@ -30,8 +30,7 @@ class SequenceWindow:
             self._seen = ((self._seen << ahead) | 1) & ((1 << _BITS) - 1) if ahead < _BITS else 1
             self.newest = sequence
             return Order.NEWEST
-        bit = 1 << -ahead
-        if -ahead >= _BITS or self._seen & bit:
+        if -ahead >= _BITS or self._seen >> -ahead & 1:
             return Order.REPEATED
-        self._seen |= bit
+        self._seen |= 1 << -ahead
         return Order.LATE

@@ -29,8 +29,8 @@ def shown(number: int, airborne: bool = True, epoch: int = 1) -> Shown:
 class Joined:
     """Vehicle and ground with a session; `offset_s` is the ground's clock less the vehicle's."""
 
-    def __init__(self, offset_s: float = 0.0) -> None:
-        random = Random(1).randbytes
+    def __init__(self, offset_s: float = 0.0, seed: int = 1) -> None:
+        random = Random(seed).randbytes
         self.vehicle, self.ground = VehicleEnd(KEY, ME, random), GroundEnd(KEY, ME, random, beat_s=0.03)
         self.offset_s, self.now_s = offset_s, 0.0
         self.cycle()

@@ -1,0 +1,143 @@
+"""Both ends of the law's link over real sockets on this computer."""
+
+import asyncio
+import socket
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+
+from companion.adapters.law_link.udp import GroundLink, VehicleLink, open_ground_link, open_law_link
+from companion.adapters.system.clock import MonotonicClock
+from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import LawConfig, LawLinkConfig
+from companion.law_link.messages import Command
+from tests.law_link.ends import shown
+from tests.ports import free_port
+
+CYCLE_S = 0.01
+PATIENCE_S = 10.0
+NOW_S = MonotonicClock().now_s
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> CompanionConfig:
+    key = tmp_path / "law.key"
+    key.write_text("0123456789abcdef\n")
+    key.chmod(0o600)
+    link = LawLinkConfig(port=free_port(), listen="127.0.0.1", key_file=str(key))
+    return CompanionConfig(law=LawConfig(runs_on="ground", link=link))
+
+
+@asynccontextmanager
+async def cycling(*works: Callable[[], None]) -> AsyncIterator[None]:
+    """Do this work in every cycle."""
+
+    async def cycles() -> None:
+        while True:
+            for work in works:
+                work()
+            await asyncio.sleep(CYCLE_S)
+
+    task = asyncio.create_task(cycles())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def until(true: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            if true():
+                return
+            await asyncio.sleep(CYCLE_S)
+
+
+def connected(vehicle: VehicleLink) -> Callable[[], bool]:
+    return lambda: vehicle.end.status(NOW_S()).connected
+
+
+def reporting(vehicle: VehicleLink) -> Callable[[], None]:
+    """Return the vehicle's part of a cycle: it reports the command that it holds."""
+
+    def report() -> None:
+        held = vehicle.end.use(NOW_S())
+        datagram = vehicle.end.report(shown(0 if held is None else held.number), NOW_S())
+        if datagram is not None:
+            vehicle.send(datagram)
+
+    return report
+
+
+@asynccontextmanager
+async def joined(config: CompanionConfig) -> AsyncIterator[tuple[VehicleLink, GroundLink]]:
+    clock = MonotonicClock()
+    async with (
+        open_law_link(config, clock) as vehicle,
+        open_ground_link(config, "pid", clock) as ground,
+        cycling(ground.send_due, reporting(vehicle)),
+    ):
+        await until(connected(vehicle))
+        yield vehicle, ground
+
+
+async def test_a_command_arrives_and_is_acknowledged(config: CompanionConfig) -> None:
+    async with joined(config) as (vehicle, ground):
+        await until(lambda: ground.end.report is not None)
+        command = Command(accel_w_mps2=(0.5, -0.25, 0.125), yaw_rad=1.5, capture_ago=70)
+        ground.end.command(command)
+        await until(lambda: ground.end.report is not None and ground.end.report.number == 1)
+        held = vehicle.end.use(NOW_S())
+        assert held is not None
+        assert held.command == command
+
+
+async def test_both_clocks_are_compared_over_the_sockets(config: CompanionConfig) -> None:
+    """They are one clock here, so the offset is nothing but the network's asymmetry."""
+    async with joined(config) as (vehicle, ground):
+        await until(lambda: vehicle.end.status(NOW_S()).round_trip_s > 0.0)
+        trip_s = ground.end.clock.round_trip_s
+        assert trip_s > 0.0
+        assert abs(ground.end.clock.offset_s) <= 0.5 * trip_s + 1e-4
+
+
+async def test_strangers_datagrams_are_dropped_and_named(config: CompanionConfig) -> None:
+    async with joined(config) as (vehicle, _):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+            stranger.bind(("127.0.0.1", 0))
+            place = f"127.0.0.1:{stranger.getsockname()[1]}"
+            for size in (0, 1, 8, 9, 24, 1400, 9000):
+                stranger.sendto(b"\x05" * size, ("127.0.0.1", config.law.link.port))
+            await until(lambda: vehicle.end.status(NOW_S()).foreign == 7)
+            stranger.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                stranger.recv(2048)  # nobody answers a stranger
+        assert vehicle.end.status(NOW_S()).foreign_from == place
+        assert vehicle.end.use(NOW_S()) is None
+
+
+async def test_the_vehicle_answers_to_where_the_newest_message_came_from(config: CompanionConfig) -> None:
+    """A workstation that changes its network card goes on in its session."""
+    clock = MonotonicClock()
+    async with open_law_link(config, clock) as vehicle, open_ground_link(config, "pid", clock) as ground:
+        async with cycling(ground.send_due, reporting(vehicle)):
+            await until(connected(vehicle))
+        session = ground.end.session
+        async with open_ground_link(config, "pid", clock) as elsewhere:
+            elsewhere.end = ground.end
+            reports = ground.end.counts.reports
+            async with cycling(elsewhere.send_due, reporting(vehicle)):
+                await until(lambda: ground.end.counts.reports > reports + 3)
+        assert ground.end.session == session
+
+
+async def test_a_vehicle_that_is_not_there_is_no_error_and_found_when_it_comes(config: CompanionConfig) -> None:
+    clock = MonotonicClock()
+    async with open_ground_link(config, "pid", clock) as ground, cycling(ground.send_due):
+        await asyncio.sleep(0.1)
+        assert ground.end.session is None
+        async with open_law_link(config, clock) as vehicle:
+            await until(connected(vehicle))
