@@ -17,12 +17,13 @@ from companion.control.controller import Controller
 from companion.control.pipeline import YAW_STEP_RAD, ControlPipeline, PipelineOutput
 from companion.core.types import Array, AttitudeThrust, JointMotion, MocapFrame, Reference, VehicleState
 from companion.estimation import estimator
-from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
 from companion.geometry.frames import matrix_from_quat, yaw_of
 from companion.ground.ground_tick import FlownCycle, GroundTick
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import NO_FLAGS, Command, DownFlags, Plan, Pose, Report, UpFlags, short_ticks
 from companion.law_link.plan import PlannedMotion
+from companion.supervisor.flight_state import INACTIVE, Phase
 
 LOG = logging.getLogger(__name__)
 
@@ -33,6 +34,8 @@ _BAD_CYCLES = 20
 _RETUNE_S = 0.004
 """Change of the uplink's age for which the law is made anew, on the ground only."""
 _LONGEST_UP_S = 0.1
+_OVER = frozenset(number for number, phase in enumerate(Phase) if phase in INACTIVE)
+"""Numbers of the phases before and after a flight in a report."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +72,8 @@ class GroundLaw:
         self._bad = 0
         self.failure = ""
         """Reason for which the law is no longer trusted; empty while it is."""
+        self._doubted = False
+        """The pose has jumped in this flight."""
 
     @property
     def estimate(self) -> EstimatorState:
@@ -78,6 +83,15 @@ class GroundLaw:
     def take(self, frame: MocapFrame) -> None:
         """Feed a frame to the estimator."""
         self._estimate = estimator.step(self._estimate, frame, self._parts.estimator)
+        if self._flying and self._parts.with_pose and self._estimate.verdict is Verdict.STARTED:
+            self._doubt()
+
+    def _doubt(self) -> None:
+        """End the flight, and send no pose until it is over: the vehicle, without frames, cannot see a jump itself."""
+        if not self._doubted:
+            self._doubted = True
+            self.failure = "motion capture's pose jumped in flight, or came back elsewhere after a gap"
+            LOG.error(self.failure)
 
     def switch(self, name: str, law: Controller) -> None:
         """Fly another law from the next cycle on, without a jump of the command."""
@@ -132,6 +146,8 @@ class GroundLaw:
             return
         self._report = report
         airborne = bool(report.flags & DownFlags.AIRBORNE)
+        if self._doubted and report.phase in _OVER:
+            self._doubted, self.failure = False, ""
         if airborne and (not self._flying or report.epoch != self._epoch):
             self._begin(report)
         elif not airborne and self._flying:
@@ -255,7 +271,7 @@ class GroundLaw:
     def _pose(self, age_s: float) -> Pose | None:
         """Return the pose of now, carried forward with the velocity."""
         vehicle = self._estimate.vehicle
-        if vehicle is None or self._is_blind(age_s):
+        if vehicle is None or self._is_blind(age_s) or self._doubted:
             return None
         x, y, z = (vehicle.position_w_m + age_s * vehicle.velocity_w_mps).tolist()
         return Pose(position_w_m=(x, y, z), yaw_rad=float(yaw_of(vehicle.q_w_flu_wxyz)))

@@ -167,3 +167,23 @@ async def test_the_vehicles_record_is_replayed_to_the_last_bit(tmp_path: Path) -
         assert again.differences[name].compared > 1000, name
     assert again.events[0] == again.events[1] > 50
     assert np.isfinite(record.columns["ground_pose_s"]).sum() > 200
+
+
+async def test_a_pose_that_jumps_on_the_ground_ends_the_flight_and_is_not_passed_on() -> None:
+    """Nothing on the vehicle can see it; the ground withholds its pose until the vehicle has landed."""
+    jumped_s: list[float] = []
+
+    def jump(flight: Flight) -> bool:
+        flight.room.offset_w_m = np.array([0.0, 0.5, 0.0])
+        jumped_s.append(flight.room.now_s())
+        return True
+
+    script = [*UP, wait(1.0), jump, until(Phase.HANDED_OVER), until(Phase.DISARMED), wait(0.3)]
+    flight = await fly(script, controller="practical", config=CONFIG, ground=GroundSetup())
+    handed = next(tick for tick in flight.ticks if tick.flight.phase is Phase.HANDED_OVER)
+    assert handed.time_s - jumped_s[0] < 0.1 + WITHIN_S, "ten frames that agree, and the silence of a failed law"
+    armed = [tick.ground_pose for tick in flight.ticks if tick.ground_pose is not None and tick.status.armed]
+    assert armed[-1].time_s < jumped_s[0] + 0.15
+    assert all(abs(pose.position_w_m[1]) < 0.2 for pose in armed), "none shows the jump"
+    assert _ground(flight).ground.law.failure == "", "the next flight begins anew"
+    assert any(tick.ground_pose is not None for tick in flight.ticks[-20:])
