@@ -1,7 +1,9 @@
 """`companion demo`: what it takes and says besides flying, which tests/flights does."""
 
+import asyncio
 import io
 import math
+import socket
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +14,7 @@ from rich.console import Console
 from companion.analysis.summary import Spread, Summary
 from companion.cli.demo.command import _say_next
 from companion.cli.demo.flight_report import print_report
+from companion.cli.demo.ground_process import Radio
 from companion.cli.demo.progress import FlightDisplay
 from companion.cli.output import kept
 from companion.config.controller_config import ErrorLimits, LoadedController, load_controller
@@ -96,6 +99,21 @@ def test_the_verdict_is_on_the_worst_axis(mean_m: float, verdict: str) -> None:
     assert verdict in report(LoadedController("mine", law, ErrorLimits(mean_m=0.05, max_m=0.2)), flown)
 
 
+async def test_faults_of_the_network_reach_the_relay_once_it_is_there_and_others_do_not() -> None:
+    ours, theirs = socket.socketpair()
+    with theirs:
+        _, relay = await asyncio.open_connection(sock=ours)
+        radio = Radio()
+        for fault in ("network off for 0.3 s", "mocap off"):
+            radio.begin(fault)
+        radio.open(relay)
+        radio.begin("network delayed by 0.05 s")
+        await relay.drain()
+        assert theirs.recv(100) == b"fault network off for 0.3 s\nfault network delayed by 0.05 s\n"
+        relay.close()
+        await relay.wait_closed()
+
+
 def test_a_reason_is_printed_as_it_is() -> None:
     law = load_controller("pid", VehicleModel(), 0.01)
     assert "real-time: set [preflight] realtime = false\n" in report(
@@ -109,6 +127,10 @@ def test_a_reason_is_printed_as_it_is() -> None:
         (
             ("--fault", "broker off at 3 s"),
             '--fault "broker off at 3 s": no broker is listened to: the configuration has',
+        ),
+        (
+            ("--fault", "network off at 3 s"),
+            '--fault "network off at 3 s": with the law on board there is no such network: give --law-on ground',
         ),
         (
             ("--config", "config/mock.toml"),

@@ -17,7 +17,7 @@ from companion.analysis.summary import Summary
 from companion.cli.complete import controllers, motions_or_off, trajectories
 from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
 from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
-from companion.cli.demo.ground_process import Ground
+from companion.cli.demo.ground_process import Ground, of_network
 from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
@@ -114,6 +114,10 @@ def demo(
     console = Console()
     settings = _with_feedforward(settings_of(config, "demo.toml"), feedforward)
     _check_faults(fault or (), mocks, broker=settings.operator is not None)
+    if law_on is Place.BOARD:
+        _check_no_network(fault or ())
+    elif link is None and any(map(of_network, fault or ())):
+        link = "clean"  # the faults need a relay
     if not onboard_mocap and law_on is Place.BOARD:
         raise ConfigError("--no-onboard-mocap: a law on board needs frames: give --law-on ground")
     if link is not None and law_on is Place.BOARD:
@@ -185,6 +189,12 @@ def _law(name: str, settings: CompanionConfig, allow_unstable: bool) -> LoadedCo
     law = controller_of(settings, name, allow_unstable)
     margin_in(settings, law)
     return law
+
+
+def _check_no_network(faults: Sequence[str]) -> None:
+    """Raise MockError for a fault of the network: with the law on board nothing uses one."""
+    for sentence in filter(of_network, faults):
+        raise MockError(f'--fault "{sentence}": with the law on board there is no such network: give --law-on ground')
 
 
 def _check_faults(faults: Sequence[str], mocks: bool, broker: bool) -> None:

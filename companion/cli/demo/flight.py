@@ -18,7 +18,7 @@ from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.analysis.summary import Summary, summarise
 from companion.cli.demo.fault_messages import shorter, still_there
 from companion.cli.demo.flight_log import FlightStory
-from companion.cli.demo.ground_process import Ground, law_on_ground
+from companion.cli.demo.ground_process import Ground, Radio, law_on_ground
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.demo.progress import FlightDisplay
 from companion.config.companion_config import CompanionConfig
@@ -94,14 +94,16 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
     """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
     flown = Flown(recorder=Recorder(), story=display.story)
-    kept = _kept(flight)
+    kept, radio = _kept(flight), Radio()
 
     def hear(told: FaultTold) -> None:
         kept.tell("injected fault", f"{told.sentence}: {told.turn}", time.monotonic())
         if told.turn == "never began":
             flown.never.append(told.sentence)
             return
-        flown.begun += [told.sentence] if told.turn == "begins" else []
+        if told.turn == "begins":
+            flown.begun.append(told.sentence)
+            radio.begin(told.sentence)
         display.say_fault(told)
 
     try:
@@ -116,7 +118,7 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
                     sink = FanOutSink([flown.recorder, kept, display.take])
                     watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
                     async with (
-                        _law_placed(flight) as (config, law),
+                        _law_placed(flight, radio) as (config, law),
                         open_local_operator(config, law, sink, watchdog_timer, flight.records, display.say) as operator,
                     ):
                         await _mission(flight, operator, display, flown)
@@ -182,12 +184,12 @@ async def _mocks(flight: DemoFlight, hear: Any) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
-async def _law_placed(flight: DemoFlight) -> AsyncIterator[tuple[CompanionConfig, LoadedController]]:
+async def _law_placed(flight: DemoFlight, radio: Radio) -> AsyncIterator[tuple[CompanionConfig, LoadedController]]:
     """Run the law where it is to run; yield the vehicle's configuration and law."""
     if flight.ground is None:
         yield flight.config, flight.controller
         return
-    async with law_on_ground(flight.config, flight.controller, flight.ground, flight.seed) as config:
+    async with law_on_ground(flight.config, flight.controller, flight.ground, flight.seed, radio) as config:
         yield config, LoadedController(ON_GROUND, RemoteLaw(), flight.controller.error_limits)
 
 

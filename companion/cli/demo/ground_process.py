@@ -20,18 +20,46 @@ from companion.config.flight_config import LawConfig, LawLinkConfig
 _STOP_S = 5.0
 
 
+def of_network(fault: str) -> bool:
+    """Return whether a sentence is a fault of the network between vehicle and ground (docs/faults.md)."""
+    return fault.lower().split()[:1] == ["network"]
+
+
+class Radio:
+    """The relay between vehicle and ground, as far as faults concern it."""
+
+    def __init__(self) -> None:
+        self._relay: asyncio.StreamWriter | None = None
+        self._begun: list[str] = []
+
+    def begin(self, fault: str) -> None:
+        """Cause a fault of the network from now on, or as soon as there is a relay; other faults are not its own."""
+        if not of_network(fault):
+            return
+        if self._relay is None:
+            self._begun.append(fault)
+        else:
+            self._relay.write(f"fault {fault}\n".encode())
+
+    def open(self, relay: asyncio.StreamWriter) -> None:
+        """Take the relay's standard input."""
+        self._relay, begun = relay, self._begun
+        for fault in begun:
+            self.begin(fault)
+
+
 @dataclass(frozen=True)
 class Ground:
     """Options of a law on the ground."""
 
     onboard_mocap: bool = True
     link: str | None = None
-    """Impairment of the link, in the words of `python -m mock_autopilot.impairment`; None: none."""
+    """Impairment of the link, in the words of `python -m mock_autopilot.impairment`; None: no relay."""
 
 
 @asynccontextmanager
 async def law_on_ground(
-    config: CompanionConfig, law: LoadedController, ground: Ground, seed: int
+    config: CompanionConfig, law: LoadedController, ground: Ground, seed: int, radio: Radio
 ) -> AsyncIterator[CompanionConfig]:
     """Run the law in a process of its own; yield the vehicle's configuration; MockError for a wrong impairment."""
     vehicle_port, relay_port = free_udp_ports(2)
@@ -40,7 +68,10 @@ async def law_on_ground(
         split = config.model_copy(
             update={"law": LawConfig(runs_on="ground", onboard_mocap=ground.onboard_mocap, link=ends)}
         )
-        async with _relay(ground.link, relay_port, vehicle_port, seed) as port, _ground_process(split, law, port):
+        async with (
+            _relay(ground.link, (relay_port, vehicle_port), seed, radio) as port,
+            _ground_process(split, law, port),
+        ):
             yield split
 
 
@@ -54,8 +85,9 @@ def _key_file() -> Iterator[Path]:
 
 
 @asynccontextmanager
-async def _relay(link: str | None, listen: int, to: int, seed: int) -> AsyncIterator[int]:
-    """Yield the port by which the ground reaches the vehicle's."""
+async def _relay(link: str | None, ports: tuple[int, int], seed: int, radio: Radio) -> AsyncIterator[int]:
+    """Yield the port by which the ground reaches the vehicle's; `ports` are the relay's own and the vehicle's."""
+    listen, to = ports
     if link is None:
         yield to
         return
@@ -70,9 +102,11 @@ async def _relay(link: str | None, listen: int, to: int, seed: int) -> AsyncIter
     try:
         assert process.stdout is not None
         assert process.stderr is not None
+        assert process.stdin is not None
         if not await process.stdout.readline():
             said = (await process.stderr.read()).decode(errors="replace").strip()
             raise MockError(f"--link {link!r}: {said.partition(': ')[2] or said}")
+        radio.open(process.stdin)
         yield listen
     finally:
         process.terminate()
