@@ -219,6 +219,7 @@ _NETWORK = (
         "it may be overtaken", _delay(0.05)),
     Way(Part.NETWORK, Kind.WRONG, "reordered", "this share of the datagrams comes behind its successor",
         Amount("by", "", 0.2, 0.0, 0.5)),
+    Way(Part.NETWORK, Kind.WRONG, "duplicated", "this share of the datagrams comes twice", _share(0.2)),
     Way(Part.NETWORK, Kind.SLOW, "", "only so many bytes pass in a second; what would wait longer than 0.2 s is lost",
         Amount("to", "kB/s", 2.0, 0.1, 1000.0)),
 )  # fmt: skip

@@ -29,7 +29,8 @@ def _impairment(fault: Fault) -> Impairment:
     if fault.kind is Kind.SLOW:
         return Impairment(rate_bytes_per_s=1e3 * amount)
     if fault.kind is Kind.WRONG:
-        return Impairment(reorder_share=amount)
+        twice = fault.how == "duplicated"
+        return Impairment(duplicate_share=amount) if twice else Impairment(reorder_share=amount)
     if fault.kind is Kind.DELAYED:
         return Impairment(jitter_s=amount) if fault.how == "jitter" else Impairment(delay_s=amount)
     if fault.how in _BURSTS_S:

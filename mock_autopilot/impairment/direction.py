@@ -35,14 +35,15 @@ class Counts:
 class ImpairedDirection(Generic[Item]):
     """One direction of a link; `put` what is sent, and ask with `due` for what has arrived.
 
-    In order: the rate's queue, loss, delay and jitter, reordering. Each datagram has a jitter of its own, so one with
-    a small jitter overtakes one sent before it with a large one. A datagram is reordered by waiting until its
-    successor has arrived. The seed decides everything: the same datagrams are lost whatever the other impairments are.
-    Directions with the same `burst_seed` (without one: `seed`) are cut at the same times, as by a fading radio.
+    In order: the rate's queue, loss, delay and jitter, duplicates, reordering. Each datagram has a jitter of its own,
+    so one with a small jitter overtakes one sent before it with a large one. A datagram is reordered by waiting until
+    its successor has arrived. The seed decides everything: the same datagrams are lost whatever the other impairments
+    are. Directions with the same `burst_seed` (without one: `seed`) are cut at the same times, as by a fading radio.
     """
 
     def __init__(self, impairment: Impairment, seed: int = 1, burst_seed: int | None = None) -> None:
-        self._rng, self._burst_seed = Random(seed), seed if burst_seed is None else burst_seed
+        self._rng, self._duplicate_rng = Random(seed), Random(f"{seed} duplicates")
+        self._burst_seed = seed if burst_seed is None else burst_seed
         self._impairment, self._bursts = CLEAN, Bursts()
         self._queue: list[tuple[float, int, int, Item]] = []
         self._overtaken: tuple[float, int, Item] | None = None
@@ -77,6 +78,8 @@ class ImpairedDirection(Generic[Item]):
             self.counts.lost += 1
             return
         arrives_s = sent_s + one.delay_s + one.jitter_s * jitter
+        if one.duplicate_share and self._duplicate_rng.random() < one.duplicate_share:
+            self._push(sent_s + one.delay_s + one.jitter_s * self._duplicate_rng.random(), size, item)
         if self._overtaken is not None:
             held_s, held_size, held = self._overtaken
             self._overtaken = None

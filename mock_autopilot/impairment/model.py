@@ -24,11 +24,13 @@ class Impairment:
     """Largest addition to the delay, drawn for each datagram, uniform from 0."""
     reorder_share: float = 0.0
     """Share of the datagrams that arrive behind their successor; at most a half can."""
+    duplicate_share: float = 0.0
+    """Share of the datagrams that arrives twice."""
     rate_bytes_per_s: float = math.inf
     """Bytes that pass in a second."""
 
     def __post_init__(self) -> None:
-        for name in ("loss_share", "burst_share", "reorder_share"):
+        for name in ("loss_share", "burst_share", "reorder_share", "duplicate_share"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} = {getattr(self, name)}: a share is from 0 to 1")
         for name in ("burst_s", "delay_s", "jitter_s"):
@@ -51,6 +53,7 @@ class Impairment:
             delay_s=self.delay_s + other.delay_s,
             jitter_s=self.jitter_s + other.jitter_s,
             reorder_share=min(_either(self.reorder_share, other.reorder_share), 0.5),
+            duplicate_share=_either(self.duplicate_share, other.duplicate_share),
             rate_bytes_per_s=min(self.rate_bytes_per_s, other.rate_bytes_per_s),
         )
 
@@ -62,6 +65,7 @@ class Impairment:
             (self.delay_s, f"delay {_ms(self.delay_s)}"),
             (self.jitter_s, f"jitter {_ms(self.jitter_s)}"),
             (self.reorder_share, f"reorder {_percent(self.reorder_share)}"),
+            (self.duplicate_share, f"duplicate {_percent(self.duplicate_share)}"),
             (math.isfinite(self.rate_bytes_per_s), f"rate {self.rate_bytes_per_s:.12g} B/s"),
         ]
         return " ".join(text for there, text in parts if there) or "clean"

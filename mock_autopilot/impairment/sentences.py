@@ -7,10 +7,10 @@ from mock_autopilot.impairment.model import CLEAN, CUT, Impairment
 
 EXAMPLES = ("loss 10% jitter 20 ms", "loss 30% burst 100 ms delay 5 ms", "rate 100 kB/s", "reorder 5%")
 _POSSIBLE = (
-    'possible: "loss 10%", "loss 30% burst 100 ms", "delay 5 ms", "jitter 20 ms", "reorder 5%", "rate 100 kB/s", '
-    'or alone "clean" or "off"'
+    'possible: "loss 10%", "loss 30% burst 100 ms", "delay 5 ms", "jitter 20 ms", "reorder 5%", "duplicate 5%", '
+    '"rate 100 kB/s", or alone "clean" or "off"'
 )
-_NEXT = r"(?:loss|burst|delay|jitter|reorder|rate|clean|off)\b"
+_NEXT = r"(?:loss|burst|delay|jitter|reorder|duplicate|rate|clean|off)\b"
 _NUMBER = r"(?P<value>\d+(?:\.\d*)?|\.\d+)"
 _CLAUSE = re.compile(
     rf"(?P<word>[a-z]+)\s*(?:{_NUMBER}\s*(?P<unit>%|[a-z]+(?:/s)?)?)?(?=[\s,;]|$)[\s,]*", re.IGNORECASE
@@ -24,6 +24,7 @@ _WORDS = {
     "delay": ("delay_s", _TIMES, "ms or s", "5 ms"),
     "jitter": ("jitter_s", _TIMES, "ms or s", "20 ms"),
     "reorder": ("reorder_share", _SHARES, "%", "5%"),
+    "duplicate": ("duplicate_share", _SHARES, "%", "5%"),
     "rate": ("rate_bytes_per_s", _RATES, "B/s, kB/s, MB/s, kbit/s or Mbit/s", "100 kB/s"),
 }
 """Field, factors of the units, the units in words, an example."""

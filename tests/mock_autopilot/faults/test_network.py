@@ -69,6 +69,7 @@ def test_delay_jitter_and_order() -> None:
     assert np.quantile(jittered, [0.01, 0.5, 0.99]) == pytest.approx([0.005, 0.03, 0.055], abs=0.006)
     swapped = np.diff(_during(_passed("network wrong (reordered) by 0.2"))) < 0
     assert np.mean(swapped) == pytest.approx(0.2, abs=0.03)
+    assert len(_during(_passed("network wrong (duplicated) by 0.2"))) == pytest.approx(3600, abs=100)
 
 
 def test_faults_come_on_top_of_each_other_and_of_the_links_own_impairment() -> None:

@@ -111,6 +111,16 @@ def test_reordered_datagrams_arrive_behind_their_successor(share: float) -> None
     assert max(abs(number - place) for place, number in enumerate(order)) == 1
 
 
+def test_duplicates_arrive_twice_each_with_its_own_jitter() -> None:
+    direction: ImpairedDirection[int] = ImpairedDirection(parse("duplicate 10% jitter 5 ms"))
+    for number in range(10_000):
+        direction.put(number * EVERY_S, number, 40)
+    arrived = direction.due(math.inf)
+    assert len(arrived) / 10_000 == pytest.approx(1.1, abs=0.012)
+    assert set(arrived) == set(range(10_000))
+    assert set(numbers(passed("loss 10%", 1000))) == set(numbers(passed("loss 10% reorder 5%", 1000)))
+
+
 def test_a_reordered_datagram_without_successor_arrives_after_a_tenth_of_a_second() -> None:
     arrived = passed("reorder 50%", 1)
     assert delays_s(arrived) == pytest.approx([0.1])

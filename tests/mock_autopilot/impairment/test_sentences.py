@@ -15,6 +15,7 @@ from mock_autopilot.impairment import CLEAN, CUT, Directions, Impairment, Impair
         ("loss 30% burst 100 ms loss 2%", Impairment(loss_share=0.02, burst_share=0.3, burst_s=0.1)),
         ("rate 100 kB/s", Impairment(rate_bytes_per_s=1e5)),
         ("rate 1 Mbit/s", Impairment(rate_bytes_per_s=125e3)),
+        ("duplicate 5%", Impairment(duplicate_share=0.05)),
         ("Reorder 5%", Impairment(reorder_share=0.05)),
         ("loss 100%", CUT),
         ("off", CUT),
