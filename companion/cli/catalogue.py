@@ -172,6 +172,11 @@ _AFTER: dict[str, Command | Group] = {
         "List flights; write one as CSV.",
         ("records", "records flights/FLIGHT.mcap --csv tables"),
     ),
+    "records merge": Command(
+        "records.merge:merge_command",
+        "Join the records of a vehicle and its ground law.",
+        ("records merge flights/FLIGHT.mcap flights/FLIGHT-ground-SESSION.mcap",),
+    ),
     "replay": Command(
         "records.replay:replay_command",
         "Feed a flight through the control law again, and compare.",

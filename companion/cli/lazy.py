@@ -55,7 +55,12 @@ class LazyGroup(HelpGroup):
         }
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the command that runs or prints its --help; only its module is imported."""
+        """Return the command that runs or prints its --help; only its module is imported.
+
+        A name of two words is tried first, as `records merge`.
+        """
+        if " ".join(args[:2]) in self.commands:
+            args = [" ".join(args[:2]), *args[2:]]
         name, listed, rest = super().resolve_command(ctx, args)
         if name is None or listed is None:
             return name, listed, rest

@@ -13,10 +13,9 @@ from companion.flight.tick import MoreColumns, Tick
 from companion.ground.ground_tick import GroundTick
 from companion.law_link.messages import UpFlags
 from companion.records.record_process import RecordSink
+from companion.records.table import GROUND
 from companion.supervisor.flight_state import FlightState, Phase
 
-GROUND = "ground"
-"""Side of the link that has written a record: its metadata `side`."""
 _LOST_S = 10.0
 """Silence of the vehicle after which its flight is over for the record."""
 _PHASES = tuple(Phase)

@@ -17,7 +17,7 @@ from companion.core.types import Array, AttitudeThrust, GroundPose, MocapFrame, 
 from companion.estimation.state import EstimatorState
 from companion.records.errors import RecordError
 from companion.records.exact_json import of_json
-from companion.records.table import HealthEvent, RecordedEvent
+from companion.records.table import GROUND, HealthEvent, RecordedEvent
 
 _OURS = frozenset({"law_name"})
 _FOR_REPLAY = ("tick", "law_name", "sent_s")
@@ -124,10 +124,13 @@ class FlightRecord:
     damage: str = ""
     """In words, the first part that could not be read; empty where the file is whole, or only cut off."""
 
+    ground: "FlightRecord | None" = None
+    """Ground's side, in a merged file: its own rows, times on the vehicle's clock."""
+
     @property
     def is_of_ground(self) -> bool:
         """Return True for the record of `companion law`, False for that of a vehicle."""
-        return self.metadata.get("side") == "ground"
+        return self.metadata.get("side") == GROUND
 
     @property
     def unix_offset_s(self) -> float:

@@ -15,7 +15,8 @@ from mcap.records import Channel, Header, McapRecord, Message, Metadata
 from companion.records.errors import RecordError
 from companion.records.flight_record import FlightRecord, RecordedTick
 from companion.records.mcap_file import BROKEN, MAGIC, McapFile, cannot_read, check_readable
-from companion.records.table import HealthEvent, RecordedEvent, Table
+from companion.records.split.ground_signals import signals_at
+from companion.records.table import GROUND, GROUND_TOPICS, HealthEvent, RecordedEvent, Table
 
 __all__ = ["FlightRecord", "HealthEvent", "RecordError", "RecordedEvent", "RecordedTick", "read_flight"]
 
@@ -71,23 +72,25 @@ def _read_npz(path: Path) -> FlightRecord:
 
 
 def _read_mcap(path: Path) -> FlightRecord:
-    table, metadata = Table(), _Metadata()
+    table, ground, metadata = Table(), Table(), _Metadata()
     with path.open("rb") as file:
         source = McapFile(file)
         for record in source:
             try:
-                _take(record, table, metadata)
+                _take(record, table, ground, metadata)
             except BROKEN as error:
                 source.note(source.tell(), f"a message of another program ({type(error).__name__})")
     if not table.ticks:
         raise _without_a_tick(path, source, table, metadata)
     try:
-        columns = table.columns()
+        columns = _checked(path, table.columns())
+        of_ground = _ground_record(path, ground, metadata)
     except BROKEN as error:
         raise RecordError(f"{path}: its messages are not those of a record: {error}") from error
     return FlightRecord(
         path=path,
-        columns=_checked(path, columns),
+        columns=columns if of_ground is None else columns | signals_at(columns, of_ground.columns),
+        ground=of_ground,
         events=tuple(table.events),
         health=tuple(table.health),
         metadata=metadata.begin,
@@ -97,11 +100,21 @@ def _read_mcap(path: Path) -> FlightRecord:
     )
 
 
-def _take(record: McapRecord, table: Table, metadata: "_Metadata") -> None:
-    if isinstance(record, Channel):
+def _ground_record(path: Path, table: Table, metadata: "_Metadata") -> FlightRecord | None:
+    """Return the ground's side of a merged file; None in any other."""
+    if not table.ticks:
+        return None
+    columns = _checked(path, table.columns())
+    return FlightRecord(path=path, columns=columns, events=tuple(table.events), metadata=metadata.ground)
+
+
+def _take(record: McapRecord, table: Table, ground: Table, metadata: "_Metadata") -> None:
+    if isinstance(record, Channel) and record.topic.startswith(GROUND_TOPICS):
+        ground.topics[record.id] = f"/{record.topic.removeprefix(GROUND_TOPICS)}"
+    elif isinstance(record, Channel):
         table.topics[record.id] = record.topic
     elif isinstance(record, Message):
-        table.take(record)
+        (ground if record.channel_id in ground.topics else table).take(record)
     elif isinstance(record, Metadata) and record.name == META:
         metadata.take(record)
     elif isinstance(record, Header):
@@ -148,6 +161,8 @@ def _checked(path: Path, columns: dict[str, np.ndarray]) -> dict[str, np.ndarray
 class _Metadata:
     begin: dict[str, Any] = field(default_factory=dict)
     start: dict[str, Any] = field(default_factory=dict)
+    ground: dict[str, Any] = field(default_factory=dict)
+    """Metadata of the ground's side of a merged file."""
     library: str = ""
 
     def take(self, record: Metadata) -> None:
@@ -155,6 +170,8 @@ class _Metadata:
         self.begin = self.begin | {name: value for name, value in begin.items() if _is_told(name, value)}
         start = json.loads(record.metadata.get("start", "{}"))
         self.start = self.start or (start if isinstance(start, dict) else {})
+        ground = json.loads(record.metadata.get(GROUND, "{}"))
+        self.ground |= ground if isinstance(ground, dict) else {}
 
 
 def _is_told(name: str, value: object) -> bool:

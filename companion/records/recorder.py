@@ -7,7 +7,7 @@ import numpy as np
 from companion.arms.model import JOINT_COUNT
 from companion.core.types import Array
 from companion.flight.tick import Tick
-from companion.records.link_columns import ACCEL, NUMBERS, link_accel, link_numbers
+from companion.records.split.link_columns import ACCEL, NUMBERS, link_accel, link_numbers
 
 _NOWHERE = np.full(3, np.nan)
 _NO_ATTITUDE = np.full(4, np.nan)

@@ -9,6 +9,10 @@ import numpy as np
 from mcap.records import Message
 
 EVENTS = "/event"
+GROUND = "ground"
+"""Side of the link that has written a record, in its metadata; and that part of a merged file."""
+GROUND_TOPICS = f"/{GROUND}/"
+"""Begin of the ground's topics in a merged file."""
 _FLAGS = (
     "airborne", "touched_down", "armed", "event", "begun", "connected", "in_air", "theirs", "failsafe",
     "link_connected", "link_blind", "link_failed", "link_flying",

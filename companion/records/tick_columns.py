@@ -9,7 +9,7 @@ import numpy as np
 from companion.core.types import Array
 from companion.estimation.state import Counts
 from companion.flight.tick import Tick
-from companion.records.link_columns import LINK, link_accel, link_numbers
+from companion.records.split.link_columns import LINK, link_accel, link_numbers
 
 F64 = np.dtype(np.float64)
 _WANTED = "accel_w_mps2"

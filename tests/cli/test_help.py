@@ -47,7 +47,7 @@ def test_without_a_word_the_help_is_shown() -> None:
 def test_help_names_every_command_in_one_line() -> None:
     lines = typed("--help").output.splitlines()
     for name, entry in COMMANDS.items():
-        line = next(line for line in lines if line.split()[:1] == [name])
+        line = next(line for line in lines if line.strip().startswith(f"{name}  "))
         assert line.endswith(entry.summary), "it is not wrapped or cut off"
 
 
@@ -71,8 +71,9 @@ def test_the_examples_are_commands_that_can_be_typed(words: tuple[str, ...], ent
     command = imported(words[-1], entry)
     for example in entry.examples:
         arguments = [word.strip("'") for word in re.findall(r"'[^']*'|\S+", example)]
-        assert tuple(arguments[: len(words)]) == words
-        context = command.make_context(words[-1], arguments[len(words) :])
+        typed_words = " ".join(words).split()
+        assert arguments[: len(typed_words)] == typed_words
+        context = command.make_context(words[-1], arguments[len(typed_words) :])
         assert context.info_name == words[-1]
 
 

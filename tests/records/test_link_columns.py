@@ -5,9 +5,9 @@ import pytest
 
 from companion.analysis.summary import summarise
 from companion.law_link.messages import TICK_S
-from companion.records.link_columns import ACCEL, NUMBERS
 from companion.records.read import FlightRecord, read_flight
 from companion.records.recorder import Recorder
+from companion.records.split.link_columns import ACCEL, NUMBERS
 from companion.supervisor.flight_state import Phase
 from tests.records.linked import DOWN_S, GROUND_AHEAD_S, UP_S, flight_with_link
 from tests.records.test_round_trip import written
