@@ -11,6 +11,7 @@ from math import inf, isfinite, nan
 
 from companion.law_link.agreement import Introduction, refusal_of
 from companion.law_link.clock_offset import ClockOffset, RoundTrip
+from companion.law_link.codec import packed, unpacked
 from companion.law_link.messages import (
     TICK_S,
     BadMessageError,
@@ -23,11 +24,9 @@ from companion.law_link.messages import (
     Text,
     UpFlags,
     UpMessage,
-    packed,
     seconds_between,
     short_ticks,
     ticks_of,
-    unpacked,
 )
 from companion.law_link.sealing import SessionKeys, hello_seal, session_keys
 from companion.law_link.sequence_window import Order, SequenceWindow

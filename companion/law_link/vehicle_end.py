@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from math import inf, isfinite, nan
 
 from companion.law_link.agreement import Introduction, Refusal, difference, introduction_of
+from companion.law_link.codec import packed, unpacked
 from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
 from companion.law_link.link_times import LinkTimes, MessageTimes, offset_s_of, times_of
 from companion.law_link.messages import (
@@ -27,11 +28,9 @@ from companion.law_link.messages import (
     UpFlags,
     UpMessage,
     is_number_newer,
-    packed,
     seconds_between,
     short_ticks,
     ticks_of,
-    unpacked,
 )
 from companion.law_link.sealing import Seal, SessionKeys, hello_seal, session_keys
 from companion.law_link.sequence_window import Order, SequenceWindow

@@ -26,7 +26,7 @@ LAP = Ellipse(np.array([0.0, 0.0, 1.2]), timing=LapTiming(period_s=12.0, laps=1)
 
 @dataclass(frozen=True)
 class Place:
-    """Where the law and the frames are."""
+    """Places of the law and of the frames."""
 
     name: str
     config: CompanionConfig

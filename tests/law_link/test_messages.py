@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from companion.law_link.codec import packed, unpacked
 from companion.law_link.messages import (
     MESSAGE,
     TICK_S,
@@ -17,11 +18,9 @@ from companion.law_link.messages import (
     Text,
     UpMessage,
     is_number_newer,
-    packed,
     seconds_between,
     short_ticks,
     ticks_of,
-    unpacked,
 )
 from tests.law_link.strategies import MESSAGES, U32
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from companion.core.types import JointMotion, Reference
-from companion.law_link.messages import Plan, packed, unpacked
+from companion.law_link.codec import packed, unpacked
+from companion.law_link.messages import Plan
 from companion.law_link.plan import KNOTS, SPACING_S, PlannedMotion, plan_of
 from companion.trajectories.reference import Descent, Ellipse, FigureEight, Hold, LapTiming, MinimumJerk, Trajectory
 

@@ -10,7 +10,8 @@ from companion.adapters.law_link.udp import introduction
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.core.types import JointMotion
-from companion.law_link.messages import Clock, Command, Kind, Pose, Text, UpMessage, packed
+from companion.law_link.codec import packed
+from companion.law_link.messages import Clock, Command, Kind, Pose, Text, UpMessage
 from companion.law_link.plan import plan_of
 from companion.law_link.sealing import Seal
 from companion.trajectories.reference import Hold
