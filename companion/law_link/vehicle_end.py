@@ -6,34 +6,28 @@ the air. Datagrams that are not of the session are counted and dropped, whatever
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from math import inf, isfinite, nan
+from dataclasses import dataclass, replace
+from math import inf, isfinite
 
 from companion.law_link.agreement import Introduction, Refusal, difference, introduction_of
 from companion.law_link.codec import packed, unpacked
-from companion.law_link.link_status import NO_LINK, LinkStatus, RecentAges, SecondCount, UpCounts
-from companion.law_link.link_times import LinkTimes, MessageTimes, offset_s_of, times_of
+from companion.law_link.link_status import NO_LINK, LinkStatus, SecondCount, UpCounts
+from companion.law_link.link_times import LinkTimes
 from companion.law_link.messages import (
     MESSAGE,
-    TICK_S,
     BadMessageError,
-    Clock,
-    Command,
     DownFlags,
     Kind,
     Plan,
     Pose,
     Report,
     Text,
-    UpFlags,
     UpMessage,
-    is_number_newer,
-    seconds_between,
     short_ticks,
     ticks_of,
 )
-from companion.law_link.sealing import Seal, SessionKeys, hello_seal, session_keys
-from companion.law_link.sequence_window import Order, SequenceWindow
+from companion.law_link.sealing import hello_seal, session_keys
+from companion.law_link.vehicle_session import HeldCommand, VehicleSession
 
 Random = Callable[[int], bytes]
 """Returns this many random bytes."""
@@ -41,20 +35,6 @@ _ASK_AGAIN_S = 0.1
 _REPLY_S = 0.2
 """Shortest time between two replies to hellos: nobody is answered more often than it helps."""
 _LONG_AGO_S = 6.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class HeldCommand:
-    """Newest command of the ground law, which the vehicle holds."""
-
-    number: int
-    epoch: int
-    law: int
-    command: Command
-    stamp: int
-    """Ground's clock when the message with it was sent."""
-    received_s: float
-    """Arrival on the vehicle's clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,46 +53,18 @@ class Shown:
     thrust: float
 
 
-@dataclass(kw_only=True)
-class _Session:
-    """Session with one ground law."""
-
-    number: int
-    keys: SessionKeys
-    ground_nonce: bytes
-    who: Introduction
-    window: SequenceWindow = field(default_factory=SequenceWindow)
-    sent: int = 0
-    received: int = 0
-    received_bytes: int = 0
-    newest: UpMessage | None = None
-    newest_s: float = -inf
-    """Arrival of the newest message."""
-    newest_sent_s: float = -inf
-    """Time at which it was sent, by the vehicle's clock."""
-    seen_s: float = -inf
-    """The same of the newest message by which a ground law with a pose confirms the command that is held."""
-    clock: Clock | None = None
-    events: int = 0
-    used: int = 0
-    """Sequence of the newest message that a cycle has used."""
-    held: HeldCommand | None = None
-    pose: tuple[Pose, float] | None = None
-
-
 class VehicleEnd:
     """Sessions, and what came in them. Feed it datagrams with `hear`; `report`, `plan` and `poll` return others."""
 
     def __init__(self, secret: bytes, me: Introduction, random: Random) -> None:
         self._secret, self._me, self._random = secret, me, random
         self._hello = hello_seal(secret)
-        self._session: _Session | None = None
-        self._pending: _Session | None = None
+        self._session: VehicleSession | None = None
+        self._pending: VehicleSession | None = None
         """Session that was offered; it begins with the first message that proves its key."""
         self.locked = False
         """True while a flight is on: no session begins."""
-        self._ages, self._used_ages = RecentAges(), RecentAges()
-        self._received, self._missing, self._late, self._foreign = (SecondCount() for _ in range(4))
+        self._foreign = SecondCount()
         self._foreign_from, self._rival, self._rival_s, self._refused = "", "", -inf, ""
         self._replied_s = -inf
         self._asked: tuple[str, float] | None = None
@@ -191,7 +143,7 @@ class VehicleEnd:
         vehicle_nonce = self._random(16)
         number = int.from_bytes(self._random(2), "little")
         keys = session_keys(self._secret, ground_nonce, vehicle_nonce)
-        self._pending = _Session(number=number, keys=keys, ground_nonce=ground_nonce, who=who)
+        self._pending = VehicleSession(number, keys, ground_nonce, who)
         welcome = Text(
             kind=Kind.WELCOME,
             session=number,
@@ -201,7 +153,7 @@ class VehicleEnd:
         )
         return self._hello.sealed(packed(welcome))
 
-    def _take(self, session: _Session, data: bytes, size: int, now_s: float, source: str) -> None:
+    def _take(self, session: VehicleSession, data: bytes, size: int, now_s: float, source: str) -> None:
         try:
             message = unpacked(data)
         except BadMessageError:
@@ -214,79 +166,23 @@ class VehicleEnd:
             if self.locked:
                 return
             self._session, self._pending, self._refused = session, None, ""
-            self._ages, self._used_ages = RecentAges(), RecentAges()
-        newest_before = session.window.newest
-        order = session.window.take(message.sequence)
-        if order is Order.REPEATED:
+        if not session.take(message, size, now_s):
             self._note_foreign(now_s, source)
             return
         self._accepted += 1
-        session.received += 1
-        session.received_bytes += size
-        if order is Order.LATE:
-            self._late.note(now_s)
-            self._missing.note(now_s, -1)
-        else:
-            self._received.note(now_s)
-            self._missing.note(now_s, message.sequence - newest_before - 1)
         if isinstance(message, Text):
             self._take_answer(message)
-            return
-        if order is Order.NEWEST:
-            self._take_state(session, message, now_s)
-        self._take_command(session, message, now_s)
-        self._confirm(session)
+        else:
+            self.unreported |= message.command is not None
 
     def _take_answer(self, message: Text) -> None:
         if self._asked is not None and message.kind is Kind.ANSWER and message.nonce == self._ask_nonce():
             self._asked = None
             self.answers.append(message.text)
 
-    def _take_state(self, session: _Session, message: UpMessage, now_s: float) -> None:
-        if message.clock is not None:
-            session.clock = message.clock
-        session.events += (message.number - (session.newest.number if session.newest else 0)) % 65535
-        age_s = 0.0
-        if session.clock is not None:
-            age_s = seconds_between(ticks_of(now_s), message.stamp + session.clock.offset)
-            self._ages.note(now_s, age_s)
-        session.newest, session.newest_s, session.newest_sent_s = message, now_s, now_s - max(age_s, 0.0)
-        if message.pose is not None:
-            session.pose = message.pose, session.newest_sent_s
-
-    def _take_command(self, session: _Session, message: UpMessage, now_s: float) -> None:
-        """Take a command that is newer than the one held, also from a message that a beat has overtaken."""
-        before = session.held
-        self.unreported |= message.command is not None
-        if message.command is not None and (before is None or is_number_newer(message.number, before.number)):
-            session.held = HeldCommand(
-                number=message.number,
-                epoch=message.epoch,
-                law=message.law,
-                command=message.command,
-                stamp=message.stamp,
-                received_s=now_s,
-            )
-
-    @staticmethod
-    def _confirm(session: _Session) -> None:
-        """Note that the command held is the ground law's newest, which a beat after a lost event does not say."""
-        newest, held = session.newest, session.held
-        if newest is None or newest.flags & (UpFlags.BLIND | UpFlags.FAILED):
-            return
-        unused = not newest.flags & UpFlags.FLYING  # on the ground no command is used, and none sent again
-        if unused or newest.number == (0 if held is None else held.number):
-            session.seen_s = max(session.seen_s, session.newest_sent_s)
-
     def use(self, now_s: float) -> HeldCommand | None:
         """Return the newest command at the begin of a control cycle, when it is put to use; None before the first."""
-        s = self._session
-        if s is None:
-            return None
-        if s.newest is not None and s.clock is not None and s.newest.sequence != s.used:
-            s.used = s.newest.sequence
-            self._used_ages.note(now_s, seconds_between(ticks_of(now_s), s.newest.stamp + s.clock.offset))
-        return s.held
+        return None if self._session is None else self._session.use(now_s)
 
     def status(self, now_s: float) -> LinkStatus:
         """Return the state of the link now."""
@@ -299,39 +195,12 @@ class VehicleEnd:
             rival=self._rival if lately else "",
             refused=self._refused,
         )
-        if session is None:
-            return around
-        flags = session.newest.flags if session.newest is not None else UpFlags(0)
-        return replace(
-            around,
-            connected=True,
-            law=session.who.law,
-            host=session.who.host,
-            session=session.number,
-            round_trip_s=nan if session.clock is None else session.clock.round_trip * TICK_S,
-            silence_s=now_s - session.seen_s,
-            blind=bool(flags & UpFlags.BLIND),
-            failed=bool(flags & UpFlags.FAILED),
-            age_s=self._ages.median_s,
-            received=self._received.sum(now_s),
-            missing=max(self._missing.sum(now_s), 0),
-            late=self._late.sum(now_s),
-        )
+        return around if session is None else session.status(around, now_s)
 
     @property
     def counts(self) -> UpCounts:
         """Messages that the ground law has sent in this session."""
-        s = self._session
-        if s is None:
-            return UpCounts()
-        return UpCounts(
-            messages=s.window.newest,
-            events=s.events,
-            again=0 if s.clock is None else s.clock.again,
-            sent_bytes=0 if s.clock is None else s.clock.sent_bytes,
-            received=s.received,
-            received_bytes=s.received_bytes,
-        )
+        return UpCounts() if self._session is None else self._session.counts
 
     @property
     def sent(self) -> int:
@@ -341,17 +210,7 @@ class VehicleEnd:
     @property
     def times(self) -> LinkTimes:
         """Clocks and newest messages of the session."""
-        s = self._session
-        if s is None or s.newest is None:
-            return LinkTimes()
-        held = s.held
-        return LinkTimes(
-            session=s.number,
-            clock_offset_s=offset_s_of(s.clock),
-            message=times_of(s.newest.stamp, s.newest_s, s.clock),
-            command=MessageTimes() if held is None else times_of(held.stamp, held.received_s, s.clock),
-            capture_ago_s=nan if held is None else held.command.capture_ago * TICK_S,
-        )
+        return LinkTimes() if self._session is None else self._session.times
 
     def report(self, shown: Shown, now_s: float) -> bytes | None:
         """Return a report to the ground law; None without a session."""
@@ -361,7 +220,7 @@ class VehicleEnd:
         flags = DownFlags.AIRBORNE if shown.airborne else DownFlags(0)
         flags |= DownFlags.CUT if shown.cut else DownFlags(0)
         flags |= DownFlags.ARMING if shown.arming else DownFlags(0)
-        median_s = self._used_ages.median_s
+        median_s = session.used_ages.median_s
         self.unreported = False
         session.sent += 1
         report = Report(
@@ -370,7 +229,7 @@ class VehicleEnd:
             stamp=ticks_of(now_s),
             echo=session.newest.stamp,
             held=short_ticks(now_s - session.newest_s),
-            received=session.received,
+            received=session.counts.received,
             number=shown.number,
             epoch=shown.epoch,
             law=session.held.law if session.held is not None else 0,
@@ -419,11 +278,7 @@ class VehicleEnd:
     def _ask_nonce(self) -> bytes:
         return self._asks.to_bytes(16, "little")
 
-    def _sealed(self, session: _Session, message: MESSAGE) -> bytes:
-        data = _down(session).sealed(packed(message))
+    def _sealed(self, session: VehicleSession, message: MESSAGE) -> bytes:
+        data = session.keys.down.sealed(packed(message))
         self.bytes_down += len(data)
         return data
-
-
-def _down(session: _Session) -> Seal:
-    return session.keys.down
