@@ -6,7 +6,7 @@ from math import nan
 from companion.control.pipeline import PipelineOutput
 from companion.core.types import Array, AttitudeThrust, MocapFrame, Reference, VehicleState
 from companion.estimation.estimator import EstimatorState
-from companion.law_link.ground_end import GroundLinkState
+from companion.law_link.ground_session import GroundLinkState
 from companion.law_link.messages import Command, UpFlags
 
 

@@ -6,12 +6,13 @@ within a round trip is sent again until it is; and while nothing at all is ackno
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import inf, isfinite, nan
 
 from companion.law_link.agreement import Introduction, refusal_of
-from companion.law_link.clock_offset import ClockOffset, RoundTrip
+from companion.law_link.clock_offset import ClockOffset
 from companion.law_link.codec import packed, unpacked
+from companion.law_link.ground_session import GroundLinkState, GroundSession, LinkCounts
 from companion.law_link.messages import (
     TICK_S,
     BadMessageError,
@@ -28,8 +29,8 @@ from companion.law_link.messages import (
     short_ticks,
     ticks_of,
 )
-from companion.law_link.sealing import SessionKeys, hello_seal, session_keys
-from companion.law_link.sequence_window import Order, SequenceWindow
+from companion.law_link.sealing import hello_seal, session_keys
+from companion.law_link.sequence_window import Order
 
 _HELLO_S = 0.5
 _SILENT_S = 1.0
@@ -44,72 +45,6 @@ _HURRY_S = 0.1
 """Time beyond a round trip without any acknowledgement after which every cycle sends."""
 
 
-@dataclass(kw_only=True)
-class LinkCounts:
-    """Messages and payload bytes of a session so far, tags included."""
-
-    events: int = 0
-    again: int = 0
-    beats: int = 0
-    bytes_up: int = 0
-    bytes_down: int = 0
-    reports: int = 0
-
-    @property
-    def messages(self) -> int:
-        """Messages up."""
-        return self.events + self.again + self.beats
-
-
-@dataclass(frozen=True, kw_only=True)
-class GroundLinkState:
-    """Link as the ground sees it."""
-
-    session: int
-    """0 before the first session."""
-    number: int
-    """Number of the newest command."""
-    acknowledged: int
-    """Number of the command that the vehicle has in use; 0 without one."""
-    phase: int | None
-    """Phase of the flight as the vehicle has reported last, by its place in `Phase`; None before the first report."""
-    silence_s: float
-    """Time since the newest report; infinite before the first."""
-    clock_offset_s: float
-    """Vehicle's clock less the ground's; NaN before the first report."""
-    round_trip_s: float
-    """Quickest round trip of the last seconds."""
-    up_age_s: float
-    """Median age of the messages up when the vehicle uses them; NaN while unknown."""
-    counts: LinkCounts
-
-
-@dataclass(kw_only=True)
-class _Session:
-    """Session with the vehicle."""
-
-    number: int
-    keys: SessionKeys
-    window: SequenceWindow = field(default_factory=SequenceWindow)
-    sent: int = 0
-    sent_s: float = -inf
-    clock_s: float = -inf
-    """Time at which the vehicle was told the clocks' offset."""
-    clock_told_s: float = nan
-    """Offset that it was told."""
-    clock: ClockOffset = field(default_factory=ClockOffset)
-    report: Report | None = None
-    report_s: float = -inf
-    plan: Plan | None = None
-    plan_sequence: int = 0
-    command: Command | None = None
-    number_sent: int = 0
-    command_s: float = -inf
-    """Time at which the newest command was first sent."""
-    again_s: float = -inf
-    """Time at which it was last sent."""
-
-
 class GroundEnd:
     """Session with one vehicle. Feed it datagrams with `hear`, and call `tick` once a cycle."""
 
@@ -118,7 +53,7 @@ class GroundEnd:
         self._hello = hello_seal(secret)
         self._nonce = random(16)
         """Of this process, so that the vehicle tells a new ground law from one that it knows."""
-        self._session: _Session | None = None
+        self._session: GroundSession | None = None
         self._hello_s = -inf
         self.refused = ""
         """Reason for which the vehicle refused the last hello; empty without one."""
@@ -213,10 +148,10 @@ class GroundEnd:
         elif reply.kind is Kind.WELCOME:
             self._refused_s = inf
             keys = session_keys(self._secret, self._nonce, reply.vehicle_nonce)
-            self._session, self.counts = _Session(number=reply.session, keys=keys), LinkCounts()
+            self._session, self.counts = GroundSession(number=reply.session, keys=keys), LinkCounts()
             self.refused, self.asked, self._answer = "", None, None
 
-    def _take(self, s: _Session, data: bytes, now_s: float) -> None:
+    def _take(self, s: GroundSession, data: bytes, now_s: float) -> None:
         try:
             message = unpacked(data)
         except BadMessageError:
@@ -224,15 +159,13 @@ class GroundEnd:
         if isinstance(message, UpMessage) or message.session != s.number:
             return
         newest = s.window.take(message.sequence) is Order.NEWEST
-        if isinstance(message, Text):
-            if newest and message.kind is Kind.ASK:
-                self._take_question(message)
+        if isinstance(message, Plan):
+            s.take_plan(message)
         elif newest and isinstance(message, Report):
             self.counts.reports += 1
-            s.report, s.report_s = message, now_s
-            s.clock = s.clock.after(_round_trip(message, now_s))
-        elif isinstance(message, Plan) and message.knots and message.sequence > s.plan_sequence:
-            s.plan, s.plan_sequence = message, message.sequence
+            s.take_report(message, now_s)
+        elif newest and isinstance(message, Text) and message.kind is Kind.ASK:
+            self._take_question(message)
 
     def _take_question(self, message: Text) -> None:
         if self._answer is not None and self._answer.nonce == message.nonce:
@@ -269,7 +202,7 @@ class GroundEnd:
         self._hello_s = now_s
         return [self._hello.sealed(packed(Text(kind=Kind.HELLO, nonce=self._nonce, text=self.me.text())))]
 
-    def _messages(self, s: _Session, now_s: float) -> list[bytes]:
+    def _messages(self, s: GroundSession, now_s: float) -> list[bytes]:
         out = []
         if self._answer is not None and self.asked is not None:
             self.asked = None
@@ -290,7 +223,7 @@ class GroundEnd:
             out.append(self._state(s, Kind.BEAT, now_s))
         return out
 
-    def _due_again(self, s: _Session, now_s: float) -> bool:
+    def _due_again(self, s: GroundSession, now_s: float) -> bool:
         """Return True if the vehicle should have acknowledged the newest command by now, and has not."""
         if s.report is None or s.command is None or s.report.number == s.number_sent:
             return False
@@ -299,7 +232,7 @@ class GroundEnd:
         is_lost = now_s - s.command_s > self._round_trip_s() + _AGAIN_S
         return is_lost and now_s - s.again_s >= _AGAIN_EVERY_S - TICK_S
 
-    def _interval_s(self, s: _Session, now_s: float) -> float:
+    def _interval_s(self, s: GroundSession, now_s: float) -> float:
         report = s.report
         if report is None or not self.flags & UpFlags.FLYING:
             return self._beat_s
@@ -307,7 +240,7 @@ class GroundEnd:
         return 0.0 if acknowledged_s > self._round_trip_s() + _HURRY_S else self._beat_s
 
     @staticmethod
-    def _clock_is_due(s: _Session, now_s: float) -> bool:
+    def _clock_is_due(s: GroundSession, now_s: float) -> bool:
         offset_s = s.clock.offset_s
         jumped = abs(offset_s - s.clock_told_s) > _JUMP_S
         return isfinite(offset_s) and (jumped or now_s - s.clock_s >= _CLOCK_S)
@@ -318,7 +251,7 @@ class GroundEnd:
         usual_s = 2.0 * self.up_age_s
         return max(one for one in (quickest_s, usual_s, 0.0) if isfinite(one))
 
-    def _state(self, s: _Session, kind: Kind, now_s: float) -> bytes:
+    def _state(self, s: GroundSession, kind: Kind, now_s: float) -> bytes:
         message = UpMessage(
             kind=kind,
             session=s.number,
@@ -336,36 +269,24 @@ class GroundEnd:
         return self._sealed(s, message)
 
     @staticmethod
-    def _command_of(s: _Session, now_s: float) -> Command | None:
+    def _command_of(s: GroundSession, now_s: float) -> Command | None:
         """Return the newest command; its frame is older when it is sent again."""
         if s.command is None or now_s <= s.command_s:
             return s.command
         ago = s.command.capture_ago + round((now_s - s.command_s) / TICK_S)
         return replace(s.command, capture_ago=min(ago, 65535))
 
-    def _clock_of(self, s: _Session) -> Clock:
+    def _clock_of(self, s: GroundSession) -> Clock:
         c = self.counts
         trip = short_ticks(s.clock.round_trip_s)
         return Clock(offset=ticks_of(s.clock.offset_s), sent_bytes=c.bytes_up, again=c.again, round_trip=trip)
 
     @staticmethod
-    def _next(s: _Session) -> int:
+    def _next(s: GroundSession) -> int:
         s.sent += 1
         return s.sent
 
-    def _sealed(self, s: _Session, message: "UpMessage | Text") -> bytes:
+    def _sealed(self, s: GroundSession, message: "UpMessage | Text") -> bytes:
         data = s.keys.up.sealed(packed(message))
         self.counts.bytes_up += len(data)
         return data
-
-
-def _round_trip(report: Report, now_s: float) -> RoundTrip:
-    """Return the exchange that a report ends; times count from now on our clock, and from the report's stamp there."""
-    sent_s = now_s - seconds_between(ticks_of(now_s), report.echo)
-    vehicle_s = now_s + seconds_between(report.stamp, ticks_of(now_s))
-    return RoundTrip(
-        ground_sent_s=sent_s,
-        vehicle_received_s=vehicle_s - report.held * TICK_S,
-        vehicle_sent_s=vehicle_s,
-        ground_received_s=now_s,
-    )
