@@ -1,5 +1,6 @@
 """Options that several commands have."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -36,8 +37,33 @@ VehicleConfigFile = Annotated[
 ]
 SummaryFile = Annotated[Path | None, typer.Option(help="Write the numbers as JSON.")]
 
+
+class Place(StrEnum):
+    """Place where the control law runs."""
+
+    BOARD = "board"
+    GROUND = "ground"
+
+
+LawOn = Annotated[Place, typer.Option("--law-on", help="Run the control law on board, or on the ground.")]
+RadioLink = Annotated[
+    str | None,
+    typer.Option(
+        "--link",
+        metavar="SENTENCE",
+        help="With --law-on ground: impair the radio between both: 'loss 10% jitter 20 ms', 'loss 30% burst 100 ms "
+        "delay 5 ms'.",
+    ),
+]
+
 _OF_THE_MOCK = frozenset({"mavlink", "qualisys"})
 """Tables that only the mock's configuration has."""
+
+
+def check_link(law_on: Place, link: str | None) -> None:
+    """Raise ConfigError for a link of a law that is on board."""
+    if link is not None and law_on is Place.BOARD:
+        raise ConfigError(f"--link {link!r}: there is no such link with the law on board: give --law-on ground")
 
 
 def settings_of(given: Path | None, usual: str) -> CompanionConfig:

@@ -17,7 +17,7 @@ from companion.law_link.vehicle_end import Shown, VehicleEnd
 from companion.supervisor.flight_state import STREAMING, FlightState, Phase
 from companion.supervisor.state_machine import reference_at
 
-_REPORT_S = 0.03
+REPORT_S = 0.03
 """Longest time between two reports; the ground takes silence of 0.1 s for a loss."""
 _PHASES = tuple(Phase)
 _ARMING = frozenset({Phase.PREFLIGHT, Phase.ARMED})
@@ -123,7 +123,7 @@ class RemoteStep:
     ) -> None:
         """Report to the ground what was sent, at once when it has changed, and the plan when that is due."""
         shown = self._state(flight, sent, limited)
-        if shown != self._shown or self._link.end.unreported or now_s - self._shown_s >= _REPORT_S:
+        if shown != self._shown or self._link.end.unreported or now_s - self._shown_s >= REPORT_S:
             self._shown, self._shown_s = shown, now_s
             self._send(self._link.end.report(shown, now_s))
         self._send(self._link.end.poll(now_s))

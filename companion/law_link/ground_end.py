@@ -35,13 +35,13 @@ from companion.law_link.sequence_window import Order
 _HELLO_S = 0.5
 _SILENT_S = 1.0
 """Silence of the vehicle after which a new session is asked for; the old one goes on if the vehicle returns."""
-_CLOCK_S = 1.0
+CLOCK_S = 1.0
 _JUMP_S = 0.02
 """Change of the clocks' offset that the vehicle is told at once."""
-_AGAIN_S = 0.01
+AGAIN_S = 0.01
 """Time beyond a round trip after which a command counts as lost."""
-_AGAIN_EVERY_S = 0.02
-_HURRY_S = 0.1
+AGAIN_EVERY_S = 0.02
+HURRY_S = 0.1
 """Time beyond a round trip without any acknowledgement after which every cycle sends."""
 
 
@@ -229,21 +229,21 @@ class GroundEnd:
             return False
         if not self.flags & UpFlags.FLYING:  # a vehicle that stands uses no command, and acknowledges none
             return False
-        is_lost = now_s - s.command_s > self._round_trip_s() + _AGAIN_S
-        return is_lost and now_s - s.again_s >= _AGAIN_EVERY_S - TICK_S
+        is_lost = now_s - s.command_s > self._round_trip_s() + AGAIN_S
+        return is_lost and now_s - s.again_s >= AGAIN_EVERY_S - TICK_S
 
     def _interval_s(self, s: GroundSession, now_s: float) -> float:
         report = s.report
         if report is None or not self.flags & UpFlags.FLYING:
             return self._beat_s
         acknowledged_s = seconds_between(ticks_of(now_s), report.echo)
-        return 0.0 if acknowledged_s > self._round_trip_s() + _HURRY_S else self._beat_s
+        return 0.0 if acknowledged_s > self._round_trip_s() + HURRY_S else self._beat_s
 
     @staticmethod
     def _clock_is_due(s: GroundSession, now_s: float) -> bool:
         offset_s = s.clock.offset_s
         jumped = abs(offset_s - s.clock_told_s) > _JUMP_S
-        return isfinite(offset_s) and (jumped or now_s - s.clock_s >= _CLOCK_S)
+        return isfinite(offset_s) and (jumped or now_s - s.clock_s >= CLOCK_S)
 
     def _round_trip_s(self) -> float:
         """Return the usual round trip: the quickest one, with twice the median age up for what jitter adds."""

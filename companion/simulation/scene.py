@@ -23,14 +23,19 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.config.locations import named_file, names_in
 from companion.config.toml_files import Section, read_toml, validate
+from companion.control.controller import VehicleModel
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
 from companion.estimation.estimator import EstimatorParams
+from companion.guard.guard import AgeRange
 from companion.simulation.mission import Mission, mission_of
 from companion.simulation.simulation import Pilot
+from companion.simulation.virtual_ground import GroundRole
+from companion.simulation.virtual_link_ends import LinkTiming, measured_up_age_s
 from companion.simulation.virtual_world import STEP_S, Carried, VirtualVehicle
 from companion.trajectories.reference import Ellipse, FigureEight, LapTiming, Trajectory
 from mock_autopilot.config import MockConfig, MockConfigError
+from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.physics.arm_table import table_of
 from mock_autopilot.px4.params import ParamTable
 
@@ -111,15 +116,34 @@ class Scene:
     mock: MockConfig
     link_s: float = 0.0
     """Time that transport and event loops add to each of the mock's delays, s."""
+    radio: Directions | None = None
+    """Impairments of the link to a law on the ground; None: the law is on board."""
 
     @property
     def period_s(self) -> float:
         """Period of the control cycle, s."""
         return 1.0 / self.companion.control.rate_hz
 
+    def with_radio(self, radio: Directions | None) -> "Scene":
+        """Return the same with the law on the ground, and these impairments of its link; None: on board."""
+        return replace(self, radio=radio)
+
+    @cached_property
+    def up_age_s(self) -> float:
+        """Usual time from a command of the law to its use by the vehicle, as measured before a flight; 0 on board."""
+        if self.radio is None:
+            return 0.0
+        measured_s = measured_up_age_s(self.radio, LinkTiming(beat_s=self.companion.law.link.beat_s), self.period_s)
+        return measured_s if np.isfinite(measured_s) else self.companion.law.link.delay_s
+
+    def vehicle_model(self) -> VehicleModel:
+        """Return the vehicle as its law is to know it: for one on the ground the state is older."""
+        model = self.companion.vehicle_model()
+        return replace(model, mocap_age_s=model.mocap_age_s + self.up_age_s) if self.up_age_s else model
+
     def mission(self, preview_s: float) -> Mission:
         """Return the mission for a law that looks `preview_s` ahead."""
-        return mission_of(self.trajectory, preview_s, self.settle_s, self.period_s)
+        return mission_of(self.trajectory, preview_s + self.up_age_s, self.settle_s, self.period_s)
 
     def pilot(self, controller: LoadedController, feedforward: Feedforward | None = None) -> Pilot:
         """Return the companion with this law; `feedforward` overrides the configuration's."""
@@ -132,6 +156,16 @@ class Scene:
             period_s=self.period_s,
             feedforward_b_mps2=self._known(feedforward),
             horizon=c.control.horizon_rules(c.safety.tilt_apart_rad),
+            ground=None if self.radio is None else self._ground_role(self.radio),
+        )
+
+    def _ground_role(self, radio: Directions) -> GroundRole:
+        safety = self.companion.safety
+        beat_s, silent_s = self.companion.law.link.beat_s, safety.command_silent_s
+        return GroundRole(
+            links=(radio,),
+            timing=LinkTiming(beat_s=beat_s, up_age_s=self.up_age_s, silent_s=silent_s),
+            level=AgeRange(safety.command_coast_s, safety.command_level_s),
         )
 
     def _known(self, feedforward: Feedforward | None) -> Any:
@@ -140,7 +174,7 @@ class Scene:
             return None
         if feedforward is not None:
             config = config.model_copy(update={"feedforward": feedforward})
-        return arm_feedforward_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s)
+        return arm_feedforward_b_mps2(self.companion, config, self.arms.trajectory, self._cycle_s + self.up_age_s)
 
     def vehicle(self) -> VirtualVehicle:
         """Return the simulated vehicle and its room."""

@@ -6,7 +6,7 @@ filters without the verdicts on single frames.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from companion.control.controller import Controller
 from companion.control.horizon_correction import HorizonInput, HorizonRules
-from companion.control.pipeline import ControlPipeline, changed, idle_setpoint
+from companion.control.pipeline import ControlPipeline, PipelineOutput, changed, idle_setpoint
 from companion.control.wire_setpoint import WireSetpoint
-from companion.core.types import Array, AttitudeThrust, MocapFrame, VehicleState
+from companion.core.types import Array, AttitudeThrust, MocapFrame, Reference, Scalar, VehicleState
 from companion.estimation import batch, estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import flip_yz, matrix_from_quat, turned
 from companion.guard.limits import Limits
 from companion.simulation.mission import Mission
+from companion.simulation.virtual_ground import GroundFlight, GroundRole, HeldCommand
+from companion.simulation.virtual_link_ends import Messages
 from companion.simulation.virtual_world import Look, VirtualVehicle, VirtualWorld
 
 Mask = NDArray[np.bool_]
@@ -40,6 +42,8 @@ class Pilot:
     feedforward_b_mps2: Array | None = None
     """Acceleration that the arms' commanded motion causes per cycle (n, 3), body frame; None: no feed-forward."""
     horizon: HorizonRules = field(default_factory=HorizonRules)
+    ground: GroundRole | None = None
+    """The law on the ground and its link; None: the law is on board."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,11 +63,18 @@ class Trace:
     """Cycles in which a setpoint was sent: at events, and while the rate limits still move towards one."""
     signals: dict[str, Array] = field(default_factory=dict)
     """Internal values of the law, each (n, ..., k); empty unless `keep_signals`."""
+    messages: Messages | None = None
+    """Messages of a law on the ground; None for one on board."""
 
     @property
     def error_w_m(self) -> Array:
         """Position less reference, (n, ..., 3)."""
         return np.asarray(self.position_w_m - self.reference_w_m)
+
+    @property
+    def flown(self) -> Mask | None:
+        """Cycles (n, ...) before PX4 landed a vehicle whose ground was silent; None: all of all vehicles."""
+        return None if self.messages is None or not self.messages.landed.any() else ~self.messages.landed
 
 
 def simulate(
@@ -79,8 +90,8 @@ def simulate(
     count, lead = len(mission.time_s), mission.lead
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
     eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)
-    pipeline = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, lead)
     last = idle_setpoint(mission.now.yaw_rad[0], pilot.thrust.hover_thrust)
+    flight = _flight(pilot, last, seeds, count)
     out = _Out(pilot, lead, last)
     rows = _Rows(keep_signals)
     with np.errstate(over="ignore", invalid="ignore"):  # divergence is a result
@@ -88,16 +99,49 @@ def simulate(
             look = world.look()
             seen, age_s = eyes.see(look, cycle)
             known = _turned(pilot.feedforward_b_mps2, cycle, seen.q_w_flu_wxyz)
-            result = pipeline.fly(seen, age_s, mission.ahead.at(cycle), last, pilot.period_s, known)
-            setpoint = result.limited.setpoint
+            result, setpoint = flight.fly(cycle, seen, age_s, mission.ahead.at(cycle), last, known)
             sent = out.send(setpoint, changed(setpoint, last), look, seen, age_s)
             rows.put(world, result.law_output.accel_w_mps2, result.law_output.event, sent)
             last = setpoint
-            rows.keep(result.law_output.signals, pipeline.settle())
+            rows.keep(result.law_output.signals, flight.settle())
             world.advance(out.wire)
             if progress is not None:
                 progress(cycle)
-    return rows.trace(mission)
+    return replace(rows.trace(mission), messages=flight.messages())
+
+
+def _flight(pilot: Pilot, first: AttitudeThrust, seeds: Sequence[int], cycles: int) -> "_OnBoard | GroundFlight":
+    pipeline = ControlPipeline(pilot.law, pilot.thrust, pilot.limits, first.thrust.shape)
+    role = pilot.ground
+    if role is None:
+        return _OnBoard(pipeline, pilot.period_s)
+    vehicle = HeldCommand(first, pilot.thrust, pilot.limits, role.level)
+    return GroundFlight(pipeline, vehicle, role, seeds, cycles, pilot.period_s)
+
+
+class _OnBoard:
+    """Law on board: its setpoint is the vehicle's."""
+
+    def __init__(self, pipeline: ControlPipeline, period_s: float) -> None:
+        self._pipeline, self._period_s = pipeline, period_s
+
+    def fly(
+        self,
+        cycle: int,  # noqa: ARG002 - the law on the ground needs it
+        seen: VehicleState,
+        age_s: Scalar,
+        ahead: Reference,
+        last: AttitudeThrust,
+        known_accel_w_mps2: Array,
+    ) -> tuple[PipelineOutput, AttitudeThrust]:
+        output = self._pipeline.fly(seen, age_s, ahead, last, self._period_s, known_accel_w_mps2)
+        return output, output.limited.setpoint
+
+    def settle(self) -> dict[str, Array]:
+        return self._pipeline.settle()
+
+    def messages(self) -> None:
+        return None
 
 
 def _turned(feedforward_b_mps2: Array | None, cycle: int, q_w_flu_wxyz: Array) -> Array:

@@ -8,13 +8,19 @@ from companion.analysis.summary import Columns, tracking_error_w_m
 from companion.core.types import Array
 from companion.simulation.metrics import LOST_M
 from companion.simulation.simulation import Trace
+from companion.simulation.virtual_link_ends import Messages
 from companion.supervisor.flight_state import Phase
 
 
 def one_of(trace: Trace, number: int) -> Trace:
     """Return the flight of one vehicle of a batch (B,)."""
-    batch = {name: values[:, number] for name, values in vars(trace).items() if name not in {"time_s", "signals"}}
-    return replace(trace, **batch, signals={name: values[:, number] for name, values in trace.signals.items()})
+    apart = {"time_s", "signals", "messages"}
+    batch = {name: values[:, number] for name, values in vars(trace).items() if name not in apart}
+    signals = {name: values[:, number] for name, values in trace.signals.items()}
+    messages = trace.messages
+    if messages is not None:
+        messages = Messages(**{name: values[:, number] for name, values in vars(messages).items()})
+    return replace(trace, **batch, signals=signals, messages=messages)
 
 
 def columns_of(trace: Trace, joints_rad: Array | None = None) -> Columns:

@@ -55,4 +55,4 @@ def perfect_horizon(flown: Scene) -> Scene:
 
 def law_for(flown: Scene, name: str = "etnn", allow_unstable: bool = False) -> LoadedController:
     """A controller for the scene's vehicle."""
-    return load_controller(name, flown.companion.vehicle_model(), flown.period_s, allow_unstable)
+    return load_controller(name, flown.vehicle_model(), flown.period_s, allow_unstable)

@@ -5,7 +5,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +19,17 @@ from companion.cli.demo.flight_report import print_comparison, print_report, sum
 from companion.cli.demo.ground_process import Ground, of_network
 from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
-from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile, settings_of
+from companion.cli.options import (
+    AllowUnstable,
+    ArmsFeedforward,
+    ControllerName,
+    LawOn,
+    Place,
+    RadioLink,
+    SummaryFile,
+    check_link,
+    settings_of,
+)
 from companion.cli.output import as_typed, check_output, kept
 from companion.config.arms_config import ArmsConfig, Feedforward
 from companion.config.companion_config import CompanionConfig
@@ -43,13 +52,6 @@ _BUSY = frozenset({
 })  # fmt: skip
 """Faults that suggest a too busy computer when none was injected."""
 _BUSY_WORDS = ("silent", "mocap rate", "mocap age", "has not answered", "have not answered")
-
-
-class Place(StrEnum):
-    """Place where the control law runs."""
-
-    BOARD = "board"
-    GROUND = "ground"
 
 
 def demo(
@@ -86,20 +88,11 @@ def demo(
             "docs/faults.md.",
         ),
     ] = None,
-    law_on: Annotated[
-        Place, typer.Option("--law-on", help="Run the control law on board, or in a process on the ground.")
-    ] = Place.BOARD,
+    law_on: LawOn = Place.BOARD,
     onboard_mocap: Annotated[
         bool, typer.Option(help="With --law-on ground: frames of motion capture reach the vehicle, too.")
     ] = True,
-    link: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SENTENCE",
-            help="With --law-on ground: impair the radio between both: 'loss 10% jitter 20 ms', 'loss 30% burst 100 "
-            "ms delay 5 ms'.",
-        ),
-    ] = None,
+    link: RadioLink = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print all log messages.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Use free ports, to run several demos at once.")] = False,
 ) -> None:
@@ -120,8 +113,7 @@ def demo(
         link = "clean"  # the faults need a relay
     if not onboard_mocap and law_on is Place.BOARD:
         raise ConfigError("--no-onboard-mocap: a law on board needs frames: give --law-on ground")
-    if link is not None and law_on is Place.BOARD:
-        raise ConfigError(f"--link {link!r}: there is no such link with the law on board: give --law-on ground")
+    check_link(law_on, link)
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)

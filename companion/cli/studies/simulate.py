@@ -11,7 +11,16 @@ from rich.console import Console
 
 from companion.cli.complete import experiments, motions_or_off, trajectories
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, seeds_of
-from companion.cli.options import AllowUnstable, ArmsFeedforward, ControllerName, SummaryFile
+from companion.cli.options import (
+    AllowUnstable,
+    ArmsFeedforward,
+    ControllerName,
+    LawOn,
+    Place,
+    RadioLink,
+    SummaryFile,
+    check_link,
+)
 from companion.cli.output import check_output
 from companion.cli.studies.simulate_report import Flights, flights_of, keep_flights, print_flights, summary_of
 from companion.cli.terminal import progress_bar
@@ -25,6 +34,7 @@ from companion.control.law_check import in_flight
 from companion.core.interfaces import ConfigError
 from companion.simulation.demo_scene import demo_scene, load_mock
 from companion.simulation.mission import stacked
+from companion.simulation.radio import radio_named
 from companion.simulation.scene import HorizonError, Scene, load_scene
 from companion.simulation.simulation import simulate as fly
 from companion.studies.paper.ablations import Ablation, load_ablated
@@ -45,6 +55,8 @@ def simulate(
     ] = "ellipse",
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
+    law_on: LawOn = Place.BOARD,
+    link: RadioLink = None,
     ablate: Annotated[Ablation | None, typer.Option(help="Fly the ET-NN law without this part.")] = None,
     feedforward: ArmsFeedforward = None,
     bandwidth: Annotated[
@@ -97,6 +109,7 @@ def simulate(
     begun_s = time.perf_counter()
     console = Console()
     _refuse_mixtures(context, demo)
+    check_link(law_on, link)
     check_output(out, summary)
     numbers = [seed] if seeds is None else list(seeds_of(seeds))
     if demo:
@@ -109,6 +122,7 @@ def simulate(
         scene = load_scene(experiment)
     scene = scene if bandwidth is None else scene.with_bandwidth(bandwidth)
     scene = scene if horizon is None else scene.with_horizon(horizon)
+    scene = scene.with_radio(radio_named(link)) if law_on is Place.GROUND else scene
     law = _controller(scene, controller, allow_unstable, ablate)
     try:
         flights = _fly(_Request(scene, law, feedforward, numbers, out is not None), begun_s, console)
@@ -137,7 +151,7 @@ def _refuse_mixtures(context: typer.Context, demo: bool) -> None:
 
 
 def _controller(scene: Scene, name: str | None, allow_unstable: bool, ablation: Ablation | None) -> LoadedController:
-    chosen, model = name or scene.companion.control.controller, scene.companion.vehicle_model()
+    chosen, model = name or scene.companion.control.controller, scene.vehicle_model()
     if ablation is not None:
         return load_ablated(chosen, model, scene.period_s, ablation)
     law = load_controller(chosen, model, scene.period_s, allow_unstable)

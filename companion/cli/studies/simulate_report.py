@@ -12,6 +12,7 @@ from companion.analysis.summary import summarise
 from companion.cli.demo.flight_report import ErrorRow, error_table
 from companion.config.controller_config import LoadedController
 from companion.core.types import Array
+from companion.simulation.link_numbers import LinkNumbers, link_numbers
 from companion.simulation.metrics import LOST_M, Score, score
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace
@@ -43,6 +44,11 @@ class Flights:
         return sum(len(trace.time_s) for trace in self.traces) * self.scene.period_s
 
     @property
+    def link(self) -> LinkNumbers | None:
+        """The numbers of the link to a law on the ground; None for one on board."""
+        return link_numbers(self.traces, self.scene.period_s)
+
+    @property
     def diverged(self) -> int:
         """The number of flights that diverged."""
         return sum(bool(one.diverged) for one in self.scores)
@@ -54,7 +60,7 @@ class Flights:
         small = all(
             (one.mean_error_m <= limits.mean_m).all() and (one.max_error_m <= limits.max_m).all() for one in self.scores
         )
-        return small and not self.diverged
+        return small and not self.diverged and not any(bool(one.landed) for one in self.scores)
 
 
 def flights_of(
@@ -70,7 +76,9 @@ def print_flights(flights: Flights, console: Console) -> None:
     scores, times = flights.scores, flights.flown_s / flights.loop_s
     sent, events = (float(np.mean([getattr(one, name) for one in scores])) for name in ("update_share", "event_share"))
     console.print(_table(flights))
+    link = flights.link
     for line in (
+        *([] if link is None else [_link_line(link)]),
         f"updates in {sent:.1%} of the cycles; the law's trigger fired in {events:.1%}",
         f"{flights.flown_s:.0f} s of flight in {flights.loop_s:.2f} s: {times:.0f} times faster than real time, "
         f"{flights.flown_s / flights.total_s:.0f} times including preparation",
@@ -79,12 +87,26 @@ def print_flights(flights: Flights, console: Console) -> None:
         console.print(line, highlight=False, soft_wrap=True)
 
 
+def _link_line(link: LinkNumbers) -> str:
+    return (
+        f"link {link.messages_per_s:.0f} messages/s, {link.uplink_bytes_per_s:.0f} bytes/s up; in a flight "
+        f"{link.events:.0f} events, {link.beats:.0f} beats, {link.again:.0f} again, {link.lost:.0f} lost; age "
+        f"{link.age_ms.median:.1f} ms (p99 {link.age_ms.p99:.1f}), longest silence {link.longest_silence_ms:.0f} ms"
+    )
+
+
 def _verdict(flights: Flights) -> str:
     if flights.diverged:
         which = (
             "diverged" if len(flights.seeds) == 1 else f"{flights.diverged} of {len(flights.seeds)} flights diverged"
         )
         return f"[red]{which}: more than {LOST_M:g} m from the reference[/]"
+    landed = [f"{time_s:.1f} s" for time_s in flights.link.landed_s] if flights.link else []
+    if landed:
+        times = ", ".join(landed)
+        return (
+            f"[red]landed by PX4: {len(landed)} of {len(flights.seeds)}[/], as nothing came from the ground ({times})"
+        )
     return "[green]inside the error limits[/]" if flights.good else "[red]outside the error limits[/]"
 
 
@@ -113,6 +135,7 @@ def summary_of(flights: Flights) -> dict[str, Any]:
             "diverged": flights.diverged,
             "inside_limits": flights.good,
             "control_cycles": int((flights.traces[0].time_s >= 0.0).sum()),
+            **({} if flights.link is None else {"link": flights.link.plain()}),
             "times_real_time": flights.flown_s / flights.loop_s,
             "flights": [{"seed": seed} | _plain(numbers) for seed, numbers in zip(flights.seeds, each, strict=True)],
         }

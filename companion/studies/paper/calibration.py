@@ -44,7 +44,7 @@ class Calibrated:
 
 def pid_error_m(scene: Scene) -> Array:
     """Mean error of PID per axis, (3,), over the seeds."""
-    controller = load_controller("pid", scene.companion.vehicle_model(), scene.period_s)
+    controller = load_controller("pid", scene.vehicle_model(), scene.period_s)
     mission = stacked([scene.mission(controller.law.preview_s)] * len(SEEDS))
     return np.asarray(
         score(simulate(scene.pilot(controller), scene.vehicle(), mission, SEEDS)).mean_error_m.mean(axis=0)

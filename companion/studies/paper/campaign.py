@@ -138,7 +138,7 @@ def scene_of(item: Item) -> Scene:
 
 def controller_of(item: Item, scene: Scene) -> LoadedController:
     """An item's law for the vehicle of its scene. Raises ConfigError for what `load_controller` refuses."""
-    vehicle, period_s = scene.companion.vehicle_model(), scene.period_s
+    vehicle, period_s = scene.vehicle_model(), scene.period_s
     if item.without is not None:
         return load_ablated(item.controller, vehicle, period_s, item.without)
     return load_controller(item.controller, vehicle, period_s, item.allow_unstable)

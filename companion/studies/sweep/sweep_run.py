@@ -134,7 +134,7 @@ def _fly_part(batch: Batch, path: Path) -> Columns:
 @lru_cache(maxsize=1)
 def _prepared(experiment: str, nominal_radps: float, controller: str) -> tuple[Scene, LoadedController]:
     scene = load_scene(experiment).with_bandwidth(nominal_radps)
-    return scene, load_controller(controller, scene.companion.vehicle_model(), scene.period_s)
+    return scene, load_controller(controller, scene.vehicle_model(), scene.period_s)
 
 
 def write_part(path: Path, columns: Columns) -> None:

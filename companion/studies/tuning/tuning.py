@@ -62,7 +62,7 @@ def evaluate(trial: Trial, shares: Array) -> Marks:
     scene, sets, told = trial.scene, len(shares), len(trial.told)
     drawn = drawn_vehicles(trial)
     each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values_of(shares).items()}
-    law = law_of(each, scene.companion.vehicle_model(), scene.period_s)
+    law = law_of(each, scene.vehicle_model(), scene.period_s)
     pilot = scene.pilot(LoadedController("candidate", law, ErrorLimits()))
     assert law.predictor is not None
     previews_s = np.asarray(law.predictor.preview_s)[:, 0]

@@ -1,0 +1,87 @@
+"""Numbers of the link to a law on the ground in virtual flights: messages, bytes, losses, ages. Pure."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.analysis.summary import Spread, spread_ms
+from companion.core.types import Array
+from companion.simulation.simulation import Trace
+from companion.simulation.virtual_link_ends import BYTES, Kind, Messages
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkNumbers:
+    """Key numbers of a link while the trajectory was flown, as in the summary of a flight (`LinkSummary`)."""
+
+    uplink_bytes_per_s: float
+    """Payload with tags, lost messages included."""
+    messages_per_s: float
+    events: float
+    """Number in a flight, on average."""
+    beats: float
+    again: float
+    """Commands that were sent again because they were not acknowledged."""
+    lost: float
+    age_ms: Spread
+    """Age of a message at its arrival."""
+    longest_silence_ms: float
+    """Greatest age of the newest message that the vehicle had."""
+    landed_by_px4: int
+    """Flights that PX4 has ended, as nothing came from the ground for too long."""
+    landed_s: tuple[float, ...]
+    """Times of that, from the start of the trajectory."""
+
+    def plain(self) -> dict[str, Any]:
+        """Return the numbers for JSON, null for those that are not finite."""
+        return {name: _plain(value) for name, value in asdict(self).items()}
+
+
+def link_numbers(traces: Sequence[Trace], period_s: float) -> LinkNumbers | None:
+    """Return the numbers of flights, of one vehicle or a batch each, taken together; None for a law on board."""
+    flights = [(trace, trace.messages) for trace in traces if trace.messages is not None]
+    if not flights:
+        return None
+    kinds, ages_s, silences_s = (
+        np.concatenate(parts) for parts in zip(*(_counted(*one) for one in flights), strict=True)
+    )
+    landed_s = [float(one) for trace, messages in flights for one in _landed_s(trace, messages)]
+    many = sum(messages.kind[0].size for _, messages in flights)
+    time_s = max(len(kinds) * period_s, 1e-9)
+    sent, arrived_s = kinds > Kind.NOTHING, ages_s[np.isfinite(ages_s)]
+    events, again = (kinds == Kind.EVENT).sum(), (kinds == Kind.AGAIN).sum()
+    return LinkNumbers(
+        uplink_bytes_per_s=float(BYTES[kinds].sum()) / time_s,
+        messages_per_s=float(sent.sum()) / time_s,
+        events=float(events) / many,
+        beats=float(sent.sum() - events - again) / many,
+        again=float(again) / many,
+        lost=float(np.isinf(ages_s).sum()) / many,
+        age_ms=spread_ms(arrived_s),
+        longest_silence_ms=1e3 * float(silences_s.max(initial=0.0)),
+        landed_by_px4=len(landed_s),
+        landed_s=tuple(landed_s),
+    )
+
+
+def _counted(trace: Trace, messages: Messages) -> tuple[NDArray[np.int8], Array, Array]:
+    """Return kinds, ages and silences of the cycles that count, each (m,)."""
+    counted = ~messages.landed
+    counted[trace.time_s < -1e-9] = False
+    return messages.kind[counted], messages.age_s[counted], messages.silence_s[counted]
+
+
+def _landed_s(trace: Trace, messages: Messages) -> Array:
+    landed = messages.landed.reshape(len(trace.time_s), -1)
+    return np.asarray(trace.time_s[landed.argmax(axis=0)[landed[-1]]])
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, tuple):
+        return list(value)
+    return None if isinstance(value, float) and not np.isfinite(value) else value
