@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.analysis.summary import Spread, spread_ms
-from companion.core.types import Array
+from companion.core.types import Array, Mask
 from companion.simulation.simulation import Trace
 from companion.simulation.virtual_link_ends import BYTES, Kind, Messages
 
@@ -29,7 +29,7 @@ class LinkNumbers:
     age_ms: Spread
     """Age of a message at its arrival."""
     longest_silence_ms: float
-    """Greatest age of the newest message that the vehicle had."""
+    """Longest time for which the ground had not confirmed the command in use."""
     landed_by_px4: int
     """Flights that PX4 has ended, as nothing came from the ground for too long."""
     landed_s: tuple[float, ...]
@@ -45,19 +45,20 @@ def link_numbers(traces: Sequence[Trace], period_s: float) -> LinkNumbers | None
     flights = [(trace, trace.messages) for trace in traces if trace.messages is not None]
     if not flights:
         return None
-    kinds, ages_s, silences_s = (
+    kinds, ages_s, silences_s, clock = (
         np.concatenate(parts) for parts in zip(*(_counted(*one) for one in flights), strict=True)
     )
     landed_s = [float(one) for trace, messages in flights for one in _landed_s(trace, messages)]
     many = sum(messages.kind[0].size for _, messages in flights)
     time_s = max(len(kinds) * period_s, 1e-9)
-    sent, arrived_s = kinds > Kind.NOTHING, ages_s[np.isfinite(ages_s)]
+    arrived_s, clocks = ages_s[np.isfinite(ages_s)], clock.sum()
+    sent = (kinds > Kind.NOTHING).sum() + clocks
     events, again = (kinds == Kind.EVENT).sum(), (kinds == Kind.AGAIN).sum()
     return LinkNumbers(
-        uplink_bytes_per_s=float(BYTES[kinds].sum()) / time_s,
-        messages_per_s=float(sent.sum()) / time_s,
+        uplink_bytes_per_s=float(BYTES[kinds].sum() + clocks * BYTES[Kind.CLOCK]) / time_s,
+        messages_per_s=float(sent) / time_s,
         events=float(events) / many,
-        beats=float(sent.sum() - events - again) / many,
+        beats=float(sent - events - again) / many,
         again=float(again) / many,
         lost=float(np.isinf(ages_s).sum()) / many,
         age_ms=spread_ms(arrived_s),
@@ -67,11 +68,11 @@ def link_numbers(traces: Sequence[Trace], period_s: float) -> LinkNumbers | None
     )
 
 
-def _counted(trace: Trace, messages: Messages) -> tuple[NDArray[np.int8], Array, Array]:
-    """Return kinds, ages and silences of the cycles that count, each (m,)."""
+def _counted(trace: Trace, messages: Messages) -> tuple[NDArray[np.int8], Array, Array, Mask]:
+    """Return kinds, ages and silences of the cycles that count, each (m,), and where a clock went with an event."""
     counted = ~messages.landed
     counted[trace.time_s < -1e-9] = False
-    return messages.kind[counted], messages.age_s[counted], messages.silence_s[counted]
+    return messages.kind[counted], messages.age_s[counted], messages.silence_s[counted], messages.clock[counted]
 
 
 def _landed_s(trace: Trace, messages: Messages) -> Array:

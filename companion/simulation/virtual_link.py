@@ -64,7 +64,7 @@ class Direction:
 
     def _reorder(self, cycle: int, passes: Mask) -> None:
         """Let a message that waits arrive behind this one, or let this one wait."""
-        arrives_s = self.arrival_s[cycle]
+        arrives_s = self.arrival_s[cycle].copy()
         behind = passes & (self._overtaken != NONE)
         row = np.where(behind, self._overtaken, cycle)
         late_s = np.maximum(self._overtaken_s, arrives_s) + 0.1 * SLACK_S

@@ -37,7 +37,7 @@ class Kind(IntEnum):
 
 _BEAT = wire.UpMessage(kind=wire.Kind.BEAT, session=0, sequence=0, stamp=0, number=0, epoch=0)
 _EVENT = replace(_BEAT, command=wire.Command(accel_w_mps2=(0.0, 0.0, 0.0), yaw_rad=0.0, capture_ago=0))
-_CLOCK = replace(_BEAT, clock=wire.Clock(offset=0, sent_bytes=0, again=0))
+_CLOCK = replace(_BEAT, clock=wire.Clock(offset=0, round_trip=0, sent_bytes=0, again=0))
 BYTES = np.array([0, *(len(wire.packed(one)) + TAG_BYTES for one in (_BEAT, _CLOCK, _EVENT, _EVENT))])
 """Payload of each kind, with its tag."""
 _REPORT = wire.Report(
@@ -77,8 +77,10 @@ class Messages:
     """Kind, 0 in cycles without a message."""
     age_s: Array
     """Age at its arrival; infinite if it was lost, NaN without a message."""
+    clock: Mask
+    """Cycles whose event carried the clock as well, as a second message."""
     silence_s: Array
-    """Age of the newest message that the vehicle has."""
+    """Time since the ground has confirmed the command in use."""
     landed: Mask
     """Cycles after PX4 has taken over to land, as the ground was silent for too long; what follows is no flight."""
 
@@ -97,7 +99,7 @@ class LinkEnds:
         self._round_trip_s = np.maximum(delay_s, 2.0 * timing.up_age_s)
         self._each = np.arange(many)
         self._kind = np.zeros((cycles, many), dtype=np.int8)
-        self._cut = np.zeros((cycles, many), dtype=bool)
+        self._cut, self._and_clock = np.zeros((cycles, many), dtype=bool), np.zeros((cycles, many), dtype=bool)
         self._silence_s = np.zeros((cycles, many))
         self._number_sent, self._number_reported, self._echo = (np.full((cycles, many), NONE) for _ in range(3))
         """Number of the command that a message up, and a report, speaks of; newest message that a report has seen."""
@@ -108,8 +110,8 @@ class LinkEnds:
         self.is_lost = self.is_cut = self._hurries = np.zeros(many, dtype=bool)
         """Vehicles that should have acknowledged the newest command by now, and have not; that report a setpoint other
         than that of their command; that should have acknowledged anything at all by now."""
-        self._sent, self._again, self._clock = (np.full(many, NONE) for _ in range(3))
-        self._heard = np.zeros(many, dtype=np.int64)
+        self._sent, self._again, self._clock = np.full(many, NONE), np.full(many, NONE), np.zeros(many, dtype=np.int64)
+        self._heard = self._confirmed = np.zeros(many, dtype=np.int64)
         self._unreported, self._shown = np.zeros(many, dtype=bool), np.full(many, -cycles)
 
     def hear_reports(self, cycle: int) -> None:
@@ -130,23 +132,27 @@ class LinkEnds:
         again = ~event & self.is_lost & ((cycle - self._again) * self._period_s > AGAIN_EVERY_S - _TINY_S)
         silent_s = (cycle - self._sent) * self._period_s
         due = (self._sent == NONE) | self._hurries | (silent_s > self._timing.beat_s - _TINY_S)
-        beat = due & ~event & ~again
-        clock = beat & ((cycle - self._clock) * self._period_s > CLOCK_S - _TINY_S)
+        carries = event | again
+        told = (cycle - self._clock) * self._period_s > CLOCK_S - _TINY_S
+        clock, beat = told & ~carries, due & ~carries
         kind = np.select([event, again, clock, beat], [Kind.EVENT, Kind.AGAIN, Kind.CLOCK, Kind.BEAT], Kind.NOTHING)
         self._kind[cycle], self._number_sent[cycle] = kind, self.number
-        self._again = np.where(event | again, cycle, self._again)
-        self._clock, self._sent = np.where(clock, cycle, self._clock), np.where(kind > 0, cycle, self._sent)
+        self._and_clock[cycle] = told & carries
+        self._again, self._clock = np.where(carries, cycle, self._again), np.where(told, cycle, self._clock)
+        self._sent = np.where(kind > 0, cycle, self._sent)
         self._up.send(cycle, kind > 0, BYTES[kind])
 
     def hear_commands(self, cycle: int) -> Array:
-        """Take the newest command that has reached the vehicle; return the age (s) of the newest message, (B,)."""
+        """Take the newest command that has reached the vehicle; return for how long none was confirmed (s), (B,)."""
         first, here, now = self._up.arrived(cycle)
         self._heard = np.maximum(self._heard, newest(first, here))
         carries = self._kind[first : cycle + 1] >= Kind.EVENT
         row = newest(first, here & carries)
         self.in_use = np.maximum(self.in_use, np.where(row == NONE, NONE, self._number_sent[row, self._each]))
         self._unreported |= (now & carries).any(axis=0)
-        self._silence_s[cycle] = (cycle - self._heard) * self._period_s
+        confirmed = self._number_sent[self._heard, self._each] == self.in_use
+        self._confirmed = np.where(confirmed, np.maximum(self._heard, self._confirmed), self._confirmed)
+        self._silence_s[cycle] = (cycle - self._confirmed) * self._period_s
         return np.asarray(self._silence_s[cycle])
 
     def report(self, cycle: int, changed: Mask, cut: Mask) -> None:
@@ -168,6 +174,7 @@ class LinkEnds:
         return Messages(
             kind=self._kind.reshape(shape),
             age_s=np.where(self._kind > 0, age_s, np.nan).reshape(shape),
+            clock=self._and_clock.reshape(shape),
             silence_s=self._silence_s.reshape(shape),
             landed=landed.reshape(shape),
         )
@@ -187,5 +194,5 @@ def measured_up_age_s(link: Directions, timing: LinkTiming, period_s: float) -> 
     return median(ages_s[1:]) if len(ages_s) > 1 else math.nan
 
 
-_MEASURED, _SEED = 2000, 1
+_MEASURED, _SEED = 600, 1
 _NO = np.zeros(1, dtype=bool)

@@ -47,7 +47,9 @@ def digest() -> str:
     short = scene(Hold(CENTRE, duration_s=1.0), arms="swing", disturbance=PUSHED)
     law = law_for(short)
     trace = simulate(short.pilot(law), short.vehicle(), short.mission(law.law.preview_s), [5], keep_signals=True)
-    columns = {name: value for name, value in vars(trace).items() if name != "signals"} | trace.signals
+    columns = {
+        name: value for name, value in vars(trace).items() if name not in {"signals", "messages"}
+    } | trace.signals
     return hashlib.sha256(b"".join(value.tobytes() for _, value in sorted(columns.items()))).hexdigest()
 
 
