@@ -81,8 +81,8 @@ class GroundFlight:
         return output, setpoint
 
     def _correct_mirror(self) -> None:
-        """Take over what a vehicle has reported, where it cannot be what its commands say."""
-        wrong = self._ends.is_lost | self._ends.is_cut
+        """Take over what a vehicle has reported, where it is not what its command says."""
+        wrong = self._ends.is_cut
         if not wrong.any():
             return
         row, mirror = np.maximum(self._ends.reported, 0), self._mirror

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from companion.core.types import Array, Mask
 from companion.flight.remote_step import REPORT_S
 from companion.law_link import messages as wire
+from companion.law_link.codec import packed
 from companion.law_link.ground_end import AGAIN_EVERY_S, AGAIN_S, CLOCK_S, HURRY_S
 from companion.law_link.sealing import TAG_BYTES
 from companion.simulation.virtual_link import NONE, Direction, newest
@@ -38,7 +39,7 @@ class Kind(IntEnum):
 _BEAT = wire.UpMessage(kind=wire.Kind.BEAT, session=0, sequence=0, stamp=0, number=0, epoch=0)
 _EVENT = replace(_BEAT, command=wire.Command(accel_w_mps2=(0.0, 0.0, 0.0), yaw_rad=0.0, capture_ago=0))
 _CLOCK = replace(_BEAT, clock=wire.Clock(offset=0, round_trip=0, sent_bytes=0, again=0))
-BYTES = np.array([0, *(len(wire.packed(one)) + TAG_BYTES for one in (_BEAT, _CLOCK, _EVENT, _EVENT))])
+BYTES = np.array([0, *(len(packed(one)) + TAG_BYTES for one in (_BEAT, _CLOCK, _EVENT, _EVENT))])
 """Payload of each kind, with its tag."""
 _REPORT = wire.Report(
     session=0,
@@ -55,7 +56,7 @@ _REPORT = wire.Report(
     q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0),
     thrust=0.0,
 )
-_REPORT_BYTES = len(wire.packed(_REPORT)) + TAG_BYTES
+_REPORT_BYTES = len(packed(_REPORT)) + TAG_BYTES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,9 +108,9 @@ class LinkEnds:
         """Number of the newest command, and of the one that the vehicle uses."""
         self.reported = np.full(many, NONE)
         """Cycle in which the newest report that the ground has was sent."""
-        self.is_lost = self.is_cut = self._hurries = np.zeros(many, dtype=bool)
-        """Vehicles that should have acknowledged the newest command by now, and have not; that report a setpoint other
-        than that of their command; that should have acknowledged anything at all by now."""
+        self.is_cut = self._lost = self._hurries = np.zeros(many, dtype=bool)
+        """Vehicles whose last report is of a setpoint other than that of its command; that should have acknowledged the
+        newest command, or anything at all, by now and have not."""
         self._sent, self._again, self._clock = np.full(many, NONE), np.full(many, NONE), np.zeros(many, dtype=np.int64)
         self._heard = self._confirmed = np.zeros(many, dtype=np.int64)
         self._unreported, self._shown = np.zeros(many, dtype=bool), np.full(many, -cycles)
@@ -121,7 +122,7 @@ class LinkEnds:
         known, row = self.reported != NONE, np.maximum(self.reported, 0)
         number = self._number_reported[row, self._each]
         since_s = (cycle - self.number) * self._period_s
-        self.is_lost = known & (number != self.number) & (since_s > self._round_trip_s + AGAIN_S + _TINY_S)
+        self._lost = known & (number != self.number) & (since_s > self._round_trip_s + AGAIN_S + _TINY_S)
         self.is_cut = known & self._cut[row, self._each]
         unheard_s = (cycle - self._echo[row, self._each]) * self._period_s
         self._hurries = known & (unheard_s > self._round_trip_s + HURRY_S + _TINY_S)
@@ -129,7 +130,7 @@ class LinkEnds:
     def send(self, cycle: int, event: Mask) -> None:
         """Send what is due after the law's cycle, which has computed a new command where `event` (B,) says so."""
         self.number = np.where(event, cycle, self.number)
-        again = ~event & self.is_lost & ((cycle - self._again) * self._period_s > AGAIN_EVERY_S - _TINY_S)
+        again = ~event & self._lost & ((cycle - self._again) * self._period_s > AGAIN_EVERY_S - _TINY_S)
         silent_s = (cycle - self._sent) * self._period_s
         due = (self._sent == NONE) | self._hurries | (silent_s > self._timing.beat_s - _TINY_S)
         carries = event | again
