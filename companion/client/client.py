@@ -4,9 +4,8 @@ import asyncio
 import contextlib
 import secrets
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from typing import TYPE_CHECKING
 
 import aiomqtt
@@ -17,7 +16,9 @@ from companion.adapters.mqtt.reconnector import Reconnector, reason_of
 from companion.client.broker_connection import BrokerConnection, ForbiddenError, NotSentError
 from companion.client.connection_errors import may_be_chance, refused_connection
 from companion.client.endpoint import url_of
-from companion.client.errors import NobodyThereError
+from companion.client.errors import NoServiceError
+from companion.client.inbox import Inbox
+from companion.client.messages import Link, Message
 from companion.client.runs import Runs
 from companion.client.tasks import end
 from companion.config.operator_config import OperatorConfig
@@ -43,22 +44,11 @@ _TRIES = 3
 """Attempts of the first connection."""
 
 
-@dataclass(frozen=True)
-class Link:
-    """Event: the connection to the broker broke or was restored."""
-
-    there: bool
-    why: str = ""
-
-
-Message = Presence | State | Happened | Reply | Link
-
-
 @asynccontextmanager
 async def open_console(endpoint: OperatorConfig) -> AsyncIterator["Console"]:
     """Connect to the broker, and reconnect whenever the connection breaks.
 
-    Raises NobodyThereError when there is no broker, ConfigError when it refuses the user.
+    Raises NoServiceError when there is no broker, ConfigError when it refuses the user.
     """
     console = Console(endpoint)
     connecting = asyncio.create_task(console.keep(), name="companion.console")
@@ -70,19 +60,24 @@ async def open_console(endpoint: OperatorConfig) -> AsyncIterator["Console"]:
 
 
 class Console:
-    """Connected client of one operator, from `open_console`; messages are queued until `next` is called."""
+    """Connected client of one operator, from `open_console`; each reader has its own `inbox`."""
 
     def __init__(self, endpoint: OperatorConfig) -> None:
         self._endpoint, self._topics = endpoint, endpoint.topics
         self._client = f"console-{secrets.token_hex(6)}"
         self._reconnector = Reconnector(V311 if endpoint.host in _LOCAL_HOSTS else V5, self._lost)
         self._tries = 0
-        self._messages: asyncio.Queue[Message] = asyncio.Queue()
+        self._hearers: list[Callable[[Message], None]] = []
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._connection: BrokerConnection | None = None
         self._runs = Runs()
         self._newest: tuple[Presence | None, Reply | None] = (None, None)
         """Newest presence and newest reply, to drop repetitions."""
+
+    @property
+    def vehicle(self) -> str:
+        """Name of the vehicle."""
+        return self._endpoint.vehicle
 
     @property
     def where(self) -> str:
@@ -119,28 +114,38 @@ class Console:
         return self._runs.replaced(session, time.monotonic())
 
     async def connected(self, connecting: "asyncio.Task[None]") -> None:
-        """Wait for the first connection; raise its error, or NobodyThereError when it takes too long."""
+        """Wait for the first connection; raise its error, or NoServiceError when it takes too long."""
         waited: set[asyncio.Future[None]] = {self._first, connecting}
         await asyncio.wait(waited, timeout=_CONNECT_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
         if self._first.done():
             return self._first.result()
         if connecting.done():
             connecting.result()
-        raise NobodyThereError(
+        raise NoServiceError(
             f"no connection to the broker at {url_of(self._endpoint)} within {_CONNECT_TIMEOUT_S:g} s, so it is not "
             "known whether the service runs"
         )
 
-    async def next(self, timeout_s: float) -> Message | None:
-        """Return the next message; None after the timeout."""
+    @contextmanager
+    def inbox(self) -> Iterator[Inbox]:
+        """Give a reader all messages from now on, the service's presence first where it is known."""
+        inbox = Inbox()
+        if self.presence is not None:
+            inbox.put(self.presence)
+        with self.heard_by(inbox.put):
+            yield inbox
+
+    @contextmanager
+    def heard_by(self, hear: Callable[[Message], None]) -> Iterator[None]:
+        """Call `hear` with every message; it must not wait."""
+        self._hearers.append(hear)
         try:
-            async with asyncio.timeout(timeout_s):
-                return await self._messages.get()
-        except TimeoutError:
-            return None
+            yield
+        finally:
+            self._hearers.remove(hear)
 
     async def find(self) -> State:
-        """Wait for a service and return its state; raise NobodyThereError when there is none.
+        """Wait for a service and return its state; raise NoServiceError when there is none.
 
         Only a state proves that a service runs: a retained status may have been left by anybody.
         """
@@ -152,11 +157,11 @@ class Console:
                 if run.caught_up or waited_s > _CATCH_UP_S:
                     return run.state
             elif not self._seems_online and waited_s > _STATUS_S:
-                raise NobodyThereError(
+                raise NoServiceError(
                     f"no service of {self.where} is running: start `companion serve` on the vehicle's computer"
                 )
             elif waited_s > _STATE_S:
-                raise NobodyThereError(
+                raise NoServiceError(
                     f"no service: that of {self.where} was there, but has sent nothing for {_STATE_S:g} s: "
                     "it hangs, or is cut off from the broker"
                 )
@@ -197,7 +202,7 @@ class Console:
             self._reconnector.heard()
             self._connection = connection
             if self._first.done():
-                self._messages.put_nowait(Link(True))
+                self._tell(Link(True))
             else:
                 self._first.set_result(None)
             try:
@@ -214,9 +219,7 @@ class Console:
             raise refused_connection(error, self._endpoint)
         if self._connection is not None:
             self._connection = None
-            self._messages.put_nowait(
-                Link(False, f"no connection to {url_of(self._endpoint)} any more: {reason_of(error)}")
-            )
+            self._tell(Link(False, f"no connection to {url_of(self._endpoint)} any more: {reason_of(error)}"))
 
     def _read(self, message: aiomqtt.Message) -> None:
         """Take one message of the service; ignore anything that is not valid."""
@@ -244,4 +247,8 @@ class Console:
         if isinstance(message, State) and not self._runs.note_state(message, time.monotonic(), time.time()):
             return  # from another run: two services use this vehicle's name
         if isinstance(message, Presence | State | Happened | Reply):
-            self._messages.put_nowait(message)
+            self._tell(message)
+
+    def _tell(self, message: Message) -> None:
+        for hear in tuple(self._hearers):
+            hear(message)

@@ -9,7 +9,7 @@ from aiomqtt.exceptions import MqttConnectError
 from companion.adapters.mqtt.reconnector import certificate_fault, reason_of
 from companion.client.broker_connection import ForbiddenError, is_forbidden
 from companion.client.endpoint import url_of
-from companion.client.errors import NobodyThereError
+from companion.client.errors import NoServiceError
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import ConfigError
 
@@ -31,10 +31,10 @@ def refused_connection(error: Exception, endpoint: OperatorConfig) -> Exception:
     if isinstance(error, ssl.SSLError):
         return ConfigError(f"{url}: {certificate_fault(error)}")
     if isinstance(error, ConnectionRefusedError | socket.gaierror):
-        return NobodyThereError(
+        return NoServiceError(
             f"no broker at {url} ({reason_of(error)}): start `companion serve`, which has one, or another broker there"
         )
-    return NobodyThereError(
+    return NoServiceError(
         f"the broker at {url} does not answer ({reason_of(error)}), so it is not known whether the "
         "service runs: look at the broker; the pilot's remote control works without it"
     )

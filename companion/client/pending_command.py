@@ -2,13 +2,14 @@
 
 import asyncio
 import math
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 from enum import Enum
 
 from companion.client.broker_connection import NotSentError
-from companion.client.client import Console, Link, Message
+from companion.client.client import Console
 from companion.client.command_draft import CommandDraft
-from companion.client.errors import LostError, NobodyThereError
+from companion.client.errors import NoServiceError, TimedOutError, UnknownOutcomeError
+from companion.client.messages import Link, Message
 from companion.protocol.telemetry import ENDS, Answer, Reply, State
 
 _ANSWER_S = 8.0
@@ -30,6 +31,17 @@ def armed_of(state: State) -> str:
     if state.armed and state.phase in _NOT_FLYING:
         return "the autopilot is armed, although the service flies nothing"
     return "armed" if state.armed else "disarmed"
+
+
+def known_of(console: Console) -> str:
+    """Return the newest knowledge of the vehicle as part of a sentence."""
+    state = console.state
+    if state is None:
+        return "nothing is known of the vehicle"
+    age_s = console.state_age_s()
+    when = "now" if age_s < 1.0 else f"{age_s:.0f} s ago"
+    place = "" if state.position_w_m is None else f", {state.position_w_m[2]:.2f} m high"
+    return f"{when}: phase {state.phase}, {armed_of(state)}{place}"
 
 
 class Sent(Enum):
@@ -56,35 +68,33 @@ class PendingCommand:
         self._seen_in_state = False
         """True once a state has shown it under way."""
 
-    async def messages(self) -> AsyncIterator[Message]:
+    async def messages(self) -> AsyncGenerator[Message, None]:
         """Send the command and yield every message until the reply that ends it.
 
-        Raises NobodyThereError when no service was found and nothing was sent, LostError when the end is not known,
-        ConfigError when the broker rejects commands of this user.
+        Raises NoServiceError when no service was found and nothing was sent, TimedOutError after the timeout,
+        UnknownOutcomeError when the end is not known, ConfigError when the broker rejects commands of this user.
         """
-        await self._send()
-        loop = asyncio.get_running_loop()
-        self._begun_s = self._heard_s = loop.time()
-        while True:
-            message = await self._console.next(_LOOK_S)
-            if message is not None and not self._is_of_another(message):
-                self._note(message, loop.time())
-                yield message
-                if isinstance(message, Reply) and message.id == self._draft.id and message.answer in ENDS:
-                    return
-            why = self._loss(loop.time())
-            if why:
-                raise LostError(f"{self._draft.verb}: {why}; {self.known()}")
+        with self._console.inbox() as inbox:
+            await self._send()
+            loop = asyncio.get_running_loop()
+            self._begun_s = self._heard_s = loop.time()
+            while True:
+                message = await inbox.next(_LOOK_S)
+                if message is not None and not self._is_of_another(message):
+                    self._note(message, loop.time())
+                    yield message
+                    if isinstance(message, Reply) and message.id == self._draft.id and message.answer in ENDS:
+                        return
+                self._expect_reply(loop.time())
 
-    def known(self) -> str:
-        """Return the newest knowledge of the vehicle as part of a sentence."""
-        state = self._console.state
-        if state is None:
-            return "nothing is known of the vehicle"
-        age_s = self._console.state_age_s()
-        when = "now" if age_s < 1.0 else f"{age_s:.0f} s ago"
-        place = "" if state.position_w_m is None else f", {state.position_w_m[2]:.2f} m high"
-        return f"{when}: phase {state.phase}, {armed_of(state)}{place}"
+    def _expect_reply(self, now_s: float) -> None:
+        """Raise the error that says why the final reply will not arrive, or is not waited for."""
+        if now_s - self._begun_s > self._timeout_s:
+            over = f"not over after {self._timeout_s:g} s; it goes on"
+            raise TimedOutError(f"{self._draft.verb}: {over}; {known_of(self._console)}")
+        why = self._loss(now_s)
+        if why:
+            raise UnknownOutcomeError(f"{self._draft.verb}: {why}; {known_of(self._console)}")
 
     async def _send(self) -> None:
         """Send the command once; retry only while it certainly was not sent."""
@@ -99,7 +109,7 @@ class PendingCommand:
             except NotSentError as error:
                 self.sent = Sent.NO
                 if asyncio.get_running_loop().time() > end_s:
-                    raise NobodyThereError(f"{self._draft.verb}: nothing was sent: {error}") from error
+                    raise NoServiceError(f"{self._draft.verb}: nothing was sent: {error}") from error
                 await asyncio.sleep(_LOOK_S)
             else:
                 return
@@ -127,8 +137,6 @@ class PendingCommand:
         if now_s - self._heard_s > _GONE_S:
             who = "the service is" if self._console.linked else "the broker is"
             return f"{who} not heard any more for {_GONE_S:g} s, and it is not known how this ends"
-        if now_s - self._begun_s > self._timeout_s:
-            return f"not over after {self._timeout_s:g} s (--timeout); it goes on"
         return self._loss_while_connected(now_s) if self._console.linked else ""
 
     def _loss_while_connected(self, now_s: float) -> str:

@@ -64,9 +64,14 @@ def read_waypoints(path: Path) -> Waypoints:
 
 
 def rows_of(waypoints: Waypoints) -> list[dict[str, float]]:
-    """Return waypoints as rows of the bus's `track` command; rounded, because 400 must fit into one message."""
-    table = np.column_stack((waypoints.times_s, waypoints.positions_w_m, waypoints.yaws_rad)).round(_DECIMALS)
-    return [dict(zip((*_COLUMNS, _YAW), row, strict=True)) for row in table.tolist()]
+    """Return waypoints as rows of the bus's `track` command."""
+    return rows_of_table(np.column_stack((waypoints.times_s, waypoints.positions_w_m, waypoints.yaws_rad)))
+
+
+def rows_of_table(table: Array) -> list[dict[str, float]]:
+    """Return a table (N, 4) or (N, 5) as rows of the bus's `track` command; rounded, so that 400 fit into it."""
+    names = (*_COLUMNS, _YAW)[: table.shape[1]]
+    return [dict(zip(names, row, strict=True)) for row in table.round(_DECIMALS).tolist()]
 
 
 def _check_headings(yaws_rad: Array, table: CsvTable) -> None:

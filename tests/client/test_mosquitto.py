@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from companion.client.client import Link, open_console
+from companion.client.client import open_console
 from companion.client.command_draft import CommandDraft
+from companion.client.messages import Link
 from companion.client.pending_command import PendingCommand
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError

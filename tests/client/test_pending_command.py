@@ -9,9 +9,10 @@ import pytest
 
 from companion.adapters.mqtt import connection
 from companion.client import client, pending_command
-from companion.client.client import Console, Link, open_console
+from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
-from companion.client.errors import LostError, NobodyThereError
+from companion.client.errors import NoServiceError, UnknownOutcomeError
+from companion.client.messages import Link
 from companion.client.pending_command import PendingCommand
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
@@ -49,18 +50,18 @@ async def test_a_command_reaches_a_service_whose_clock_is_an_hour_ahead(shared_b
 
 async def test_nobody_there_is_one_sentence_whether_absent_gone_or_silent(shared_broker: BrokerProcess) -> None:
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
-    with pytest.raises(NobodyThereError, match=r"no service of 'v\d+' at mqtt://127.0.0.1:\d+ is running"):
+    with pytest.raises(NoServiceError, match=r"no service of 'v\d+' at mqtt://127.0.0.1:\d+ is running"):
         await run(place, CommandDraft("arm"))
     async with scripted(place.port, place.vehicle) as service:
         await run(place, CommandDraft("hold"))
         service.silent = True
-        with pytest.raises(NobodyThereError, match="has sent nothing for 2 s"):
+        with pytest.raises(NoServiceError, match="has sent nothing for 2 s"):
             await run(place, CommandDraft("arm"))
         await service.present(online=False)
-        with pytest.raises(NobodyThereError, match="is running"):
+        with pytest.raises(NoServiceError, match="is running"):
             await run(place, CommandDraft("arm"))
     assert [one.verb for one in service.taken] == ["hold"]
-    with pytest.raises(NobodyThereError, match=r"no broker at mqtt://127\.0\.0\.1:9 .Connection refused.: start"):
+    with pytest.raises(NoServiceError, match=r"no broker at mqtt://127\.0\.0\.1:9 .Connection refused.: start"):
         await run(OperatorConfig(port=9), CommandDraft("arm"))
 
 
@@ -107,7 +108,9 @@ async def test_an_end_that_was_said_while_the_connection_was_broken_is_not_waite
                         service.doing, service.phase, service.height_m = None, "hold", 1.2
                         await asyncio.to_thread(own.start)
 
-            with pytest.raises(LostError, match=r"ended while the connection was broken.* hold, disarmed, 1\.20 m"):
+            with pytest.raises(
+                UnknownOutcomeError, match=r"ended while the connection was broken.* hold, disarmed, 1\.20 m"
+            ):
                 await follow()
 
 
@@ -121,7 +124,7 @@ async def test_an_answer_that_was_lost_is_not_waited_for_for_ever(shared_broker:
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
     async with scripted(place.port, place.vehicle, forgets):
         with pytest.raises(
-            LostError, match=r"goto: it is not carried out any more, and how it ended was not heard; now"
+            UnknownOutcomeError, match=r"goto: it is not carried out any more, and how it ended was not heard; now"
         ):
             await run(place, CommandDraft("goto", x_m=0.0, y_m=0.0, z_m=1.0))
 
@@ -153,7 +156,7 @@ async def test_a_service_that_was_restarted_knows_nothing_of_the_command(shared_
 
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
     async with scripted(place.port, place.vehicle, dies):
-        with pytest.raises(LostError, match="arm: the service was restarted meanwhile"):
+        with pytest.raises(UnknownOutcomeError, match="arm: the service was restarted meanwhile"):
             await run(place, CommandDraft("arm"))
 
 
@@ -211,7 +214,7 @@ async def test_a_broker_that_hangs_or_breaks_off_ends_every_wait_with_a_sentence
 
     async with await asyncio.start_server(converse, "127.0.0.1", 0) as server:
         place = OperatorConfig(port=server.sockets[0].getsockname()[1])
-        with pytest.raises(NobodyThereError, match=r"does not answer .*, so it is not known whether the service runs"):
+        with pytest.raises(NoServiceError, match=r"does not answer .*, so it is not known whether the service runs"):
             await run(place, CommandDraft("arm"))
 
 
@@ -227,8 +230,9 @@ async def test_a_broker_whose_computer_lost_its_power_is_noticed_by_its_silence(
             own.hang()
             try:
                 async with asyncio.timeout(15.0):
-                    while not isinstance(said := await console.next(1.0), Link):
-                        pass
+                    with console.inbox() as inbox:
+                        while not isinstance(said := await inbox.next(None), Link):
+                            pass
             finally:
                 own.go_on()
             assert not said.there
@@ -243,7 +247,7 @@ async def test_a_connection_that_is_never_made_or_that_fails_oddly_is_no_wait_fo
         raise KeyError("odd")
 
     monkeypatch.setattr(client, "_CONNECT_TIMEOUT_S", 0.1)
-    for keep, expected in ((lambda _: asyncio.sleep(60.0), NobodyThereError), (odd, KeyError)):
+    for keep, expected in ((lambda _: asyncio.sleep(60.0), NoServiceError), (odd, KeyError)):
         monkeypatch.setattr(Console, "keep", keep)
         with pytest.raises(expected):
             await run(OperatorConfig(port=9), CommandDraft("arm"))
@@ -255,7 +259,7 @@ async def test_giving_up_after_the_timeout_says_that_it_goes_on(shared_broker: B
 
     place = OperatorConfig(port=shared_broker.port, vehicle=vehicle())
     async with scripted(place.port, place.vehicle, never), open_console(place) as console:
-        with pytest.raises(LostError, match=r"land: not over after 0.3 s .--timeout.; it goes on; now: phase standby"):
+        with pytest.raises(UnknownOutcomeError, match=r"land: not over after 0.3 s; it goes on; now: phase standby"):
             _ = [said async for said in PendingCommand(console, CommandDraft("land"), timeout_s=0.3).messages()]
 
 

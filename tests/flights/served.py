@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from companion.cli.demo.mock_process import MockPorts, free_ports
-from companion.client.client import Link, open_console
+from companion.client.client import open_console
+from companion.client.messages import Link, Message
 from companion.config.operator_config import OperatorConfig
 from companion.protocol.telemetry import Happened, State
 from tests.flights.command import ROOT, Ran, Running, mock_config, run, start
@@ -276,24 +277,18 @@ class Seen:
 async def looking_on(place: OperatorConfig, served: Served) -> AsyncIterator[Seen]:
     """An operator's client that only looks, connected again whenever that breaks."""
     seen = Seen(served)
+
+    def hear(said: Message) -> None:
+        if isinstance(said, State):
+            seen.states.append(said)
+        elif isinstance(said, Happened):
+            seen.events.append(said)
+        elif isinstance(said, Link):
+            seen.links.append(said.there)
+
     async with open_console(place) as console:
-
-        async def look() -> None:
-            while True:
-                said = await console.next(1.0)
-                if isinstance(said, State):
-                    seen.states.append(said)
-                elif isinstance(said, Happened):
-                    seen.events.append(said)
-                elif isinstance(said, Link):
-                    seen.links.append(said.there)
-
-        looking = asyncio.create_task(look(), name="looks on")
-        try:
+        with console.heard_by(hear):
             yield seen
-        finally:
-            looking.cancel()
-            await asyncio.wait([looking])
 
 
 def kill(process: int) -> None:

@@ -15,7 +15,7 @@ import pytest
 from companion.adapters.mqtt.link import BusLink
 from companion.client.client import open_console
 from companion.client.command_draft import CommandDraft
-from companion.client.errors import NobodyThereError
+from companion.client.errors import NoServiceError
 from companion.client.pending_command import PendingCommand
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import ConfigError
@@ -144,7 +144,7 @@ async def test_who_does_not_belong_here_does_not_get_in(room: Lab, tmp_path: Pat
         ({"password_file": str(wrong)}, ConfigError, "rejects the connection: "),
         ({"user": "nobody"}, ConfigError, "rejects the connection: "),
         ({"user": None, "password_file": None}, ConfigError, "rejects the connection: "),
-        ({"tls": False, "ca_file": None}, NobodyThereError, "the broker at mqtt://.* does not answer"),
+        ({"tls": False, "ca_file": None}, NoServiceError, "the broker at mqtt://.* does not answer"),
         ({"ca_file": str(tmp_path / "other/ca.crt")}, ConfigError, "is the CA file .* the one that signed"),
         ({"ca_file": None}, ConfigError, "is the CA file .* the one that signed"),
     ):

@@ -1,7 +1,6 @@
 """The operator's commands to the running service, over MQTT from any machine."""
 
 import sys
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -10,15 +9,12 @@ from companion.cli.complete import controllers, service_motions, trajectories
 from companion.cli.operator.exit_codes import INTERRUPTED
 from companion.cli.operator.options import CommandOptions, with_waiting
 from companion.cli.operator.run import operate, without_arguments
+from companion.client.paths import CURVES, fields_of_path
 from companion.core.errors import ConfigError
 from companion.protocol.telemetry import Reply
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-_CURVES = ("ellipse", "figure8")
-_DECIMALS = 6
-"""Decimals of m, rad and s: 400 waypoints must fit into one message."""
 
 Height = Annotated[
     float | None, typer.Option(metavar="M", help="Height above the take-off point, m.  [default: as configured]")
@@ -90,30 +86,11 @@ def track(
 ) -> None:
     """Fly to a trajectory's start, fly it and hold at its end; the arms may move meanwhile. Ctrl-C holds."""
     curve: dict[str, Any] = {"laps": laps, "size": size, "period_s": period, "height_m": height}
-    if path in _CURVES:
-        operate(options, "track", curve=path, arms=arms, **curve)
-    given = [name.removesuffix("_s").removesuffix("_m") for name, value in curve.items() if value is not None]
-    if given:
-        raise ConfigError(f"--{given[0]} is only for ellipse and figure8: {path} defines the whole trajectory")
-    operate(options, "track", waypoints=_waypoints(path), arms=arms)
-
-
-def _waypoints(name: str) -> list[dict[str, float]]:
-    from companion.config.trajectory_files import Curve, read_waypoints, trajectory_named  # noqa: PLC0415 - numpy takes time
-
-    path = Path(name)
-    if not path.exists():
-        trajectory_named(name, Curve())  # raises with the names that exist
-    read = read_waypoints(path)
-    table = zip(read.times_s, read.positions_w_m, read.yaws_rad, strict=True)
-    return [
-        {
-            "t_s": round(float(t_s), _DECIMALS),
-            **{axis: round(float(value), _DECIMALS) for axis, value in zip(("x_m", "y_m", "z_m"), place, strict=True)},
-            "yaw_rad": round(float(yaw_rad), _DECIMALS),
-        }
-        for t_s, place, yaw_rad in table
-    ]
+    given = {name: value for name, value in curve.items() if value is not None}
+    if given and path not in CURVES:
+        option = next(iter(given)).removesuffix("_s").removesuffix("_m")
+        raise ConfigError(f"--{option} is only for ellipse and figure8: {path} defines the whole trajectory")
+    operate(options, "track", arms=arms, **given, **fields_of_path(path))
 
 
 @with_waiting

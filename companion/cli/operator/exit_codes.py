@@ -2,7 +2,7 @@
 
 import re
 
-from companion.client.errors import LostError, NobodyThereError
+from companion.client.errors import FailedError, NoServiceError, UnknownOutcomeError
 from companion.core.errors import CompanionError, ConfigError
 
 FAILED = 1
@@ -18,7 +18,8 @@ _MOST_SEEDS = 1000
 
 def code_of(error: CompanionError) -> int:
     """Return the exit code that belongs to `error`."""
-    return NOBODY if isinstance(error, NobodyThereError) else LOST if isinstance(error, LostError) else BAD_INPUT
+    codes = ((FailedError, FAILED), (NoServiceError, NOBODY), (UnknownOutcomeError, LOST))
+    return next((code for kind, code in codes if isinstance(error, kind)), BAD_INPUT)
 
 
 def names_of(text: str, option: str) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Protocol
 import typer
 from pydantic import BaseModel
 
-from companion.client.client import Link, Message
+from companion.client.messages import Link, Message
 from companion.protocol.telemetry import Happened, Presence, Reply, State
 
 _TYPES: dict[type, str] = {Reply: "reply", State: "state", Happened: "event", Presence: "status"}

@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.text import Text
 
 from companion.cli.terminal import show_cursor
-from companion.client.client import Link, Message
+from companion.client.messages import Link, Message
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply, State
 
 Show = Callable[[Reply, Console], None]

@@ -13,7 +13,7 @@ from rich.text import Text
 from companion.cli.operator.output_formats import phase_of, words_of
 from companion.cli.terminal import show_cursor
 from companion.client import client
-from companion.client.client import Link, Message
+from companion.client.messages import Link, Message
 from companion.client.pending_command import armed_of
 from companion.protocol.telemetry import WAITING, Happened, Kind, LawLink, Presence, State
 

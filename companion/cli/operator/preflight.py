@@ -1,7 +1,6 @@
 """`companion preflight`: by the running service, else directly from the devices."""
 
 import asyncio
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,9 +11,9 @@ from companion.cli.operator.options import CommandOptions, with_waiting
 from companion.cli.operator.run import operate
 from companion.client.client import open_console
 from companion.client.endpoint import EndpointOptions, endpoint_of
-from companion.client.errors import NobodyThereError
+from companion.client.errors import NoServiceError
 from companion.core.errors import ConfigError
-from companion.preflight.checks.check import Check
+from companion.protocol.check import checks_of
 from companion.protocol.telemetry import Reply
 
 if TYPE_CHECKING:
@@ -75,19 +74,13 @@ async def _is_there(given: EndpointOptions) -> bool:
     try:
         async with open_console(endpoint_of(given)) as console:
             await console.find()
-    except NobodyThereError:
+    except NoServiceError:
         return False
     return True
 
 
 def show_checks(reply: Reply, console: "Console") -> None:
-    """Print the list of checks in a reply, without a verdict: the reply's text has it.
-
-    Fields that only an older or newer service knows are left out.
-    """
+    """Print the list of checks in a reply, without a verdict: the reply's text has it."""
     from companion.cli.vehicle.preflight import show  # noqa: PLC0415 - as above
 
-    known = {field.name for field in fields(Check)}
-    listed = reply.data.get("checks", ())
-    checks = [Check(**{name: value for name, value in one.items() if name in known}) for one in listed]
-    show(checks, console, as_json=False, with_verdict=False)
+    show(checks_of(reply.data), console, as_json=False, with_verdict=False)

@@ -8,34 +8,22 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
-from companion.cli.operator.exit_codes import BAD_INPUT, FAILED, INTERRUPTED, code_of
+from companion.cli.operator.exit_codes import INTERRUPTED, code_of
 from companion.cli.operator.json_output import JsonVoice, Voice
 from companion.cli.operator.options import CommandOptions, with_waiting
-from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
+from companion.client.connecting import open_vehicles
 from companion.client.endpoint import endpoint_of
-from companion.client.pending_command import PendingCommand, Sent
+from companion.client.ownership import REMEDIES
+from companion.client.safe_exit import first_accepted
 from companion.client.tasks import end
+from companion.client.vehicle import Vehicle
 from companion.core.errors import CompanionError
-from companion.protocol.telemetry import Answer, Reply
 
 if TYPE_CHECKING:
     from companion.cli.operator.output_formats import Show
 
-_CODES = {Answer.DONE: 0, Answer.ACCEPTED: 0, Answer.FAILED: FAILED, Answer.REFUSED: BAD_INPUT}
-_SAFE_S = 15.0
-"""Time limit for the command after Ctrl-C; a hold takes a few seconds to stop."""
 T = TypeVar("T")
-
-_HOLD, _ABORT = ({"verb": "hold"},), ({"verb": "abort"},)
-_AFTER_CTRL_C: dict[str, tuple[dict[str, Any], ...]] = {
-    "arm": _ABORT,  # ends the checks before arming, too, which a disarm would not
-    "takeoff": (*_HOLD, *_ABORT),  # no hold fits before it has left the ground; then the motors stop
-    "goto": _HOLD,
-    "track": _HOLD,
-    "arms": ({"verb": "arms", "do": "hold"},),
-}
-"""Commands that make it safe, by verb; the next one is sent when one is refused."""
 
 
 class _PressedError(Exception):
@@ -83,52 +71,40 @@ class _Run:
     async def _execute(self, draft: CommandDraft) -> tuple[int, str]:
         async with AsyncExitStack() as stack:
             try:
-                opening = stack.enter_async_context(open_console(endpoint_of(self._options.endpoint)))
-                console = await self._unless_pressed(opening)
+                opening = stack.enter_async_context(open_vehicles([endpoint_of(self._options.endpoint)], land=False))
+                (vehicle,) = await self._unless_pressed(opening)
             except _PressedError:
                 return INTERRUPTED, "interrupted, nothing was sent"
-            pending = PendingCommand(console, draft, self._options.timeout_s)
             self._voice.begin(draft.verb)
+            given = self._options
             try:
-                reply = await self._unless_pressed(self._follow(pending, draft))
+                reply = await self._unless_pressed(
+                    vehicle.execute(draft, timeout_s=given.timeout_s, wait=given.wait, hear=self._voice.say)
+                )
             except _PressedError:
-                return INTERRUPTED, await self._make_safe(console, pending, draft)
-            done = reply.text or str(reply.answer)
-            return _CODES[reply.answer], done if reply.answer in _GOOD else reply.sentence(draft.verb)
+                return INTERRUPTED, await self._make_safe(vehicle, draft)
+            return 0, reply.text or str(reply.answer)
 
-    async def _follow(self, pending: PendingCommand, draft: CommandDraft) -> Reply:
-        """Print the service's messages; return the last reply, or the acceptance with --no-wait."""
-        last: Reply | None = None
-        async for message in pending.messages():
-            self._voice.say(message)
-            if isinstance(message, Reply) and message.id == draft.id:
-                last = message
-                if message.answer is Answer.ACCEPTED and not self._options.wait:
-                    break
-        assert last is not None
-        return last
-
-    async def _make_safe(self, console: Console, pending: PendingCommand, draft: CommandDraft) -> str:
+    async def _make_safe(self, vehicle: Vehicle, draft: CommandDraft) -> str:
         """Send the commands that make it safe after Ctrl-C; return the sentence about their result."""
-        if pending.sent is Sent.NO:
+        if not vehicle.own.under_way(draft):
             return "interrupted, nothing was sent"
-        remedies = _AFTER_CTRL_C.get(draft.verb, ())
+        remedies = REMEDIES.get(draft.verb, ())
         if not remedies:
             return f"interrupted: {draft.verb} was sent and continues; not waiting for its end"
-        outcome = ""
-        for remedy in remedies:
-            safe = CommandDraft(**remedy)
-            what = " ".join(str(value) for value in remedy.values())
+        what = ""
+
+        def begin(remedy: str) -> None:
+            nonlocal what
+            what = remedy
             self._voice.note(f"interrupted: {what} is sent; Ctrl-C again leaves without waiting")
-            try:
-                reply = await self._unless_pressed(self._follow(PendingCommand(console, safe, _SAFE_S), safe))
-            except _PressedError:
-                return f"interrupted: {what} was sent and continues; not waiting for its end"
-            except CompanionError as error:
-                return f"interrupted, but it is not known whether {what} was executed: {error}"
-            outcome = reply.sentence(what)
-            if reply.answer is not Answer.REFUSED:
-                break
+
+        try:
+            outcome = await self._unless_pressed(first_accepted(vehicle, remedies, begin, self._voice.say))
+        except _PressedError:
+            return f"interrupted: {what} was sent and continues; not waiting for its end"
+        except CompanionError as error:
+            return f"interrupted, but it is not known whether {what} was executed: {error}"
         return f"interrupted; {outcome}"
 
     async def _unless_pressed(self, work: Coroutine[Any, Any, T]) -> T:
@@ -142,6 +118,3 @@ class _Run:
         finally:
             await end(doing)
             await end(pressed)
-
-
-_GOOD = frozenset({Answer.DONE, Answer.ACCEPTED})

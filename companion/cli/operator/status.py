@@ -14,13 +14,11 @@ import typer
 from companion.cli.operator.exit_codes import INTERRUPTED, code_of
 from companion.cli.operator.json_output import line_of
 from companion.cli.operator.options import CommandOptions, with_connection
-from companion.client import client
-from companion.client.client import Message, open_console
+from companion.client.client import Console, open_console
 from companion.client.endpoint import endpoint_of
+from companion.client.messages import Message
 from companion.core.errors import CompanionError
 from companion.protocol.telemetry import Happened, State
-
-_SILENT_S = 1.0
 
 
 @with_connection
@@ -55,17 +53,20 @@ def _end(options: CommandOptions, work: Coroutine[Any, Any, None]) -> None:
     raise typer.Exit(code)
 
 
-async def _heard(console: client.Console) -> AsyncIterator[Message | None]:
-    """Yield messages for ever, None after a second of silence; NobodyThereError when no service answers."""
-    await console.find()
-    while True:
-        yield await console.next(_SILENT_S)
+async def _heard(console: Console) -> AsyncIterator[Message]:
+    """Yield messages for ever; NoServiceError when no service answers."""
+    with console.inbox() as inbox:
+        await console.find()
+        while True:
+            message = await inbox.next(None)
+            assert message is not None
+            yield message
 
 
 async def _print_states(options: CommandOptions, once: bool) -> None:
     async with open_console(endpoint_of(options.endpoint)) as console:
         async for message in _heard(console):
-            if isinstance(message, State) or (message is not None and not once and not isinstance(message, Happened)):
+            if isinstance(message, State) or not (once or isinstance(message, Happened)):
                 typer.echo(line_of(message))
             if once and isinstance(message, State):
                 return
@@ -85,14 +86,13 @@ async def _show_live(options: CommandOptions) -> None:
         from companion.cli.operator.panel import live_panel  # noqa: PLC0415 - see above
 
         with live_panel(console):
-            async for _ in _heard(console):
-                pass
+            await asyncio.Event().wait()
 
 
 async def _print_events(options: CommandOptions) -> None:
     async with open_console(endpoint_of(options.endpoint)) as console:
         async for message in _heard(console):
-            if message is None or isinstance(message, State):
+            if isinstance(message, State):
                 continue
             if options.as_json:
                 typer.echo(line_of(message))

@@ -1,26 +1,10 @@
-"""Result of one check, and the arming decision from many."""
+"""The arming decision from the results of many checks."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from companion.protocol.check import Check
 
-@dataclass(frozen=True)
-class Check:
-    """Result of one check, a line of the list."""
-
-    name: str
-    passed: bool
-    says: str
-    """Result, with numbers and units."""
-    todo: str = ""
-    """Remedy where it did not pass; begins with a small letter, ends without a full stop."""
-    must: bool = True
-    """Arming is refused while it fails; False: a warning."""
-
-    @property
-    def refuses(self) -> bool:
-        """True when this check prevents arming."""
-        return self.must and not self.passed
+__all__ = ["Check", "refusal"]
 
 
 def refusal(checks: Iterable[Check]) -> str:

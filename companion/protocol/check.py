@@ -1,0 +1,32 @@
+"""Result of one preflight check, as in the reply to the command `preflight`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of one check, a line of the list."""
+
+    name: str
+    passed: bool
+    says: str
+    """Result, with numbers and units."""
+    todo: str = ""
+    """Remedy where it did not pass; begins with a small letter, ends without a full stop."""
+    must: bool = True
+    """Arming is refused while it fails; False: a warning."""
+
+    @property
+    def refuses(self) -> bool:
+        """True when this check prevents arming."""
+        return self.must and not self.passed
+
+
+def checks_of(data: Mapping[str, Any]) -> tuple[Check, ...]:
+    """Return the checks in the data of a reply, without fields that only an older or newer service knows."""
+    known = {field.name for field in fields(Check)}
+    return tuple(
+        Check(**{name: value for name, value in one.items() if name in known}) for one in data.get("checks", ())
+    )
