@@ -4,6 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from random import Random
 
+import numpy as np
+
 from companion.control.pipeline import idle_setpoint
 from companion.control.remote_law import RemoteLaw
 from companion.flight.remote_step import RemoteStep
@@ -34,6 +36,9 @@ class Pair:
     random: Random = field(default_factory=lambda: Random(1))
     down: list[tuple[float, bytes]] = field(default_factory=list)
     now_s: float = 0.0
+    lose: int = 0
+    """Every how many messages up one is lost; 0: none."""
+    sent: int = 0
 
     def __post_init__(self) -> None:
         self.end = VehicleEnd(SECRET, _introduction(""), self.random.randbytes)
@@ -51,15 +56,18 @@ class Pair:
             self.ground.hear(datagram, arrival_s + GROUND_AHEAD_S)
         self.down.clear()
         for datagram in self.ground.tick(cycle_s + GROUND_AHEAD_S):
+            self.sent += 1
+            if self.lose and self.sent % self.lose == 0:
+                continue
             reply = self.end.hear(datagram, now_s, "ground")
             if reply is not None:
                 self.send(reply)
 
 
-def flight_with_link() -> Iterator[Tick]:
+def flight_with_link(track_s: float = 0.5, lose: int = 0) -> Iterator[Tick]:
     """Yield the ticks of `flown.flight`, with the link as its vehicle would see it."""
-    pair, step = Pair(), None
-    for number, tick in enumerate(flight()):
+    pair, step, used = Pair(lose=lose), None, 0
+    for number, tick in enumerate(flight(track_s=track_s)):
         pair.ground.epoch, pair.ground.flags = int(tick.flight.airborne), UpFlags(int(tick.flight.airborne))
         if tick.flight.airborne and number % EVERY == 0:
             pair.ground.command(Command(accel_w_mps2=(0.25, -0.5, number / 64), yaw_rad=0.125, capture_ago=120))
@@ -70,4 +78,13 @@ def flight_with_link() -> Iterator[Tick]:
             step.show(tick.time_s, tick.flight, tick.limited.setpoint, tick.limited, None)
         else:
             step.show(tick.time_s, tick.flight, idle_setpoint(0.0), None, None)
-        yield replace(tick, link=step.tick, law=step.law_name)
+        yield replace(_with_event(tick, step.tick.command.number != used), link=step.tick, law=step.law_name)
+        used = step.tick.command.number
+
+
+def _with_event(tick: Tick, event: bool) -> Tick:
+    """Return the tick with an event where the vehicle has a new command."""
+    if tick.pipeline is None:
+        return tick
+    output = replace(tick.pipeline.law_output, event=np.array([float(event)]))
+    return replace(tick, pipeline=replace(tick.pipeline, law_output=output))

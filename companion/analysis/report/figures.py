@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from companion.analysis.report import control_figures, motion_figures
+from companion.analysis.report import control_figures, link_figures, motion_figures
 from companion.analysis.report.charts import Chart
 from companion.analysis.report.recorded_flight import Flown
 from companion.analysis.report.story import Story
@@ -29,6 +29,12 @@ _CAPTIONS = {
     "weights": "Weights of the network; black: Frobenius norm of the layer.",
     "signals": "Tracking errors y, filtered command χ and compensation ι of the law. Blue x, orange y, green z.",
     "horizon": "Slow part of motion capture's roll and pitch minus the autopilot's, and its correction.",
+    "link": (
+        "Link to the law on the ground: messages up and their losses, payload, age of each message at its arrival, and "
+        "silence: the time since the ground has confirmed the command in use. Dashed: what follows from silence."
+    ),
+    "message_ages": "Ages of messages from the ground; dashed: median, dotted: 99 %.",
+    "message_gaps": "Times between arrivals of messages from the ground; dashed: median, dotted: 99 %.",
     "thrust": "Normalised thrust setpoint, and battery voltage.",
     "arms": "Joint positions; wide and pale: their goals.",
 }
@@ -47,6 +53,10 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
             _chart(flown, motion_figures.errors, 3.6, 3.0),
             *_charts_of_the_law(flown),
         ]
+    if link_figures.has_link(flown):
+        charts.append(_chart(flown, link_figures.link, 6.0, 4.8))
+        charts.append(_chart(flown, link_figures.message_ages, 2.6, 2.2, wide=False))
+        charts.append(_chart(flown, link_figures.message_gaps, 2.6, 2.2, wide=False))
     if np.isfinite(flown.column("horizon_off_roll_rad")[flown.airborne]).any():
         charts.append(_chart(flown, control_figures.horizon, 3.0, 2.4))
     if flown.has("setpoint_thrust"):

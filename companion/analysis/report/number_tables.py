@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from companion.analysis.report.numbers import AXES, Errors, Numbers, TrajectoryNumbers, Triggers
+from companion.analysis.report.recorded_flight import GROUND_TO_SETPOINT
 from companion.analysis.report.tables import BAD, WORDS, Cell, Grid
 from companion.analysis.report.trajectories import UNNAMED
 
@@ -167,13 +168,18 @@ def latency_table(numbers: Numbers) -> Grid | None:
         (Cell(name), Cell(str(one.count)), ms(one.median_s), ms(one.p95_s), ms(one.max_s))
         for name, one in numbers.latencies.items()
     )
-    return Grid("Latencies in the air (ms)", ("", "cycles", "median", "95 %", "max"), rows, _LATENCIES)
+    note = _LATENCIES + (_OVER_GROUND if GROUND_TO_SETPOINT in numbers.latencies else "")
+    return Grid("Latencies in the air (ms)", ("", "cycles", "median", "95 %", "max"), rows, note)
 
 
 _LATENCIES = (
     "Age of the pose used: from its capture to the start of the cycle that uses it. Cycle late: from the frame or "
     "deadline that starts a cycle to its start. Frame to setpoint: from the frame's arrival at this computer to the "
     "sending of the setpoint. Capture to setpoint: from the cameras' exposure to the sending."
+)
+_OVER_GROUND = (
+    " Ground's capture to setpoint: the same for the frame that a law on the ground has computed its command from, in "
+    "the cycles that were the first to use a command."
 )
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.analysis.report.link_numbers import LinkNumbers, link_numbers
 from companion.analysis.report.recorded_flight import Flown, Mask, Trajectory
 from companion.analysis.report.story import Story, story_of
 from companion.core.types import Array
@@ -97,6 +98,8 @@ class Numbers:
     triggers_whole: Triggers | None
     latencies: dict[str, Spread]
     horizon: HorizonNumbers | None
+    link: tuple[LinkNumbers, ...]
+    """Traffic of the link on each trajectory, and last in the air; empty for a law on board."""
     story: Story
 
     def as_dict(self) -> dict[str, Any]:
@@ -129,6 +132,7 @@ def numbers_of(flown: Flown) -> Numbers:
         triggers_whole=_triggers(flown, flown.airborne),
         latencies={name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
         horizon=_horizon(flown) if record.frames else None,
+        link=link_numbers(flown),
         story=story,
     )
 

@@ -14,6 +14,7 @@ from companion.analysis.report.compare import overlaid
 from companion.analysis.report.comparison import comparison
 from companion.analysis.report.figures import charts_of
 from companion.analysis.report.html import contents, facts, lead, picture, swatches, table, tables, whole
+from companion.analysis.report.link_table import link_table
 from companion.analysis.report.number_tables import letters
 from companion.analysis.report.numbers import Numbers, numbers_of
 from companion.analysis.report.recorded_flight import Flown
@@ -76,7 +77,7 @@ def _chapter(chapter: Chapter, letter: str, progress: Progress) -> str:
     grids: list[Grid | None] = [
         number_tables.trajectory_table(numbers), number_tables.error_table(numbers),
         number_tables.trigger_table(numbers), number_tables.latency_table(numbers),
-        number_tables.horizon_table(numbers),
+        link_table(numbers.link), number_tables.horizon_table(numbers),
     ]  # fmt: skip
     happened: list[Grid | None] = [
         number_tables.fault_table(numbers), number_tables.reaction_table(numbers), number_tables.said_table(numbers),

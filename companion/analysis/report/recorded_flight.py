@@ -26,6 +26,7 @@ __all__ = ["Flown", "Mask", "Stretch", "Trajectory"]
 STALE_S = 0.5
 """Age from which a pose no longer shows the vehicle's position."""
 FRAME_TO_SETPOINT = "frame to setpoint"
+GROUND_TO_SETPOINT = "ground's capture to setpoint"
 
 
 @dataclass(frozen=True)
@@ -173,8 +174,14 @@ class Flown:
             "cycle late": self.column("late_s"),
             FRAME_TO_SETPOINT: sent_s - came_s,
             "capture to setpoint": sent_s - time_s + self.column("age_s"),
+            GROUND_TO_SETPOINT: sent_s - np.where(self.event, self._ground_capture_s, np.nan),
         }
         return {name: known for name, all_s in found.items() if len(known := _finite(all_s[self.airborne]))}
+
+    @property
+    def _ground_capture_s(self) -> Array:
+        """Capture of the frame that the newest command of a law on the ground was computed from, s; else NaN."""
+        return self.column("link_command_sent_s") - self.column("link_capture_ago_s")
 
     def gaps_s(self, among: Mask) -> tuple[Array, Array]:
         """Return the times of triggers among these cycles, and the time since the previous one in the same run, s.
