@@ -1,5 +1,6 @@
 """Record of one cycle of the flight loop, for observers."""
 
+import math
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -62,6 +63,14 @@ class Tick:
     more: tuple[MoreColumns, ...] = ()
     stage: Stage = Stage.GROUND
     """In which `events` were found, before they led anywhere; the table of reactions goes by it."""
+
+    @property
+    def pose_age_s(self) -> float:
+        """Age of the newest pose: the ground's where frames do not reach the vehicle, else that of the state."""
+        estimate = self.estimate
+        if estimate is None or estimate.motion is not None or not math.isfinite(estimate.stamp_s):
+            return self.age_s
+        return self.time_s - estimate.stamp_s
 
 
 class TickSink(Protocol):

@@ -130,7 +130,7 @@ class Telemetry:
             velocity_w_mps=_vector(vehicle.velocity_w_mps) if vehicle else None,
             yaw_rad=float(yaw_of(vehicle.q_w_flu_wxyz)) if vehicle else None,
             tilt_rad=_tilt_rad(vehicle.q_w_flu_wxyz) if vehicle else None,
-            age_s=_number(tick.age_s),
+            age_s=_number(tick.pose_age_s),
             reference_w_m=_vector(reference.position_w_m) if reference else None,
             error_m=error_m,
             thrust=float(tick.limited.setpoint.thrust) if tick.limited else None,

@@ -104,3 +104,9 @@ def test_a_law_on_the_ground_is_shown_with_its_link(link: LawLink, lines: str) -
 
 def test_a_law_on_board_has_no_lines_of_a_link() -> None:
     assert "link" not in shown()
+
+
+def test_an_old_pose_is_said_to_be_old() -> None:
+    here = STATE.model_copy(update={"position_w_m": (1.0, 2.0, 3.0), "age_s": 0.02})
+    assert " s old" not in shown(here)
+    assert "+3.00 m, 9.2 s old" in shown(here.model_copy(update={"age_s": 9.17}))

@@ -152,6 +152,9 @@ async def test_that_landing_is_blind_and_ends_not_far_away() -> None:
     assert flight.truths_w_m[-1][2] == pytest.approx(0.0, abs=0.01)
     after = [tick.ground_pose for tick in flight.ticks[begin + 2 :] if tick.ground_pose is not None]
     assert not after, "nothing tells it where it is any more"
+    last = flight.ticks[-1]
+    assert last.pose_age_s == pytest.approx(last.time_s - flight.ticks[begin].time_s, abs=0.1), "and it says so"
+    assert last.age_s < CONFIG.safety.coast_s, "its attitude is as fresh as ever"
 
 
 async def test_the_vehicles_record_is_replayed_to_the_last_bit(tmp_path: Path) -> None:

@@ -18,6 +18,8 @@ from companion.client.pending_command import armed_of
 from companion.protocol.telemetry import WAITING, Happened, Kind, LawLink, Presence, State
 
 _SILENT_S = 1.0
+_OLD_S = 0.5
+"""Age above which a pose is said to be old."""
 _REFRESH_HZ = 5.0
 _STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.REPLY: "cyan"}
 
@@ -140,7 +142,8 @@ def _motion(state: State) -> list[tuple[str, str]]:
     if state.position_w_m is not None:
         x_m, y_m, z_m = state.position_w_m
         yaw = "" if state.yaw_rad is None else f", yaw {state.yaw_rad:+.2f} rad"
-        rows.append(("position", f"{x_m:+.2f} {y_m:+.2f} {z_m:+.2f} m{yaw}"))
+        old = f", {state.age_s:.1f} s old" if state.age_s is not None and state.age_s > _OLD_S else ""
+        rows.append(("position", f"{x_m:+.2f} {y_m:+.2f} {z_m:+.2f} m{yaw}{old}"))
     if state.velocity_w_mps is not None:
         tilt = "" if state.tilt_rad is None else f", tilt {state.tilt_rad:.2f} rad"
         rows.append(("speed", f"{math.hypot(*state.velocity_w_mps):.2f} m/s{tilt}"))
