@@ -21,6 +21,7 @@ from companion.ground.ground_service import parts_of
 from companion.ground.ground_tick import GroundTick
 from companion.law_link.agreement import Introduction
 from companion.law_link.ground_end import GroundEnd
+from companion.law_link.messages import UpFlags
 from companion.law_link.vehicle_end import VehicleEnd
 from mock_autopilot.impairment import CUT, ImpairedDirection, Impairment, parse
 
@@ -65,6 +66,8 @@ class Datagram:
     source: Address
     to: Address
     sent_s: float
+    confirms: bool = False
+    """A ground law of the right key that sees and computes has sent it."""
 
 
 class SimulatedNetwork:
@@ -115,13 +118,16 @@ class SimulatedNetwork:
 class _Socket(asyncio.DatagramTransport):
     """Socket of one end."""
 
-    def __init__(self, network: SimulatedNetwork, clock: Clock, source: Address) -> None:
+    def __init__(
+        self, network: SimulatedNetwork, clock: Clock, source: Address, confirms: Callable[[], bool] = lambda: False
+    ) -> None:
         super().__init__()
-        self._network, self._clock, self._source = network, clock, source
+        self._network, self._clock, self._source, self._confirms = network, clock, source, confirms
 
     def sendto(self, data: Any, addr: Any = None) -> None:
         """Send to an address, or to the vehicle."""
-        self._network.send(Datagram(bytes(data), self._source, addr or VEHICLE, self._clock.now_s()))
+        now_s = self._clock.now_s()
+        self._network.send(Datagram(bytes(data), self._source, addr or VEHICLE, now_s, self._confirms()))
 
 
 class _GroundMocap:
@@ -143,8 +149,9 @@ class _GroundMocap:
 class SimulatedGround:
     """One computer on the ground with `companion law` on it; `step` lets it live."""
 
-    def __init__(self, world: "GroundWorld", me: Introduction, parts: GroundParts, address: Address) -> None:
-        self._world, self._parts, self._address = world, parts, address
+    def __init__(self, world: "GroundWorld", me: Introduction, parts: GroundParts, key: bytes) -> None:
+        self._world, self._parts, self._key = world, parts, key
+        self.address: Address = (me.host, 14600)
         self.offset_s = world.setup.clock_offset_s
         self.stopped = False
         """It gets no time; its socket and its cameras' newest frame wait."""
@@ -155,14 +162,18 @@ class SimulatedGround:
 
     def _begin(self, me: Introduction) -> None:
         world = self._world
-        end = GroundEnd(world.key, me, world.random, beat_s=0.03)
+        end = GroundEnd(self._key, me, world.random, beat_s=0.03)
         self.link = GroundLink(end, self)
-        self.link.opened(_Socket(world.network, world.room, self._address))
+        self.link.opened(_Socket(world.network, world.room, self.address, self._confirms))
         self.law = GroundLaw(end, self._parts, me.law, world.law(self._parts.delay_s))
         self._mocap, self._waiting = _GroundMocap(), list[Datagram]()
         self._loop = GroundLoop(self._mocap, self.link, self.law, self, self._parts.period_s)
         self._loop.observers.append(self.ticks.append)
         self._timer = TickTimer(self._parts.period_s, self.now_s() + self._parts.period_s)
+
+    def _confirms(self) -> bool:
+        flags = self.link.end.flags
+        return self._key == self._world.key and not flags & (UpFlags.BLIND | UpFlags.FAILED)
 
     def now_s(self) -> float:
         """interfaces.Clock: the ground's own."""
@@ -208,6 +219,8 @@ class GroundWorld:
         self.vehicle.opened(_Socket(self.network, room, VEHICLE))
         self._parts, self._config, self._law = parts_of(config), config, law
         self._grounds: dict[Address, SimulatedGround] = {}
+        self.all_grounds: list[SimulatedGround] = []
+        """Every ground law that was ever started."""
         self.heard: list[tuple[float, Datagram]] = []
         """Every datagram that came to the vehicle, and when."""
         self._frame: MocapFrame | None = None
@@ -218,15 +231,16 @@ class GroundWorld:
         law = self._law
         return controller_of(with_link(self._config, up_age_s), law).law if isinstance(law, str) else law
 
-    def begin(self, host: str, **changes: Any) -> SimulatedGround:
+    def begin(self, host: str, key: bytes | None = None, **changes: Any) -> SimulatedGround:
         """Start a ground law on a computer; `changes` are of how it introduces itself."""
-        ground = SimulatedGround(self, replace(self._me, host=host, **changes), self._parts, (host, 14600))
-        self._grounds[host, 14600] = ground
+        ground = SimulatedGround(self, replace(self._me, host=host, **changes), self._parts, key or self.key)
+        self._grounds[ground.address] = ground
+        self.all_grounds.append(ground)
         return ground
 
     def kill(self, ground: SimulatedGround) -> None:
         """End its process."""
-        self._grounds = {address: one for address, one in self._grounds.items() if one is not ground}
+        del self._grounds[ground.address]
 
     def step(self) -> None:
         """Let the network and all grounds live until now."""

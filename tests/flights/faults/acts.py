@@ -93,12 +93,16 @@ def one_servo(kind: FaultKind, servo_id: int, **more: float) -> Act:
     return break_it
 
 
-class _Raises(Pid):
+class Raises(Pid):
+    """A law with a mistake."""
+
     def step(self, memory: PidMemory, now: ControlInput) -> tuple[PidMemory, ControlOutput]:  # noqa: ARG002
         raise ZeroDivisionError("a mistake in somebody's law")
 
 
-class _GivesNan(Pid):
+class GivesNan(Pid):
+    """A law that divides by zero."""
+
     def step(self, memory: PidMemory, now: ControlInput) -> tuple[PidMemory, ControlOutput]:
         after, output = super().step(memory, now)
         return after, replace(output, accel_w_mps2=output.accel_w_mps2 * np.nan)
@@ -106,12 +110,12 @@ class _GivesNan(Pid):
 
 def law_raises(flight: Flight) -> None:
     """Make the law raise from now on; flown with "pid"."""
-    flight.loop._pipeline._controller = _Raises(PidGains())
+    flight.loop._pipeline._controller = Raises(PidGains())
 
 
 def law_gives_nan(flight: Flight) -> None:
     """Make the law give NaN from now on; flown with "pid"."""
-    flight.loop._pipeline._controller = _GivesNan(PidGains())
+    flight.loop._pipeline._controller = GivesNan(PidGains())
 
 
 def disk_full(flight: Flight) -> None:

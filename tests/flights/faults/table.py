@@ -3,6 +3,7 @@
 from tests.flights.faults.rows import Row
 from tests.flights.faults.table_arms import ARM_FAULTS
 from tests.flights.faults.table_flight import FLIGHT
+from tests.flights.faults.table_link import LINK
 from tests.flights.faults.table_mocap import MOCAP
 
-VIRTUAL: tuple[Row, ...] = MOCAP + FLIGHT + ARM_FAULTS
+VIRTUAL: tuple[Row, ...] = MOCAP + FLIGHT + ARM_FAULTS + LINK

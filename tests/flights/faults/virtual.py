@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from tests.flights.faults.judge import Result, judged
 from tests.flights.faults.rows import CONFIG, Conditions, Row, When
 from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.watch import Told, Watch, fence_of
+from tests.flights.faults.watch_link import link_problems
 from tests.flights.simulated import Flight, FlightTimeoutError, Step, fly
 from tests.flights.test_simulated_arms import play, swing, torque
 from tests.flights.test_simulated_flights import ARM, ask, until, wait
@@ -84,7 +85,8 @@ class Operator:
 def fly_row(row: Row) -> Result:
     """Fly it to the end, whatever that is, by an autopilot whose horizon errs as drawn for this row."""
     flight, watch, operator = asyncio.run(_fly(row, seed_of(row)))
-    return judged(row, watch.flown, told_in(flight), operator.planned_s)
+    result = judged(row, watch.flown, told_in(flight), operator.planned_s)
+    return replace(result, problems=(*result.problems, *link_problems(flight)))
 
 
 def seed_of(row: Row) -> int:

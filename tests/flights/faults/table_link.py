@@ -1,0 +1,84 @@
+"""Flights by a law on the ground in which its link, the law, or somebody else in the network goes wrong."""
+
+from companion.supervisor.faults import Fault
+from tests.flights.faults import acts_link as link
+from tests.flights.faults.rows import CONFIG, RULES, Act, Conditions, End, Row, When, within
+from tests.flights.simulated_ground import GroundSetup, ground_config
+
+PX4, OURS, ON = End.HANDED_OVER, End.LANDED, End.FLIES_ON
+SECOND_S = 1.0
+"""Shares of messages are judged over a second."""
+AIR = (When.HOVER, When.TRACK, When.TAKEOFF, When.LANDING)
+SPLIT = Conditions(ground_config(CONFIG, onboard_mocap=True), more={"ground": GroundSetup()})
+SPLIT_PID = Conditions(SPLIT.config, "pid", SPLIT.more)
+WITHOUT_FRAMES = Conditions(ground_config(CONFIG, onboard_mocap=False), more={"ground": GroundSetup()})
+SILENT_S = within(RULES.command_silent_s)
+
+
+def _silent(variant: str, make: Act | str, when: When = When.TRACK, end: End = PX4, split: Conditions = SPLIT) -> Row:
+    return Row(Fault.GROUND_LAW_SILENT, variant, (make,), end, SILENT_S, when, flown_with=split)
+
+
+def _harmless(fault: Fault, variant: str, make: Act, when: When = When.TRACK) -> Row:
+    return Row(fault, variant, (make,), ON, 0.0, when, harmless=True, flown_with=SPLIT)
+
+
+def _noted(fault: Fault, variant: str, make: Act, limit_s: float, when: When = When.TRACK) -> Row:
+    return Row(fault, variant, (make,), ON, limit_s, when, flown_with=SPLIT)
+
+
+CABLE = (
+    *(_harmless(Fault.COMMAND_LATE, "the cable is out for 0.1 s", link.cable_out(0.1), when) for when in AIR[:3]),
+    _noted(Fault.COMMAND_LATE, "the cable is out for 0.18 s", link.cable_out(0.18), within(RULES.command_late_s)),
+    *(_silent("the cable is out for 0.3 s", link.cable_out(0.3), when) for when in AIR),
+    *(_silent("the cable is out for 1 s", link.cable_out(1.0), when) for when in (When.TRACK, When.HOVER)),
+    _silent("the cable is out for 10 s", link.cable_out(10.0), When.TRACK),
+    _silent("the cable is out", link.cable_out(), When.TAKEOFF),
+    _silent("the cable is out", link.cable_out(), When.GROUND, End.NOT_STARTED),
+    _silent("the cable is out, no frames on the vehicle", link.cable_out(), When.TRACK, split=WITHOUT_FRAMES),
+)
+
+RADIO = (
+    _harmless(Fault.COMMANDS_LOST, "30 % lost", link.radio("loss 30%")),
+    _harmless(Fault.COMMANDS_LOST, "30 % lost in bursts of 0.1 s", link.radio("loss 30% burst 100 ms")),
+    _silent("30 % lost in bursts of 0.3 s", link.radio("loss 30% burst 300 ms"), When.TRACK),
+    Row(Fault.COMMANDS_LOST, "75 % lost", (link.radio("loss 75%"),), OURS, within(SECOND_S), When.TRACK,
+        flown_with=SPLIT),
+    _harmless(Fault.COMMANDS_REORDERED, "50 ms of jitter", link.radio("jitter 50 ms")),
+    _noted(Fault.COMMANDS_REORDERED, "half of them overtaken", link.radio("reorder 50%"), within(SECOND_S)),
+    Row(Fault.COMMAND_DELAYED, "0.12 s late", (link.radio("delay 120 ms"),), OURS, within(SECOND_S), When.TRACK,
+        flown_with=SPLIT),
+    _silent("0.2 s late", link.radio("delay 200 ms"), When.TRACK),
+    _silent("0.4 s late", link.radio("delay 400 ms"), When.TRACK),
+)  # fmt: skip
+
+LAW = (
+    _silent("the law's process ends", link.law_dies, When.TRACK),
+    _silent("the law's process ends", link.law_dies, When.LANDING),
+    _silent("the law's process is stopped for 0.5 s", link.law_stops(0.5), When.TRACK),
+    _silent("the law's process is stopped for 10 s", link.law_stops(10.0), When.HOVER),
+    _silent("the law is started again within 0.1 s", link.law_restarts(0.1), When.TRACK),
+    _silent("the law is started again after 2 s", link.law_restarts(2.0), When.HOVER),
+    _silent("a law of another version instead of ours", link.law_of_another_version, When.GROUND, End.NOT_STARTED),
+    _silent("frames reach the ground no more", link.blind, When.TRACK),
+    _silent("frames reach the ground no more", link.blind, When.TRACK, split=WITHOUT_FRAMES),
+    Row(Fault.MOCAP_SILENT, "frames reach neither ground nor vehicle", ("mocap off",), PX4, within(RULES.silent_s),
+        When.TRACK, flown_with=SPLIT),
+    Row(Fault.LAW_FAILED, "the law on the ground raises", (link.law_raises,), PX4, within(0.1), When.TRACK,
+        flown_with=SPLIT_PID),
+    Row(Fault.LAW_FAILED, "the law on the ground gives NaN", (link.law_gives_nan,), PX4,
+        within(0.1 + 0.01 * RULES.not_finite_cycles), When.TRACK, flown_with=SPLIT_PID),
+    *(_silent(f"the ground's clock jumps by {jump_s:g} s", link.clock_jumps(jump_s))
+      for jump_s in (0.3, -0.3, 20.0, -20.0)),
+)  # fmt: skip
+
+OTHERS = (
+    _noted(Fault.GROUND_LAW_TWICE, "a second ground law", link.another_law, within(SECOND_S)),
+    _noted(Fault.COMMANDS_FOREIGN, "a ground law with another key", link.law_with_wrong_key, within(SECOND_S)),
+    _noted(Fault.COMMANDS_FOREIGN, "an earlier flight's messages again", link.earlier_flight_again, within(0.1)),
+    _noted(Fault.COMMANDS_FOREIGN, "this flight's messages again", link.this_flight_again, within(0.1)),
+    _noted(Fault.COMMANDS_FOREIGN, "this flight's messages, each with a wrong bit", link.broken_copies, within(0.1)),
+    _noted(Fault.COMMANDS_FOREIGN, "10,000 datagrams of noise", link.garbage, within(0.1)),
+)
+
+LINK = CABLE + RADIO + LAW + OTHERS
