@@ -27,8 +27,8 @@ from companion.supervisor.flight_state import INACTIVE, Phase
 
 LOG = logging.getLogger(__name__)
 
-_OLDEST_S = 0.1
-"""Age of the state from which on the ground law says that it is blind; the vehicle levels itself at this age."""
+_OLDEST_S = 0.05
+"""Age of the state from which on the ground law says that it is blind, as `SafetyRules.coast_s` has it on board."""
 _BEYOND_PLAN_S = 0.3
 _BAD_CYCLES = 20
 _RETUNE_S = 0.004

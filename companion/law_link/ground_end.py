@@ -229,15 +229,18 @@ class GroundEnd:
             return False
         if not self.flags & UpFlags.FLYING:  # a vehicle that stands uses no command, and acknowledges none
             return False
+        every_s = 0.0 if self._hurries(s, now_s) else AGAIN_EVERY_S
         is_lost = now_s - s.command_s > self._round_trip_s() + AGAIN_S
-        return is_lost and now_s - s.again_s >= AGAIN_EVERY_S - TICK_S
+        return is_lost and now_s - s.again_s >= every_s - TICK_S
 
     def _interval_s(self, s: GroundSession, now_s: float) -> float:
-        report = s.report
-        if report is None or not self.flags & UpFlags.FLYING:
-            return self._beat_s
-        acknowledged_s = seconds_between(ticks_of(now_s), report.echo)
-        return 0.0 if acknowledged_s > self._round_trip_s() + HURRY_S else self._beat_s
+        return 0.0 if self._hurries(s, now_s) else self._beat_s
+
+    def _hurries(self, s: GroundSession, now_s: float) -> bool:
+        """Return True if nothing was acknowledged lately, in flight."""
+        if s.report is None or not self.flags & UpFlags.FLYING:
+            return False
+        return seconds_between(ticks_of(now_s), s.report.echo) > self._round_trip_s() + HURRY_S
 
     @staticmethod
     def _clock_is_due(s: GroundSession, now_s: float) -> bool:

@@ -25,10 +25,26 @@ def test_a_beat_after_a_lost_command_does_not_confirm_the_old_one() -> None:
     ends.cycle(HOVER)
     ends.ground.command(HOVER)
     ends.sent()  # and lost
-    for _ in range(20):
+    for _ in range(10):
         ends.deliver([datagram for datagram in ends.sent() if len(datagram) < 40])  # beats alone get through
-    assert silence_s(ends) == pytest.approx(0.21, abs=0.002)
-    assert ends.vehicle.status(ends.now_s).received > 5
+    assert silence_s(ends) == pytest.approx(0.11, abs=0.002)
+    assert ends.vehicle.status(ends.now_s).received > 2
+
+
+def test_while_nothing_is_acknowledged_every_cycle_sends_the_command() -> None:
+    ends = Joined()
+    ends.fly()
+    ends.cycle(HOVER)
+    for _ in range(30):
+        ends.cycle()
+    again = ends.ground.counts.again
+    for _ in range(10):
+        ends.cycle()
+    assert ends.ground.counts.again == again + 10
+    ends.report(shown(1))
+    for _ in range(10):
+        ends.cycle()
+    assert ends.ground.counts.again == again + 10
 
 
 def test_a_command_that_a_beat_has_overtaken_is_used_and_confirmed() -> None:

@@ -133,7 +133,7 @@ def test_who_loses_the_autopilot_lets_go_and_who_loses_sight_has_px4_land() -> N
     assert px4 >= BLIND
     assert px4 - BLIND == {
         Fault.SETPOINT_NOT_FOLLOWED, Fault.TRACKING_LOST, Fault.FENCE_LEFT, Fault.LAW_FAILED, Fault.BATTERY_CRITICAL,
-        Fault.LANDING_TOO_LONG, Fault.GROUND_LAW_SILENT,
+        Fault.LANDING_TOO_LONG, Fault.GROUND_LAW_SILENT, Fault.COMMAND_DELAYED,
     }  # fmt: skip
 
 

@@ -31,7 +31,8 @@ def _why_silent(link: LinkStatus, age_s: float) -> str:
     if link.failed:
         return f"the law on {link.host} has failed: look at its log"
     if link.blind:
-        return f"the ground law on {link.host} has had no fresh pose for {age_s:.2f} s: look at its motion capture"
+        lacks = f"the ground law on {link.host} has had no fresh pose, or no plan of this vehicle, for {age_s:.2f} s"
+        return f"{lacks}: look at its motion capture and at the link"
     return f"nothing from the ground law on {link.host} for {age_s:.2f} s: look at the link, and at `companion law`"
 
 
