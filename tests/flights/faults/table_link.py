@@ -13,6 +13,8 @@ SPLIT = Conditions(ground_config(CONFIG, onboard_mocap=True), more={"ground": Gr
 SPLIT_PID = Conditions(SPLIT.config, "pid", SPLIT.more)
 WITHOUT_FRAMES = Conditions(ground_config(CONFIG, onboard_mocap=False), more={"ground": GroundSetup()})
 SILENT_S = within(RULES.command_silent_s)
+BLIND_S = within(RULES.command_silent_s, RULES.coast_s)
+"""The law flies on by its last pose for the time that a law on board does."""
 
 
 def _silent(variant: str, make: Act | str, when: When = When.TRACK, end: End = PX4, split: Conditions = SPLIT) -> Row:
@@ -41,14 +43,16 @@ CABLE = (
 RADIO = (
     _harmless(Fault.COMMANDS_LOST, "30 % lost", link.radio("loss 30%")),
     _harmless(Fault.COMMANDS_LOST, "30 % lost in bursts of 0.1 s", link.radio("loss 30% burst 100 ms")),
-    _silent("30 % lost in bursts of 0.3 s", link.radio("loss 30% burst 300 ms"), When.TRACK),
-    Row(Fault.COMMANDS_LOST, "75 % lost", (link.radio("loss 75%"),), OURS, within(SECOND_S), When.TRACK,
+    Row(Fault.GROUND_LAW_SILENT, "30 % lost in bursts of 0.3 s", (link.radio("loss 30% burst 300 ms"),), PX4,
+        within(RULES.command_silent_s, 2.0 * SECOND_S), When.TRACK, flown_with=SPLIT),
+    Row(Fault.COMMANDS_LOST, "70 % lost", (link.radio("loss 70%"),), OURS, within(SECOND_S), When.TRACK,
         flown_with=SPLIT),
     _harmless(Fault.COMMANDS_REORDERED, "50 ms of jitter", link.radio("jitter 50 ms")),
     _noted(Fault.COMMANDS_REORDERED, "half of them overtaken", link.radio("reorder 50%"), within(SECOND_S)),
-    Row(Fault.COMMAND_DELAYED, "0.12 s late", (link.radio("delay 120 ms"),), OURS, within(SECOND_S), When.TRACK,
-        flown_with=SPLIT),
-    _silent("0.2 s late", link.radio("delay 200 ms"), When.TRACK),
+    *(Row(Fault.COMMAND_DELAYED, f"{delay_s} s late", (link.radio(f"delay {delay_s} s"),), PX4,
+        within(SECOND_S, delay_s), when, flown_with=SPLIT)
+      for delay_s, when in ((0.08, When.TRACK), (0.12, When.TRACK), (0.2, When.TRACK), (0.2, When.TAKEOFF))),
+    _harmless(Fault.COMMAND_DELAYED, "0.04 s late", link.radio("delay 40 ms")),
     _silent("0.4 s late", link.radio("delay 400 ms"), When.TRACK),
 )  # fmt: skip
 
@@ -60,14 +64,14 @@ LAW = (
     _silent("the law is started again within 0.1 s", link.law_restarts(0.1), When.TRACK),
     _silent("the law is started again after 2 s", link.law_restarts(2.0), When.HOVER),
     _silent("a law of another version instead of ours", link.law_of_another_version, When.GROUND, End.NOT_STARTED),
-    _silent("frames reach the ground no more", link.blind, When.TRACK),
-    _silent("frames reach the ground no more", link.blind, When.TRACK, split=WITHOUT_FRAMES),
+    Row(Fault.GROUND_LAW_SILENT, "frames reach the ground no more", (link.blind,), PX4, BLIND_S, When.TRACK,
+        flown_with=SPLIT),
+    Row(Fault.GROUND_LAW_SILENT, "frames reach the ground no more, and not the vehicle", (link.blind,), PX4, BLIND_S,
+        When.TRACK, flown_with=WITHOUT_FRAMES),
     Row(Fault.MOCAP_SILENT, "frames reach neither ground nor vehicle", ("mocap off",), PX4, within(RULES.silent_s),
         When.TRACK, flown_with=SPLIT),
-    Row(Fault.LAW_FAILED, "the law on the ground raises", (link.law_raises,), PX4, within(0.1), When.TRACK,
-        flown_with=SPLIT_PID),
-    Row(Fault.LAW_FAILED, "the law on the ground gives NaN", (link.law_gives_nan,), PX4,
-        within(0.1 + 0.01 * RULES.not_finite_cycles), When.TRACK, flown_with=SPLIT_PID),
+    _silent("the law raises", link.law_raises, split=SPLIT_PID),
+    _silent("the law gives NaN", link.law_gives_nan, split=SPLIT_PID),
     *(_silent(f"the ground's clock jumps by {jump_s:g} s", link.clock_jumps(jump_s))
       for jump_s in (0.3, -0.3, 20.0, -20.0)),
 )  # fmt: skip
