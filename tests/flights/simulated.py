@@ -28,7 +28,7 @@ from companion.geometry.frames import flip_yz
 from companion.supervisor.flight_state import Phase
 from mock_autopilot.config import MockConfig
 from mock_autopilot.faults.mocap import MocapFaults
-from mock_autopilot.faults.schedule import FaultTransition
+from mock_autopilot.faults.schedule import FaultSchedule, FaultTransition
 from mock_autopilot.faults.sentences import parse
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
@@ -95,6 +95,11 @@ class Room:
     def inject(self, sentence: str) -> None:
         """Let something go wrong, from now on or when its time comes: "mocap stuck for 2 s" (docs/faults.md)."""
         self.bench.world.inject(parse(sentence))
+
+    @property
+    def faults(self) -> FaultSchedule:
+        """Faults that are injected."""
+        return self.bench.world.faults
 
     @property
     def truth_w_m(self) -> Array:

@@ -3,7 +3,6 @@
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf
 from random import Random
 from typing import Any, Protocol
 
@@ -23,7 +22,10 @@ from companion.law_link.agreement import Introduction
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import UpFlags
 from companion.law_link.vehicle_end import VehicleEnd
-from mock_autopilot.impairment import CUT, ImpairedDirection, Impairment, parse
+from mock_autopilot.faults.catalogue import DOWN, UP
+from mock_autopilot.faults.network import NetworkFaults
+from mock_autopilot.faults.schedule import FaultSchedule
+from mock_autopilot.impairment import parse
 
 KEY = b"the key of this room's vehicle"
 VEHICLE: Address = ("vehicle", 14600)
@@ -54,6 +56,10 @@ class Room(Protocol):
     def frame(self) -> MocapFrame | None:
         """Newest frame."""
 
+    @property
+    def faults(self) -> FaultSchedule:
+        """Faults that are injected."""
+
     def now_s(self) -> float:
         """Simulated time."""
 
@@ -71,14 +77,13 @@ class Datagram:
 
 
 class SimulatedNetwork:
-    """Network between the vehicle and its grounds: one direction up, one down."""
+    """Network between the vehicle and its grounds, with the room's faults of a network."""
 
-    def __init__(self, clock: Clock, sentence: str, seed: int) -> None:
-        self._clock = clock
-        self._usual = parse(sentence)
-        self._up: ImpairedDirection[Datagram] = ImpairedDirection(self._usual, seed, seed)
-        self._down: ImpairedDirection[Datagram] = ImpairedDirection(self._usual, seed + 1, seed)
-        self._changes: list[tuple[float, Impairment]] = []
+    def __init__(self, room: Room, sentence: str, seed: int) -> None:
+        self._room, usual = room, parse(sentence)
+        self._up: NetworkFaults[Datagram] = NetworkFaults(room.faults, UP, usual, seed)
+        self._down: NetworkFaults[Datagram] = NetworkFaults(room.faults, DOWN, usual, seed)
+        self._arrived: list[Datagram] = []
         self.sent_up: list[Datagram] = []
         """Everything that was ever sent to the vehicle, for those who listen in and play it again."""
 
@@ -87,32 +92,15 @@ class SimulatedNetwork:
         up = datagram.to == VEHICLE
         if up:
             self.sent_up.append(datagram)
-        (self._up if up else self._down).put(self._clock.now_s(), datagram, len(datagram.data))
-
-    def impair(self, sentence: str, for_s: float = inf) -> None:
-        """Add this to what the network usually does, for a time."""
-        now_s = self._clock.now_s()
-        self._set(self._usual.and_also(parse(sentence)))
-        self._changes = [(now_s + for_s, self._usual)]
-
-    def cut(self, for_s: float = inf) -> None:
-        """Let nothing through, and lose what is on its way."""
-        now_s = self._clock.now_s()
-        for direction in (self._up, self._down):
-            direction.due(inf)
-        self._set(CUT)
-        self._changes = [(now_s + for_s, self._usual)]
-
-    def _set(self, impairment: Impairment) -> None:
-        self._up.set(impairment)
-        self._down.set(impairment)
+        way = self._up if up else self._down
+        self._arrived += way.pass_on([datagram], self._room.now_s(), len(datagram.data))
 
     def arrived(self) -> list[Datagram]:
-        """Return what arrives now."""
-        now_s = self._clock.now_s()
-        while self._changes and self._changes[0][0] <= now_s:
-            self._set(self._changes.pop(0)[1])
-        return [*self._up.due(now_s), *self._down.due(now_s)]
+        """Return what arrives now, each once."""
+        now_s = self._room.now_s()
+        arrived = [*self._arrived, *self._up.pass_on([], now_s), *self._down.pass_on([], now_s)]
+        self._arrived.clear()
+        return arrived
 
 
 class _Socket(asyncio.DatagramTransport):

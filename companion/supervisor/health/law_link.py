@@ -1,7 +1,7 @@
 """Health checks of the link to a law on the ground: silence, age, losses, foreign datagrams. Pure."""
 
 from companion.law_link.link_status import LinkStatus
-from companion.supervisor.faults import Event, Fault
+from companion.supervisor.faults import Event, Fault, Stage
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 
@@ -10,9 +10,12 @@ _ENOUGH = 10
 
 
 def check_law_link(now: HealthInputs, rules: SafetyRules) -> list[Event]:
-    """Check the link; no events for a law on board, or before setpoints are sent (preflight checks it then)."""
+    """Check the link; no events for a law on board, or before setpoints are sent (preflight checks it then).
+
+    While the autopilot lands, it tells whether the vehicle could be taken back.
+    """
     link = now.link
-    if link is None or not now.streaming:
+    if link is None or not (now.streaming or now.stage is Stage.HANDED_OVER):
         return []
     return _silence(link, now.command_age_s, rules) + _shares(link, rules) + _strangers(link)
 

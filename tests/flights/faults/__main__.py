@@ -21,7 +21,7 @@ from tests.flights.faults.table import VIRTUAL
 from tests.flights.faults.table_real import REAL
 from tests.flights.faults.virtual import fly_named
 
-SCHEDULES = 100
+SCHEDULES = 120
 BEGUN_S = time.monotonic()
 Item = TypeVar("Item", str, int)
 Ended = TypeVar("Ended", Result, Outcome)

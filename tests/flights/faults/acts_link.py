@@ -1,6 +1,5 @@
 """Faults of the link to a law on the ground, of that law, and of others in the network."""
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
@@ -38,16 +37,6 @@ def later(flight: Flight, after_s: float, do: Callable[[], None]) -> None:
             waiting.pop()()
 
     world.observers.append(look)
-
-
-def cable_out(for_s: float = math.inf) -> Act:
-    """Return an act that pulls the cable, or switches the radio off."""
-    return lambda flight: world_of(flight).network.cut(for_s)
-
-
-def radio(sentence: str, for_s: float = math.inf) -> Act:
-    """Return an act that impairs both directions, in the words of mock_autopilot.impairment."""
-    return lambda flight: world_of(flight).network.impair(sentence, for_s)
 
 
 def law_dies(flight: Flight) -> None:

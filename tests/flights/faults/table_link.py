@@ -1,17 +1,26 @@
 """Flights by a law on the ground in which its link, the law, or somebody else in the network goes wrong."""
 
+from dataclasses import replace
+
 from companion.supervisor.faults import Fault
 from tests.flights.faults import acts_link as link
-from tests.flights.faults.rows import CONFIG, RULES, Act, Conditions, End, Row, When, within
+from tests.flights.faults.rows import RULES, Act, Conditions, End, Row, When, within
 from tests.flights.simulated_ground import GroundSetup, ground_config
 
 PX4, OURS, ON = End.HANDED_OVER, End.LANDED, End.FLIES_ON
 SECOND_S = 1.0
 """Shares of messages are judged over a second."""
 AIR = (When.HOVER, When.TRACK, When.TAKEOFF, When.LANDING)
-SPLIT = Conditions(ground_config(CONFIG, onboard_mocap=True), more={"ground": GroundSetup()})
-SPLIT_PID = Conditions(SPLIT.config, "pid", SPLIT.more)
-WITHOUT_FRAMES = Conditions(ground_config(CONFIG, onboard_mocap=False), more={"ground": GroundSetup()})
+
+
+def split(conditions: Conditions, onboard_mocap: bool) -> Conditions:
+    """Return the conditions with the law on the ground."""
+    config = ground_config(conditions.config, onboard_mocap)
+    return replace(conditions, config=config, more=conditions.more | {"ground": GroundSetup()})
+
+
+SPLIT, SPLIT_PID = split(Conditions(), True), split(Conditions(law="pid"), True)
+WITHOUT_FRAMES = split(Conditions(), False)
 SILENT_S = within(RULES.command_silent_s)
 BLIND_S = within(RULES.command_silent_s, RULES.coast_s)
 """The law flies on by its last pose for the time that a law on board does."""
@@ -21,39 +30,39 @@ def _silent(variant: str, make: Act | str, when: When = When.TRACK, end: End = P
     return Row(Fault.GROUND_LAW_SILENT, variant, (make,), end, SILENT_S, when, flown_with=split)
 
 
-def _harmless(fault: Fault, variant: str, make: Act, when: When = When.TRACK) -> Row:
+def _harmless(fault: Fault, variant: str, make: Act | str, when: When = When.TRACK) -> Row:
     return Row(fault, variant, (make,), ON, 0.0, when, harmless=True, flown_with=SPLIT)
 
 
-def _noted(fault: Fault, variant: str, make: Act, limit_s: float, when: When = When.TRACK) -> Row:
+def _noted(fault: Fault, variant: str, make: Act | str, limit_s: float, when: When = When.TRACK) -> Row:
     return Row(fault, variant, (make,), ON, limit_s, when, flown_with=SPLIT)
 
 
 CABLE = (
-    *(_harmless(Fault.COMMAND_LATE, "the cable is out for 0.1 s", link.cable_out(0.1), when) for when in AIR[:3]),
-    _noted(Fault.COMMAND_LATE, "the cable is out for 0.18 s", link.cable_out(0.18), within(RULES.command_late_s)),
-    *(_silent("the cable is out for 0.3 s", link.cable_out(0.3), when) for when in AIR),
-    *(_silent("the cable is out for 1 s", link.cable_out(1.0), when) for when in (When.TRACK, When.HOVER)),
-    _silent("the cable is out for 10 s", link.cable_out(10.0), When.TRACK),
-    _silent("the cable is out", link.cable_out(), When.TAKEOFF),
-    _silent("the cable is out", link.cable_out(), When.GROUND, End.NOT_STARTED),
-    _silent("the cable is out, no frames on the vehicle", link.cable_out(), When.TRACK, split=WITHOUT_FRAMES),
+    *(_harmless(Fault.COMMAND_LATE, "the cable is out for 0.1 s", "network off for 0.1 s", when) for when in AIR[:3]),
+    _noted(Fault.COMMAND_LATE, "the cable is out for 0.18 s", "network off for 0.18 s", within(RULES.command_late_s)),
+    *(_silent("the cable is out for 0.3 s", "network off for 0.3 s", when) for when in AIR),
+    *(_silent("the cable is out for 1 s", "network off for 1 s", when) for when in (When.TRACK, When.HOVER)),
+    _silent("the cable is out for 10 s", "network off for 10 s", When.TRACK),
+    _silent("the cable is out", "network off", When.TAKEOFF),
+    _silent("the cable is out", "network off", When.GROUND, End.NOT_STARTED),
+    _silent("the cable is out, no frames on the vehicle", "network off", When.TRACK, split=WITHOUT_FRAMES),
 )
 
 RADIO = (
-    _harmless(Fault.COMMANDS_LOST, "30 % lost", link.radio("loss 30%")),
-    _harmless(Fault.COMMANDS_LOST, "30 % lost in bursts of 0.1 s", link.radio("loss 30% burst 100 ms")),
-    Row(Fault.GROUND_LAW_SILENT, "30 % lost in bursts of 0.3 s", (link.radio("loss 30% burst 300 ms"),), PX4,
+    _harmless(Fault.COMMANDS_LOST, "30 % lost", "network intermittent"),
+    _harmless(Fault.COMMANDS_LOST, "30 % lost in bursts of 0.1 s", "network intermittent (bursts of 0.1 s)"),
+    Row(Fault.GROUND_LAW_SILENT, "30 % lost in bursts of 0.3 s", ("network intermittent (bursts of 0.3 s)",), PX4,
         within(RULES.command_silent_s, 2.0 * SECOND_S), When.TRACK, flown_with=SPLIT),
-    Row(Fault.COMMANDS_LOST, "70 % lost", (link.radio("loss 70%"),), OURS, within(SECOND_S), When.TRACK,
-        flown_with=SPLIT),
-    _harmless(Fault.COMMANDS_REORDERED, "50 ms of jitter", link.radio("jitter 50 ms")),
-    _noted(Fault.COMMANDS_REORDERED, "half of them overtaken", link.radio("reorder 50%"), within(SECOND_S)),
-    *(Row(Fault.COMMAND_DELAYED, f"{delay_s} s late", (link.radio(f"delay {delay_s} s"),), PX4,
+    Row(Fault.COMMANDS_LOST, "two thirds of the commands lost", ("network intermittent (up) by 0.67",), OURS,
+        within(SECOND_S), When.TRACK, flown_with=SPLIT),
+    _harmless(Fault.COMMANDS_REORDERED, "50 ms of jitter", "network delayed (jitter)"),
+    _noted(Fault.COMMANDS_REORDERED, "half of them overtaken", "network wrong (reordered) by 0.5", within(SECOND_S)),
+    *(Row(Fault.COMMAND_DELAYED, f"{delay_s} s late", (f"network delayed by {delay_s} s",), PX4,
         within(SECOND_S, delay_s), when, flown_with=SPLIT)
       for delay_s, when in ((0.08, When.TRACK), (0.12, When.TRACK), (0.2, When.TRACK), (0.2, When.TAKEOFF))),
-    _harmless(Fault.COMMAND_DELAYED, "0.04 s late", link.radio("delay 40 ms")),
-    _silent("0.4 s late", link.radio("delay 400 ms"), When.TRACK),
+    _harmless(Fault.COMMAND_DELAYED, "0.04 s late", "network delayed by 0.04 s"),
+    _silent("0.4 s late", "network delayed by 0.4 s", When.TRACK),
 )  # fmt: skip
 
 LAW = (
