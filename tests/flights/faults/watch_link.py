@@ -56,8 +56,9 @@ def _tilt_rad(tick: Tick) -> float:
 
 def _not_ours(flown: list[Tick], split: GroundWorld) -> Iterator[str]:
     """Every command in use is one that a ground law of this flight has sent, or none: level."""
-    sent = [tick.sent.accel_w_mps2 for ground in split.all_grounds for tick in ground.ticks if tick.sent is not None]
-    known = {(0.0, 0.0, 0.0), *(tuple(np.array(accel, np.float32).tolist()) for accel in sent)}
+    cycles = [tick.flown for ground in split.all_grounds for tick in ground.ticks if tick.flown is not None]
+    sent = [np.array(cycle.sent.accel_w_mps2, np.float32) for cycle in cycles if cycle.sent is not None]
+    known = {(0.0, 0.0, 0.0), *(tuple(accel.tolist()) for accel in sent)}
     used = {tuple(tick.pipeline.law_output.accel_w_mps2.tolist()) for tick in flown if tick.pipeline is not None}
     strange = used - known
     if strange:
