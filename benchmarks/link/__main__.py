@@ -50,12 +50,13 @@ def main() -> int:
         try:
             for link in LINKS if options.link == ["all"] else options.link:
                 results += asyncio.run(measure(link, able, options.for_s, options.seed))
+                if options.results is not None:
+                    told = json.dumps([one.as_dict() for one in results], indent=1)
+                    options.results.write_text(told, encoding="utf-8")
                 print(f"{link}: done", file=sys.stderr)
         except (NamespaceError, ValueError) as error:
             print(f"benchmarks.link: {error}", file=sys.stderr)
             return 2
-        if options.results is not None:
-            options.results.write_text(json.dumps([one.as_dict() for one in results], indent=1), encoding="utf-8")
     print(table(results))
     return 0
 

@@ -25,6 +25,7 @@ ACK_LATER_S = 0.01
 """A message that is not acknowledged within the round trip and this is sent again."""
 Send = Callable[[bytes], Awaitable[None]]
 Take = Callable[[bytes], None]
+_PUBLISH_S = 60.0
 _NODELAY = (socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
@@ -154,9 +155,16 @@ async def mqtt_sender(version: int) -> AsyncIterator[Send]:
     async with aiomqtt.Client(
         VEHICLE, PORT, protocol=aiomqtt.ProtocolVersion(version), socket_options=[_NODELAY]
     ) as at:
+        publishing: set[asyncio.Task[None]] = set()
+
+        async def publish(message: bytes) -> None:
+            with contextlib.suppress(aiomqtt.MqttError):  # the connection stalls or has ended: the message is lost
+                await at.publish(TOPIC, message, qos=0, timeout=_PUBLISH_S)
 
         async def send(message: bytes) -> None:
-            await at.publish(TOPIC, message, qos=0)
+            task = asyncio.create_task(publish(message), name="benchmarks.link.publish")  # others must not wait for it
+            publishing.add(task)
+            task.add_done_callback(publishing.discard)
 
         yield send
 

@@ -14,7 +14,7 @@ class ImpairedStream:
     """One direction of a TCP connection; `put` what is written, and ask with `due` for what can be read.
 
     A lost segment is sent again as Linux' TCP does (`tcp_sender`), and whatever was written after it waits. Reordering
-    has no effect, and a rate makes bytes wait instead of losing them.
+    and duplicates are left out, and a rate makes bytes wait instead of losing them.
     """
 
     def __init__(self, impairment: Impairment, seed: int = 1, burst_seed: int | None = None) -> None:

@@ -161,7 +161,7 @@ async def tcp_relay(
 ) -> AsyncIterator[TcpRelay]:
     """Listen on a TCP port (0: any free one) and pass connections on to `to`, over the impaired link.
 
-    TCP loses nothing: loss becomes the delay of sending again (`stream`), and reordering is put in order. Bursts cut
+    TCP loses nothing: loss becomes the delay of sending again (`stream`); reordering is left out. Bursts cut
     all connections at the same times; a rate is each connection's own. Connecting itself is not impaired. Raises
     RelayError.
     """
