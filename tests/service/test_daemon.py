@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from companion.core.interfaces import AutopilotError
+from companion.config.companion_config import CompanionConfig
+from companion.core.interfaces import AutopilotError, ConfigError
 from companion.service import daemon
 from companion.service.daemon import begun_unless
 from companion.supervisor.without_frames import off_sentence
@@ -78,6 +79,22 @@ async def test_cancelled_from_outside_it_is_closed_in_order() -> None:
     with pytest.raises(asyncio.CancelledError):
         await running
     assert doing.closed
+
+
+async def test_a_setting_that_no_next_attempt_would_mend_ends_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as a port of the law's link that another service has; a device that is missing is sought again."""
+
+    def opening(*_: Any) -> Any:
+        raise ConfigError("law.link.port = 14600: cannot listen on 0.0.0.0")
+
+    monkeypatch.setattr(daemon, "open_service", opening)
+    settings: Any = SimpleNamespace(
+        config=CompanionConfig(), controller=None, records=None, last_resort=SimpleNamespace(flying=bool)
+    )
+    nothing: Any = None
+    with pytest.raises(ConfigError, match="cannot listen on"):
+        async with asyncio.timeout(5.0):
+            await daemon._serve_vehicles(settings, nothing, nothing, nothing, nothing, asyncio.Event())
 
 
 def test_operators_are_told_when_a_flight_is_not_recorded_or_a_name_is_not_its_own() -> None:
