@@ -26,6 +26,7 @@ outside() {
     sed '/^\[arms\]/,$d' "$source/config/demo.toml" > "$system/etc/dauam/companion.toml"
     printf '\n[operator]\nembedded = true\n\n[records]\nfolder = "/var/lib/dauam/flights"\n' >> "$system/etc/dauam/companion.toml"
     chroot "$system" env PYTHON="${PYTHON:-python3}" "$source/systemd/install.sh"
+    chroot "$system" "$source/systemd/install.sh" law --no-venv
     chroot "$system" "$source/systemd/install.sh" broker
     umount "$system/proc" "$system/dev"
 
@@ -88,6 +89,34 @@ serves_again() { (exec 3<> /dev/tcp/127.0.0.1/1883) 2> /dev/null; }
 phase() { [ "$(shows StatusText)" = "$1" ]; }
 unlocked() { ! grep -q "^CapEff:.*[1-9a-f]" "/proc/$(shows MainPID)/status"; }
 
+law_says() { grep -q -- "$1" <(systemctl show -p StatusText --value dauam-law); }
+law_restarted() { [ "$(systemctl show -p NRestarts --value dauam-law)" -ge 1 ]; }
+refused() { ! "$@"; }
+handed_over() { grep -q "^handed over" <(shows StatusText); }
+
+law_on_the_ground() {
+    step "the law on the ground"
+    must "a key" /usr/local/bin/companion law-key /etc/dauam/law.key
+    chown root:dauam /etc/dauam/law.key
+    chmod 640 /etc/dauam/law.key
+    printf '\n[law]\nruns_on = "ground"\n[law.link]\nkey_file = "/etc/dauam/law.key"\n' >> /etc/dauam/companion.toml
+    cp /etc/dauam/companion.toml /etc/dauam/ground.toml
+    systemctl start dauam-companion
+    must "the vehicle is there" within 20 phase standby
+    must "without a law it does not arm" refused companion arm
+    must "the law says itself that it is ready" systemctl start dauam-law
+    must "it meets the vehicle" within 20 law_says "the vehicle is there"
+    must "it runs at FIFO 50" grep -q "FIFO" <(chrt -p "$(systemctl show -p MainPID --value dauam-law)")
+    must "arm" companion arm
+    must "takeoff" companion takeoff
+    must "it flies the vehicle" law_says "flies the vehicle"
+    kill -9 "$(systemctl show -p MainPID --value dauam-law)"
+    must "PX4 lands" within 10 handed_over
+    must "systemd begins the law anew" within 20 law_restarted
+    must "it meets the vehicle again" within 40 law_says "the vehicle is there"
+    must "stop" systemctl stop dauam-law dauam-companion
+}
+
 inside() {
     systemctl start mock
     step "the unit as installed, hardened as it is"
@@ -120,6 +149,7 @@ inside() {
     must "the watchdog sees it and begins it anew" within 30 restarted 1
     must "by its signal" logged "watchdog"
     must "stop" systemctl stop dauam-companion
+    law_on_the_ground
     if [ -x /usr/sbin/mosquitto ]; then
         step "mosquitto with our drop-in"
         must "it begins" systemctl start mosquitto
