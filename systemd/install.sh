@@ -123,12 +123,27 @@ make_config() {
     say "wrote $file: measure and set what is marked in it"
 }
 
+# The same for the ground's law.
+make_ground_config() {
+    file=$root/etc/dauam/ground.toml
+    if [ -e "$file" ]; then
+        say "left $file as it is"
+        return
+    fi
+    install -d -m 755 "$root/etc/dauam"
+    sed -e 's|^# folder = "flights"  |folder = "/var/lib/dauam/flights"  |' "$source/config/ground.toml" > "$file.new"
+    grep -q '^folder = "/var/lib/dauam/flights"' "$file.new" || refuse "config/ground.toml has no line for the folder of records: take it as it is in the repository"
+    chmod 644 "$file.new"
+    mv "$file.new" "$file"
+    say "wrote $file: set the vehicle's address, and what is measured"
+}
+
 if [ "$part" != broker ]; then
     make_user
     make_programs
 fi
 if [ "$part" = law ]; then
-    keep 644 config/ground.toml /etc/dauam/ground.toml
+    make_ground_config
 elif [ "$part" != broker ]; then
     make_config
 fi

@@ -88,6 +88,19 @@ def test_the_first_configuration_is_one_the_service_takes(tmp_path: Path, monkey
 
 
 @needs_sysusers
+def test_the_grounds_first_configuration_is_one_the_law_takes_and_is_kept(tmp_path: Path) -> None:
+    install(tmp_path, "law")
+    path, key = tmp_path / "etc/dauam/ground.toml", tmp_path / "law.key"
+    key.write_text("0123456789abcdef\n")
+    key.chmod(0o600)
+    path.write_text(path.read_text().replace("/etc/dauam/law.key", str(key)))
+    config = load_config(path)
+    assert config.law.on_ground
+    assert config.records.folder == "/var/lib/dauam/flights"
+    assert f"left {path} as it is" in install(tmp_path, "law")
+
+
+@needs_sysusers
 def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_path: Path) -> None:
     """Each table stands there once: a second one of its name is no TOML."""
     install(tmp_path)

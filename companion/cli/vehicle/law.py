@@ -49,6 +49,7 @@ def law_command(
     link.secret()
     loaded = controller_of(settings, controller or settings.control.controller, allow_unstable)
     margin = margin_in(with_link(settings, link.delay_s), loaded)
+    notifier = Notifier.from_environment()  # before there are children, which must not speak to systemd
     with (
         logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO),
         standard_output_to_log(),
@@ -59,7 +60,7 @@ def law_command(
         lock_memory()
         recorder = _recorder(settings, loaded.name) if record else None
         try:
-            uvloop.run(_run(settings, loaded, recorder))
+            uvloop.run(_run(settings, loaded, recorder, notifier))
         finally:
             if recorder is not None:
                 recorder.close()
@@ -72,8 +73,10 @@ def _recorder(settings: CompanionConfig, law: str) -> GroundRecorder:
     return recorder
 
 
-async def _run(settings: CompanionConfig, loaded: LoadedController, recorder: GroundRecorder | None) -> None:
-    stop, notifier = asyncio.Event(), Notifier.from_environment()
+async def _run(
+    settings: CompanionConfig, loaded: LoadedController, recorder: GroundRecorder | None, notifier: Notifier
+) -> None:
+    stop = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, stop.set)
     notifier.ready("the law waits for motion capture and the vehicle")
