@@ -14,7 +14,7 @@ from companion.core.types import FlightMode
 from companion.flight.tick import Tick
 from companion.records.read import read_flight
 from companion.supervisor.faults import Fault
-from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
+from companion.supervisor.flight_state import HandOverRequest, LandRequest, Phase, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.simulated_ground import GroundSetup, GroundWorld, ground_config
@@ -190,3 +190,18 @@ async def test_a_pose_that_jumps_on_the_ground_ends_the_flight_and_is_not_passed
     assert all(abs(pose.position_w_m[1]) < 0.2 for pose in armed), "none shows the jump"
     assert _ground(flight).ground.law.failure == "", "the next flight begins anew"
     assert any(tick.ground_pose is not None for tick in flight.ticks[-20:])
+
+
+async def test_while_the_ground_lives_the_autopilot_lands_by_its_poses() -> None:
+    """Handed over for another reason than the link."""
+    silence_s: list[float] = []
+
+    def landed(flight: Flight) -> bool:
+        silence_s.append(flight.room.bench.world.vehicle.estimator.silence_s)
+        return flight.phase is Phase.DISARMED
+
+    script = [*UP, wait(1.0), ask(HandOverRequest("the arms are on fire")), landed]
+    flight = await fly(script, controller="practical", config=CONFIG, ground=GroundSetup())
+    assert max(silence_s) < 0.15, "poses come as before"
+    begin = next(n for n, tick in enumerate(flight.ticks) if tick.flight.phase is Phase.HANDED_OVER)
+    assert math.dist(flight.truths_w_m[begin][:2], flight.truths_w_m[-1][:2]) < 0.5
