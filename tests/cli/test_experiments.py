@@ -173,3 +173,15 @@ def test_refused_in_a_sentence(typed: Type, arguments: tuple[str, ...], sentence
     assert sentence in ended.err
     assert "Traceback" not in ended.err
     assert len(ended.err.strip().splitlines()) == 1
+
+
+def test_a_law_on_the_ground_over_a_radio(typed: Type, short: Path, tmp_path: Path) -> None:
+    summary = tmp_path / "ground.json"
+    asked = ("--experiments", short, "--controllers", "practical", "--seeds", "1:2", "--no-report", "--no-ablations")
+    ended = typed(*asked, "--law-on", "ground", "--link", "loss 10% delay 2 ms", "--summary", summary, "--jobs", "1")
+    assert ended.code == 0, ended.err
+    data = json.loads(summary.read_text(encoding="utf-8"))
+    assert (data["law_on"], data["link"]) == ("ground", "loss 10% delay 2 ms")
+    laws = data["experiments"]["short"]
+    assert laws["pid"]["link"]["messages_per_s"] > 95.0, "it has no trigger"
+    assert laws["practical"]["link"]["messages_per_s"] < 50.0

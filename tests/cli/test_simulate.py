@@ -206,3 +206,39 @@ def test_ctrl_c_ends_in_order(typed: Type, tmp_path: Path, monkeypatch: pytest.M
     assert ran.code == 130
     assert "interrupted: nothing was written" in ran.out
     assert not (tmp_path / "s.json").exists()
+
+
+def test_a_law_on_the_ground_has_the_links_numbers(typed: Type, tmp_path: Path) -> None:
+    summary = tmp_path / "ground.json"
+    asked = (short(tmp_path), "--law-on", "ground", "--link", "loss 10% jitter 20 ms", "--seeds", "1:2")
+    ended = typed(*asked, "--summary", summary, "--out", tmp_path)
+    assert ended.code == 0, ended.err
+    link = read(summary)["link"]
+    assert set(link) == {
+        *("uplink_bytes_per_s", "messages_per_s", "events", "beats", "again", "lost", "age_ms"),
+        *("longest_silence_ms", "landed_by_px4", "landed_s"),
+    }
+    assert 800.0 < link["uplink_bytes_per_s"] < 1300.0
+    assert f"link {link['messages_per_s']:.0f} messages/s, {link['uplink_bytes_per_s']:.0f} bytes/s up" in ended.out
+
+
+def test_a_flight_that_px4_ends_is_outside_its_limits(typed: Type, tmp_path: Path) -> None:
+    summary = tmp_path / "off.json"
+    ended = typed(short(tmp_path), "--law-on", "ground", "--link", "off", "--summary", summary)
+    assert ended.code == 1
+    assert "landed by PX4: 1 of 1" in ended.out
+    numbers = read(summary)
+    assert (numbers["inside_limits"], numbers["error_m"], numbers["link"]["landed_by_px4"]) == (False, None, 1)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--link", "loss 10%"], "--link 'loss 10%': there is no such link with the law on board"),
+        (["--law-on", "ground", "--link", "loss of hope"], "--link 'loss of hope': "),
+    ],
+)
+def test_a_link_that_cannot_be_is_refused(typed: Type, arguments: list[str], why: str) -> None:
+    refused = typed(*arguments)
+    assert refused.code == 2
+    assert why in refused.err

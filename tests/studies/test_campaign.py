@@ -36,7 +36,14 @@ def flown(
     most: Array = 3.0 * mean if max_m is None else np.array(max_m)
     score = Score(mean, most, np.full(count, share), np.full(count, share), lost, np.zeros(count, dtype=bool))
     item = Item(experiment=experiment, controller=controller, seeds=tuple(range(1, count + 1)), without=without)
-    return Flown(item, score, np.full(count, 4.0), np.array([3, 5, 1, 7]), 0.01, ErrorLimits(mean_m=0.05, max_m=0.2))
+    return Flown(
+        item=item,
+        score=score,
+        events=np.full(count, 4.0),
+        gap_cycles=np.array([3, 5, 1, 7]),
+        period_s=0.01,
+        limits=ErrorLimits(mean_m=0.05, max_m=0.2),
+    )
 
 
 def test_the_papers_rows_give_the_papers_reductions() -> None:

@@ -5,7 +5,7 @@ import os
 import shlex
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar
@@ -18,13 +18,14 @@ from rich.text import Text
 from companion.analysis.report.tables import BAD, FAINT, GOOD
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of, seeds_of
-from companion.cli.options import AllowUnstable, SummaryFile
+from companion.cli.options import AllowUnstable, LawOn, Place, RadioLink, SummaryFile, check_link
 from companion.cli.output import check_output
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
 from companion.config.text_files import read_text
 from companion.core.interfaces import ConfigError
+from companion.simulation.radio import radio_named, words_of
 from companion.simulation.scene import HorizonError, experiment_names
 from companion.simulation.workers import in_parallel
 from companion.studies.paper import campaign_table as words
@@ -56,7 +57,8 @@ class Campaign:
         lists = ["--experiments", ",".join(self.experiments), "--controllers", ",".join(self.controllers)]
         seeds = ["--seeds", f"{one.seeds[0]}:{one.seeds[-1]}"]
         unstable = ["--allow-unstable"] if one.allow_unstable else []
-        return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *unstable])
+        ground = [] if one.radio is None else ["--law-on", "ground", "--link", words_of(one.radio)]
+        return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *ground, *unstable])
 
 
 def experiments(
@@ -85,6 +87,8 @@ def experiments(
         HorizonError | None,
         typer.Option(help="Replace the experiments' error of the autopilot's horizon; px4-...: as recorded."),
     ] = None,
+    law_on: LawOn = Place.BOARD,
+    link: RadioLink = None,
     out: Annotated[Path, typer.Option(help="Write the report and its figures into this folder.")] = Path(
         "flights/experiments"
     ),
@@ -104,7 +108,10 @@ def experiments(
     try:
         laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
         chosen = _listed(names, "experiments")
-        wholes = tuple(whole_items(chosen, laws, seeds_of(seeds), bandwidth, allow_unstable, horizon))
+        check_link(law_on, link)
+        radio = radio_named(link) if law_on is Place.GROUND else None
+        items = whole_items(chosen, laws, seeds_of(seeds), bandwidth, allow_unstable, horizon)
+        wholes = tuple(replace(item, radio=radio) for item in items)
         variants = tuple(variant for item in wholes for variant in variants_of(item))
         campaign = Campaign(chosen, laws, wholes, variants if ablations else ())
         folder = out if report else None
@@ -231,6 +238,8 @@ def _verdict(wholes: Sequence[Flown], console: Console) -> int:
         what = (
             f"lost {flown.diverged} of {count}"
             if flown.diverged
+            else f"landed by PX4 with {flown.landed} of {count} seeds, as nothing came from the ground"
+            if flown.landed
             else f"outside its error limits with {flown.outside} of {count} seeds"
         )
         where = f"{label_of(flown.item.controller)} on {label_of(flown.item.experiment)}"

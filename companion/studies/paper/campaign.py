@@ -14,11 +14,13 @@ from companion.config.controller_config import ErrorLimits, LoadedController, lo
 from companion.control.etnn import Etnn
 from companion.control.law_check import in_flight
 from companion.core.types import Array
+from companion.simulation.link_numbers import LinkNumbers, link_numbers
 from companion.simulation.metrics import Score, score
 from companion.simulation.mission import stacked
 from companion.simulation.scene import HorizonError, Scene, load_scene
 from companion.simulation.simulation import Trace, simulate
 from companion.studies.paper.ablations import Ablation, ablated, load_ablated
+from mock_autopilot.impairment.sentences import Directions
 
 BASELINE = "pid"
 """Law that every reduction is relative to."""
@@ -35,6 +37,8 @@ class Item:
     """None: the experiment's own attitude loop."""
     horizon: HorizonError | None = None
     """Error of the autopilot's horizon; None: the experiment's own."""
+    radio: Directions | None = None
+    """Impairments of the link to a law on the ground; None: the law is on board."""
     without: Ablation | None = None
     feedforward: Feedforward | None = None
     """None: as the experiment configures it."""
@@ -53,7 +57,7 @@ class Item:
         return "" if self.feedforward is None else f"feedforward_{self.feedforward}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Flown:
     """Result of an item, over the cycles that fly the trajectory; B vehicles, in the order of the seeds."""
 
@@ -66,6 +70,8 @@ class Flown:
     period_s: float
     """Period of the control cycle."""
     limits: ErrorLimits
+    link: LinkNumbers | None = None
+    """Numbers of the link to a law on the ground."""
 
     @property
     def mean_error_m(self) -> Array:
@@ -109,7 +115,12 @@ class Flown:
     @property
     def good(self) -> bool:
         """None lost, and every one inside the error limits."""
-        return self.diverged == 0 and self.outside == 0
+        return self.diverged == 0 and self.outside == 0 and self.landed == 0
+
+    @property
+    def landed(self) -> int:
+        """The number of vehicles that PX4 landed, as the law on the ground was not heard."""
+        return int(self.score.landed.sum())
 
 
 def label_of(name: str) -> str:
@@ -133,7 +144,8 @@ def scene_of(item: Item) -> Scene:
     """Return an item's experiment, on the attitude loop and with the horizon that were asked for."""
     scene = _on_loop(item.experiment, item.bandwidth_radps)
     scene = scene if item.horizon is None else scene.with_horizon(item.horizon)
-    return scene if item.corrected else scene.uncorrected()
+    scene = scene if item.corrected else scene.uncorrected()
+    return scene if item.radio is None else scene.with_radio(item.radio)
 
 
 def controller_of(item: Item, scene: Scene) -> LoadedController:
@@ -154,9 +166,18 @@ def fly(item: Item) -> Flown:
         trace = simulate(pilot, scene.vehicle(), mission, item.seeds)
     with np.errstate(over="ignore", invalid="ignore"):  # of a vehicle that was lost
         marks = score(trace)
+    link = link_numbers([trace], scene.period_s)
     events = trace.event[tracking(trace)]
     gaps = np.concatenate([np.diff(np.flatnonzero(one)) for one in events.T])
-    return Flown(item, marks, events.sum(axis=0).astype(float), gaps, scene.period_s, controller.error_limits)
+    return Flown(
+        item=item,
+        score=marks,
+        events=events.sum(axis=0).astype(float),
+        gap_cycles=gaps,
+        period_s=scene.period_s,
+        limits=controller.error_limits,
+        link=link,
+    )
 
 
 def tracking(trace: Trace) -> NDArray[np.bool_]:
@@ -219,6 +240,7 @@ def numbers_of(flown: Flown) -> dict[str, Any]:
         "events": float(flown.events.mean()),
         "inter_event_s": dict(zip(("min", "mean", "max"), flown.gap_s or (None,) * 3, strict=True)),
         "diverged": flown.diverged,
+        **({} if flown.link is None else {"link": flown.link.plain()}),
         "seeds": list(flown.item.seeds),
     }
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from companion.analysis.report.tables import BAD, FAINT, GOOD, PLAIN, WORDS, Cell, Grid
 from companion.core.types import Array
+from companion.simulation.radio import words_of
 from companion.studies.paper.ablations import Ablation
 from companion.studies.paper.campaign import BASELINE, Flown, label_of, numbers_of
 from companion.studies.paper.paper_table import PAPER, PID_WITHIN, PaperExperiment, beside_paper, reduced_percent
@@ -194,4 +195,6 @@ def summary(flights: Sequence[Flown]) -> dict[str, Any]:
         "seeds": list(first.seeds),
         "bandwidth_radps": first.bandwidth_radps,
         "horizon": first.horizon,
+        "law_on": "board" if first.radio is None else "ground",
+        "link": None if first.radio is None else words_of(first.radio),
     }
