@@ -12,8 +12,8 @@ from companion.simulation.virtual_link_ends import Messages
 from companion.supervisor.flight_state import Phase
 
 
-def one_of(trace: Trace, number: int) -> Trace:
-    """Return the flight of one vehicle of a batch (B,)."""
+def one_of(trace: Trace, number: int | slice) -> Trace:
+    """Return the flight of one vehicle of a batch (B,), or of some."""
     apart = {"time_s", "signals", "messages"}
     batch = {name: values[:, number] for name, values in vars(trace).items() if name not in apart}
     signals = {name: values[:, number] for name, values in trace.signals.items()}

@@ -33,4 +33,5 @@ def short_experiment(folder: Path, height_m: float = 1.2) -> str:
 
 def short_sweep(folder: Path, vehicles: int = 8, seed: int = 1, controller: str = "pid") -> Sweep:
     """On that experiment, in batches of two."""
-    return Sweep(vehicles, seed, controller, (short_experiment(folder),), batch_size=2)
+    experiments = (short_experiment(folder),)
+    return Sweep(vehicles=vehicles, seed=seed, controller=controller, experiments=experiments, batch_size=2)

@@ -24,7 +24,7 @@ def _batch(indices: range, seed: int = 1) -> Batch:
 
 @pytest.mark.parametrize(("vehicles", "size"), [(1, 250), (3, 250), (8, 1), (1003, 100)])
 def test_every_vehicle_is_in_one_batch(vehicles: int, size: int) -> None:
-    batches = Sweep(vehicles, 1, "practical", batch_size=size).batches()
+    batches = Sweep(vehicles=vehicles, seed=1, controller="practical", batch_size=size).batches()
     assert sorted(index for batch in batches for index in batch.indices) == list(range(vehicles))
     assert all(1 <= len(batch.indices) <= size for batch in batches)
 
@@ -32,7 +32,7 @@ def test_every_vehicle_is_in_one_batch(vehicles: int, size: int) -> None:
 def test_nominal_bandwidths_and_experiments_take_turns() -> None:
     kinds = {
         index: (batch.experiment, batch.nominal_radps)
-        for batch in Sweep(1000, 1, "practical").batches()
+        for batch in Sweep(vehicles=1000, seed=1, controller="practical").batches()
         for index in batch.indices
     }
     four = [("ellipse", 12.0), ("ellipse", 6.3), ("figure8", 12.0), ("figure8", 6.3)]
@@ -40,10 +40,10 @@ def test_nominal_bandwidths_and_experiments_take_turns() -> None:
 
 
 def test_a_longer_sweep_has_the_full_batches_of_a_shorter_one() -> None:
-    short = Sweep(1010, 1, "practical", batch_size=100).batches()
+    short = Sweep(vehicles=1010, seed=1, controller="practical", batch_size=100).batches()
     full = [batch for batch in short if len(batch.indices) == 100]
     assert len(full) == 8
-    assert set(full) < set(Sweep(5000, 1, "practical", batch_size=100).batches())
+    assert set(full) < set(Sweep(vehicles=5000, seed=1, controller="practical", batch_size=100).batches())
 
 
 def test_the_same_seed_gives_the_same_numbers_to_the_last_bit(prepared: tuple[Scene, LoadedController]) -> None:

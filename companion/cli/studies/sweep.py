@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 import os
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,14 +15,14 @@ from rich.markup import escape
 
 from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
-from companion.cli.options import SummaryFile
+from companion.cli.options import LawOn, Place, RadioLink, SummaryFile, check_link
 from companion.cli.output import check_output
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
+from companion.simulation.radio import radio_named, words_of
 from companion.studies.sweep.sweep import ERROR, Columns, Sweep
 from companion.studies.sweep.sweep_numbers import (
-    PARAMETERS,
     Blame,
     Group,
     blames,
@@ -29,6 +30,7 @@ from companion.studies.sweep.sweep_numbers import (
     group,
     nominals,
     of_nominal,
+    parameters,
 )
 from companion.studies.sweep.sweep_run import Parts, Swept, run, write_part
 
@@ -42,6 +44,8 @@ def sweep(
             help="etnn, pid, another name in config/controllers/, or a TOML file.", autocompletion=complete.controllers
         ),
     ] = "practical",
+    law_on: LawOn = Place.BOARD,
+    link: RadioLink = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Number of processes.  [default: one per CPU]")] = None,
     out: Annotated[Path, typer.Option(help="Write parts, table and picture into this folder.")] = Path("flights/sweep"),
     summary: SummaryFile = None,
@@ -52,11 +56,12 @@ def sweep(
     """Fly vehicles that differ from the companion's model, in virtual time, and print what the errors depend on.
 
     Finished parts are kept: after Ctrl-C (exit code 130) the same command continues, and more --vehicles add to them.
-    Exit code 1 if any vehicle diverged, 2 if the sweep could not be flown.
+    Exit code 1 if any vehicle diverged or was landed by PX4, 2 if the sweep could not be flown.
     """
     console = Console()
     check_output(out / "parts", summary)
-    plan = Sweep(vehicles, seed, controller)
+    check_link(law_on, link)
+    plan = Sweep(vehicles=vehicles, seed=seed, controller=controller, link=_link(law_on, link))
     try:
         swept = _run(plan, out / "parts", jobs or len(os.sched_getaffinity(0)), fresh, console)
     except KeyboardInterrupt:
@@ -72,7 +77,18 @@ def sweep(
     if summary is not None:
         text = json.dumps(_summary(plan, swept), indent=2, allow_nan=False)
         summary.write_text(text + "\n", encoding="utf-8")
-    raise typer.Exit(FAILED if swept.columns["diverged"].any() else 0)
+    lost = swept.columns["diverged"].any() or _landed(swept.columns) > 0
+    raise typer.Exit(FAILED if lost else 0)
+
+
+def _link(law_on: Place, link: str | None) -> str | None:
+    """Return the sentence of the radio, `clean` for a perfect one; None for a law on board."""
+    return words_of(radio_named(link)) if law_on is Place.GROUND else None
+
+
+def _landed(columns: Columns) -> int:
+    """Return the number of vehicles that PX4 has landed, as their law on the ground was not heard."""
+    return int(columns["landed"].sum()) if "landed" in columns else 0
 
 
 def _run(plan: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
@@ -86,6 +102,10 @@ def _report(console: Console, swept: Swept) -> None:
     console.print(_errors(columns))
     console.print(_what_hurts(columns))
     console.print(_worst(columns), highlight=False, soft_wrap=True)
+    if "landed" in columns:
+        bytes_per_s, messages_per_s = (float(columns[f"link_{name}_per_s"].mean()) for name in ("bytes", "messages"))
+        text = f"link {messages_per_s:.0f} messages/s, {bytes_per_s:.0f} bytes/s up; landed by PX4: {_landed(columns)}"
+        console.print(text, highlight=False)
     before = f", {swept.taken_over} of them by an earlier run" if swept.taken_over else ""
     console.print(f"{len(columns['vehicle'])} vehicles in {swept.seconds:.0f} s{before}", highlight=False)
 
@@ -109,7 +129,7 @@ def _what_hurts(columns: Columns) -> RenderableType:
     return numbers_table(
         "variance of the errors' ranks that a parameter explains, and rank correlation",
         ("parameter", *(f"{nominal:.1f} rad/s" for nominal in nominals(columns))),
-        [(PARAMETERS[row[0].parameter], *(_words(blame) for blame in row)) for row in ranked],
+        [(parameters(columns)[row[0].parameter], *(_words(blame) for blame in row)) for row in ranked],
     )
 
 
@@ -120,7 +140,7 @@ def _words(blame: Blame) -> str:
 
 def _worst(columns: Columns) -> str:
     row = int(np.argmax(errors_m(columns)))
-    names = {"nominal_radps": "nominal bandwidth (rad/s)"} | PARAMETERS
+    names = {"nominal_radps": "nominal bandwidth (rad/s)"} | parameters(columns)
     drawn = ", ".join(f"{label} {_value(columns[name][row])}" for name, label in names.items())
     how = "diverged" if columns["diverged"][row] else f"error {100.0 * columns[ERROR][row]:.2f} cm"
     return f"worst: vehicle {columns['vehicle'][row]}, {how}: {drawn}"
@@ -134,8 +154,11 @@ def _keep(console: Console, plan: Sweep, columns: Columns, out: Path) -> None:
     """Write the table of all vehicles and the picture."""
     from companion.studies.sweep.sweep_plots import plot_sweep  # noqa: PLC0415 - matplotlib takes a second to import
 
-    name = f"{_label(plan.controller)}-seed{plan.seed}"
-    title = f"{plan.vehicles} vehicles that differ from the model of {Path(plan.controller).name}, seed {plan.seed}"
+    name, over = f"{_label(plan.controller)}-seed{plan.seed}", ""
+    if plan.link is not None:
+        name, over = f"{name}-ground-{re.sub(r'[^a-z0-9.]+', '-', plan.link)}", f", over {plan.link}"
+    named = Path(plan.controller).name
+    title = f"{plan.vehicles} vehicles that differ from the model of {named}, seed {plan.seed}{over}"
     with console.status("drawing"):
         write_part(out / f"{name}.npz", columns)
         plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
@@ -160,8 +183,19 @@ def _summary(plan: Sweep, swept: Swept) -> dict[str, Any]:
         "taken_over": swept.taken_over,
         "controller": plan.controller,
         "seed": plan.seed,
+        "law_on": "board" if plan.link is None else "ground",
+        "link": plan.link,
+        **({} if plan.link is None else _link_summary(swept.columns)),
         "error": ERROR,
         **{name: _by_nominal(groups, name) for name in ("error_p50_m", "error_p95_m", "error_max_m", "update_share")},
+    }
+
+
+def _link_summary(columns: Columns) -> dict[str, float]:
+    return {
+        "uplink_bytes_per_s": float(columns["link_bytes_per_s"].mean()),
+        "messages_per_s": float(columns["link_messages_per_s"].mean()),
+        "landed_by_px4": _landed(columns),
     }
 
 

@@ -1,7 +1,7 @@
 """A Monte Carlo sweep: which vehicles fly side by side, and a row of numbers for each. Pure; `sweep_run` runs it."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from companion.config.controller_config import LoadedController
 from companion.control.law_check import in_flight
+from companion.simulation.link_numbers import link_numbers
 from companion.simulation.metrics import score
 from companion.simulation.mission import stacked
 from companion.simulation.scene import Scene
-from companion.simulation.simulation import Trace, simulate
+from companion.simulation.simulation import Pilot, Trace, simulate
+from companion.simulation.virtual_record import one_of
 from companion.simulation.virtual_world import VirtualVehicle
-from companion.studies.sweep.sweep_vehicles import Drawn, draw, vehicles
+from companion.studies.sweep.sweep_vehicles import Drawn, draw, radios, vehicles
 
 Columns = dict[str, NDArray[Any]]
 """A table, one row a vehicle: each column (N, ...)."""
@@ -36,9 +38,11 @@ class Batch:
     """Attitude bandwidth that the companion is configured for."""
     indices: range
     """Indices of the vehicles in the sweep."""
+    link: str | None = None
+    """Radio to a law on the ground, as a sentence, `clean` for a perfect one; None: the law is on board."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sweep:
     """Description of a sweep: vehicles, seed, controller."""
 
@@ -49,6 +53,8 @@ class Sweep:
     nominals_radps: tuple[float, ...] = (12.0, 6.3)
     batch_size: int = 250
     """250 vehicles take a fifth less time side by side than in two batches, and half a gigabyte."""
+    link: str | None = None
+    """Radio to a law on the ground, around which each vehicle's is drawn; None: the law is on board."""
 
     @property
     def kinds(self) -> list[tuple[str, float]]:
@@ -59,7 +65,7 @@ class Sweep:
         """All of it; a longer sweep has the same full batches and more of them."""
         kinds, size = self.kinds, self.batch_size
         return [
-            Batch(self.seed, self.controller, *kinds[kind], own[begin : begin + size])
+            Batch(self.seed, self.controller, *kinds[kind], own[begin : begin + size], self.link)
             for kind in range(len(kinds))
             for own in [range(kind, self.vehicles, len(kinds))]
             for begin in range(0, len(own), size)
@@ -77,8 +83,31 @@ def fly(
     mission = stacked([scene.mission(controller.law.preview_s)] * len(batch.indices))
     true = vehicles(scene, drawn, len(mission.time_s))
     with in_flight(controller.own_file):
-        trace = simulate(scene.pilot(controller), true, mission, drawn.flight_seed.tolist(), progress=progress)
-    return _parameters(batch, drawn, true, scene) | results(trace)
+        trace = simulate(_pilot(scene, controller, drawn), true, mission, drawn.flight_seed.tolist(), progress=progress)
+    return _parameters(batch, drawn, true, scene) | results(trace) | _link(trace, scene, drawn)
+
+
+def _pilot(scene: Scene, controller: LoadedController, drawn: Drawn) -> Pilot:
+    pilot = scene.pilot(controller)
+    if scene.radio is None or pilot.ground is None:
+        return pilot
+    return replace(pilot, ground=replace(pilot.ground, links=radios(scene.radio, drawn)))
+
+
+def _link(trace: Trace, scene: Scene, drawn: Drawn) -> Columns:
+    """Return each vehicle's radio and what its link carried over the trajectory; nothing for a law on board."""
+    if scene.radio is None:
+        return {}
+    ups = [one.up for one in radios(scene.radio, drawn)]
+    numbers = [link_numbers([one_of(trace, row)], scene.period_s) for row in range(len(ups))]
+    return {
+        "link_loss_share": np.array([one.loss_share + one.burst_share for one in ups]),
+        "link_delay_s": np.array([one.delay_s for one in ups]),
+        "link_jitter_s": np.array([one.jitter_s for one in ups]),
+        "link_bytes_per_s": np.array([one.uplink_bytes_per_s for one in numbers if one is not None]),
+        "link_messages_per_s": np.array([one.messages_per_s for one in numbers if one is not None]),
+        "landed": score(trace).landed,
+    }
 
 
 def _parameters(batch: Batch, drawn: Drawn, true: VirtualVehicle, scene: Scene) -> Columns:

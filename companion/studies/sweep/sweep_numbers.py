@@ -25,6 +25,12 @@ PARAMETERS = {
     "experiment": "experiment",
 }
 """Columns that the errors may depend on, and their names."""
+LINK_PARAMETERS = {
+    "link_loss_share": "loss of the radio",
+    "link_delay_s": "delay of the radio (s)",
+    "link_jitter_s": "jitter of the radio (s)",
+}
+"""Those of a law on the ground as well."""
 
 MOST_BINS = 10
 _LEAST_IN_BIN = 10
@@ -42,6 +48,11 @@ class Group:
     error_max_m: float
     update_share: float
     """Mean over the vehicles."""
+
+
+def parameters(columns: Columns) -> dict[str, str]:
+    """Return the columns that the errors of a sweep may depend on, and their names."""
+    return PARAMETERS | (LINK_PARAMETERS if "link_loss_share" in columns else {})
 
 
 def errors_m(columns: Columns) -> Array:
@@ -80,10 +91,10 @@ class Blame:
 
 
 def blames(columns: Columns) -> list[Blame]:
-    """Return the effect of every parameter of PARAMETERS, for vehicles of one nominal bandwidth."""
+    """Return the effect of every parameter, for vehicles of one nominal bandwidth."""
     place = ranks(errors_m(columns))
     found = []
-    for name in PARAMETERS:
+    for name in parameters(columns):
         bins = binned(columns[name])
         found.append(Blame(name, explained(place, bins), correlation(place, ranks(columns[name]))))
     return found

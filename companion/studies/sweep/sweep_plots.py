@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from companion.analysis.report.charts import COLOURS, TEXT_WIDTH_IN, Medium, style_of
 from companion.studies.sweep.sweep import Columns
-from companion.studies.sweep.sweep_numbers import PARAMETERS, binned, blames, errors_m, group, nominals, of_nominal
+from companion.studies.sweep.sweep_numbers import binned, blames, errors_m, group, nominals, of_nominal, parameters
 
 _ACROSS = 4
 _MARGIN = 1.3
@@ -29,11 +29,12 @@ def plot_sweep(columns: Columns, title: str, paths: list[Path]) -> None:
 def sweep_figure(columns: Columns, title: str) -> Figure:
     """Return the figure; larger errors and diverged vehicles are crosses at the upper edge."""
     figure = Figure(figsize=(TEXT_WIDTH_IN, 8.0), layout="constrained")
-    rows_of_panels = -(-len(PARAMETERS) // _ACROSS)
+    shown = parameters(columns)
+    rows_of_panels = -(-len(shown) // _ACROSS)
     grid = figure.add_gridspec(rows_of_panels + 1, _ACROSS)
     each = [of_nominal(columns, nominal) for nominal in nominals(columns)]
     top_m = _MARGIN * max(_finite_p98_m(rows) for rows in each)
-    for number, (name, label) in enumerate(PARAMETERS.items()):
+    for number, (name, label) in enumerate(shown.items()):
         axes = figure.add_subplot(grid[divmod(number, _ACROSS)])
         for rows, colour in zip(each, COLOURS, strict=False):
             _against(axes, rows, name, top_m, colour)
@@ -42,7 +43,7 @@ def sweep_figure(columns: Columns, title: str) -> Figure:
             axes.set_ylabel("error (cm)")
         else:
             axes.tick_params(labelleft=False)
-    _ranking(figure.add_subplot(grid[rows_of_panels, :]), each)
+    _ranking(figure.add_subplot(grid[rows_of_panels, :]), each, list(shown.values()))
     marks = {"median": {"ls": "-"}, "95 %": {"ls": "--"}, "larger or diverged": {"ls": "", "marker": "x"}}
     lines = [Line2D([], [], color=colour, label=_words(rows)) for rows, colour in zip(each, COLOURS, strict=False)]
     lines += [Line2D([], [], color="0.3", label=name, **how) for name, how in marks.items()]  # type: ignore[arg-type]
@@ -91,7 +92,7 @@ def _dot(vehicles: int) -> float:
     return float(np.clip(60.0 / np.sqrt(vehicles), 2.0, 5.0))
 
 
-def _ranking(axes: Axes, each: list[Columns]) -> None:
+def _ranking(axes: Axes, each: list[Columns], labels: list[str]) -> None:
     found = [blames(rows) for rows in each]
     share = np.nan_to_num([[blame.explained for blame in of_one] for of_one in found])
     order = np.argsort(share.mean(axis=0))
@@ -99,7 +100,7 @@ def _ranking(axes: Axes, each: list[Columns]) -> None:
     for number, colour in zip(range(len(each)), COLOURS, strict=False):
         y = np.arange(len(order)) + (len(each) / 2.0 - number - 0.5) * height
         axes.barh(y, 100.0 * share[number, order], height, color=colour)
-    names = [label.split(" (")[0] for label in PARAMETERS.values()]
+    names = [label.split(" (")[0] for label in labels]
     for row, parameter in enumerate(order):
         axes.text(100.0 * share[:, parameter].max() + 0.5, row, names[parameter], va="center", fontsize="small")
     axes.set_yticks([])

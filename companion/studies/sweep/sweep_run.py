@@ -20,6 +20,7 @@ from companion.config.law_files import is_law_file, law_path
 from companion.config.locations import project_root
 from companion.config.toml_files import read_toml
 from companion.core.interfaces import CompanionError
+from companion.simulation.radio import radio_named
 from companion.simulation.scene import Scene, load_scene
 from companion.simulation.workers import SPAWN, workers
 from companion.studies.sweep.sweep import Batch, Columns, Sweep, fly, joined
@@ -74,7 +75,7 @@ def run(sweep: Sweep, folder: Path, jobs: int, fresh: bool, progress: Callable[[
     """
     began_s = time.perf_counter()
     for experiment, nominal_radps in sweep.kinds:
-        _prepared(experiment, nominal_radps, sweep.controller)
+        _prepared(experiment, nominal_radps, sweep.controller, sweep.link)
     parts = Parts(sweep, folder)
     found = {} if fresh else {batch: parts.read(batch) for batch in parts.path}
     done = {batch: columns for batch, columns in found.items() if columns is not None}
@@ -115,7 +116,7 @@ def _begin_worker(flown: "Synchronized[float]") -> None:
 
 def _fly_part(batch: Batch, path: Path) -> Columns:
     """In a worker: fly a batch and leave it as a file."""
-    scene, controller = _prepared(batch.experiment, batch.nominal_radps, batch.controller)
+    scene, controller = _prepared(batch.experiment, batch.nominal_radps, batch.controller, batch.link)
     share = len(batch.indices) / round((scene.settle_s + scene.trajectory.duration_s) / scene.period_s)
 
     def progress(cycle: int) -> None:
@@ -132,8 +133,12 @@ def _fly_part(batch: Batch, path: Path) -> Columns:
 
 
 @lru_cache(maxsize=1)
-def _prepared(experiment: str, nominal_radps: float, controller: str) -> tuple[Scene, LoadedController]:
+def _prepared(
+    experiment: str, nominal_radps: float, controller: str, link: str | None
+) -> tuple[Scene, LoadedController]:
     scene = load_scene(experiment).with_bandwidth(nominal_radps)
+    if link is not None:
+        scene = scene.with_radio(radio_named(link))
     return scene, load_controller(controller, scene.vehicle_model(), scene.period_s)
 
 

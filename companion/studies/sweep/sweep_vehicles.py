@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from companion.core.types import Array
 from companion.simulation.scene import Scene
 from companion.simulation.virtual_world import STEP_S, VirtualVehicle
+from mock_autopilot.impairment.model import Impairment
+from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.physics.plant import GRAVITY_MPS2, thrust_of_signal
 from mock_autopilot.px4.attitude_error import AttitudeErrorParams
 
@@ -37,6 +39,8 @@ ATTITUDE_ERROR_RAD: Range = (0.005, 0.035)
 """RMS error of the autopilot's roll and pitch: 0.3 to 2 degrees."""
 ATTITUDE_ERROR_TIME_S: Range = (1.0, 20.0)
 """Its correlation time."""
+RADIO_SHARE: Range = (0.5, 1.5)
+"""Loss, delay and jitter of the radio to a law on the ground over those of the link it was made for."""
 CLEAR_M = 0.5
 """A flight that would begin lower than this begins above the trajectory's start instead of below it."""
 
@@ -67,12 +71,14 @@ class Drawn:
     """When in its own part of the flight each begins, 0..1, (N, DROPOUTS)."""
     attitude_error_rad: Array
     attitude_error_time_s: Array
+    radio_share: Array
+    """Shares of loss, delay and jitter, (N, 3)."""
 
 
 def draw(seed: int, indices: Sequence[int]) -> Drawn:
     """The vehicles of these indices: independent, uniform in the ranges above."""
     sequences = [np.random.SeedSequence(seed, spawn_key=(index,)).spawn(2) for index in indices]
-    u = np.array([np.random.default_rng(own).random(_SINGLE + 2 * DROPOUTS + 2) for own, _ in sequences])
+    u = np.array([np.random.default_rng(own).random(_SINGLE + 2 * DROPOUTS + 5) for own, _ in sequences])
     first, last = DELAY_STEPS
     delay_s = STEP_S * (first + np.floor(u[:, 3:5] * (last - first + 1)))
     happens = np.arange(DROPOUTS) < np.floor(u[:, 10:_SINGLE] * (DROPOUTS + 1))
@@ -89,8 +95,9 @@ def draw(seed: int, indices: Sequence[int]) -> Drawn:
         offset_w_m=_offset_w_m(u[:, 7:10]),
         dropout_s=np.where(happens, _between(DROPOUT_S, length), 0.0),
         dropout_begin=begin,
-        attitude_error_rad=_between(ATTITUDE_ERROR_RAD, u[:, -2]),
-        attitude_error_time_s=_between(ATTITUDE_ERROR_TIME_S, u[:, -1]),
+        attitude_error_rad=_between(ATTITUDE_ERROR_RAD, u[:, -5]),
+        attitude_error_time_s=_between(ATTITUDE_ERROR_TIME_S, u[:, -4]),
+        radio_share=_between(RADIO_SHARE, u[:, -3:]),
     )
 
 
@@ -104,6 +111,22 @@ def _offset_w_m(u: Array) -> Array:
     across = np.sqrt(1.0 - up * up)
     direction = np.stack((across * np.cos(around), across * np.sin(around), up), axis=-1)
     return np.asarray(direction * _between(OFFSET_M, u[:, 2])[:, None])
+
+
+def radios(radio: Directions, drawn: Drawn) -> tuple[Directions, ...]:
+    """Return the radio of every vehicle (N,), both directions alike."""
+    return tuple(Directions(_scaled(radio.up, share), _scaled(radio.down, share)) for share in drawn.radio_share)
+
+
+def _scaled(one: Impairment, share: Array) -> Impairment:
+    loss, delay, jitter = share.tolist()
+    return replace(
+        one,
+        loss_share=min(loss * one.loss_share, 1.0),
+        burst_share=min(loss * one.burst_share, 1.0),
+        delay_s=delay * one.delay_s,
+        jitter_s=jitter * one.jitter_s,
+    )
 
 
 def unseen(drawn: Drawn, cycles: int, period_s: float) -> NDArray[np.bool_]:

@@ -122,6 +122,7 @@ def _as_told(scene: Scene, flight_seed: NDArray[np.uint64]) -> Drawn:
         dropout_begin=nothing,
         attitude_error_rad=one * vehicle.attitude_error.rms_rad,
         attitude_error_time_s=one * vehicle.attitude_error.time_s,
+        radio_share=np.ones((count, 3)),
     )
 
 
