@@ -3,7 +3,8 @@
 import asyncio
 import json
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,17 @@ from companion.analysis.report.recorded_flight import Flown
 from companion.cli.commands import app
 from companion.config.companion_config import CompanionConfig
 from companion.flight.tick import Tick
+from companion.ground.ground_record import tick_of
+from companion.records.errors import UnfitFlightError
+from companion.records.flight_record import FlightRecord
 from companion.records.read import RecordError, read_flight
+from companion.records.split.merge import merge
 from companion.supervisor.flight_state import Phase, TrackRequest
 from companion.trajectories.waypoints import Waypoints
 from mock_autopilot.physics.plant import Wrench
 from tests.analysis.recorded import recorded
-from tests.flights.simulated import Flight, Step, fly
+from tests.flights.simulated import BRISK, Flight, Step, fly
+from tests.flights.simulated_ground import GroundSetup, ground_config
 from tests.flights.test_simulated_flights import UP, ask, until, wait
 from tests.mock_autopilot.bench import PERFECT
 
@@ -38,11 +44,13 @@ CLIMBS = Waypoints(
     np.array([[0.0, 0.0, height] for height in HEIGHTS_M]),
     np.zeros(len(HEIGHTS_M)),
 )
+ON_GROUND = ground_config(CompanionConfig(flight=BRISK), onboard_mocap=True)
+RADIO, RADIO_S = "delay 4 ms", 0.004
 TICK_S = 0.002
 """The mock's: how late its own loops see a setpoint, and how old the attitude is that it tells."""
 
 
-def _pushed(steps: list[Step]) -> list[Step]:
+def _pushed(steps: Sequence[Step]) -> list[Step]:
     """The room of config/mock.toml pushes: constant, slow waves, and noise."""
     chance, noise = np.random.default_rng(3), np.zeros(3)
 
@@ -63,10 +71,12 @@ def _pushed(steps: list[Step]) -> list[Step]:
     return [with_push(step) for step in steps]
 
 
+_SCRIPT = (*UP, wait(HOVER_S), ask(TrackRequest(CLIMBS, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(2.0))
+
+
 def _fly(folder: Path, **how: Any) -> tuple[Flown, list[Tick]]:
-    script = [*UP, wait(HOVER_S), ask(TrackRequest(CLIMBS, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(2.0)]
     # Hovers and climbs tilt the vehicle less than its horizon wanders: then the attitude's answer is not found.
-    flight = asyncio.run(fly(_pushed(script), estimator=PERFECT, **how))
+    flight = asyncio.run(fly(_pushed(_SCRIPT), estimator=PERFECT, **how))
     return Flown(read_flight(recorded(flight.ticks, folder))), flight.ticks
 
 
@@ -74,6 +84,18 @@ def _fly(folder: Path, **how: Any) -> tuple[Flown, list[Tick]]:
 def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flown, list[Tick]]:
     """Return the configuration of the demo's vehicle."""
     return _fly(tmp_path_factory.mktemp("usual"))
+
+
+@pytest.fixture(scope="module")
+def split(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightRecord, FlightRecord]:
+    """Return the vehicle's record of the same flight by a law on the ground, alone and merged with the ground's."""
+    folder = tmp_path_factory.mktemp("split")
+    flight = asyncio.run(fly(_pushed(_SCRIPT), estimator=PERFECT, config=ON_GROUND, ground=GroundSetup(link=RADIO)))
+    assert flight.ground is not None
+    vehicle = recorded(flight.ticks, folder / "vehicle", ON_GROUND)
+    ground = recorded(map(tick_of, flight.ground.ground.ticks), folder / "ground", ON_GROUND, side="ground")
+    merge(vehicle, ground, folder / "merged.mcap")
+    return read_flight(vehicle), read_flight(folder / "merged.mcap")
 
 
 def found(flown: Flown) -> dict[str, Finding]:
@@ -128,6 +150,41 @@ def test_another_vehicle_in_another_room(tmp_path: Path) -> None:
     assert near(values["vehicle.attitude_damping"], 0.92, 0.05)
     assert abs(values["vehicle.setpoint_delay_s"].value - (0.014 + 2.0 * TICK_S)) < 0.005
     assert near(values["mocap.delay_s"], 0.02 - TICK_S, 0.003)
+
+
+def _without_frames(record: FlightRecord) -> Flown:
+    """Return the flight as it would be recorded by a vehicle that no frames reach."""
+    law = record.metadata["config"]["law"] | {"onboard_mocap": False}
+    columns = {name: column for name, column in record.columns.items() if not name.startswith("frame_")}
+    config = record.metadata["config"] | {"law": law}
+    return Flown(replace(record, columns=columns, metadata=record.metadata | {"config": config}))
+
+
+def test_a_law_on_the_ground_adds_nothing_to_the_delays(
+    usual: tuple[Flown, list[Tick]], split: tuple[FlightRecord, FlightRecord]
+) -> None:
+    on_board, values = found(usual[0]), found(Flown(split[0]))
+    assert near(values["vehicle.hover_thrust"], WEIGHT_N / 95.1, 0.01)
+    assert near(values["mocap.delay_s"], 0.008 - TICK_S, 0.003)
+    assert values["mocap.delay_s"].says.endswith("; of the vehicle's frames")
+    delays_s = [one["vehicle.setpoint_delay_s"].value + one["mocap.delay_s"].value for one in (on_board, values)]
+    assert delays_s[1] == pytest.approx(delays_s[0], abs=0.008)
+    assert near(values["law.link.delay_s"], RADIO_S, 0.001)
+    assert "law.link.delay_s" not in on_board
+    (line,) = re.findall(r"\[law\.link\]\ndelay_s = .*", calibrate(observed(Flown(split[0])), ON_GROUND).toml())
+    assert line.endswith("= 0.004")
+
+
+def test_without_frames_on_the_vehicle_the_grounds_are_taken(split: tuple[FlightRecord, FlightRecord]) -> None:
+    values = found(_without_frames(split[1]))
+    assert near(values["mocap.delay_s"], 0.008 - TICK_S, 0.003)
+    assert values["mocap.delay_s"].says.endswith("; of the ground's frames")
+    assert near(values["vehicle.hover_thrust"], WEIGHT_N / 95.1, 0.01)
+    with pytest.raises(UnfitFlightError, match=r"no frames reached the vehicle .* `companion records merge`"):
+        observed(_without_frames(split[0]))
+    assert split[1].ground is not None
+    with pytest.raises(UnfitFlightError, match="is the record of a law on the ground: give the vehicle's"):
+        observed(Flown(split[1].ground))
 
 
 def _cut(flown: Flown, wanted: Callable[[Flown], Any]) -> Flown:

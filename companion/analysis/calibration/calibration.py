@@ -3,9 +3,11 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from companion.analysis.calibration.attitude import fit_attitude, fit_mocap_delay
 from companion.analysis.calibration.fitting import Fit
-from companion.analysis.calibration.signals import Observed
+from companion.analysis.calibration.signals import Observed, blocks
 from companion.analysis.calibration.thrust import Hover, fit_rotors, hover
 from companion.config.companion_config import CompanionConfig
 from companion.config.flight_config import VehicleConfig
@@ -18,6 +20,11 @@ _ROTORS_S = 0.005
 """Error of the fitted rotor lag in flights whose truth is known."""
 _CURVE = 0.03
 """The same of the curve."""
+_LINK_DELAY = "law.link.delay_s"
+_LINK_BLOCK_S = 3.0
+_LEAST_BLOCKS = 3
+_CLOCKS_S = 0.0005
+"""Error of the clock offset on a quiet network."""
 _VARIED = 0.006
 """Share of hover thrust by which the thrust must vary."""
 
@@ -54,7 +61,7 @@ class Calibrated:
         """Return the lines to set in the configuration, as TOML."""
         tables: dict[str, list[str]] = {}
         for one in self.findings:
-            table, key = one.name.split(".")
+            table, _, key = one.name.rpartition(".")
             tables.setdefault(table, []).append(f"{key} = {one.value:.{one.digits}f}")
         return "\n".join(line for table, lines in tables.items() for line in (f"[{table}]", *lines))
 
@@ -70,6 +77,7 @@ def calibrate(seen: Observed, config: CompanionConfig) -> Calibrated:
     results += _rotors(seen, level, known_s, vehicle)
     results += _attitude(fit_attitude(seen), known_s, vehicle)
     results.append(delay)
+    results += _link_delay(seen, config.law.link.delay_s)
     findings = tuple(one for one in results if isinstance(one, Finding))
     return Calibrated(findings, tuple(one for one in results if isinstance(one, Unknown)))
 
@@ -85,7 +93,24 @@ def _mocap_delay(seen: Observed, configured_s: float) -> Finding | Unknown:
     if sd_s > 0.01 or delay_s < 0.0:
         return Unknown(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
     says = "from capture to arrival, less what the autopilot's attitude takes to get here"
+    if seen.linked_s.size:
+        says += (
+            "; of the frames that the ground gets" if seen.of_ground else "; of the vehicle's frames, not the ground's"
+        )
     return Finding("mocap.delay_s", delay_s, sd_s, configured_s, 3, says)
+
+
+def _link_delay(seen: Observed, configured_s: float) -> list[Finding | Unknown]:
+    """Return the age of the messages of a law on the ground; nothing for a law on board."""
+    if not seen.linked_s.size:
+        return []
+    block = blocks(seen.linked_s, _LINK_BLOCK_S)
+    medians = np.array([np.median(seen.link_age_s[block == one]) for one in np.unique(block)])
+    if len(medians) < _LEAST_BLOCKS:
+        return [Unknown(_LINK_DELAY, "too few messages of the ground: hold for half a minute")]
+    sd_s = math.hypot(float(medians.std(ddof=1)) / math.sqrt(len(medians)), _CLOCKS_S)
+    says = "median age of a command at its arrival; wrong by half of what the way up takes longer than the way down"
+    return [Finding(_LINK_DELAY, float(np.median(seen.link_age_s)), sd_s, configured_s, 3, says)]
 
 
 def _hover_thrust(level: Hover | None, configured: float) -> Finding | Unknown:

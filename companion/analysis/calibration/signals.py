@@ -1,6 +1,6 @@
 """Commands to the vehicle and its response, from a record and on one clock."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,8 @@ from companion.records.errors import RecordError, UnfitFlightError
 
 WINDOW_S = 10.0
 """Window over which clocks are compared, as in the estimator."""
-_NEEDED = ("frame_stamp_s", "estimate_clock_offset_s", "setpoint_thrust", "setpoint_q_w_flu_wxyz", "attitude_s")
+_NEEDED = ("setpoint_thrust", "setpoint_q_w_flu_wxyz", "attitude_s")
+_FRAMES = ("frame_stamp_s", "estimate_clock_offset_s")
 _CLEAR_M = 0.25
 """Height above which the ground effect is negligible."""
 _LEAST_S = 8.0
@@ -43,6 +44,12 @@ class Observed:
     """Up axis by the autopilot, (k, 3)."""
     quiet: Mask
     """Frames in which the arms had been at rest for a while, (n,)."""
+    of_ground: bool = False
+    """The frames are those that a law on the ground got, on the vehicle's clock."""
+    linked_s: Array = field(default_factory=lambda: np.zeros(0))
+    """Arrival of each message of a law on the ground, (l,); none for a law on board."""
+    link_age_s: Array = field(default_factory=lambda: np.zeros(0))
+    """Their ages then, (l,)."""
 
 
 def observed(flown: Flown) -> Observed:
@@ -50,7 +57,11 @@ def observed(flown: Flown) -> Observed:
     path = flown.record.path
     if not flown.airborne.any():
         raise UnfitFlightError(f"{path}: the law was never in charge in this flight: nothing to calibrate from")
+    if flown.record.is_of_ground:
+        raise UnfitFlightError(f"{path}: is the record of a law on the ground: give the vehicle's, or both merged")
+    seen = _with_frames(flown)
     missing = [name for name in _NEEDED if not flown.has(name)]
+    missing += [name for name in _FRAMES if not seen.has(name)]
     if missing:
         raise RecordError(f"{path}: no column {missing[0]}: a record of `companion serve` is needed")
     begin_s, end_s = _clear_of_ground(flown)
@@ -58,28 +69,55 @@ def observed(flown: Flown) -> Observed:
         raise UnfitFlightError(
             f"{path}: only {max(end_s - begin_s, 0.0):.0f} s above {_CLEAR_M:g} m: hover for at least half a minute"
         )
-    time_s = flown.column("time_s")
+    time_s = seen.column("time_s")
     sent = flown.sent & np.isfinite(flown.column("setpoint_thrust"))
-    framed = np.isfinite(flown.column("frame_stamp_s")) & np.isfinite(flown.column("frame_position_w_m", 3)).all(axis=1)
+    framed = np.isfinite(seen.column("frame_stamp_s")) & np.isfinite(seen.column("frame_position_w_m", 3)).all(axis=1)
     framed &= (time_s >= begin_s) & (time_s <= end_s)
-    rotation = np.asarray(flown.record.columns["frame_rotation_w_b"])
+    rotation = np.asarray(seen.record.columns["frame_rotation_w_b"])
     heard_s, their_up_w = _autopilots(flown)
-    quiet = _arms_at_rest(flown)[framed]
+    quiet = _arms_at_rest(flown, time_s[framed])
     if quiet.mean() * (end_s - begin_s) < _LEAST_S:
         raise UnfitFlightError(f"{path}: the arms moved nearly all the time: hover with the arms stowed")
+    linked_s, link_age_s = _messages(flown, begin_s, end_s)
     return Observed(
         begin_s=begin_s,
         end_s=end_s,
         sent_s=flown.column("sent_s")[sent],
         sent_up_w=up_axis(_left(flown)[sent]),
         sent_thrust=flown.column("setpoint_thrust")[sent],
-        came_s=(flown.column("frame_stamp_s") + flown.column("estimate_clock_offset_s"))[framed],
-        position_w_m=flown.column("frame_position_w_m", 3)[framed],
+        came_s=(seen.column("frame_stamp_s") + seen.column("estimate_clock_offset_s"))[framed],
+        position_w_m=seen.column("frame_position_w_m", 3)[framed],
         up_w=rotation[framed][:, :, 2],
         heard_s=heard_s,
         autopilot_up_w=their_up_w,
         quiet=quiet,
+        of_ground=seen is not flown,
+        linked_s=linked_s,
+        link_age_s=link_age_s,
     )
+
+
+def _with_frames(flown: Flown) -> Flown:
+    """Return the side of the flight that frames have reached; UnfitFlightError where that side's record is missing."""
+    if flown.record.frames:
+        return flown
+    if flown.record.ground is None:
+        raise UnfitFlightError(
+            f"{flown.record.path}: no frames reached the vehicle (law.onboard_mocap = false): merge it with the "
+            "ground's record first, `companion records merge`"
+        )
+    return Flown(flown.record.ground)
+
+
+def _messages(flown: Flown, begin_s: float, end_s: float) -> tuple[Array, Array]:
+    """Return arrival and age of each message of a law on the ground, (l,); none for a law on board."""
+    if not flown.has("link_message_sent_s"):
+        return np.zeros(0), np.zeros(0)
+    arrived_s = flown.column("link_message_arrived_s")
+    ages_s = arrived_s - flown.column("link_message_sent_s")
+    among = np.isfinite(ages_s) & (np.diff(arrived_s, prepend=np.nan) != 0.0)
+    among &= (arrived_s >= begin_s) & (arrived_s <= end_s)
+    return arrived_s[among], ages_s[among]
 
 
 def _left(flown: Flown) -> Array:
@@ -102,14 +140,14 @@ def _clear_of_ground(flown: Flown) -> tuple[float, float]:
     return float(flown.column("time_s")[first]), float(flown.column("time_s")[last])
 
 
-def _arms_at_rest(flown: Flown) -> Mask:
-    time_s = flown.column("time_s")
+def _arms_at_rest(flown: Flown, at_s: Array) -> Mask:
+    """Return at which of these times the arms had been at rest for a while."""
     goals = flown.column("joint_goal_velocity_radps", 8)
-    moved_s = time_s[np.nan_to_num(np.abs(goals)).max(axis=1) > _MOVES_RADPS]
+    moved_s = flown.column("time_s")[np.nan_to_num(np.abs(goals)).max(axis=1) > _MOVES_RADPS]
     if not moved_s.size:
-        return np.ones(len(time_s), dtype=bool)
-    last = np.searchsorted(moved_s, time_s, side="right") - 1
-    return np.asarray((last < 0) | (time_s - moved_s[np.maximum(last, 0)] > _RINGS_S))
+        return np.ones(len(at_s), dtype=bool)
+    last = np.searchsorted(moved_s, at_s, side="right") - 1
+    return np.asarray((last < 0) | (at_s - moved_s[np.maximum(last, 0)] > _RINGS_S))
 
 
 def _autopilots(flown: Flown) -> tuple[Array, Array]:
