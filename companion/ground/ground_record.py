@@ -1,6 +1,8 @@
 """Record of the law on the ground: one file a flight, with all that the law was given and made of it."""
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,8 @@ class GroundRecorder:
         self._sink = sink
         self._texts: dict[str, str] = {}
         self._session = 0
+        self.flew = False
+        """The law flew in at least one cycle."""
         sink.begin(
             {
                 "side": GROUND,
@@ -67,11 +71,30 @@ class GroundRecorder:
         if tick.link.session != self._session:
             self._session = tick.link.session
             self._sink.begin({"part": f"{GROUND}-{self._session}"})
+        self.flew |= tick.flying
         self._sink(tick_of(tick))
+
+    @property
+    def file(self) -> str:
+        """Newest file; empty before the first."""
+        return self._sink.file
 
     def close(self) -> None:
         """Wait until the flight's file is complete."""
         self._sink.close()
+
+
+@contextmanager
+def ground_recorder(config: CompanionConfig, name: str) -> Iterator[GroundRecorder | None]:
+    """Record as [records] says, in files named after the vehicle; yield None where the name is empty."""
+    if not name:
+        yield None
+        return
+    recorder = GroundRecorder(config, RecordSink(config.records, name))
+    try:
+        yield recorder
+    finally:
+        recorder.close()
 
 
 def tick_of(tick: GroundTick) -> Tick:

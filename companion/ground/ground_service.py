@@ -87,6 +87,7 @@ async def serve_law(
         beside = _Beside(link.end, law, config, controller.unstable_allowed)
         observers: list[Observer] = [lambda _: notifier.alive()]
         if recorder is not None:
+            recorder.note_law(controller.name)
             beside.note_law = recorder.note_law
             observers.append(recorder)
         service = _Service(config, link, law, clock, notifier, observers)

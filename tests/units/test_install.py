@@ -138,6 +138,8 @@ def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
         "etc/systemd/system/dauam-law.service",
         "etc/sysusers.d/dauam.conf",
     }
+    ground = (tmp_path / "law/etc/dauam/ground.toml").read_text()
+    assert 'folder = "/var/lib/dauam/flights"  ' in ground, "where the unit may write"
     assert set(files(tmp_path / "broker")) == {"etc/systemd/system/mosquitto.service.d/dauam.conf"}
 
 

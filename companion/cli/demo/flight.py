@@ -6,7 +6,7 @@ import signal
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +121,7 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
                         _law_placed(flight, radio) as (config, law),
                         open_local_operator(config, law, sink, watchdog_timer, flight.records, display.say) as operator,
                     ):
+                        kept.begin({"config": config.model_dump(mode="json")})
                         await _mission(flight, operator, display, flown)
                 except CompanionError as error:
                     if not flown.recorder.flew:
@@ -189,7 +190,8 @@ async def _law_placed(flight: DemoFlight, radio: Radio) -> AsyncIterator[tuple[C
     if flight.ground is None:
         yield flight.config, flight.controller
         return
-    async with law_on_ground(flight.config, flight.controller, flight.ground, flight.seed, radio) as config:
+    place = replace(flight.ground, record=flight.name, folder=flight.records)
+    async with law_on_ground(flight.config, flight.controller, place, flight.seed, radio) as config:
         yield config, LoadedController(ON_GROUND, RemoteLaw(), flight.controller.error_limits)
 
 

@@ -55,6 +55,10 @@ class Ground:
     onboard_mocap: bool = True
     link: str | None = None
     """Impairment of the link, in the words of `python -m mock_autopilot.impairment`; None: no relay."""
+    record: str = ""
+    """Name of the ground's record, a part of the file's name; without one nothing is recorded."""
+    folder: Path = Path("flights")
+    """Folder of that record."""
 
 
 @asynccontextmanager
@@ -70,7 +74,7 @@ async def law_on_ground(
         )
         async with (
             _relay(ground.link, (relay_port, vehicle_port), seed, radio) as port,
-            _ground_process(split, law, port),
+            _ground_process(split, law, port, ground),
         ):
             yield split
 
@@ -114,11 +118,15 @@ async def _relay(link: str | None, ports: tuple[int, int], seed: int, radio: Rad
 
 
 @asynccontextmanager
-async def _ground_process(config: CompanionConfig, law: LoadedController, port: int) -> AsyncIterator[None]:
+async def _ground_process(
+    config: CompanionConfig, law: LoadedController, port: int, ground: Ground
+) -> AsyncIterator[None]:
     link = config.law.link.model_copy(update={"port": port})
-    ground = config.model_copy(update={"law": config.law.model_copy(update={"link": link})})
+    records = config.records.model_copy(update={"folder": str(ground.folder), "live_port": 0})
+    split = config.model_copy(update={"law": config.law.model_copy(update={"link": link}), "records": records})
     settings = {
-        "config": ground.model_dump(mode="json"),
+        "config": split.model_dump(mode="json"),
+        "record": ground.record,
         "controller": law.name,
         "allow_unstable": law.unstable_allowed,
         "level": logging.INFO if logging.getLogger("companion").isEnabledFor(logging.DEBUG) else logging.CRITICAL,

@@ -19,9 +19,8 @@ from companion.config.controller_config import LoadedController
 from companion.config.locations import vehicle_config_path
 from companion.core.interfaces import ConfigError
 from companion.flight.assembly import controller_of, margin_in, with_link
-from companion.ground.ground_record import GroundRecorder
+from companion.ground.ground_record import GroundRecorder, ground_recorder
 from companion.ground.ground_service import serve_law
-from companion.records.record_process import RecordSink
 
 LOG = logging.getLogger("companion.law")
 
@@ -58,19 +57,9 @@ def law_command(
         LOG.info("configuration %s", config or vehicle_config_path())
         LOG.info("control law %s: %s", loaded.name, margin.says)
         lock_memory()
-        recorder = _recorder(settings, loaded.name) if record else None
-        try:
+        vehicle = settings.operator.vehicle if settings.operator else "vehicle"
+        with ground_recorder(settings, vehicle if record else "") as recorder:
             uvloop.run(_run(settings, loaded, recorder, notifier))
-        finally:
-            if recorder is not None:
-                recorder.close()
-
-
-def _recorder(settings: CompanionConfig, law: str) -> GroundRecorder:
-    vehicle = settings.operator.vehicle if settings.operator else "vehicle"
-    recorder = GroundRecorder(settings, RecordSink(settings.records, vehicle))
-    recorder.note_law(law)
-    return recorder
 
 
 async def _run(
