@@ -8,7 +8,7 @@ from typing import Any
 from mcap.reader import make_reader
 
 from tests.flights.command import ROOT
-from tests.records.flown import flight
+from tests.records.linked import flight_with_link
 from tests.records.test_round_trip import written
 
 LAYOUT: dict[str, Any] = json.loads((ROOT / "config" / "foxglove" / "layout.json").read_text(encoding="utf-8"))
@@ -23,7 +23,7 @@ def test_every_panel_has_its_place_and_its_settings() -> None:
 
 
 def test_every_path_is_in_the_schemas_and_messages_of_a_record(tmp_path: Path) -> None:
-    (path,) = written(tmp_path, flight())
+    (path,) = written(tmp_path, flight_with_link())
     said: dict[str, dict[str, Any]] = {}
     schemas: dict[str, dict[str, Any]] = {}
     topics = set()

@@ -142,7 +142,8 @@ def _settings(flown: Flown) -> str:
         text = json.dumps(metadata["config"], indent=2)
         parts.append(f"<details><summary>Configuration</summary>\n<pre>{escape(text)}</pre></details>")
     controller = metadata.get("controller") or {}
-    laws = dict(metadata.get("laws") or {})
+    ground = flown.record.ground
+    laws = dict(metadata.get("laws") or {}) | dict((ground.metadata.get("laws") if ground else None) or {})
     if controller.get("file"):
         laws.setdefault(str(controller.get("name", "law")), controller["file"])
     for name, text in laws.items():

@@ -61,12 +61,13 @@ def replay_command(
 def _replayed(record: "FlightRecord", controller: str | None, allow_unstable: bool) -> "Replayed":
     from companion.analysis.replay.laws import config_of, laws_of  # noqa: PLC0415
     from companion.analysis.replay.rerun import replay  # noqa: PLC0415
-    from companion.flight.assembly import controller_of  # noqa: PLC0415
+    from companion.flight.assembly import controller_of, with_link  # noqa: PLC0415
 
     config = config_of(record)
     laws, other = laws_of(record, config), None
     if controller is not None:
-        other = controller_of(config, controller, allow_unstable).law
+        up_age_s = next(iter(laws)).up_age_s if laws else 0.0
+        other = controller_of(with_link(config, up_age_s), controller, allow_unstable).law
     return replay(record, config, laws, other)
 
 
