@@ -13,11 +13,13 @@ from companion.records.read import FlightRecord, HealthEvent, RecordedEvent
 
 
 def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
-    """Export ticks.csv, events.csv, faults.csv and metadata.json; floats at full precision, empty where missing."""
+    """Export ticks.csv, events.csv, faults.csv and metadata.json; floats at full precision, empty where missing.
+
+    A merged record has ground_ticks.csv, too, with the ground's cycles.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    names, cells = _flat(record.columns)
-    tables = {
-        "ticks.csv": (names, list(zip(*cells, strict=True))),
+    sides = {"ticks.csv": record} | ({"ground_ticks.csv": record.ground} if record.ground is not None else {})
+    tables = {name: _rows(side.columns) for name, side in sides.items()} | {
         "events.csv": ([field.name for field in fields(RecordedEvent)], [astuple(event) for event in record.events]),
         "faults.csv": ([field.name for field in fields(HealthEvent)], [astuple(event) for event in record.health]),
     }
@@ -29,6 +31,11 @@ def export_csv(record: FlightRecord, folder: Path) -> list[Path]:
     metadata = folder / "metadata.json"
     metadata.write_text(json.dumps(record.metadata | {"start": record.start}, indent=2) + "\n", encoding="utf-8")
     return [*(folder / name for name in tables), metadata]
+
+
+def _rows(columns: dict[str, np.ndarray]) -> tuple[list[str], list[tuple[object, ...]]]:
+    names, cells = _flat(columns)
+    return names, list(zip(*cells, strict=True))
 
 
 def _flat(columns: dict[str, np.ndarray]) -> tuple[list[str], list[list[object]]]:

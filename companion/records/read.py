@@ -84,9 +84,9 @@ def _read_mcap(path: Path) -> FlightRecord:
         raise _without_a_tick(path, source, table, metadata)
     try:
         columns = _checked(path, table.columns())
-        of_ground = _ground_record(path, ground, metadata)
     except BROKEN as error:
         raise RecordError(f"{path}: its messages are not those of a record: {error}") from error
+    of_ground = _ground_record(path, ground, metadata, source)
     return FlightRecord(
         path=path,
         columns=columns if of_ground is None else columns | signals_at(columns, of_ground.columns),
@@ -100,11 +100,15 @@ def _read_mcap(path: Path) -> FlightRecord:
     )
 
 
-def _ground_record(path: Path, table: Table, metadata: "_Metadata") -> FlightRecord | None:
-    """Return the ground's side of a merged file; None in any other."""
+def _ground_record(path: Path, table: Table, metadata: "_Metadata", source: McapFile) -> FlightRecord | None:
+    """Return the ground's side of a merged file; None in any other, and where it is damaged."""
     if not table.ticks:
         return None
-    columns = _checked(path, table.columns())
+    try:
+        columns = _checked(path, table.columns())
+    except (RecordError, *BROKEN):
+        source.damage.append("no readable cycle of the ground")
+        return None
     return FlightRecord(path=path, columns=columns, events=tuple(table.events), metadata=metadata.ground)
 
 

@@ -1,5 +1,6 @@
 """Records of both sides of a flight by a law on the ground: replayed to the last bit, and merged into one."""
 
+import csv
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from typer.testing import CliRunner, Result
 
 from companion.analysis.replay.laws import LawKey, config_of, laws_of
@@ -169,6 +171,34 @@ def test_the_laws_signals_are_there_in_the_vehicles_cycles(merged: Path) -> None
     newest = np.searchsorted(record.ground.columns["time_s"], record.columns["time_s"][row], side="right") - 1
     np.testing.assert_array_equal(record.columns["law_x1"][row], record.ground.columns["law_x1"][newest])
     assert np.isfinite(record.columns["law_f_hat"]).any()
+
+
+def test_a_damaged_side_of_the_ground_leaves_the_vehicles_flight(merged: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged.mcap"
+    with merged.open("rb") as file, damaged.open("wb") as to:
+        writer = Writer(to)
+        writer.start()
+        known = {topic: writer.register_channel(topic, "json", 0) for topic in ("/flight", "/ground/law")}
+        for _, channel, message in make_reader(file).iter_messages([*known]):
+            writer.add_message(known[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()  # type: ignore[no-untyped-call]
+    record = read_flight(damaged)
+    assert record.ground is None
+    assert record.damage.startswith("no readable cycle of the ground")
+    assert len(record.columns["time_s"]) > 500
+
+
+def test_both_sides_are_written_as_tables(merged: Path, ground: FlightRecord, tmp_path: Path) -> None:
+    said = run("records", merged, "--csv", tmp_path)
+    assert said.exit_code == 0, said.output
+    with (tmp_path / "ground_ticks.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(ground.columns["time_s"])
+    np.testing.assert_array_equal(
+        [float(row["accel_w_mps2_0"] or "nan") for row in rows], ground.columns["accel_w_mps2"][:, 0]
+    )
+    with (tmp_path / "ticks.csv").open(encoding="utf-8", newline="") as file:
+        assert {"law_x1_0", "link_command_age_s"} <= set(next(csv.reader(file)))
 
 
 def test_other_programs_find_the_grounds_topics_beside_the_vehicles(merged: Path) -> None:

@@ -94,9 +94,7 @@ def _mocap_delay(seen: Observed, configured_s: float) -> Finding | Unknown:
         return Unknown(name, f"{_ms(delay_s, sd_s)} is too uncertain: it must tilt more, fly an ellipse")
     says = "from capture to arrival, less what the autopilot's attitude takes to get here"
     if seen.linked_s.size:
-        says += (
-            "; of the frames that the ground gets" if seen.of_ground else "; of the vehicle's frames, not the ground's"
-        )
+        says += f"; of the {'ground' if seen.of_ground else 'vehicle'}'s frames"
     return Finding("mocap.delay_s", delay_s, sd_s, configured_s, 3, says)
 
 
