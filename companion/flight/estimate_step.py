@@ -20,6 +20,8 @@ class Arrival:
 
     frame: MocapFrame | None = None
     pose: GroundPose | None = None
+    status: AutopilotStatus | None = None
+    """The autopilot's status that the estimate was made from; None where it was made from frames."""
 
     @property
     def frame_received_s(self) -> float:
@@ -116,9 +118,9 @@ class EstimateFromAutopilot:
         pose, before = self._ground.latest_pose(), self.state
         self.state = from_autopilot.step(before, status, pose, self._params)
         if pose is None or self.state.stamp_s == before.stamp_s:
-            return _NOTHING
+            return Arrival(status=status)
         self._pose = pose
-        return Arrival(pose=pose)
+        return Arrival(pose=pose, status=status)
 
     def for_vision(self, now_s: float) -> EstimatorState:
         """Return the estimate with the pose of motion capture's usual delay ago, as the autopilot expects it."""

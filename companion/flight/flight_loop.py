@@ -206,7 +206,7 @@ class FlightLoop:
                 sent_s=sent_s,
                 vehicle=self.estimate.vehicle,
                 age_s=estimator.age_s(self.estimate, now_s),
-                status=self._autopilot.status(),
+                status=arrival.status or self._autopilot.status(),
                 flight=self._flight,
                 reference=state_machine.reference_at(self._flight, now_s) if pipeline else None,
                 pipeline=pipeline,
