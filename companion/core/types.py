@@ -170,6 +170,20 @@ class AutopilotStatus:
         return "the battery" if len(self.batteries) <= 1 else f"battery {self.battery_id}"
 
 
+NOT_HEARD = AutopilotStatus(
+    connected=True,
+    heartbeat_s=-math.inf,
+    armed=False,
+    mode=FlightMode.OTHER,
+    in_air=None,
+    battery_fraction=math.nan,
+    battery_v=math.nan,
+    q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    last_text="",
+)
+"""Status before the first message."""
+
+
 @dataclass(frozen=True)
 class JointMotion:
     """Reference of a joint trajectory at one instant; (..., 8), in the order of arms.model.JOINT_NAMES."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from companion import __version__
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import controller_text
-from companion.core.types import AutopilotStatus, FlightMode
+from companion.core.types import NOT_HEARD
 from companion.flight.tick import MoreColumns, Tick
 from companion.ground.ground_tick import GroundTick
 from companion.law_link.messages import UpFlags
@@ -30,17 +31,7 @@ _LINK = {
     )
 }
 _MIRROR = {"/link": ("mirror_thrust", "mirror_q_w_flu_wxyz")}
-_NOT_HEARD_HERE = AutopilotStatus(
-    connected=False,
-    heartbeat_s=-math.inf,
-    armed=False,
-    mode=FlightMode.OTHER,
-    in_air=None,
-    battery_fraction=math.nan,
-    battery_v=math.nan,
-    q_w_flu_wxyz=np.full(4, np.nan),
-    last_text="",
-)
+_NOT_HEARD_HERE = replace(NOT_HEARD, connected=False, q_w_flu_wxyz=np.full(4, np.nan))
 """The autopilot is the vehicle's; nothing of it reaches the ground."""
 
 

@@ -12,14 +12,13 @@ from companion.adapters.dynamixel.bus import DynamixelBus, open_dynamixel
 from companion.adapters.mocap.no_frames import NoFrames
 from companion.adapters.mocap.source import open_mocap
 from companion.adapters.px4.link import open_px4
-from companion.adapters.px4.telemetry import NOT_HEARD
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.disk import DiskWatch
 from companion.adapters.system.instance_lock import instance_lock
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import Clock, CompanionError, ConfigError, GroundPoses, MocapError, MocapSource
-from companion.core.types import AutopilotStatus, MocapFrame
+from companion.core.types import NOT_HEARD, AutopilotStatus, MocapFrame
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import arms_of, estimate_of, period_s

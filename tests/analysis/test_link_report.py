@@ -75,6 +75,8 @@ def test_the_page_shows_the_link(flown: Flown) -> None:
     text = page([replace(chapter, charts=few)], lambda _: None)
     for words in ("Link to the law on the ground", "longest silence (ms)", "etnn on the ground", "Dashed: what"):
         assert words in text, words
+    session = int(flown.column("link_session")[-1])
+    assert f"<dt>side of the link</dt><dd>vehicle; session {session}</dd>" in text
     assert chapter.numbers.as_dict()["link"][-1]["name"] == "in the air"
 
 
@@ -97,6 +99,7 @@ def test_a_law_on_board_has_none_of_it(tmp_path_factory: pytest.TempPathFactory)
     (path,) = written(tmp_path_factory.mktemp("records"), flight())
     flown = Flown(read_flight(path))
     assert link_numbers(flown) == ()
+    assert chapter_of(flown).numbers.side == ""
     assert link_table(()) is None
     assert GROUND_TO_SETPOINT not in flown.latencies_s()
     assert "link" not in {chart.name for chart in chapter_of(flown).charts}

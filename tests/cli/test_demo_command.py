@@ -3,6 +3,7 @@
 import asyncio
 import io
 import math
+import os
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from rich.console import Console
 from companion.analysis.summary import Spread, Summary
 from companion.cli.demo.command import _say_next
 from companion.cli.demo.flight_report import print_report
-from companion.cli.demo.ground_process import Radio
+from companion.cli.demo.ground_process import Radio, newest_record
 from companion.cli.demo.progress import FlightDisplay
 from companion.cli.output import kept
 from companion.config.controller_config import ErrorLimits, LoadedController, load_controller
@@ -165,6 +166,16 @@ def test_a_record_that_cannot_be_written_is_a_sentence_and_leaves_no_half_of_it(
     assert not list(tmp_path.iterdir())
     assert kept(path, recorder.write) == ""
     assert path.exists()
+
+
+def test_the_grounds_record_is_the_newest_with_the_flights_name(tmp_path: Path) -> None:
+    assert newest_record(tmp_path, "ellipse-etnn-seed1") is None
+    names = ("1-ellipse-etnn-seed1-ground-9", "2-ellipse-etnn-seed1-ground-3", "3-ellipse-pid-seed1-ground-4")
+    for number, name in enumerate((*names, "4-ellipse-etnn-seed1")):
+        path = tmp_path / f"{name}.mcap"
+        path.touch()
+        os.utime(path, (number, number))
+    assert newest_record(tmp_path, "ellipse-etnn-seed1") == tmp_path / f"{names[1]}.mcap"
 
 
 @pytest.mark.realtime

@@ -10,10 +10,9 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from companion.adapters.px4.mavlink import flight_mode
-from companion.adapters.px4.telemetry import NOT_HEARD
 from companion.config.px4_config import Px4Config
 from companion.core.interfaces import AutopilotError
-from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode
+from companion.core.types import NOT_HEARD, Array, AttitudeThrust, AutopilotStatus, FlightMode
 from companion.geometry.frames import flip_quat, flip_yz
 from mock_autopilot.mavlink.streams import DEFAULTS
 from tests.mock_autopilot.bench import Bench, Sent

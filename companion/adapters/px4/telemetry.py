@@ -17,7 +17,7 @@ import numpy as np
 from companion.adapters.px4.mavlink import Px4Mavlink
 from companion.adapters.system.log_lines import LineLimit, printable
 from companion.core.interfaces import Clock
-from companion.core.types import Array, AutopilotStatus, BatteryReading, FlightMode, unknown_vector
+from companion.core.types import NOT_HEARD, Array, BatteryReading, FlightMode, unknown_vector
 from companion.geometry.frames import flip_quat, flip_yz
 
 LOG = logging.getLogger(__name__)
@@ -43,18 +43,6 @@ _PIECE = 50
 
 _NOT_MEASURED = 65535
 """UINT16_MAX, mV."""
-NOT_HEARD = AutopilotStatus(
-    connected=True,
-    heartbeat_s=-math.inf,
-    armed=False,
-    mode=FlightMode.OTHER,
-    in_air=None,
-    battery_fraction=math.nan,
-    battery_v=math.nan,
-    q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
-    last_text="",
-)
-"""Status before the first message."""
 
 
 def reading(fields: dict[str, Any]) -> BatteryReading:

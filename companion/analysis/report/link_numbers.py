@@ -94,3 +94,13 @@ def limits_of(flown: Flown) -> dict[str, float]:
     """Return the configured limits of silence (s) by their effects, as far as the record has them."""
     safety = (flown.record.metadata.get("config") or {}).get("safety") or {}
     return {effect: float(safety[key]) for effect, key in LIMITS.items() if isinstance(safety.get(key), int | float)}
+
+
+def side_of(flown: Flown) -> str:
+    """Return the side of the link that has recorded the flight, with its sessions; empty for a law on board."""
+    if not flown.has("link_session"):
+        return ""
+    sessions = [f"{session:.0f}" for session in np.unique(flown.column("link_session")) if session > 0.0]
+    side = "ground" if flown.record.is_of_ground else "vehicle"
+    merged = ", with the ground's record" if flown.record.ground is not None else ""
+    return f"{side}{merged}; session {', '.join(sessions) or 'none'}"

@@ -23,6 +23,7 @@ def head(numbers: Numbers) -> list[tuple[str, str]]:
     facts += [
         ("in the air", in_the_air(numbers)),
         ("law", laws(numbers)),
+        *([("side of the link", numbers.side)] if numbers.side else []),
         ("record", _state(numbers)),
     ]
     if numbers.versions:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.analysis.report.link_numbers import LinkNumbers, link_numbers
+from companion.analysis.report.link_numbers import LinkNumbers, link_numbers, side_of
 from companion.analysis.report.recorded_flight import Flown, Mask, Trajectory
 from companion.analysis.report.story import Story, story_of
 from companion.core.types import Array
@@ -76,6 +76,8 @@ class Numbers:
     flight: str
     started_unix_s: float | None
     vehicle: str
+    side: str
+    """Side of the link that recorded it, and its session; empty for a law on board."""
     laws: tuple[str, ...]
     versions: dict[str, str]
     off: str
@@ -116,6 +118,7 @@ def numbers_of(flown: Flown) -> Numbers:
         flight=flown.name,
         started_unix_s=unix_s,
         vehicle=str(record.metadata.get("vehicle", "")),
+        side=side_of(flown),
         laws=flown.law_names,
         versions={str(name): str(version) for name, version in record.metadata.get("versions", {}).items()},
         off=str(record.metadata.get("off", "")),

@@ -279,5 +279,7 @@ def _keep(flight: DemoFlight, flown: Flown, console: Console, out: Path) -> str:
     words = [
         f"{what} {path}" for what, path, bad in zip(("plot", "record"), (plot, record), lost, strict=True) if not bad
     ]
+    if flown.ground_record is not None:
+        words.append(f"the ground's record {flown.ground_record}")
     console.print(", ".join(words), markup=False, highlight=False, soft_wrap=True)
     return "; ".join(filter(None, lost))

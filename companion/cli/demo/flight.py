@@ -18,7 +18,7 @@ from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.analysis.summary import Summary, summarise
 from companion.cli.demo.fault_messages import shorter, still_there
 from companion.cli.demo.flight_log import FlightStory
-from companion.cli.demo.ground_process import Ground, Radio, law_on_ground
+from companion.cli.demo.ground_process import Ground, Radio, law_on_ground, newest_record
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.demo.progress import FlightDisplay
 from companion.config.companion_config import CompanionConfig
@@ -86,6 +86,8 @@ class Flown:
     summary: Summary | None = None
     record: Path | None = None
     """The flight's file; None where there is none."""
+    ground_record: Path | None = None
+    """File of the law on the ground; None where there is none."""
     record_trouble: str = ""
     """Reason why the record is incomplete; empty when it is complete."""
 
@@ -129,6 +131,8 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
                     flown.failure = flown.failure or str(error)
     finally:
         await _close(kept, flown)
+    if flight.ground is not None and flown.recorder.flew:
+        flown.ground_record = newest_record(flight.records, flight.name)
     flown.summary = summarise(flown.recorder.arrays()) if flown.recorder.flew else None
     return flown
 

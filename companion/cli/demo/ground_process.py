@@ -61,6 +61,12 @@ class Ground:
     """Folder of that record."""
 
 
+def newest_record(folder: Path, name: str) -> Path | None:
+    """Return the newest record of a law on the ground with this name; None without one."""
+    found = sorted(folder.glob(f"*-{name}-ground-*.mcap"), key=lambda path: path.stat().st_mtime)
+    return found[-1] if found else None
+
+
 @asynccontextmanager
 async def law_on_ground(
     config: CompanionConfig, law: LoadedController, ground: Ground, seed: int, radio: Radio
