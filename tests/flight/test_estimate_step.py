@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.adapters.px4.telemetry import NOT_HEARD
-from companion.core.types import AutopilotStatus, GroundPose, MocapFrame
+from companion.core.types import NOT_HEARD, AutopilotStatus, GroundPose, MocapFrame
 from companion.estimation.estimator import EstimatorParams, Verdict
 from companion.estimation.from_autopilot import FromAutopilotParams
 from companion.flight.estimate_step import EstimateFromAutopilot, EstimateFromFrames
