@@ -37,10 +37,10 @@ class Summary:
     """Cycles while tracking."""
     tick_late_ms: Spread
     """Begin of the cycle after the frame's arrival, or after the deadline when no frame came."""
-    frame_to_setpoint_ms: Spread
-    """Time from the arrival of the frame to the setpoint's hand-over to the autopilot's link."""
-    capture_to_setpoint_ms: Spread
-    """Time from the capture itself, as far as the clocks can be compared."""
+    frame_to_setpoint_ms: Spread | None
+    """Time from the arrival of the frame to the setpoint's hand-over to the autopilot's link; None without frames."""
+    capture_to_setpoint_ms: Spread | None
+    """Time from the capture itself, as far as the clocks can be compared; None without frames."""
     cycles_without_frame: int
     landed: bool
     disarmed: bool
@@ -102,8 +102,8 @@ def summarise(columns: Columns) -> Summary | None:
         update_share=float(has_setpoint.sum() / tracking.sum()),
         control_cycles=int(tracking.sum()),
         tick_late_ms=spread_ms(_floats(columns["late_s"])[tracking]),
-        frame_to_setpoint_ms=spread_ms(to_setpoint),
-        capture_to_setpoint_ms=spread_ms(from_capture),
+        frame_to_setpoint_ms=spread_ms(to_setpoint) if with_frame.any() else None,
+        capture_to_setpoint_ms=spread_ms(from_capture) if with_frame.any() else None,
         cycles_without_frame=int((tracking & ~np.isfinite(_floats(columns["frame_received_s"]))).sum()),
         landed=last == str(Phase.DISARMED) and bool(columns["touched_down"][-1]),
         disarmed=not bool(columns["armed"][-1]),

@@ -1,5 +1,6 @@
 """Whole flights by a law on the ground, without motion capture on the vehicle, in simulated time."""
 
+import json
 import math
 from itertools import pairwise
 from pathlib import Path
@@ -9,10 +10,13 @@ import pytest
 
 from companion.analysis.replay.laws import config_of, laws_of
 from companion.analysis.replay.rerun import replay
+from companion.analysis.summary import summarise
+from companion.cli.demo.flight_report import summary_dict
 from companion.config.companion_config import CompanionConfig
 from companion.core.types import FlightMode
 from companion.flight.tick import Tick
 from companion.records.read import read_flight
+from companion.records.recorder import Recorder
 from companion.supervisor.faults import Fault
 from companion.supervisor.flight_state import HandOverRequest, LandRequest, Phase, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
@@ -205,3 +209,15 @@ async def test_while_the_ground_lives_the_autopilot_lands_by_its_poses() -> None
     assert max(silence_s) < 0.15, "poses come as before"
     begin = next(n for n, tick in enumerate(flight.ticks) if tick.flight.phase is Phase.HANDED_OVER)
     assert math.dist(flight.truths_w_m[begin][:2], flight.truths_w_m[-1][:2]) < 0.5
+
+
+async def test_its_summary_has_no_time_from_frames_and_is_json() -> None:
+    flight = await _lap()
+    recorder = Recorder()
+    for tick in flight.ticks:
+        recorder(tick)
+    summary = summarise(recorder.arrays())
+    assert summary is not None
+    assert (summary.frame_to_setpoint_ms, summary.capture_to_setpoint_ms) == (None, None)
+    assert summary.cycles_without_frame == summary.control_cycles
+    json.dumps(summary_dict("ellipse", "practical", summary), allow_nan=False)

@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Console, Group
 from rich.text import Text
 
-from companion.analysis.summary import ArmSummary, LinkSummary, Summary
+from companion.analysis.summary import ArmSummary, LinkSummary, Spread, Summary
 from companion.cli.terminal import numbers_table
 from companion.config.controller_config import ErrorLimits, LoadedController
 from companion.core.types import Array
@@ -37,8 +37,8 @@ def summary_dict(trajectory: str, controller: str, summary: Summary | None) -> d
         "control_cycles": summary.control_cycles,
         "cycles_without_frame": summary.cycles_without_frame,
         "tick_late_ms": summary.tick_late_ms.as_dict(),
-        "frame_to_setpoint_ms": summary.frame_to_setpoint_ms.as_dict(),
-        "capture_to_setpoint_ms": summary.capture_to_setpoint_ms.as_dict(),
+        "frame_to_setpoint_ms": _as_dict(summary.frame_to_setpoint_ms),
+        "capture_to_setpoint_ms": _as_dict(summary.capture_to_setpoint_ms),
         "landed": summary.landed,
         "disarmed": summary.disarmed,
         "arms": None if summary.arms is None else asdict(summary.arms),
@@ -100,6 +100,10 @@ def error_table(title: str, rows: Iterable[ErrorRow]) -> Group:
     return numbers_table(title, ("cm", "x", "y", "z", "limit"), cells)
 
 
+def _as_dict(spread: Spread | None) -> dict[str, float] | None:
+    return None if spread is None else spread.as_dict()
+
+
 def _timing_table(summary: Summary) -> Group:
     spreads = (
         ("tick late", summary.tick_late_ms),
@@ -109,7 +113,7 @@ def _timing_table(summary: Summary) -> Group:
     return numbers_table(
         f"updates in {summary.update_share:.1%} of {summary.control_cycles} cycles",
         ("timing (ms)", "median", "p99"),
-        [(name, f"{spread.median:.2f}", f"{spread.p99:.2f}") for name, spread in spreads],
+        [(name, f"{spread.median:.2f}", f"{spread.p99:.2f}") for name, spread in spreads if spread is not None],
     )
 
 
