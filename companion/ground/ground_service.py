@@ -46,6 +46,8 @@ _AGE_S = 0.5
 _PHASES = tuple(Phase)
 _STATE_S = 0.1
 _SILENT_S = 1.0
+_MISSED_S = 3.0
+"""Silence of the vehicle that is logged."""
 _REFUSED_S = 3.0
 """Time of refusal after which the service ends; a process that was just killed keeps its session for a second."""
 NO_SYSTEMD = Notifier(None, None)
@@ -151,14 +153,26 @@ class _Service:
             await asyncio.sleep(_POLL_S)
 
     async def watch_link(self) -> None:
-        """Tell systemd the link's state; raise ConfigError when the vehicle goes on refusing this law."""
+        """Tell the link's state; raise ConfigError when the vehicle goes on refusing this law."""
         end, host = self.link.end, self.config.law.link.host
+        begun_s, told = self.clock.now_s(), False
         while True:
             now_s = self.clock.now_s()
+            silent = min(end.silence_s(now_s), now_s - begun_s) > _MISSED_S
+            if silent and not told:
+                LOG.warning("no vehicle answers at %s%s", host, self._why_silent())
+            elif told and not silent:
+                LOG.info("the vehicle at %s answers again", host)
+            told = silent
             if end.refused_for_s(now_s) > _REFUSED_S:
                 raise ConfigError(f"the vehicle at {host} refuses this ground law: {end.refused}")
             self.notifier.status(f"{self.law.name}: {_state(end, now_s)}")
             await asyncio.sleep(_STATE_S)
+
+    def _why_silent(self) -> str:
+        link = self.config.law.link
+        trouble = f": {self.link.trouble}" if self.link.trouble else ""
+        return f', UDP port {link.port}{trouble}; does `companion serve` run there, with law.runs_on = "ground"?'
 
 
 def _state(end: GroundEnd, now_s: float) -> str:

@@ -130,6 +130,21 @@ async def test_a_flight_that_is_on_is_waited_for(config: CompanionConfig, law: L
         await ground
 
 
+async def test_a_vehicle_that_is_not_there_is_told_with_what_the_network_says(
+    config: CompanionConfig, law: LoadedController, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(ground_service, "_MISSED_S", 0.1)
+    stop = asyncio.Event()
+    caplog.set_level("INFO", "companion")
+    ground = asyncio.create_task(serve_law(config, law, stop))
+    await until(lambda: "no vehicle answers" in caplog.text)
+    assert f"at 127.0.0.1, UDP port {config.law.link.port}: nobody listens there; does `companion serve`" in caplog.text
+    async with vehicle(config):
+        await until(lambda: "answers again" in caplog.text)
+    stop.set()
+    await ground
+
+
 async def test_a_wrong_host_name_is_one_sentence(config: CompanionConfig, law: LoadedController) -> None:
     link = config.law.link.model_copy(update={"host": "no-such-vehicle.invalid"})
     elsewhere = config.model_copy(update={"law": config.law.model_copy(update={"link": link})})

@@ -23,18 +23,21 @@ _LARGEST_BYTES = 1400
 
 
 class _Datagrams(asyncio.DatagramProtocol):
-    """Socket's events, passed to a function."""
+    """Socket's events, passed to functions."""
 
-    def __init__(self, hear: Callable[[bytes, Address], None]) -> None:
-        self._hear = hear
+    def __init__(
+        self, hear: Callable[[bytes, Address], None], complain: Callable[[Exception], None] = lambda _: None
+    ) -> None:
+        self._hear, self._complain = hear, complain
 
     def datagram_received(self, data: bytes, addr: Address) -> None:
         """Pass on one datagram."""
         self._hear(data, addr)
 
     def error_received(self, exc: Exception) -> None:
-        """Log what the network says, such as a port where nobody listens; silence is judged elsewhere."""
+        """Pass on what the network says, such as a port where nobody listens; silence is judged elsewhere."""
         LOG.debug("the law's link: %s", exc)
+        self._complain(exc)
 
 
 class VehicleLink:
@@ -99,9 +102,17 @@ class GroundLink:
         self.end = end
         self._clock = clock
         self._transport: asyncio.DatagramTransport | None = None
+        self.trouble = ""
+        """What the network says of the vehicle's address, such as "connection refused"; empty once it was heard."""
+
+    def complain(self, error: Exception) -> None:
+        """Note an error of the network."""
+        refused = isinstance(error, ConnectionRefusedError)
+        self.trouble = "nobody listens there" if refused else str(error)
 
     def hear(self, data: bytes, _: Address) -> None:
         """Take one datagram of the vehicle."""
+        self.trouble = ""
         self.end.hear(data, self._clock.now_s())
 
     def send_due(self) -> None:
@@ -122,7 +133,7 @@ async def open_ground_link(config: CompanionConfig, law: str, clock: Clock) -> A
     link = GroundLink(GroundEnd(settings.secret(), introduction(config, law), os.urandom, settings.beat_s), clock)
     try:
         transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(link.hear), remote_addr=(settings.host, settings.port)
+            lambda: _Datagrams(link.hear, link.complain), remote_addr=(settings.host, settings.port)
         )
     except OSError as error:
         raise ConfigError(
