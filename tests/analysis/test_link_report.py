@@ -87,6 +87,15 @@ def test_the_figure_has_the_next_limit_above_what_was_reached(flown: Flown) -> N
     chart.save(BytesIO(), Medium.PAPER)
 
 
+def test_a_flight_of_one_cycle_is_drawn(flown: Flown) -> None:
+    rows = flown.time_s <= 0.0
+    short = Flown(replace(flown.record, columns={name: values[rows] for name, values in flown.record.columns.items()}))
+    assert short.airborne.sum() == 1
+    for chart in chapter_of(short).charts:
+        if chart.name in {"link", "message_ages", "message_gaps"}:
+            chart.figure(Medium.PAGE)
+
+
 def test_the_way_of_a_command_is_a_latency_of_its_own(flown: Flown) -> None:
     latency_s = flown.latencies_s()[GROUND_TO_SETPOINT]
     assert len(latency_s) == flown.event[flown.airborne].sum()

@@ -12,6 +12,7 @@ from companion.core.types import Array
 
 _BIN_S = 1.0
 """Two of the reports by which the ground tells its counts."""
+_LEAST_BIN_S = 0.3
 _SHOWN = 99.8
 """Percentile up to which a histogram reaches."""
 _KINDS = (("events", COLOURS[0]), ("again", COLOURS[1]), ("beats", COLOURS[5]))
@@ -29,15 +30,17 @@ def link(figure: Figure, flown: Flown) -> None:
 
 
 def _edges_s(flown: Flown) -> Array:
-    """Return the edges of the bins: seconds in which the law flew."""
+    """Return the edges of the bins: seconds in which the law flew, and what is left at the end."""
     flying = flown.time_s[flown.airborne]
-    return np.arange(float(flying[0]), float(flying[-1]) + 1e-9, _BIN_S)
+    first_s, last_s = float(flying[0]), float(flying[-1])
+    whole_s = np.arange(first_s, last_s + 1e-9, _BIN_S)
+    return whole_s if last_s - whole_s[-1] < _LEAST_BIN_S else np.append(whole_s, last_s)
 
 
 def _rates(flown: Flown, column: str, edges_s: Array) -> Array:
     """Return how fast a count grows in each bin, 1/s."""
     counts = np.interp(edges_s, flown.time_s, np.nan_to_num(flown.column(column)))
-    return np.asarray(np.diff(counts) / _BIN_S)
+    return np.asarray(np.diff(counts) / np.diff(edges_s))
 
 
 def _messages(axes: Axes, flown: Flown) -> None:
@@ -46,7 +49,7 @@ def _messages(axes: Axes, flown: Flown) -> None:
     below = np.zeros(max(len(edges_s) - 1, 0))
     for kind, colour in _KINDS:
         rates = np.maximum(_rates(flown, f"link_{kind}", edges_s), 0.0)
-        axes.bar(edges_s[:-1], rates, _BIN_S, below, align="edge", color=colour, lw=0, label=kind)
+        axes.bar(edges_s[:-1], rates, np.diff(edges_s), below, align="edge", color=colour, lw=0, label=kind)
         below = below + rates
     lost = np.maximum(_rates(flown, "link_lost", edges_s), 0.0)
     axes.stairs(lost, edges_s, baseline=None, color=RED, lw=1.1, label="lost")
