@@ -9,6 +9,8 @@ from companion.protocol.telemetry import ENDS, Answer, Reply, State
 
 _BEGINS_A_FLIGHT = frozenset({"arm", "takeoff", "resume"})
 """Verbs after which a flight is this client's."""
+_ENDS_A_FLIGHT = frozenset({"land", "abort", "disarm", "kill"})
+"""Verbs that are done when the vehicle is disarmed."""
 Fields = dict[str, Any]
 """A command: its verb and its fields."""
 
@@ -79,6 +81,8 @@ class Ownership:
         self._unanswered.discard(reply.id)
         if verb == "arm" and reply.answer is Answer.FAILED and not self._was_armed:
             self._flies = False
+        if verb in _ENDS_A_FLIGHT and reply.answer is Answer.DONE:
+            self._flies = False  # the next state comes later
         if reply.answer in ENDS:
             del self._under_way[reply.id]
 

@@ -21,6 +21,9 @@ from companion.protocol.telemetry import ENDS, Answer, Reply, State
 if TYPE_CHECKING:
     from companion.client.paths import Vector, Waypoints
 
+_FRESH_S = 0.5
+"""Longest wait for the state that comes after a reply: they are a tenth of a second apart."""
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -37,9 +40,10 @@ class Progress:
 class Vehicle(VehicleView):
     """One vehicle that a script commands and follows; from `connect`.
 
-    Each command returns the service's sentence when it is done. Raises ConfigError for a value that cannot be sent,
-    RejectedError, FailedError, NoServiceError, TimedOutError or UnknownOutcomeError; after a timeout and when the wait
-    is cancelled the vehicle continues.
+    Each command returns the service's sentence when it is done and `state` shows it.
+
+    Raises ConfigError for a value that cannot be, RejectedError, FailedError, NoServiceError, TimedOutError or
+    UnknownOutcomeError; after a timeout and when the wait is cancelled the vehicle continues.
     """
 
     def __init__(self, console: Console) -> None:
@@ -54,7 +58,7 @@ class Vehicle(VehicleView):
 
     async def preflight(self, *, timeout_s: float | None = None) -> tuple[Check, ...]:
         """Run every check that arming needs and return them; FailedError, with `checks`, when one fails."""
-        return checks_of((await self.execute(CommandDraft("preflight"), timeout_s=timeout_s)).data)
+        return checks_of((await self.carry_out(CommandDraft("preflight"), timeout_s)).data)
 
     async def arm(self, *, timeout_s: float | None = None) -> str:
         """Fold the arms, run all checks, enter offboard mode, idle the motors."""
@@ -114,7 +118,7 @@ class Vehicle(VehicleView):
 
     async def params(self, *, timeout_s: float | None = None) -> dict[str, Any]:
         """Return configuration, gains and the autopilot's parameters in use."""
-        return (await self.execute(CommandDraft("params"), timeout_s=timeout_s)).data
+        return (await self.carry_out(CommandDraft("params"), timeout_s)).data
 
     async def close(self) -> None:
         """End the connection of `await connect()`; nothing is commanded."""
@@ -150,8 +154,17 @@ class Vehicle(VehicleView):
                 self.own.is_not_sent(draft)
         raise AssertionError("messages end with a reply")
 
+    async def carry_out(self, draft: CommandDraft, timeout_s: float | None) -> Reply:
+        """Send any command; return its last reply once `state` is of the time after it."""
+        with self.console.inbox() as inbox:
+            reply = await self.execute(draft, timeout_s=timeout_s)
+            end_s = asyncio.get_running_loop().time() + _FRESH_S
+            while self.state.time_s < reply.time_s and asyncio.get_running_loop().time() < end_s:
+                await inbox.next(_FRESH_S)
+        return reply
+
     async def _order(self, verb: str, timeout_s: float | None, **fields: object) -> str:
-        return (await self.execute(CommandDraft(verb, **fields), timeout_s=timeout_s)).text
+        return (await self.carry_out(CommandDraft(verb, **fields), timeout_s)).text
 
     def _reporter(self, draft: CommandDraft) -> Callable[[Message], None] | None:
         """Return what passes the messages of a command to the script's `progress`; None without one."""
@@ -202,7 +215,7 @@ class Arms:
 
     async def _do(self, do: str, timeout_s: float | None, motion: str | None = None) -> str:
         draft = CommandDraft("arms", do=do, motion=motion)
-        return (await self._vehicle.execute(draft, timeout_s=timeout_s)).text
+        return (await self._vehicle.carry_out(draft, timeout_s)).text
 
 
 def _good(verb: str, reply: Reply) -> Reply:

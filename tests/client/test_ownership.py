@@ -62,6 +62,19 @@ def test_a_flight_is_ones_own_until_the_vehicle_is_seen_disarmed() -> None:
     assert not own.owns_flight, "somebody else armed it"
 
 
+@pytest.mark.parametrize("verb", ["land", "abort", "disarm", "kill"])
+def test_a_flight_that_this_client_has_ended_is_over_before_the_next_state(verb: str) -> None:
+    own, arm, end = Ownership(), draft("arm"), draft(verb)
+    own.begins(arm)
+    own.hear(reply(arm, Answer.DONE, 1.0))
+    own.begins(end)
+    own.hear(reply(end, Answer.ACCEPTED, 2.0))
+    own.hear(state(2.1, armed=True))
+    assert own.owns_flight
+    own.hear(reply(end, Answer.DONE, 3.0))
+    assert not own.owns_flight
+
+
 def test_states_of_the_flight_before_do_not_end_the_next_one() -> None:
     """Land, then arm at once: states that were under way on the network still tell of the first flight."""
     own, first, second = Ownership(), draft("arm"), draft("arm")
