@@ -164,7 +164,7 @@ def _rejected(state: EstimatorState, verdict: Verdict, clock: ClockSync, pose: P
         state,
         verdict=verdict,
         run=_run(state, verdict),
-        counts=_counted(state.counts, verdict),
+        counts=state.counts.plus(verdict),
         clock=clock,
         pose=pose,
     )
@@ -190,7 +190,7 @@ def _accepted(
         vehicle=vehicle,
         verdict=verdict,
         run=_run(state, verdict),
-        counts=_counted(state.counts, verdict),
+        counts=state.counts.plus(verdict),
         clock=clock,
         motion=motion,
         attitude=attitude,
@@ -203,7 +203,3 @@ def _accepted(
 def _run(state: EstimatorState, verdict: Verdict) -> int:
     """Return the number of frames in a row with this verdict."""
     return state.run + 1 if verdict == state.verdict else 1
-
-
-def _counted(counts: Counts, verdict: Verdict) -> Counts:
-    return Counts(**{**vars(counts), verdict.value: getattr(counts, verdict.value) + 1})  # `replace` takes 3 us more

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from companion.core.types import Array, GroundPose, VehicleState
-from companion.estimation.state import Counts, EstimatorState, Verdict
+from companion.estimation.state import EstimatorState, Verdict
 from companion.geometry.frames import quat_from_yaw, quat_multiply, turned, yaw_of
 
 _LONGEST_S = 0.5
@@ -130,5 +130,4 @@ def _corrected(
 def _taken(state: EstimatorState, verdict: Verdict, pose: GroundPose) -> EstimatorState:
     """Return the state with a pose counted."""
     run = state.run + 1 if verdict is state.verdict else 1
-    counts = Counts(**{**vars(state.counts), verdict.value: getattr(state.counts, verdict.value) + 1})
-    return replace(state, verdict=verdict, run=run, counts=counts, stamp_s=pose.time_s)
+    return replace(state, verdict=verdict, run=run, counts=state.counts.plus(verdict), stamp_s=pose.time_s)
