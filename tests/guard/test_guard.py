@@ -432,6 +432,45 @@ def test_without_a_state_it_is_level_and_sinks_gently_whatever_is_wanted(vehicle
     assert cuts(limited) == {"age_cut"}
 
 
+COMMANDED_FROM_AFAR = Guard(LIMITS, MODEL, FENCE, AgeRange(0.05, 0.10), AgeRange(0.12, 0.20))
+"""By a law on the ground, which confirms its command now and then."""
+
+
+@pytest.mark.parametrize(
+    ("command_age_s", "share"), [(0.0, 1.0), (0.12, 1.0), (0.14, 0.75), (0.16, 0.5), (0.2, 0.0), (1.0, 0.0)]
+)
+def test_with_the_commands_age_the_vehicle_is_levelled_as_with_the_states(command_age_s: float, share: float) -> None:
+    wanted = asking(5.0, 0.0, 2.0)
+    limited = COMMANDED_FROM_AFAR.check(wanted, wanted, MIDDLE, 0.01, 10.0, command_age_s)
+    as_with_pose = guard().check(wanted, wanted, MIDDLE, 0.1 - 0.05 * share, 10.0)
+    assert limited.setpoint.q_w_flu_wxyz == pytest.approx(as_with_pose.setpoint.q_w_flu_wxyz)
+    assert limited.setpoint.thrust == pytest.approx(as_with_pose.setpoint.thrust)
+    assert cuts(limited) == cuts(as_with_pose)
+    assert bool(limited.age_cut) is (share < 1.0)
+
+
+@pytest.mark.parametrize("command_age_s", [math.nan, math.inf, -math.inf])
+def test_a_commands_age_that_is_no_number_levels_the_vehicle(command_age_s: float) -> None:
+    wanted = asking(5.0, 0.0, 2.0)
+    limited = COMMANDED_FROM_AFAR.check(wanted, wanted, MIDDLE, 0.01, 10.0, command_age_s)
+    assert tilt_of(limited.setpoint.q_w_flu_wxyz) == 0.0
+    assert limited.age_cut
+
+
+def test_the_older_of_state_and_command_counts() -> None:
+    wanted = asking(5.0, 0.0, 2.0)
+    both = COMMANDED_FROM_AFAR.check(wanted, wanted, MIDDLE, 0.0625, 10.0, 0.18)
+    command = COMMANDED_FROM_AFAR.check(wanted, wanted, MIDDLE, 0.01, 10.0, 0.18)
+    assert same(both, command)
+    assert tilt_of(both.setpoint.q_w_flu_wxyz) == pytest.approx(0.25 * LIMITS.max_tilt_rad)
+
+
+def test_a_law_on_board_has_no_age() -> None:
+    wanted = asking(5.0, 0.0, 2.0)
+    limited = guard().check(wanted, wanted, MIDDLE, 0.01, 10.0, math.inf)
+    assert same(limited, limit_setpoint(wanted, wanted, LIMITS, 10.0))
+
+
 @pytest.mark.parametrize("age_s", [math.nan, math.inf, -math.inf])
 def test_an_age_that_is_no_number_is_no_state(age_s: float) -> None:
     limited = checked(asking(3.0, 0.0, 4.0), MIDDLE, age_s)

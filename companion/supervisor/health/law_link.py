@@ -21,9 +21,9 @@ def check_law_link(now: HealthInputs, rules: SafetyRules) -> list[Event]:
 
 
 def _silence(link: LinkStatus, age_s: float, rules: SafetyRules) -> list[Event]:
-    if not (age_s > rules.command_late_s or link.failed):
+    if age_s <= rules.command_late_s and not link.failed:
         return []
-    if not (age_s > rules.command_silent_s or link.failed):
+    if age_s <= rules.command_silent_s and not link.failed:
         return [Event(Fault.COMMAND_LATE, f"the ground law was last heard {age_s:.3f} s ago")]
     return [Event(Fault.GROUND_LAW_SILENT, _why_silent(link, age_s))]
 
