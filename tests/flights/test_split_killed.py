@@ -17,14 +17,16 @@ from tests.mavlink_relay import Relay
 
 pytestmark = pytest.mark.realtime
 
-HEIGHT_M = 0.5
+HEIGHT_M = 0.4
+BRIEFLY = ("SYS_HAS_GPS = 0", "SYS_HAS_GPS = 0\nCOM_DISARM_LAND = 0.2")
+"""PX4 disarms soon after a landing."""
 
 
 async def test_what_is_killed_or_stopped_in_the_air_leaves_the_landing_to_the_autopilot(tmp_path: Path) -> None:
     with Relay() as relay:
         site = Site.embedded(tmp_path, relay.ports)
         config = site.config(arms=False, url=relay.url, law_on_ground=True)
-        async with mocks(site, NO_ARMS), serving(config, tmp_path / "vehicle.log") as vehicle:
+        async with mocks(site, NO_ARMS, BRIEFLY), serving(config, tmp_path / "vehicle.log") as vehicle:
             await vehicle.says("the vehicle is there")
             for number in (signal.SIGKILL, signal.SIGSTOP):
                 async with serving(config, tmp_path / f"ground-{number}.log", "law") as ground:
