@@ -1,19 +1,19 @@
-"""Random fault schedules, two of the hundred that `make faults` flies."""
+"""Random fault schedules, three of those that `make faults` flies, one by a law on the ground."""
 
 import multiprocessing
 
 import pytest
 
-from tests.flights.faults.schedules import faults_of, fly_schedule
+from tests.flights.faults.schedules import SPLIT_FROM, faults_of, fly_schedule
 
 pytestmark = pytest.mark.slow
 
-SEEDS = range(2)
+SEEDS = (0, 1, SPLIT_FROM + 2)
 
 
 def test_a_seed_is_a_schedule() -> None:
     assert faults_of(3) == faults_of(3)
-    assert len({faults_of(seed) for seed in range(100)}) == 100
+    assert len({faults_of(seed) for seed in range(120)}) == 120
 
 
 def test_every_schedule_ends_on_the_ground_or_with_a_pilot_inside_the_fence() -> None:

@@ -24,6 +24,7 @@ from companion.supervisor.flight_state import (
 )
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.simulated import BRISK, Flight, Step, fly
+from tests.flights.simulated_ground import GroundSetup, ground_config
 
 pytestmark = pytest.mark.slow
 
@@ -105,12 +106,24 @@ _FLOWN: dict[str, Flight] = {}
 """Flights that several tests look at, by name; the same again, bit by bit."""
 
 
+def _standby_to_disarmed() -> list[Step]:
+    return [*UP, ask(TrackRequest(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
+
+
 async def _lap() -> Flight:
     """Fly from standby to disarmed, as configured by default."""
     if "lap" not in _FLOWN:
-        script = [*UP, ask(TrackRequest(LAP, 2.0)), until(Phase.TRACK), until(Phase.HOLD), wait(1.0), *DOWN]
-        _FLOWN["lap"] = await fly(script, config=CompanionConfig())
+        _FLOWN["lap"] = await fly(_standby_to_disarmed(), config=CompanionConfig())
     return _FLOWN["lap"]
+
+
+async def test_a_law_on_the_ground_flies_as_well_over_a_clean_link() -> None:
+    onboard = await _lap()
+    split = await fly(_standby_to_disarmed(), config=ground_config(CompanionConfig(), True), ground=GroundSetup())
+    assert split.phases() == onboard.phases()
+    here, there = (np.linalg.norm(_error_w_m(flight, Phase.TRACK), axis=1).mean() for flight in (onboard, split))
+    assert there <= 1.1 * here, f"{there:.4f} m, on board {here:.4f} m"
+    assert not {event.fault for tick in split.ticks for event in tick.events if tick.flight.airborne}
 
 
 async def _silenced() -> Flight:
