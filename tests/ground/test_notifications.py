@@ -6,20 +6,13 @@ import socket
 from pathlib import Path
 
 from companion.adapters.system.systemd import Notifier
-from companion.config.companion_config import CompanionConfig
-from companion.config.flight_config import LawConfig, LawLinkConfig
-from companion.config.mocap_config import MocapConfig
 from companion.flight.assembly import controller_of
 from companion.ground.ground_service import serve_law
-from tests.ports import free_port
+from tests.law_link.local import split_config
 
 
 async def test_it_shows_that_it_lives_while_it_waits_for_motion_capture_and_vehicle(tmp_path: Path) -> None:
-    key = tmp_path / "law.key"
-    key.write_text("0123456789abcdef\n")
-    key.chmod(0o600)
-    link = LawLinkConfig(port=free_port(), key_file=str(key))
-    config = CompanionConfig(law=LawConfig(runs_on="ground", link=link), mocap=MocapConfig(port=free_port()))
+    config = split_config(tmp_path)
     name = f"dauam-test-{secrets.token_hex(8)}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
         systemd.bind(f"\0{name}")

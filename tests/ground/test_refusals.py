@@ -1,42 +1,27 @@
 """The service of the law on the ground when its vehicle refuses it: one sentence, and its end; loopback sockets."""
 
 import asyncio
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from companion.adapters.law_link.udp import VehicleLink, open_law_link
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
-from companion.config.flight_config import LawConfig, LawLinkConfig, VehicleConfig
-from companion.config.mocap_config import MocapConfig
+from companion.config.flight_config import VehicleConfig
 from companion.core.errors import ConfigError
 from companion.flight.assembly import controller_of
 from companion.ground import ground_service
 from companion.ground.ground_service import serve_law
-from companion.law_link.vehicle_end import Shown
-from tests.ports import free_port
-
-_PATIENCE_S = 10.0
-_STANDING = Shown(
-    airborne=False, cut=False, arming=False, phase=0, epoch=0, number=0, q_w_flu_wxyz=(1.0, 0.0, 0.0, 0.0), thrust=0.0
-)
+from tests.law_link.local import PATIENCE_S, split_config, standing_vehicle, until
 
 
 @pytest.fixture
 def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CompanionConfig:
     """Ground and vehicle on one computer, without motion capture; a refusal counts after a moment."""
     monkeypatch.setattr(ground_service, "_REFUSED_S", 0.05)
-    key = tmp_path / "law.key"
-    key.write_text("0123456789abcdef0123456789abcdef\n")
-    key.chmod(0o600)
-    link = LawLinkConfig(port=free_port(), listen="127.0.0.1", key_file=str(key))
-    cameras = MocapConfig(port=free_port())
-    return CompanionConfig(law=LawConfig(runs_on="ground", link=link), mocap=cameras)
+    return split_config(tmp_path)
 
 
 @pytest.fixture
@@ -44,45 +29,17 @@ def law(config: CompanionConfig) -> LoadedController:
     return controller_of(config, "pid")
 
 
-@asynccontextmanager
-async def vehicle(config: CompanionConfig) -> AsyncIterator[VehicleLink]:
-    """A vehicle that stands, and reports it."""
-    clock = MonotonicClock()
-    async with open_law_link(config, clock) as link:
-
-        async def reports() -> None:
-            while True:
-                report = link.end.report(_STANDING, clock.now_s())
-                if report is not None:
-                    link.send(report)
-                await asyncio.sleep(0.02)
-
-        reporting = asyncio.create_task(reports())
-        try:
-            yield link
-        finally:
-            reporting.cancel()
-
-
 async def ends_with(config: CompanionConfig, law: LoadedController) -> str:
     """Return the sentence with which the ground ends by itself."""
-    async with asyncio.timeout(_PATIENCE_S):
+    async with asyncio.timeout(PATIENCE_S):
         with pytest.raises(ConfigError) as refused:
             await serve_law(config, law, asyncio.Event())
     return str(refused.value)
 
 
-async def until(true: Callable[[], bool]) -> None:
-    async with asyncio.timeout(_PATIENCE_S):
-        while True:
-            if true():
-                return
-            await asyncio.sleep(0.01)
-
-
 async def test_another_configuration_ends_it_with_what_differs(config: CompanionConfig, law: LoadedController) -> None:
     heavier = config.model_copy(update={"vehicle": VehicleConfig(mass_kg=5.1)})
-    async with vehicle(heavier):
+    async with standing_vehicle(heavier):
         said = await ends_with(config, law)
     here = config.vehicle.mass_kg
     assert said == (
@@ -94,7 +51,7 @@ async def test_another_configuration_ends_it_with_what_differs(config: Companion
 async def test_another_version_ends_it_with_both_versions(
     config: CompanionConfig, law: LoadedController, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async with vehicle(config) as link:
+    async with standing_vehicle(config) as link:
         monkeypatch.setattr(link.end, "_me", replace(link.end._me, version="9.9.9"))
         said = await ends_with(config, law)
     assert "the vehicle runs companion 9.9.9" in said
@@ -102,7 +59,7 @@ async def test_another_version_ends_it_with_both_versions(
 
 
 async def test_a_second_ground_law_ends_and_the_first_one_stays(config: CompanionConfig, law: LoadedController) -> None:
-    async with vehicle(config) as link:
+    async with standing_vehicle(config) as link:
         stop = asyncio.Event()
         first = asyncio.create_task(serve_law(config, law, stop))
         await until(lambda: link.end.status(MonotonicClock().now_s()).connected)
@@ -117,7 +74,7 @@ async def test_a_second_ground_law_ends_and_the_first_one_stays(config: Companio
 
 
 async def test_a_flight_that_is_on_is_waited_for(config: CompanionConfig, law: LoadedController) -> None:
-    async with vehicle(config) as link:
+    async with standing_vehicle(config) as link:
         link.end.locked = True
         stop = asyncio.Event()
         ground = asyncio.create_task(serve_law(config, law, stop))
@@ -139,7 +96,7 @@ async def test_a_vehicle_that_is_not_there_is_told_with_what_the_network_says(
     ground = asyncio.create_task(serve_law(config, law, stop))
     await until(lambda: "no vehicle answers" in caplog.text)
     assert f"at 127.0.0.1, UDP port {config.law.link.port}: nobody listens there; does `companion serve`" in caplog.text
-    async with vehicle(config):
+    async with standing_vehicle(config):
         await until(lambda: "answers again" in caplog.text)
     stop.set()
     await ground
@@ -154,9 +111,9 @@ async def test_a_wrong_host_name_is_one_sentence(config: CompanionConfig, law: L
 
 
 async def test_a_port_that_is_in_use_is_one_sentence(config: CompanionConfig) -> None:
-    async with vehicle(config):
+    async with standing_vehicle(config):
         with pytest.raises(ConfigError) as refused:
-            async with vehicle(config):
+            async with standing_vehicle(config):
                 pass
     said = str(refused.value)
     assert said.startswith(f"law.link.port = {config.law.link.port}: cannot listen on 127.0.0.1: ")

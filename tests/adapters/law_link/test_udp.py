@@ -11,65 +11,19 @@ import pytest
 from companion.adapters.law_link.udp import GroundLink, VehicleLink, open_ground_link, open_law_link
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.companion_config import CompanionConfig
-from companion.config.flight_config import LawConfig, LawLinkConfig
 from companion.law_link.messages import Command
-from tests.law_link.ends import shown
-from tests.ports import free_port
+from tests.law_link.local import cycling, reporting, split_config, until
 
-CYCLE_S = 0.01
-PATIENCE_S = 10.0
 NOW_S = MonotonicClock().now_s
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> CompanionConfig:
-    key = tmp_path / "law.key"
-    key.write_text("0123456789abcdef\n")
-    key.chmod(0o600)
-    link = LawLinkConfig(port=free_port(), listen="127.0.0.1", key_file=str(key))
-    return CompanionConfig(law=LawConfig(runs_on="ground", link=link))
-
-
-@asynccontextmanager
-async def cycling(*works: Callable[[], None]) -> AsyncIterator[None]:
-    """Do this work in every cycle."""
-
-    async def cycles() -> None:
-        while True:
-            for work in works:
-                work()
-            await asyncio.sleep(CYCLE_S)
-
-    task = asyncio.create_task(cycles())
-    try:
-        yield
-    finally:
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-
-async def until(true: Callable[[], bool]) -> None:
-    async with asyncio.timeout(PATIENCE_S):
-        while True:
-            if true():
-                return
-            await asyncio.sleep(CYCLE_S)
+    return split_config(tmp_path)
 
 
 def connected(vehicle: VehicleLink) -> Callable[[], bool]:
     return lambda: vehicle.end.status(NOW_S()).connected
-
-
-def reporting(vehicle: VehicleLink) -> Callable[[], None]:
-    """Return the vehicle's part of a cycle: it reports the command that it holds."""
-
-    def report() -> None:
-        held = vehicle.end.use(NOW_S())
-        datagram = vehicle.end.report(shown(0 if held is None else held.number), NOW_S())
-        if datagram is not None:
-            vehicle.send(datagram)
-
-    return report
 
 
 @asynccontextmanager
