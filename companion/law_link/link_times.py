@@ -30,6 +30,8 @@ class LinkTimes:
     """Newest message of any kind."""
     command: MessageTimes = MessageTimes()
     """Message that brought the newest command."""
+    law: int = 0
+    """Number of the law that computed the newest command, counted at each switch on the ground."""
     capture_ago_s: float = nan
     """Age of the frame that the newest command was computed from, when it was sent."""
 

@@ -141,7 +141,7 @@ class VehicleEnd:
 
     def _welcome(self, ground_nonce: bytes, who: Introduction) -> bytes:
         vehicle_nonce = self._random(16)
-        number = int.from_bytes(self._random(2), "little")
+        number = int.from_bytes(self._random(2), "little") or 1  # records take 0 for none
         keys = session_keys(self._secret, ground_nonce, vehicle_nonce)
         self._pending = VehicleSession(number, keys, ground_nonce, who)
         welcome = Text(

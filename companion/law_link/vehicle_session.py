@@ -161,5 +161,6 @@ class VehicleSession:
             clock_offset_s=offset_s_of(clock),
             message=times_of(newest.stamp, self.newest_s, clock),
             command=MessageTimes() if held is None else times_of(held.stamp, held.received_s, clock),
+            law=0 if held is None else held.law,
             capture_ago_s=nan if held is None else held.command.capture_ago * TICK_S,
         )

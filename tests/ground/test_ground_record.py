@@ -67,6 +67,7 @@ def changed(record: FlightRecord, **columns: Any) -> FlightRecord:
 
 def test_the_vehicle_does_again_what_it_did_with_the_commands_that_came(vehicle: FlightRecord) -> None:
     assert vehicle.columns["link_lost"].max() > 50, "the radio loses"
+    assert set(vehicle.columns["link_law"]) == {0.0, 1.0}, "the law was changed once"
     done = again(vehicle)
     assert done.identical, [one for one in done.differences.values() if one.differ]
     for name in ("command", "setpoint attitude", "setpoint thrust", "sent attitude", "estimate position_w_m"):

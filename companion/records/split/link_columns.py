@@ -8,7 +8,7 @@ from companion.flight.remote_step import LinkTick
 
 NUMBERS = (
     "link_session", "link_epoch", "link_connected", "link_blind", "link_failed",
-    "link_command", "link_yaw_rad", "link_command_age_s",
+    "link_law", "link_command", "link_yaw_rad", "link_command_age_s",
     "link_silence_s", "link_age_s", "link_received", "link_missing", "link_late", "link_foreign",
     "link_messages", "link_events", "link_again", "link_beats", "link_lost", "link_bytes", "link_messages_received",
     "link_bytes_received", "link_messages_down", "link_bytes_down",
@@ -28,7 +28,7 @@ def link_numbers(link: LinkTick) -> tuple[Any, ...]:
     yaw_rad = math.nan if command.yaw_rad is None else command.yaw_rad
     return (
         times.session, link.epoch, status.connected, status.blind, status.failed,
-        command.number, yaw_rad, command.age_s,
+        times.law, command.number, yaw_rad, command.age_s,
         status.silence_s, status.age_s, status.received, status.missing, status.late, status.foreign,
         counts.messages, counts.events, counts.again, counts.beats, counts.lost, counts.sent_bytes, counts.received,
         counts.received_bytes, link.messages_down, link.bytes_down,
