@@ -14,7 +14,7 @@ from companion.law_link.link_status import LinkStatus, UpCounts
 from companion.law_link.link_times import LinkTimes
 from companion.law_link.plan import SPACING_S, plan_of
 from companion.law_link.vehicle_end import Shown, VehicleEnd
-from companion.supervisor.flight_state import STREAMING, FlightState, Phase
+from companion.supervisor.flight_state import STREAMING, FlightState, Leg, Phase
 from companion.supervisor.state_machine import reference_at
 
 REPORT_S = 0.03
@@ -68,7 +68,9 @@ class RemoteStep:
         """Link in this cycle, for the record."""
         self._shown: Shown | None = None
         self._shown_s = self._planned_s = -math.inf
-        self._planned: object = None
+        self._legs: tuple[Leg, ...] = ()
+        """Legs of the newest plan; compared by identity, as trajectories hold arrays."""
+        self._leg_start_s = math.nan
 
     @property
     def law_name(self) -> str:
@@ -129,10 +131,10 @@ class RemoteStep:
             self._shown, self._shown_s = shown, now_s
             self._send(self._link.end.report(shown, now_s))
         self._send(self._link.end.poll(now_s))
-        planned = (flight.legs, flight.leg_start_s)
+        changed = flight.legs is not self._legs or flight.leg_start_s != self._leg_start_s
         every_s = SPACING_S if self._loses_little else _PLAN_AGAIN_S
-        if flight.legs and (planned != self._planned or now_s - self._planned_s >= every_s):
-            self._planned, self._planned_s = planned, now_s
+        if flight.legs and (changed or now_s - self._planned_s >= every_s):
+            self._legs, self._leg_start_s, self._planned_s = flight.legs, flight.leg_start_s, now_s
             self._send(self._link.end.plan(plan_of(now_s, lambda time_s: reference_at(flight, time_s), joints_at)))
 
     @property
