@@ -130,7 +130,8 @@ class LinkEnds:
     def send(self, cycle: int, event: Mask) -> None:
         """Send what is due after the law's cycle, which has computed a new command where `event` (B,) says so."""
         self.number = np.where(event, cycle, self.number)
-        again = ~event & self._lost & ((cycle - self._again) * self._period_s > AGAIN_EVERY_S - _TINY_S)
+        in_time = (cycle - self._again) * self._period_s > AGAIN_EVERY_S - _TINY_S
+        again = ~event & self._lost & (in_time | self._hurries)
         silent_s = (cycle - self._sent) * self._period_s
         due = (self._sent == NONE) | self._hurries | (silent_s > self._timing.beat_s - _TINY_S)
         carries = event | again

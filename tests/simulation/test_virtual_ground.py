@@ -24,7 +24,7 @@ from tests.simulation.scenes import CENTRE, PUSHED, law_for, scene
 
 pytestmark = pytest.mark.slow
 
-SHORT = scene(Ellipse(CENTRE, timing=LapTiming(period_s=5.0, laps=1, ramp_s=1.0)), disturbance=PUSHED)
+SHORT = scene(Ellipse(CENTRE, timing=LapTiming(period_s=4.0, laps=1, ramp_s=1.0)), disturbance=PUSHED)
 SEEDS = (1, 2, 3, 4)
 
 
@@ -64,10 +64,9 @@ def test_the_radio_costs_little_error(sentence: str) -> None:
 def test_a_batch_flies_as_each_vehicle_would_alone() -> None:
     bad = "loss 30% burst 100 ms jitter 20 ms"
     together = flown(bad)
-    for row, seed in ((0, 1), (3, 4)):
-        alone, cut = flown(bad, (seed,)), one_of(together, row)
-        assert np.abs(alone.position_w_m - cut.position_w_m)[:200].max() < 1e-9
-        assert score(cut).error_m == pytest.approx(score(alone).error_m, rel=0.1)
+    alone, cut = flown(bad, (3,)), one_of(together, 2)
+    assert np.abs(alone.position_w_m - cut.position_w_m)[:200].max() < 1e-9
+    assert score(cut).error_m == pytest.approx(score(alone).error_m, rel=0.1)
 
 
 def test_the_numbers_of_the_link_are_those_of_its_messages() -> None:
