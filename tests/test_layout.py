@@ -15,7 +15,9 @@ ENTRY_POINTS = {
     "mock_autopilot": {"__init__.py", "__main__.py", "config.py", "config_errors.py", "simulator.py", "world.py"},
 }
 MOST_FILES = 21
-RIDDLES = {"What", "Whether", "How", "Where", "Of", "From", "As"}
+RIDDLES = ("What", "Whether", "How", "Where", "Of", "From", "As")
+RIDDLE = re.compile(rf"""["']\s*[,:]*(?:{"|".join(RIDDLES)})\b""")
+"""A string that begins with one, docstring or not."""
 
 
 def packages(root: str) -> set[str]:
@@ -59,11 +61,14 @@ def docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
 
 def test_no_docstring_begins_with_a_riddle() -> None:
     folders = (*PRODUCT, "benchmarks", "tests", "examples")
-    files = [path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))]
+    files = {
+        path: path.read_text(encoding="utf-8") for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))
+    }
     found = [
         f"{path.relative_to(ROOT)}:{line}: {text.splitlines()[0]}"
-        for path in files
-        for line, text in docstrings(ast.parse(path.read_text(encoding="utf-8")))
+        for path, code in files.items()
+        if RIDDLE.search(code)  # parsing all of them would take ten seconds
+        for line, text in docstrings(ast.parse(code))
         if text.split()[0].strip(",:") in RIDDLES
     ]
     assert found == []
