@@ -16,7 +16,7 @@ from mock_autopilot.faults.fault import Fault, check_fits
 from mock_autopilot.faults.schedule import FaultSchedule, FaultTransition
 from mock_autopilot.faults.servos import bus_fault_of
 from mock_autopilot.physics import plant, plant_one
-from mock_autopilot.physics import quaternion as quat
+from mock_autopilot.physics import quaternion_one as quat_one
 from mock_autopilot.physics.airframe import ActuatorDemand, SensorState
 from mock_autopilot.physics.arms import Arms
 from mock_autopilot.physics.disturbance import Disturbance
@@ -39,6 +39,10 @@ STEP_S = 0.002
 class World:
     """The simulated room; `advance` is the only way time passes in it."""
 
+    _one: OneState
+    _arrays: PlantState | None
+    """The same in arrays, once somebody has asked for them."""
+
     def __init__(self, config: MockConfig | None = None, seed: int = 1, step_s: float = STEP_S) -> None:
         config = config or MockConfig()
         self._step_s = step_s
@@ -47,10 +51,10 @@ class World:
         start = config.vehicle
         self._params = config.plant
         self._start = np.array(start.start_position_ned_m)
-        self._state = plant.at_rest(self._start, start.start_yaw_rad)
+        self.state = plant.at_rest(self._start, start.start_yaw_rad)
         self._start_m = tuple(self._start.tolist())
-        self._in_floats = self._state, plant_one.in_floats(self._state)
         self._params = replace(config.plant, ground_z_m=max(config.plant.ground_z_m, float(self._start[2])))
+        self._fixed_for, self._factors = self._params, plant_one.fixed_of(self._params, self._step_s)
         self.timing = Timing(seed)
         self._vehicle_rng, self._booted_s, self.boots = vehicle_rng, 0.0, 1
         self._estimator, self._horizon_rng = config.estimator, _horizon_rng(seed)
@@ -58,7 +62,7 @@ class World:
         self._full_thrust_n = self._params.max_thrust_n
         self._disturbance = Disturbance(config.disturbance.forces(), force_rng, self._step_s)
         self._steps = 0
-        still = ActuatorDemand(self._state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        still = ActuatorDemand(self.state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
         self.attitude_delay_s = start.attitude_delay_s
         self._attitude_line = deque([still] * round(start.attitude_delay_s / self._step_s))
         self._thrust_line = deque([still] * round(start.thrust_delay_s / self._step_s))
@@ -99,20 +103,21 @@ class World:
     @property
     def truth(self) -> Truth:
         """Return the vehicle's true state now."""
-        state = self._state
-        return Truth(
-            self.time_s,
-            state.position_ned_m,
-            state.velocity_ned_mps,
-            state.q_ned_frd_wxyz,
-            state.rate_frd_radps,
-            bool(state.on_ground),
-        )
+        place, velocity, q, rate, _, _, on_ground, _ = self._one
+        every = np.array((*place, *velocity, *rate, *q))  # one array and views cost less than four
+        return Truth(self.time_s, every[0:3], every[3:6], every[9:13], every[6:9], on_ground)
 
     @property
     def state(self) -> PlantState:
-        """Return the airframe's full state, thrust and acceleration included."""
-        return self._state
+        """The airframe's full state, thrust and acceleration included; setting it carries the vehicle there."""
+        if self._arrays is None:
+            self._arrays = plant_one.in_arrays(self._one)
+        return self._arrays
+
+    @state.setter
+    def state(self, state: PlantState) -> None:
+        self._arrays = state
+        self._one = plant_one.in_floats(state)
 
     def advance(self, to_s: float) -> None:
         """Let time pass step by step, as far as whole steps reach; never backwards."""
@@ -125,21 +130,22 @@ class World:
     def _step(self) -> None:
         self._steps += 1
         self._update_faults()
-        before = self._state_in_floats()
+        before = self._one
         demand = self.vehicle.step(self.uptime_s, self._sensor_state(before), self._step_s)
         actuation = self._delayed(demand)
         force, push = self._pushed(before)
-        after = plant_one.moved(before, actuation, force, push, plant_one.fixed_of(self._params, self._step_s))
-        self._state = plant_one.in_arrays(after)
-        self._in_floats = self._state, after
+        self._one = plant_one.moved(before, actuation, force, push, self._fixed)
+        self._arrays = None
         self._handling.holds = self._handling.holds and not demand.motors_on
         if self._handling.holds:
-            self._state = self._handling.carry(self._state, self.time_s)
+            self.state = self._handling.carry(self.state, self.time_s)
 
-    def _state_in_floats(self) -> OneState:
-        """Return the airframe's state in floats; converted only when it was set from outside."""
-        of, floats = self._in_floats
-        return floats if of is self._state else plant_one.in_floats(self._state)
+    @property
+    def _fixed(self) -> plant_one.Fixed:
+        """The step's factors, found again when the airframe has changed."""
+        if self._fixed_for is not self._params:
+            self._fixed_for, self._factors = self._params, plant_one.fixed_of(self._params, self._step_s)
+        return self._factors
 
     def _pushed(self, state: OneState) -> tuple[Three, Three]:
         """Return force (N, NED) and angular acceleration (rad/s^2, FRD) from outside, arms included."""
@@ -163,7 +169,7 @@ class World:
         where = np.array([*north_east_down_m, *roll_pitch_yaw_rad])
         if where.shape != (6,) or not np.isfinite(where).all():
             raise ValueError("carry rejected: it takes NORTH EAST DOWN in m, and optionally ROLL PITCH YAW in rad")
-        self._handling.take_to(where, self._state, self.time_s)
+        self._handling.take_to(where, self.state, self.time_s)
 
     def fault_rng(self) -> np.random.Generator:
         """Return a new generator for one part's faults, independent of all other random numbers."""
@@ -171,7 +177,7 @@ class World:
 
     def _update_faults(self) -> None:
         vehicle = self.vehicle
-        self.faults.step(self.time_s, vehicle.armed, not self._state.on_ground, vehicle.lands)
+        self.faults.step(self.time_s, vehicle.armed, not self._one.on_ground, vehicle.lands)
 
     def _on_turn(self, turn: FaultTransition) -> None:
         if turn.fault.part is Part.SERVOS and turn.begins and self.servos is not None:
@@ -189,7 +195,7 @@ class World:
         if after.thrust_share != before.thrust_share:
             self._params = replace(self._params, max_thrust_n=after.thrust_share * self._full_thrust_n)
         if before.powered and not after.powered:
-            params, yaw_rad = self.vehicle.params, float(quat.yaw_of(self._state.q_ned_frd_wxyz))
+            params, yaw_rad = self.vehicle.params, quat_one.yaw_of(self._one.q_ned_frd_wxyz)
             self.vehicle = self._booted(params, yaw_rad)
         if after.powered and not before.powered:
             self._booted_s, self.boots = self.time_s, self.boots + 1
@@ -213,10 +219,10 @@ class World:
         return plant_one.one_actuation(attitude.q_sp_wxyz, thrust.signal, attitude.rate_sp_frd_radps, motors_on)
 
     def _sensor_state(self, one: OneState) -> SensorState:
-        (x, y, z), (x0, y0, z0), state = one.position_ned_m, self._start_m, self._state
+        (x, y, z), (x0, y0, z0), q = one.position_ned_m, self._start_m, one.q_ned_frd_wxyz
         place = (x - x0, y - y0, z - z0)
-        motion = Motion(place, one.velocity_ned_mps, one.acceleration_ned_mps2, quat.yaw_of(state.q_ned_frd_wxyz))
-        return SensorState(motion, state.q_ned_frd_wxyz, state.rate_frd_radps)
+        motion = Motion(place, one.velocity_ned_mps, one.acceleration_ned_mps2, quat_one.yaw_of(q))
+        return SensorState(motion, q, one.rate_frd_radps)
 
 
 def _horizon_rng(seed: int) -> np.random.Generator:

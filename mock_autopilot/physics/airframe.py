@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from mock_autopilot.physics.quaternion import Array
+from mock_autopilot.physics.quaternion_one import Four, Three
 from mock_autopilot.px4.estimator import Motion
 
 
@@ -22,5 +23,5 @@ class SensorState(NamedTuple):
     """The truth the sensors see, relative to the start position; world NED, body FRD."""
 
     motion: Motion
-    q_ned_frd_wxyz: Array
-    rate_frd_radps: Array
+    q_ned_frd_wxyz: Four
+    rate_frd_radps: Three

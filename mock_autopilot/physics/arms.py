@@ -128,6 +128,8 @@ class Arms:
         self.assembly, self.servos = assembly, servos
         self._coupling = Coupling(None, mass_kg, assembly.inertia_kgm2, trim_time_s)
         self.now = self.joint_states()
+        self._motion = self.servos.motion()
+        self._loads_nm, self._moving = self._loads_and_sums()
 
     def joint_states(self) -> tuple[JointState, JointState]:
         """Return the true joint motion of the right and of the left arm."""
@@ -159,12 +161,23 @@ class Arms:
         return self._coupling.pushed(rate, q, thrust_n, vehicle.on_ground, self._moved(dt_s), dt_s)
 
     def _moved(self, dt_s: float) -> Moving:
-        self.servos.step(dt_s, self.assembly.loads_nm(self.servos.motion()[0]))
-        self.now = self.joint_states()
+        self._look()
+        self.servos.step(dt_s, self._loads_nm)
+        self._look()
+        return self._moving
+
+    def _look(self) -> None:
+        """Bring loads and sums up to date; servos held by their friction stand exactly still, and so do these."""
+        motion = self.servos.motion()
+        if motion != self._motion:
+            self._motion, self.now = motion, self.joint_states()
+            self._loads_nm, self._moving = self._loads_and_sums()
+
+    def _loads_and_sums(self) -> tuple[tuple[float, ...], Moving]:
         right, left = (
             arm_motion(self.assembly.bodies, state, outward) for state, outward in zip(self.now, OUTWARD, strict=True)
         )
-        return add(right, left)
+        return self.assembly.loads_nm(self._motion[0]), add(right, left)
 
 
 def _turned(q_wxyz: tuple[float, ...], v: Three) -> Three:

@@ -25,6 +25,12 @@ def unit(q: Four) -> Four:
     return w * per_length, x * per_length, y * per_length, z * per_length
 
 
+def yaw_of(q: Four) -> float:
+    """Return the heading (rad)."""
+    w, x, y, z = q
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
 def to_rotation_vector(q: Four) -> Three:
     """Convert a unit quaternion to the shorter rotation vector (rad) (logarithm)."""
     w, x, y, z = q

@@ -1,12 +1,11 @@
 """The simulated vehicle's true state, which the cameras see and every check is measured against."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mock_autopilot.physics.quaternion import Array
 
 
-@dataclass(frozen=True)
-class Truth:
+class Truth(NamedTuple):
     """The vehicle at one instant of simulated time; world NED, body FRD, quaternion turns body into world."""
 
     time_s: float

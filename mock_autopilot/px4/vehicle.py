@@ -89,7 +89,7 @@ class Vehicle:
         self._takeoff_z_m = math.nan
         self._failure_told = False
         self._demand_inputs: tuple[object, ...] = ()
-        self._last_demand = ActuatorDemand(self.sensor_state.q_ned_frd_wxyz, None, 0.0, motors_on=False)
+        self._last_demand = ActuatorDemand(np.array(self.sensor_state.q_ned_frd_wxyz), None, 0.0, motors_on=False)
 
     # -- what comes in ---------------------------------------------------------------------------
 
@@ -249,7 +249,7 @@ class Vehicle:
     @property
     def attitude_estimate_wxyz(self) -> Array:
         """Return the attitude as reported: the truth, turned by the errors of heading and horizon."""
-        turned = quat.turned_about_z(self._yaw_error_rad, self.sensor_state.q_ned_frd_wxyz)
+        turned = quat.turned_about_z(self._yaw_error_rad, np.array(self.sensor_state.q_ned_frd_wxyz))
         if not self.estimator.horizon.perfect:
             w, x, y, z = turned.tolist()
             turned = np.array(self.estimator.horizon.believed((w, x, y, z)))
@@ -289,7 +289,7 @@ class Vehicle:
         """Advance the autopilot by `dt_s` to `now_s`; return the demand for the airframe."""
         if not self.injected_faults.running:
             return self.injected_faults.lifeless(
-                self._last_demand, self.sensor_state.rate_frd_radps, now_s - self.now_s
+                self._last_demand, np.array(self.sensor_state.rate_frd_radps), now_s - self.now_s
             )
         self.now_s, self.sensor_state = now_s, sensor_state
         self.estimator.in_air = self.armed and not self.land_detector.landed
@@ -416,5 +416,5 @@ class Vehicle:
         return self._last_demand
 
 
-_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-_STILL = np.zeros(3)
+_UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+_STILL = (0.0, 0.0, 0.0)

@@ -4,7 +4,7 @@ Pure: all times are the truth's. Room frame: right-handed, z up, x north, so (x,
 """
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -65,10 +65,9 @@ def _moved_to(truth: Truth, time_s: float) -> Truth:
     """Return the truth at the capture, extrapolated back by less than one step along velocity and body rate."""
     back_s = time_s - truth.time_s
     if abs(back_s) <= _TICK_S:
-        return replace(truth, time_s=time_s)
+        return truth._replace(time_s=time_s)
     turn = quat.from_rotation_vector(truth.rate_frd_radps * back_s)
-    return replace(
-        truth,
+    return truth._replace(
         time_s=time_s,
         position_ned_m=truth.position_ned_m + truth.velocity_ned_mps * back_s,
         q_ned_frd_wxyz=quat.multiply(truth.q_ned_frd_wxyz, turn),

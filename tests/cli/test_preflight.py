@@ -277,7 +277,7 @@ class Hand:
         state = replace(
             self._world.state, position_ned_m=self._at(), velocity_ned_mps=still, acceleration_ned_mps2=still
         )
-        self._world._state = state
+        self._world.state = state
 
 
 @pytest.mark.realtime

@@ -1,6 +1,5 @@
 """The simulated cameras' times of capture, measurements and delays, all in simulated time."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,7 @@ def test_a_capture_between_two_truths_has_its_own_attitude() -> None:
     camera = Camera(QualisysConfig(rate_hz=300.0, **QUIET), 1)
     for k in range(100):
         time_s = 0.002 * k
-        truth = replace(truth_at(time_s, q_ned_frd_wxyz=from_euler(0.0, 0.0, 2.0 * time_s)), rate_frd_radps=RIGHT)
+        truth = truth_at(time_s, q_ned_frd_wxyz=from_euler(0.0, 0.0, 2.0 * time_s))._replace(rate_frd_radps=RIGHT)
         for frame in camera.look(truth):
             nose = frame.bodies[0].rotation_room_flu[:, 0]
             assert np.arctan2(-nose[1], nose[0]) == pytest.approx(2.0 * frame.stamp_us * 1e-6, abs=1e-5)
