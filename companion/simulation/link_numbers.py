@@ -35,6 +35,14 @@ class LinkNumbers:
     landed_s: tuple[float, ...]
     """Times of that, from the start of the trajectory."""
 
+    def __str__(self) -> str:
+        """Return the numbers as a line."""
+        return (
+            f"link {self.messages_per_s:.0f} messages/s, {self.uplink_bytes_per_s:.0f} bytes/s up; in a flight "
+            f"{self.events:.0f} events, {self.beats:.0f} beats, {self.again:.0f} again, {self.lost:.0f} lost; age "
+            f"{self.age_ms.median:.1f} ms (p99 {self.age_ms.p99:.1f}), longest silence {self.longest_silence_ms:.0f} ms"
+        )
+
     def plain(self) -> dict[str, Any]:
         """Return the numbers for JSON, null for those that are not finite."""
         return {name: _plain(value) for name, value in asdict(self).items()}

@@ -185,3 +185,4 @@ def test_a_law_on_the_ground_over_a_radio(typed: Type, short: Path, tmp_path: Pa
     laws = data["experiments"]["short"]
     assert laws["pid"]["link"]["messages_per_s"] > 95.0, "it has no trigger"
     assert laws["practical"]["link"]["messages_per_s"] < 50.0
+    assert "practical: link " in ended.out

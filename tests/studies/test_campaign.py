@@ -10,9 +10,12 @@ from companion.config.controller_config import ErrorLimits
 from companion.config.locations import project_root
 from companion.core.types import Array
 from companion.simulation.metrics import Score
+from companion.simulation.radio import radio_named
+from companion.simulation.scene import load_scene
 from companion.studies.paper.ablations import Ablation
 from companion.studies.paper.campaign import Flown, Item, fly, label_of, numbers_of, variants_of, whole_items
 from companion.studies.paper.campaign_table import ablation_grid, comparison, events, summary
+from companion.studies.paper.descriptions import facts_of
 from companion.studies.paper.paper_table import PAPER, beside_paper, reduced_percent
 from tests.studies.short_experiments import short_experiment
 
@@ -208,3 +211,12 @@ def test_feedforward_and_bandwidth_are_flown_as_asked(tmp_path: Path) -> None:
     errors = [fly(item).error_m for item in (whole, untold, replace(whole, bandwidth_radps=5.0))]
     assert errors[1] > 1.2 * errors[0]
     assert errors[2] != errors[0]
+
+
+def test_a_report_says_where_the_law_runs() -> None:
+    scene = load_scene("ellipse").with_radio(radio_named("loss 10% delay 2 ms"))
+    facts = dict(facts_of(scene))
+    assert facts["the law"].startswith(
+        "on the ground, over a radio with loss 10% delay 2 ms; its commands are 10 ms old"
+    )
+    assert "the law" not in dict(facts_of(load_scene("ellipse")))

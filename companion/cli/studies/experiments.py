@@ -190,6 +190,9 @@ def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -
             if grid.note not in explained:
                 console.print(grid.note, markup=False, highlight=False)
             explained.add(grid.note)
+        for flown in wholes:
+            if flown.link is not None:
+                console.print(f"{label_of(flown.item.controller)}: {flown.link}", markup=False, highlight=False)
 
 
 def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, jobs: int, out: Path) -> bool:

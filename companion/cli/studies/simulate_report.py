@@ -78,21 +78,13 @@ def print_flights(flights: Flights, console: Console) -> None:
     console.print(_table(flights))
     link = flights.link
     for line in (
-        *([] if link is None else [_link_line(link)]),
+        *([] if link is None else [str(link)]),
         f"updates in {sent:.1%} of the cycles; the law's trigger fired in {events:.1%}",
         f"{flights.flown_s:.0f} s of flight in {flights.loop_s:.2f} s: {times:.0f} times faster than real time, "
         f"{flights.flown_s / flights.total_s:.0f} times including preparation",
         _verdict(flights),
     ):
         console.print(line, highlight=False, soft_wrap=True)
-
-
-def _link_line(link: LinkNumbers) -> str:
-    return (
-        f"link {link.messages_per_s:.0f} messages/s, {link.uplink_bytes_per_s:.0f} bytes/s up; in a flight "
-        f"{link.events:.0f} events, {link.beats:.0f} beats, {link.again:.0f} again, {link.lost:.0f} lost; age "
-        f"{link.age_ms.median:.1f} ms (p99 {link.age_ms.p99:.1f}), longest silence {link.longest_silence_ms:.0f} ms"
-    )
 
 
 def _verdict(flights: Flights) -> str:

@@ -8,7 +8,9 @@ from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.config.arms_config import Feedforward
 from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
+from companion.simulation.radio import words_of
 from companion.simulation.scene import Scene, arm_feedforward_b_mps2
+from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.physics.disturbance import Sinusoid
 
 Facts = tuple[tuple[str, str], ...]
@@ -16,6 +18,7 @@ Facts = tuple[tuple[str, str], ...]
 
 def facts_of(scene: Scene) -> Facts:
     """Pairs of a heading and what is to be said under it."""
+    ground = () if scene.radio is None else (("the law", _law(scene, scene.radio)),)
     return (
         ("trajectory", _trajectory(scene)),
         ("arms", _arms(scene)),
@@ -24,6 +27,14 @@ def facts_of(scene: Scene) -> Facts:
         ("the autopilot's horizon", _horizon(scene)),
         ("room", _room(scene)),
         ("what the companion is told", _told(scene)),
+        *ground,
+    )
+
+
+def _law(scene: Scene, radio: Directions) -> str:
+    return (
+        f"on the ground, over a radio with {words_of(radio)}; its commands are {1e3 * scene.up_age_s:.0f} ms old when "
+        "they are used, for which it is made"
     )
 
 
