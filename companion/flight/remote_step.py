@@ -85,7 +85,7 @@ class RemoteStep:
     def read(self, now_s: float, flight: FlightState) -> None:
         """Take the newest command; a lift-off begins a new epoch, in which older commands are not used."""
         if flight.airborne and not self._airborne:
-            self._epoch, self._begun_s = self._epoch % 255 + 1, now_s
+            self._epoch, self._begun_s = self._epoch % 15 + 1, now_s
         self._airborne = flight.airborne
         end = self._link.end
         end.locked = flight.phase in STREAMING

@@ -97,7 +97,7 @@ class GroundLaw:
         """Fly another law from the next cycle on, without a jump of the command."""
         LOG.info("control law %s -> %s", self.name, name)
         self._pipeline.switch(law)
-        self.name, self._end.law = name, (self._end.law + 1) % 256
+        self.name, self._end.law = name, (self._end.law + 1) % 16
         self.failure, self._bad = "", 0
 
     def tick(self, now_s: float, dt_s: float) -> GroundTick:

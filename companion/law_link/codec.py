@@ -20,7 +20,7 @@ from companion.law_link.messages import (
     UpMessage,
 )
 
-_UP = struct.Struct("<BHIIHBBB")
+_UP = struct.Struct("<BHIIHB")
 _COMMAND = struct.Struct("<4fH")
 _POSE = struct.Struct("<4h")
 _CLOCK = struct.Struct("<IIIH")
@@ -29,6 +29,7 @@ _PLAN = struct.Struct("<BHIIHBB")
 _TEXT = struct.Struct("<BHI16s16s")
 _POSITION_STEP_M, _YAW_STEP_RAD = 1e-3, 1e-4
 _REFERENCE = 11
+_HALF = 16
 
 
 def packed(message: MESSAGE) -> bytes:
@@ -52,8 +53,8 @@ def packed(message: MESSAGE) -> bytes:
 
 def _packed_up(m: UpMessage) -> bytes:
     flags = m.flags | UpFlags.POSE if m.pose is not None else m.flags & ~UpFlags.POSE
-    state = m.number, m.epoch, m.law, int(flags)
-    data = _UP.pack(m.kind, m.session, m.sequence, m.stamp, *state)
+    halves = _halves(m.kind, int(flags)), _halves(m.epoch, m.law)
+    data = _UP.pack(halves[0], m.session, m.sequence, m.stamp, m.number, halves[1])
     if m.command is not None:
         data += _COMMAND.pack(*m.command.accel_w_mps2, m.command.yaw_rad, m.command.capture_ago)
     if m.clock is not None:
@@ -67,6 +68,13 @@ def _packed_up(m: UpMessage) -> bytes:
 
 def _short(number: float) -> int:
     return min(max(round(number), -32768), 32767)
+
+
+def _halves(low: int, high: int) -> int:
+    """Return two numbers of 0 to 15 in one byte: a beat goes up 33 times a second."""
+    if not (0 <= low < _HALF and 0 <= high < _HALF):
+        raise ValueError(f"{low} and {high}: must be 0 to {_HALF - 1}")
+    return low + _HALF * high
 
 
 def _knot_bytes(knot: Knot) -> bytes:
@@ -84,9 +92,10 @@ def unpacked(data: bytes) -> MESSAGE:
 
 
 def _unpacked(data: bytes) -> MESSAGE:
+    up = data[0] % _HALF
+    if up in {Kind.BEAT, Kind.EVENT, Kind.CLOCK}:
+        return _unpacked_up(Kind(up), data)
     kind = Kind(data[0])
-    if kind in {Kind.BEAT, Kind.EVENT, Kind.CLOCK}:
-        return _unpacked_up(kind, data)
     if kind is Kind.REPORT:
         return _unpacked_report(data)
     if kind is Kind.PLAN:
@@ -103,7 +112,8 @@ def _unpacked(data: bytes) -> MESSAGE:
 
 
 def _unpacked_up(kind: Kind, data: bytes) -> UpMessage:
-    _, session, sequence, stamp, number, epoch, law, bits = _UP.unpack_from(data)
+    first, session, sequence, stamp, number, last = _UP.unpack_from(data)
+    bits, (law, epoch) = first // _HALF, divmod(last, _HALF)
     at, command, pose, clock = _UP.size, None, None, None
     if kind is Kind.EVENT:
         *accel, yaw_rad, ago = _COMMAND.unpack_from(data, at)

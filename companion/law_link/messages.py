@@ -132,9 +132,9 @@ class UpMessage:
     number: int
     """Number of the newest command, 16 bits; 0 before the first."""
     epoch: int
-    """Flight, counted at lift-off, 8 bits, that the command belongs to."""
+    """Flight, counted at lift-off from 1 to 15, that the command belongs to."""
     law: int = 0
-    """Number of the law that computes, counted at each switch, 8 bits."""
+    """Number of the law that computes, counted at each switch from 0 to 15."""
     flags: UpFlags = NO_FLAGS
     command: Command | None = None
     pose: Pose | None = None

@@ -19,7 +19,7 @@ from companion.law_link.messages import (
     UpMessage,
 )
 
-U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (8, 16, 32))
+U4, U8, U16, U32 = (st.integers(0, 2**bits - 1) for bits in (4, 8, 16, 32))
 F32 = st.floats(-1e3, 1e3, width=32)
 THREE = st.tuples(F32, F32, F32)
 
@@ -45,8 +45,8 @@ def ups(draw: st.DrawFn) -> UpMessage:
         sequence=draw(U32),
         stamp=draw(U32),
         number=draw(U16),
-        epoch=draw(U8),
-        law=draw(U8),
+        epoch=draw(U4),
+        law=draw(U4),
         flags=flags | UpFlags.POSE if pose is not None else flags,
         command=draw(COMMANDS) if kind is Kind.EVENT else None,
         pose=pose,
