@@ -57,7 +57,7 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
         charts.append(_chart(flown, link_figures.link, 6.0, 4.8))
         charts.append(_chart(flown, link_figures.message_ages, 2.6, 2.2, wide=False))
         charts.append(_chart(flown, link_figures.message_gaps, 2.6, 2.2, wide=False))
-    if np.isfinite(flown.column("horizon_off_roll_rad")[flown.airborne]).any():
+    if flown.record.frames and np.isfinite(flown.column("horizon_off_roll_rad")[flown.airborne]).any():
         charts.append(_chart(flown, control_figures.horizon, 3.0, 2.4))
     if flown.has("setpoint_thrust"):
         charts.append(_chart(flown, motion_figures.thrust, 3.0, 2.4))

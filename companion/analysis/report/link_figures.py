@@ -11,8 +11,8 @@ from companion.analysis.summary import message_ages_s
 from companion.core.types import Array
 
 _BIN_S = 1.0
-"""Two of the reports by which the ground tells its counts."""
-_LEAST_BIN_S = 0.3
+"""About the time in which the ground tells its counts once."""
+_LEAST_BIN_S = 0.5
 _SHOWN = 99.8
 """Percentile up to which a histogram reaches."""
 _KINDS = (("events", COLOURS[0]), ("again", COLOURS[1]), ("beats", COLOURS[5]))
