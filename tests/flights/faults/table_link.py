@@ -91,6 +91,7 @@ OTHERS = (
     _noted(Fault.COMMANDS_FOREIGN, "an earlier flight's messages again", link.earlier_flight_again, within(0.1)),
     _noted(Fault.COMMANDS_FOREIGN, "this flight's messages again", link.this_flight_again, within(0.1)),
     _noted(Fault.COMMANDS_FOREIGN, "this flight's messages, each with a wrong bit", link.broken_copies, within(0.1)),
+    _noted(Fault.COMMANDS_FOREIGN, "every message twice", "network wrong (duplicated) by 1", within(0.1)),
     _noted(Fault.COMMANDS_FOREIGN, "10,000 datagrams of noise", link.garbage, within(0.1)),
 )
 
