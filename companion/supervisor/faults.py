@@ -257,14 +257,13 @@ TABLE: tuple[Row, ...] = (
         why="there is no valid attitude command",
         flying=_PX4, landing=_PX4, ground=_DISARM),
     Row(fault=Fault.COMMAND_LATE,
-        sign="nothing that a law on the ground has sent is newer than {command_late_s} s; from {command_coast_s} s on "
-        "the guard reduces the tilt, until the vehicle is level at {command_level_s} s",
+        sign="no message that a law on the ground has sent in the last {command_late_s} s confirms the command that is "
+        "held; from {command_coast_s} s on the guard reduces the tilt, and at {command_level_s} s the vehicle is level",
         why="three beats are missing; the last command is held, as between two events",
         flying=_WARN, landing=_WARN, ground=_WARN),
     Row(fault=Fault.GROUND_LAW_SILENT,
-        sign="nothing that a law on the ground has sent with a pose is newer than {command_silent_s} s (cable, radio, "
-        "computer or process gone, its motion capture lost), it says that its law has failed, or no ground law has "
-        "this vehicle",
+        sign="the same for {command_silent_s} s (cable, radio, computer or process gone, its motion capture lost, no "
+        "plan of the vehicle), the ground law says that it has failed, or none has this vehicle",
         why="nobody corrects the vehicle; PX4 lands. A ground law that returns is used again after `companion resume` "
         "only",
         flying=_PX4, landing=_PX4, ground=_DISARM),
