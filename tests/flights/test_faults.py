@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 HERE = (
     Fault.MOCAP_DEGRADED, Fault.MOCAP_FROZEN, Fault.MOCAP_SLOW, Fault.ATTITUDE_DISAGREES, Fault.HORIZON_WRONG,
     Fault.HORIZON_LOST, Fault.SETPOINT_NOT_FOLLOWED, Fault.FENCE_LEFT, Fault.ROOM_LEFT, Fault.HOLD_TOO_LONG,
-    Fault.BATTERY_LOW, Fault.ARMS, Fault.KILL, Fault.GROUND_LAW_SILENT, Fault.COMMAND_DELAYED, Fault.COMMANDS_FOREIGN,
+    Fault.BATTERY_LOW, Fault.ARMS, Fault.KILL, Fault.GROUND_LAW_SILENT, Fault.COMMANDS_FOREIGN,
 )  # fmt: skip
 """One flight each; every reaction is among them. Silence and jumps of motion capture, failing laws, a silent autopilot
 and a pilot are flown in test_simulated_flights.py and test_simulated_safety.py."""
