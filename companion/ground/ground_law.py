@@ -27,8 +27,6 @@ from companion.supervisor.flight_state import INACTIVE, Phase
 
 LOG = logging.getLogger(__name__)
 
-_OLDEST_S = 0.05
-"""Age of the state from which on the ground law says that it is blind, as `SafetyRules.coast_s` has it on board."""
 _BEYOND_PLAN_S = 0.3
 _BAD_CYCLES = 20
 _RETUNE_S = 0.004
@@ -48,6 +46,8 @@ class GroundParts:
     period_s: float
     delay_s: float
     """Usual age of the uplink, until it is measured."""
+    oldest_s: float
+    """Age of the state above which the law is blind: a law on board is not limited up to the same age."""
     with_pose: bool
     """Each message carries the pose, as no frames reach the vehicle."""
 
@@ -191,7 +191,7 @@ class GroundLaw:
         self.failure, self.made_for_s = reason, age_s
 
     def _is_blind(self, age_s: float) -> bool:
-        return self._estimate.vehicle is None or not age_s <= _OLDEST_S
+        return self._estimate.vehicle is None or not age_s <= self._parts.oldest_s
 
     def _is_planned(self, vehicle_s: float) -> bool:
         """Return True if the plan reaches to this time of the vehicle, which is NaN while its clock is unknown."""

@@ -64,6 +64,7 @@ def parts_of(config: CompanionConfig) -> GroundParts:
         else feedforward_of(config.arms, config.vehicle_model(), config.airframe(), step_s),
         period_s=step_s,
         delay_s=config.law.link.delay_s,
+        oldest_s=config.safety.coast_s,
         with_pose=not config.law.onboard_mocap,
     )
 
