@@ -21,7 +21,7 @@ def fly(path: Curve | str) -> None:
     """Fly the path with each law, in one flight."""
     with connect() as vehicle:
         vehicle.arm()
-        vehicle.takeoff(height_m=0.5)
+        vehicle.takeoff(height_m=0.4)
         for law in LAWS:
             if vehicle.state.controller != law:
                 vehicle.controller(law)

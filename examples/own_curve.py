@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 
 from companion.client import Progress, Vehicle, connect
 
-HEIGHT_M = 0.6
+HEIGHT_M, RADIUS_M = 0.5, 0.3
 
 
-def trefoil(duration_s: float) -> NDArray[np.float64]:
-    """Return a curve with three leaves as rows of t_s, x_m, y_m, z_m; it begins and ends at rest."""
-    t_s = np.linspace(0.0, duration_s, 101)
+def leaning_ring(duration_s: float) -> NDArray[np.float64]:
+    """Return a ring that leans to one side as rows of t_s, x_m, y_m, z_m; it begins and ends at rest."""
+    t_s = np.linspace(0.0, duration_s, 61)
     share = t_s / duration_s
-    angle = 2.0 * np.pi * (share - np.sin(2.0 * np.pi * share) / (2.0 * np.pi))
-    radius_m = 0.3 * np.sin(3.0 * angle)
-    return np.column_stack((t_s, radius_m * np.cos(angle), radius_m * np.sin(angle), np.full_like(t_s, HEIGHT_M)))
+    angle = 2.0 * np.pi * share - np.sin(2.0 * np.pi * share)
+    x_m, y_m = RADIUS_M * (1.0 - np.cos(angle)), RADIUS_M * np.sin(angle)
+    return np.column_stack((t_s, x_m, y_m, HEIGHT_M + 0.3 * x_m))
 
 
 async def measure(vehicle: Vehicle, errors_m: list[float]) -> None:
@@ -45,7 +45,7 @@ async def main(duration_s: float) -> None:
         try:
             await vehicle.arm()
             await vehicle.takeoff(HEIGHT_M)
-            print("\r" + await vehicle.track(trefoil(duration_s)))
+            print("\r" + await vehicle.track(leaning_ring(duration_s)))
             await vehicle.land()
         finally:
             measuring.cancel()
@@ -55,4 +55,4 @@ async def main(duration_s: float) -> None:
 
 
 if __name__ == "__main__":
-    asyncio.run(main(float(sys.argv[1]) if len(sys.argv) > 1 else 20.0))
+    asyncio.run(main(float(sys.argv[1]) if len(sys.argv) > 1 else 10.0))

@@ -20,23 +20,23 @@ class Connecting:
     """Connection that `async with` opens and closes, or that `await` opens for `close`."""
 
     def __init__(self, endpoint: OperatorConfig, land_on_error: LandOnError) -> None:
-        self._opening = open_vehicles([endpoint], land_on_error)
+        self.opening = open_vehicles([endpoint], land_on_error)
 
     async def __aenter__(self) -> Vehicle:
-        (vehicle,) = await self._opening.__aenter__()
+        (vehicle,) = await self.opening.__aenter__()
         return vehicle
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        await self._opening.__aexit__(kind, error, trace)
+        await self.opening.__aexit__(kind, error, trace)
 
     def __await__(self) -> Generator[object, None, Vehicle]:
         return self._open().__await__()
 
     async def _open(self) -> Vehicle:
         vehicle = await self.__aenter__()
-        vehicle.on_close = self._opening
+        vehicle.on_close = self.opening
         return vehicle
 
 
@@ -49,7 +49,7 @@ def connect(
     config: str | Path | None = None,
     land_on_error: LandOnError = True,
 ) -> Connecting:
-    """Connect to a vehicle's service: `async with connect() as vehicle:`.
+    """Connect to a vehicle's service: `async with connect() as vehicle:`, `with` without asyncio.
 
     The arguments are the command line's options: what is not given comes from the environment, or else is this
     computer's service. `land_on_error`: what an exception that leaves the block lands: True the flight that this script
@@ -126,7 +126,8 @@ async def open_vehicles(endpoints: Sequence[OperatorConfig], land: LandOnError) 
         try:
             yield tuple(vehicles)
         except BaseException as error:
-            await asyncio.gather(*(make_safe(vehicle, error, land) for vehicle in vehicles))
+            landing = (make_safe(vehicle, error, land) for vehicle in vehicles)
+            results_of(await asyncio.gather(*landing, return_exceptions=True))
             raise
         for vehicle in vehicles:
             warn_of_flight(vehicle)

@@ -6,19 +6,17 @@ Connections live in an event loop of their own, in a thread that ends with them.
 import asyncio
 import functools
 import threading
-from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator, Sequence
+from collections.abc import AsyncGenerator, Callable, Coroutine, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
-from pathlib import Path
+from contextlib import AbstractAsyncContextManager, AbstractContextManager, contextmanager
 from types import TracebackType
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar
 
+from companion.client import connecting
 from companion.client import vehicle as asynchronous
-from companion.client.connecting import endpoint_named, open_vehicles, results_of
-from companion.client.safe_exit import LandOnError
+from companion.client.connecting import results_of
 from companion.client.tasks import end
 from companion.client.vehicle import Progress
-from companion.config.operator_config import OperatorConfig
 from companion.core.types import Array
 from companion.protocol.telemetry import State
 
@@ -72,10 +70,10 @@ async def _result_of(task: asyncio.Task[T]) -> T:
 class _Connection:
     """Open connections to vehicles, and the thread that they live in."""
 
-    def __init__(self, endpoints: Sequence[OperatorConfig], land: LandOnError) -> None:
-        self.thread, self._opening = _LoopThread(), open_vehicles(endpoints, land)
+    def __init__(self, opening: AbstractAsyncContextManager[tuple[asynchronous.Vehicle, ...]]) -> None:
+        self.thread, self._opening = _LoopThread(), opening
         try:
-            self.vehicles = self.thread.wait_for(self._opening.__aenter__())
+            self.vehicles = self.thread.wait_for(opening.__aenter__())
         except BaseException:
             self.thread.close()
             raise
@@ -193,39 +191,35 @@ class Vehicle(_Twin[asynchronous.Vehicle]):
         self._connection.leave(error)
 
 
-def connect(
-    vehicle: str | None = None,
-    *,
-    broker: str | None = None,
-    password_file: str | Path | None = None,
-    ca_file: str | Path | None = None,
-    config: str | Path | None = None,
-    land_on_error: LandOnError = True,
-) -> Vehicle:
-    """Connect to a vehicle's service: `with connect() as vehicle:`; as `companion.client.connect`."""
-    endpoint = endpoint_named(vehicle, broker, password_file, ca_file, config)
-    connection = _Connection([endpoint], land_on_error)
-    return Vehicle(connection, connection.vehicles[0])
+def _connecting(function: Callable[P, connecting.Connecting]) -> Callable[P, Vehicle]:
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> Vehicle:
+        connection = _Connection(function(*args, **kwargs).opening)
+        return Vehicle(connection, connection.vehicles[0])
+
+    return call
 
 
-@contextmanager
-def connect_all(
-    *vehicles: str,
-    broker: str | None = None,
-    password_file: str | Path | None = None,
-    ca_file: str | Path | None = None,
-    land_on_error: LandOnError = True,
-) -> Iterator[tuple[Vehicle, ...]]:
-    """Connect to several vehicles: `with connect_all("left", "right") as (left, right):`; as the asyncio one."""
-    endpoints = [endpoint_named(vehicle, broker, password_file, ca_file) for vehicle in vehicles]
-    connection = _Connection(endpoints, land_on_error)
-    try:
-        yield tuple(Vehicle(connection, inner) for inner in connection.vehicles)
-    except BaseException as error:
-        connection.leave(error)
-        raise
-    else:
-        connection.leave(None)
+def _connecting_all(
+    function: Callable[P, AbstractAsyncContextManager[tuple[asynchronous.Vehicle, ...]]],
+) -> Callable[P, AbstractContextManager[tuple[Vehicle, ...]]]:
+    @contextmanager
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> Iterator[tuple[Vehicle, ...]]:
+        connection = _Connection(function(*args, **kwargs))
+        try:
+            yield tuple(Vehicle(connection, inner) for inner in connection.vehicles)
+        except BaseException as error:
+            connection.leave(error)
+            raise
+        else:
+            connection.leave(None)
+
+    return call
+
+
+connect = _connecting(connecting.connect)
+connect_all = _connecting_all(connecting.connect_all)
 
 
 def together(*calls: Callable[[], T]) -> list[T]:
