@@ -1,10 +1,13 @@
 """The service of the law on the ground when its vehicle refuses it: one sentence, and its end; loopback sockets."""
 
 import asyncio
+from collections.abc import Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+import uvloop
 
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.companion_config import CompanionConfig
@@ -116,6 +119,29 @@ async def test_a_port_that_is_in_use_is_one_sentence(config: CompanionConfig) ->
             async with standing_vehicle(config):
                 pass
     said = str(refused.value)
-    assert said.startswith(f"law.link.port = {config.law.link.port}: cannot listen on 127.0.0.1: ")
+    assert said.startswith(
+        f"law.link.port = {config.law.link.port}: cannot listen on 127.0.0.1: Address already in use"
+    )
     assert said.endswith("Each needs a port of its own")
     assert "\n" not in said
+
+
+@pytest.mark.parametrize("listen", ["192.0.2.1", "no-such-name.invalid"])
+@pytest.mark.parametrize("run", [asyncio.run, uvloop.run])
+def test_an_address_that_is_not_this_computers_is_one_sentence(
+    listen: str, run: Callable[[Coroutine[Any, Any, None]], None], config: CompanionConfig
+) -> None:
+    """192.0.2.1 is nobody's, RFC 5737. The service runs on uvloop, which words its errors otherwise."""
+    link = config.law.link.model_copy(update={"listen": listen})
+    elsewhere = config.model_copy(update={"law": config.law.model_copy(update={"link": link})})
+
+    async def opened() -> None:
+        async with standing_vehicle(elsewhere):
+            pass
+
+    with pytest.raises(ConfigError) as refused:
+        run(opened())
+    said = str(refused.value)
+    assert said.startswith(f"law.link.listen = {listen!r}: ")
+    assert said.endswith("give an address of this computer, or 0.0.0.0")
+    assert "could not bind" not in said

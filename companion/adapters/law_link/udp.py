@@ -1,6 +1,7 @@
 """Both ends of the law's link over UDP: datagrams in, datagrams out; what they mean is in `companion.law_link`."""
 
 import asyncio
+import errno
 import logging
 import os
 import socket
@@ -80,19 +81,40 @@ async def open_law_link(config: CompanionConfig, clock: Clock) -> AsyncIterator[
     settings = config.law.link
     link = VehicleLink(VehicleEnd(settings.secret(), introduction(config, ""), os.urandom), clock)
     try:
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: _Datagrams(link.hear), local_addr=(settings.listen, settings.port)
-        )
+        bound = _bound(settings.listen, settings.port)
     except OSError as error:
-        raise ConfigError(
-            f"law.link.port = {settings.port}: cannot listen on {settings.listen}: {error.strerror or error}; "
-            "does another vehicle's service have it? Each needs a port of its own"
-        ) from error
+        raise ConfigError(_why_not_bound(settings.listen, settings.port, error)) from error
+    transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(lambda: _Datagrams(link.hear), sock=bound)
     link.opened(transport)
     try:
         yield link
     finally:
         transport.close()
+
+
+def _bound(listen: str, port: int) -> socket.socket:
+    """Return a socket at this address; uvloop would hide the reason of a failure. Raises OSError."""
+    family, kind, protocol, _, address = socket.getaddrinfo(listen, port, type=socket.SOCK_DGRAM)[0]
+    bound = socket.socket(family, kind, protocol)
+    try:
+        bound.setblocking(False)
+        bound.bind(address)
+    except OSError:
+        bound.close()
+        raise
+    return bound
+
+
+def _why_not_bound(listen: str, port: int, error: OSError) -> str:
+    """Return why there is no socket, and what to do."""
+    port_todo = {
+        errno.EADDRINUSE: "does another vehicle's service have it? Each needs a port of its own",
+        errno.EACCES: "take a port above 1023",
+    }
+    todo = port_todo.get(error.errno or 0)
+    if todo:
+        return f"law.link.port = {port}: cannot listen on {listen}: {error.strerror}; {todo}"
+    return f"law.link.listen = {listen!r}: {error.strerror or error}; give an address of this computer, or 0.0.0.0"
 
 
 class GroundLink:
