@@ -4,7 +4,7 @@ import asyncio
 import json
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,7 +50,7 @@ TICK_S = 0.002
 """The mock's: how late its own loops see a setpoint, and how old the attitude is that it tells."""
 
 
-def _pushed(steps: Sequence[Step]) -> list[Step]:
+def _pushed(steps: list[Step]) -> list[Step]:
     """The room of config/mock.toml pushes: constant, slow waves, and noise."""
     chance, noise = np.random.default_rng(3), np.zeros(3)
 
@@ -71,12 +71,10 @@ def _pushed(steps: Sequence[Step]) -> list[Step]:
     return [with_push(step) for step in steps]
 
 
-_SCRIPT = (*UP, wait(HOVER_S), ask(TrackRequest(CLIMBS, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(2.0))
-
-
 def _fly(folder: Path, **how: Any) -> tuple[Flown, list[Tick]]:
+    script = [*UP, wait(HOVER_S), ask(TrackRequest(CLIMBS, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(2.0)]
     # Hovers and climbs tilt the vehicle less than its horizon wanders: then the attitude's answer is not found.
-    flight = asyncio.run(fly(_pushed(_SCRIPT), estimator=PERFECT, **how))
+    flight = asyncio.run(fly(_pushed(script), estimator=PERFECT, **how))
     return Flown(read_flight(recorded(flight.ticks, folder))), flight.ticks
 
 
@@ -88,9 +86,10 @@ def usual(tmp_path_factory: pytest.TempPathFactory) -> tuple[Flown, list[Tick]]:
 
 @pytest.fixture(scope="module")
 def split(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightRecord, FlightRecord]:
-    """Return the vehicle's record of the same flight by a law on the ground, alone and merged with the ground's."""
+    """Return the vehicle's record of a hover by a law on the ground, alone and merged with the ground's."""
     folder = tmp_path_factory.mktemp("split")
-    flight = asyncio.run(fly(_pushed(_SCRIPT), estimator=PERFECT, config=ON_GROUND, ground=GroundSetup(link=RADIO)))
+    hover = _pushed([*UP, wait(HOVER_S)])
+    flight = asyncio.run(fly(hover, estimator=PERFECT, config=ON_GROUND, ground=GroundSetup(link=RADIO)))
     assert flight.ground is not None
     vehicle = recorded(flight.ticks, folder / "vehicle", ON_GROUND)
     ground = recorded(map(tick_of, flight.ground.ground.ticks), folder / "ground", ON_GROUND, side="ground")
@@ -163,7 +162,8 @@ def _without_frames(record: FlightRecord) -> Flown:
 def test_a_law_on_the_ground_adds_nothing_to_the_delays(
     usual: tuple[Flown, list[Tick]], split: tuple[FlightRecord, FlightRecord]
 ) -> None:
-    on_board, values = found(usual[0]), found(Flown(split[0]))
+    hovering = _cut(usual[0], lambda flown: (flown.time_s > 4.5) & (flown.time_s < 18.5))
+    on_board, values = found(hovering), found(Flown(split[0]))
     assert near(values["vehicle.hover_thrust"], WEIGHT_N / 95.1, 0.01)
     assert near(values["mocap.delay_s"], 0.008 - TICK_S, 0.003)
     assert values["mocap.delay_s"].says.endswith("; of the vehicle's frames")
