@@ -130,11 +130,13 @@ class VehicleEnd:
         """Return why this ground law gets no session now; None if it may have one."""
         if self._session is not None and self._heard_lately(now_s):
             return Refusal(f"the ground law on {self._session.who.host} has this vehicle: stop it first")
+        differs = difference(self._me, who)
+        if differs:
+            return Refusal(differs)
         if self.locked:
             why = "a flight is on: a ground law may begin only while the vehicle stands disarmed, or is landed"
             return Refusal(why, passes=True)
-        differs = difference(self._me, who)
-        return Refusal(differs) if differs else None
+        return None
 
     def _heard_lately(self, now_s: float) -> bool:
         return self._session is not None and now_s - self._session.newest_s < 1.0

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from random import Random
 from typing import Any, Protocol
 
@@ -18,7 +18,7 @@ from companion.ground.ground_law import GroundLaw, GroundParts
 from companion.ground.ground_loop import GroundLoop
 from companion.ground.ground_service import parts_of
 from companion.ground.ground_tick import GroundTick
-from companion.law_link.agreement import Introduction
+from companion.law_link.agreement import Agreed, Introduction
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import UpFlags
 from companion.law_link.vehicle_end import VehicleEnd
@@ -41,6 +41,10 @@ class GroundSetup:
     """Impairment of either direction, in the mock's words."""
     clock_offset_s: float = 1234.5
     """Ground's clock less the vehicle's."""
+    version: str | None = None
+    """Version of the ground's software, if it is another one."""
+    differs: Agreed = field(default_factory=dict)
+    """Values of the ground's configuration that differ from the vehicle's."""
 
 
 def ground_config(config: CompanionConfig, onboard_mocap: bool) -> CompanionConfig:
@@ -212,7 +216,8 @@ class GroundWorld:
         self.heard: list[tuple[float, Datagram]] = []
         """Every datagram that came to the vehicle, and when."""
         self._frame: MocapFrame | None = None
-        self.ground = self.begin("ground")
+        agreed = {**self._me.agreed, **setup.differs}
+        self.ground = self.begin("ground", version=setup.version or self._me.version, agreed=agreed)
 
     def law(self, up_age_s: float) -> Controller:
         """Return the law for commands that are this old when they are used (s)."""

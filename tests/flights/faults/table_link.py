@@ -31,7 +31,8 @@ def _silent(variant: str, make: Act | str, when: When = When.TRACK, end: End = P
 
 
 def _harmless(fault: Fault, variant: str, make: Act | str, when: When = When.TRACK) -> Row:
-    return Row(fault, variant, (make,), ON, 0.0, when, harmless=True, flown_with=SPLIT)
+    end = OURS if when is When.LANDING else ON
+    return Row(fault, variant, (make,), end, 0.0, when, harmless=True, flown_with=SPLIT)
 
 
 def _noted(fault: Fault, variant: str, make: Act | str, limit_s: float, when: When = When.TRACK) -> Row:
@@ -39,11 +40,13 @@ def _noted(fault: Fault, variant: str, make: Act | str, limit_s: float, when: Wh
 
 
 CABLE = (
-    *(_harmless(Fault.COMMAND_LATE, "the cable is out for 0.1 s", "network off for 0.1 s", when) for when in AIR[:3]),
+    *(_harmless(Fault.COMMAND_LATE, "the cable is out for 0.1 s", "network off for 0.1 s", when) for when in AIR),
     _noted(Fault.COMMAND_LATE, "the cable is out for 0.18 s", "network off for 0.18 s", within(RULES.command_late_s)),
-    *(_silent("the cable is out for 0.3 s", "network off for 0.3 s", when) for when in AIR),
-    *(_silent("the cable is out for 1 s", "network off for 1 s", when) for when in (When.TRACK, When.HOVER)),
-    _silent("the cable is out for 10 s", "network off for 10 s", When.TRACK),
+    *(
+        _silent(f"the cable is out for {for_s} s", f"network off for {for_s} s", when)
+        for for_s in (0.3, 1, 10)
+        for when in AIR
+    ),
     _silent("the cable is out", "network off", When.TAKEOFF),
     _silent("the cable is out", "network off", When.GROUND, End.NOT_STARTED),
     _silent("the cable is out, no frames on the vehicle", "network off", When.TRACK, split=WITHOUT_FRAMES),
