@@ -30,6 +30,8 @@ class Flight:
         self.begun[command.verb].set()
         self._moves.set()
         self._moves = mine = asyncio.Event()
+        if command.verb in {"land", "abort"}:  # before the reply, which takes its time to the broker
+            service.phase = "land"
         yield Answer.ACCEPTED, f"{command.verb} begins"
         if command.verb in _WAITS:
             service.doing = Doing(id=command.id, verb=command.verb)
@@ -38,7 +40,6 @@ class Flight:
             yield Answer.FAILED, "ended by another command"
             return
         if command.verb in {"land", "abort"}:
-            service.phase = "land"
             await self.lands.wait()
             service.armed, service.phase, service.height_m = False, "disarmed", 0.0
         elif command.verb in {"arm", "takeoff"}:
