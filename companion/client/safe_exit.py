@@ -37,7 +37,7 @@ async def make_safe(vehicle: Vehicle, error: BaseException, land: LandOnError) -
         outcome = await _end_flight(vehicle, land, cause)
     except CompanionError as second:
         outcome = f"NOT known to be safe: {second}"
-    except asyncio.CancelledError:
+    except (asyncio.CancelledError, KeyboardInterrupt):  # the latter where Ctrl-C meets this very step of asyncio's
         if cause == repr(error):
             LOG.error("the script's own error:", exc_info=error)  # noqa: TRY400 - asyncio.run shows the second Ctrl-C alone
         LOG.warning("%s: interrupted again: not waiting; %s", vehicle.name, known_of(vehicle.console))
