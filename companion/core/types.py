@@ -45,6 +45,10 @@ class MocapFrame:
     late: int = 0
     """Frames of this connection dropped so far because they arrived after a newer one or twice."""
 
+    def is_same(self, other: "MocapFrame | None") -> bool:
+        """Return True if the other is this frame, by its stamp, too: some QTM versions number every frame 1."""
+        return other is not None and self.frame == other.frame and self.stamp_s == other.stamp_s
+
     @property
     def tracked(self) -> bool:
         """True if the system saw the body in this frame."""

@@ -79,11 +79,9 @@ class EstimateFromFrames:
         return self.state
 
     def _new_frame(self) -> MocapFrame | None:
-        """Return the newest frame if it is new, by its stamp, too: some QTM versions number every frame 1."""
-        frame, last = self._mocap.latest(), self._frame
-        if frame is None or last is None:
-            return frame
-        return frame if frame.frame != last.frame or frame.stamp_s != last.stamp_s else None
+        """Return the newest frame if it is new."""
+        frame = self._mocap.latest()
+        return None if frame is None or frame.is_same(self._frame) else frame
 
 
 class LinkPoses:

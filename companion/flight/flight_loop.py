@@ -14,6 +14,7 @@ from companion.estimation.estimator import EstimatorState, Verdict
 from companion.flight.arming import Arming, refused_for
 from companion.flight.assembly import Devices, Stages
 from companion.flight.autopilot_calls import AutopilotCalls
+from companion.flight.cycle_start import frame_or_deadline
 from companion.flight.health_step import Cycle, facts_of
 from companion.flight.shutdown import Shutdown, ShutdownTimes
 from companion.flight.tick import Tick, TickSink
@@ -140,7 +141,9 @@ class FlightLoop:
         self.ticking = True
         try:
             while True:
-                frame_arrived_s = await self._next_start(timer)
+                frame_arrived_s = await frame_or_deadline(self._mocap, self._clock, timer)
+                if frame_arrived_s is None:
+                    frame_arrived_s = await self._catch_up()
                 now_s = self._clock.now_s()
                 self.tick(now_s, timer.begin(now_s, frame_arrived_s))
         except asyncio.CancelledError:
@@ -162,17 +165,6 @@ class FlightLoop:
         if self.arms is not None:
             self.arms.stop("the service was closed")
         await self._giving_up.give_up("the service was closed")
-
-    async def _next_start(self, timer: TickTimer) -> float | None:
-        """Wait for the frame that starts the next cycle or for the deadline; the frame's arrival (s), or None."""
-        while True:
-            left_s = timer.deadline_s - self._clock.now_s()
-            if left_s <= 0.0:
-                return await self._catch_up()
-            if await self._mocap.wait_frame(left_s):
-                frame = self._mocap.latest()
-                if frame is not None and not timer.frame_is_early(frame.received_s):
-                    return frame.received_s
 
     async def _catch_up(self) -> float | None:
         """The loop is behind: let in what has arrived meanwhile, before anything is concluded from its absence."""

@@ -14,12 +14,11 @@ from companion.law_link.link_status import LinkStatus, UpCounts
 from companion.law_link.link_times import LinkTimes
 from companion.law_link.plan import SPACING_S, plan_of
 from companion.law_link.vehicle_end import Shown, VehicleEnd
-from companion.supervisor.flight_state import STREAMING, FlightState, Leg, Phase
+from companion.supervisor.flight_state import PHASES, STREAMING, FlightState, Leg, Phase
 from companion.supervisor.state_machine import reference_at
 
 REPORT_S = 0.03
 """Longest time between two reports; the ground takes silence of 0.1 s for a loss."""
-_PHASES = tuple(Phase)
 _PLAN_AGAIN_S = 0.05
 """Time between two plans over a link that loses messages: without a plan the ground law is blind."""
 _ARMING = frozenset({Phase.PREFLIGHT, Phase.ARMED})
@@ -149,7 +148,7 @@ class RemoteStep:
             airborne=flight.airborne,
             cut=cut,
             arming=flight.phase in _ARMING,
-            phase=_PHASES.index(flight.phase),
+            phase=PHASES.index(flight.phase),
             epoch=self._epoch,
             number=self._number,
             q_w_flu_wxyz=(w, x, y, z),

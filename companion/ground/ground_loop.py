@@ -8,6 +8,7 @@ from typing import Protocol
 
 from companion.core.interfaces import Clock, MocapSource
 from companion.core.types import MocapFrame
+from companion.flight.cycle_start import frame_or_deadline
 from companion.flight.tick_timer import TickTimer, control_step_s
 from companion.ground.ground_law import GroundLaw
 from companion.ground.ground_tick import GroundTick
@@ -53,26 +54,18 @@ class GroundLoop:
         """Cycle until cancelled; raises MocapError when the connection to motion capture is lost."""
         timer = TickTimer(self._period_s, self._clock.now_s() + self._period_s)
         while True:
-            frame_s = await self._next_start(timer)
+            frame_s = await frame_or_deadline(self._mocap, self._clock, timer)
+            if frame_s is None:
+                await asyncio.sleep(0)
             now_s = self._clock.now_s()
             self.cycle(now_s, timer.begin(now_s, frame_s))
 
-    async def _next_start(self, timer: TickTimer) -> float | None:
-        """Wait for the next cycle's frame or for the deadline; return the frame's arrival (s), or None."""
-        while True:
-            left_s = timer.deadline_s - self._clock.now_s()
-            if left_s <= 0.0:
-                await asyncio.sleep(0)
-                return None
-            if await self._mocap.wait_frame(left_s):
-                frame = self._mocap.latest()
-                if frame is not None and not timer.frame_is_early(frame.received_s):
-                    return frame.received_s
-
     def cycle(self, now_s: float, late_s: float = 0.0) -> None:
         """Run one cycle: frame, law, message; then what the law left for after it, and the observers."""
-        frame = self._new_frame()
-        if frame is not None:
+        frame = self._mocap.latest()
+        if frame is None or frame.is_same(self._frame):
+            frame = None
+        else:
             self._frame = frame
             self._law.take(frame)
         tick = self._law.tick(now_s, control_step_s(now_s - self._last_s, self._period_s))
@@ -81,10 +74,3 @@ class GroundLoop:
         late_signals = self._law.settle()
         if self.observers:
             show(self.observers, replace(tick, late_s=late_s, frame=frame, late_signals=late_signals))
-
-    def _new_frame(self) -> MocapFrame | None:
-        """Return the newest frame if it is new, by its stamp, too: some QTM versions number every frame 1."""
-        frame, last = self._mocap.latest(), self._frame
-        if frame is None or last is None:
-            return frame
-        return frame if (frame.frame, frame.stamp_s) != (last.frame, last.stamp_s) else None

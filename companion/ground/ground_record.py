@@ -17,11 +17,10 @@ from companion.ground.ground_tick import GroundTick
 from companion.law_link.messages import UpFlags
 from companion.records.record_process import RecordSink
 from companion.records.table import GROUND
-from companion.supervisor.flight_state import FlightState, Phase
+from companion.supervisor.flight_state import PHASES, FlightState, Phase
 
 _LOST_S = 10.0
 """Silence of the vehicle after which its flight is over for the record."""
-_PHASES = tuple(Phase)
 _LINK = {
     "/link": (
         "link_session link_epoch link_flying link_blind link_failed link_number link_acknowledged link_silence_s "
@@ -115,8 +114,8 @@ def tick_of(tick: GroundTick) -> Tick:
 
 def _phase_of(tick: GroundTick) -> Phase:
     phase = tick.link.phase
-    known = phase is not None and phase < len(_PHASES) and tick.link.silence_s < _LOST_S
-    return _PHASES[phase] if known and phase is not None else Phase.STANDBY
+    known = phase is not None and phase < len(PHASES) and tick.link.silence_s < _LOST_S
+    return PHASES[phase] if known and phase is not None else Phase.STANDBY
 
 
 def _columns_of(tick: GroundTick) -> tuple[MoreColumns, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from companion.adapters.law_link.udp import GroundLink, open_ground_link
 from companion.adapters.mocap.source import open_mocap
-from companion.adapters.system.background import background
+from companion.adapters.system.background import background, first_of
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.realtime import SWITCH_INTERVAL_S, spare_the_collector
 from companion.adapters.system.systemd import Notifier
@@ -36,14 +36,13 @@ from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import UpFlags
 from companion.service.margin_process import MarginUnknownError, measure_apart
 from companion.service.planning import load_law
-from companion.supervisor.flight_state import Phase
+from companion.supervisor.flight_state import PHASES
 
 LOG = logging.getLogger(__name__)
 
 _RETRY_S = 2.0
 _POLL_S = 0.02
 _AGE_S = 0.5
-_PHASES = tuple(Phase)
 _STATE_S = 0.1
 _SILENT_S = 1.0
 _MISSED_S = 3.0
@@ -98,21 +97,8 @@ async def serve_law(
             background(_repeat(beside.speak, _POLL_S), "companion.law_link"),
             background(_repeat(beside.follow_age, _AGE_S), "companion.law_age"),
         ):
-            await _first_of(service.fly(parts.period_s), service.watch_link(), stop.wait())
+            await first_of(service.fly(parts.period_s), service.watch_link(), stop.wait())
     LOG.info("the law on the ground ends")
-
-
-async def _first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run all until the first ends; raise its error."""
-    tasks = [asyncio.create_task(work) for work in works]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 @dataclass(frozen=True)
@@ -214,7 +200,7 @@ class _Beside:
                 LOG.warning("the vehicle refuses: %s", self._refused)
         if end.report is not None and end.report.phase != self._phase:
             self._phase = end.report.phase
-            LOG.info("the vehicle: %s", _PHASES[self._phase])
+            LOG.info("the vehicle: %s", PHASES[self._phase])
         question = end.asked
         if question is not None and question.text:
             end.answer(question, await self._answer(question.text))

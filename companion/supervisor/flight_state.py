@@ -35,6 +35,8 @@ class Phase(StrEnum):
     """The motors were stopped, on the ground or in the air."""
 
 
+PHASES = tuple(Phase)
+"""Phases by their numbers, as a report to a law on the ground has them."""
 IN_THE_AIR = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK, Phase.STOW, Phase.LAND})
 COMMANDED = IN_THE_AIR | {Phase.ARMED}
 """Phases in which the autopilot must be armed and in OFFBOARD."""

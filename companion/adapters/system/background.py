@@ -1,4 +1,4 @@
-"""Task beside a block of code: started with it, cancelled and waited for at its end."""
+"""Tasks beside a block of code, or beside each other: none outlives the other."""
 
 import asyncio
 from collections.abc import AsyncIterator, Coroutine
@@ -15,3 +15,16 @@ async def background(work: Coroutine[Any, Any, None], name: str) -> AsyncIterato
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
+
+
+async def first_of(*works: Coroutine[Any, Any, object]) -> None:
+    """Run all until the first ends, and cancel the others; raise its error."""
+    tasks = [asyncio.create_task(work, name=f"companion.{getattr(work, '__name__', 'work')}") for work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

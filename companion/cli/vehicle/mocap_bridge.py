@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 import uvloop
 
+from companion.adapters.system.background import first_of
 from companion.adapters.system.clock import MonotonicClock
 from companion.adapters.system.systemd import logging_to
 from companion.cli.options import VehicleConfigFile, vehicle_settings
@@ -54,19 +55,9 @@ async def _until_stopped(bridge: Bridge) -> None:
     stopped = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
-    tasks = {
-        asyncio.create_task(bridge.run(), name="companion.bridge"),
-        asyncio.create_task(_show(bridge, _write), name="companion.shown"),
-        asyncio.create_task(stopped.wait(), name="companion.stopped"),
-    }
     try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
+        await first_of(bridge.run(), _show(bridge, _write), stopped.wait())
     finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
         if sys.stdout.isatty():
             typer.echo()
 
