@@ -63,6 +63,10 @@ class ControlOutput:
     age_s: float = 0.0
     """Time since the law last confirmed the command; 0 for a law in this process."""
 
+    def heading_rad(self, reference: Reference) -> Scalar:
+        """Return the heading to fly: the law's own, else that of the reference."""
+        return reference.yaw_rad if self.yaw_rad is None else self.yaw_rad
+
 
 class Controller(Protocol):
     """Control law: a pure step from memory to memory. To fly your own, name it in a TOML file (docs/own-law.md)."""

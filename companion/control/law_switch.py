@@ -5,6 +5,7 @@ and its first command fades out, quickly. Any other law begins with nothing lear
 disturbance is held for it and withdrawn slowly, or sooner as the law compensates it by itself.
 """
 
+from dataclasses import replace
 from math import cos, pi
 
 import numpy as np
@@ -58,7 +59,7 @@ class LawSwitch:
         moved = self.gone_s < BLEND_S or self.left <= 0.0 or self.sent_left - self.left > _SENT_SHARE
         event = np.ones_like(output.event) if moved else output.event
         sent_left = self.left if event.any() else self.sent_left
-        return ControlOutput(accel, event, output.signals), LawSwitch(
+        return replace(output, accel_w_mps2=accel, event=event), LawSwitch(
             self.disturbance_w_mps2, gone_s, gap, countered, left, sent_left
         )
 

@@ -168,7 +168,7 @@ class ControlPipeline:
             self._switching = None if after.over else after
         before = no_disturbance(now) if self._disturbance is None else self._disturbance
         self._disturbance = estimate_disturbance(before, now)
-        self._law_setpoint, is_new = self._latest(output, ahead.yaw_rad if output.yaw_rad is None else output.yaw_rad)
+        self._law_setpoint, is_new = self._latest(output, output.heading_rad(ahead))
         if self._guard is None:
             limited = limit_setpoint(self._law_setpoint, sent, self._limits, dt_s)
         else:

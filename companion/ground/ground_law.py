@@ -14,7 +14,7 @@ import numpy as np
 
 from companion.arms.feedforward import ArmFeedforward
 from companion.control.controller import Controller
-from companion.control.pipeline import YAW_STEP_RAD, ControlPipeline, PipelineOutput
+from companion.control.pipeline import ControlPipeline, PipelineOutput
 from companion.core.types import Array, AttitudeThrust, JointMotion, MocapFrame, Reference, VehicleState
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState, Verdict
@@ -23,16 +23,17 @@ from companion.ground.ground_tick import FlownCycle, GroundTick
 from companion.law_link.ground_end import GroundEnd
 from companion.law_link.messages import NO_FLAGS, Command, DownFlags, Plan, Pose, Report, UpFlags, short_ticks
 from companion.law_link.plan import PlannedMotion
-from companion.supervisor.flight_state import INACTIVE, Phase
+from companion.supervisor.flight_state import INACTIVE, PHASES
 
 LOG = logging.getLogger(__name__)
 
+_JUMPED = "motion capture's pose jumped in flight, or came back elsewhere after a gap"
 _BEYOND_PLAN_S = 0.3
 _BAD_CYCLES = 20
 _RETUNE_S = 0.004
 """Change of the uplink's age for which the law is made anew, on the ground only."""
 _LONGEST_UP_S = 0.1
-_OVER = frozenset(number for number, phase in enumerate(Phase) if phase in INACTIVE)
+_OVER = frozenset(number for number, phase in enumerate(PHASES) if phase in INACTIVE)
 """Numbers of the phases before and after a flight in a report."""
 
 
@@ -68,12 +69,17 @@ class GroundLaw:
         self._report: Report | None = None
         self._plan: Plan | None = None
         self._motion: PlannedMotion | None = None
-        self._yaw_sent_rad = math.nan
+        self._due = False
+        """A command is new and was not sent yet."""
         self._bad = 0
-        self.failure = ""
-        """Reason for which the law is no longer trusted; empty while it is."""
+        self._failure = ""
         self._doubted = False
         """The pose has jumped in this flight."""
+
+    @property
+    def failure(self) -> str:
+        """Reason for which the law is no longer trusted; empty while it is."""
+        return _JUMPED if self._doubted else self._failure
 
     @property
     def estimate(self) -> EstimatorState:
@@ -90,15 +96,14 @@ class GroundLaw:
         """End the flight, and send no pose until it is over: the vehicle, without frames, cannot see a jump itself."""
         if not self._doubted:
             self._doubted = True
-            self.failure = "motion capture's pose jumped in flight, or came back elsewhere after a gap"
-            LOG.error(self.failure)
+            LOG.error(_JUMPED)
 
     def switch(self, name: str, law: Controller) -> None:
         """Fly another law from the next cycle on, without a jump of the command."""
         LOG.info("control law %s -> %s", self.name, name)
         self._pipeline.switch(law)
         self.name, self._end.law = name, (self._end.law + 1) % 16
-        self.failure, self._bad = "", 0
+        self._failure, self._bad = "", 0
 
     def tick(self, now_s: float, dt_s: float) -> GroundTick:
         """Run one cycle, and hand its command to the link."""
@@ -147,7 +152,7 @@ class GroundLaw:
         self._report = report
         airborne = bool(report.flags & DownFlags.AIRBORNE)
         if self._doubted and report.phase in _OVER:
-            self._doubted, self.failure = False, ""
+            self._doubted = False
         if airborne and (not self._flying or report.epoch != self._epoch):
             self._begin(report)
         elif not airborne and self._flying:
@@ -157,8 +162,8 @@ class GroundLaw:
     def _begin(self, report: Report) -> None:
         self._pipeline.forget()
         self._flying, self._epoch, self._end.epoch = True, report.epoch, report.epoch
-        self._mirror, self._yaw_sent_rad = _setpoint_of(report), math.nan
-        self.failure, self._bad = "", 0
+        self._mirror, self._due = _setpoint_of(report), False
+        self._failure, self._bad = "", 0
         if self._parts.feedforward is not None:
             self._parts.feedforward.reset()
 
@@ -177,7 +182,7 @@ class GroundLaw:
         """Use a law that was made for this age of the uplink (s), unless a flight has begun meanwhile."""
         if not self._flying:
             LOG.info("commands are %.0f ms old when they are used: the law is made for that", 1e3 * age_s)
-            self._pipeline, self.made_for_s, self.failure = self._parts.pipeline(law), age_s, ""
+            self._pipeline, self.made_for_s, self._failure = self._parts.pipeline(law), age_s, ""
 
     def reject(self, reason: str, age_s: float) -> None:
         """Begin no flight with an uplink of this age (s): the vehicle is told that the law has failed.
@@ -188,7 +193,7 @@ class GroundLaw:
             LOG.warning("%s; the flight goes on with the law for %.0f ms", reason, 1e3 * self.made_for_s)
             return
         LOG.error(reason)
-        self.failure, self.made_for_s = reason, age_s
+        self._failure, self.made_for_s = reason, age_s
 
     def _is_blind(self, age_s: float) -> bool:
         return self._estimate.vehicle is None or not age_s <= self._parts.oldest_s
@@ -246,26 +251,26 @@ class GroundLaw:
     def _sent(self, output: PipelineOutput, ahead: Reference, now_s: float, vehicle: VehicleState) -> Command | None:
         """Hand the cycle's command to the link if it is to be sent: at an event, or where the heading has turned."""
         accel = output.law_output.accel_w_mps2
+        self._due |= bool(output.is_new)
         if not np.isfinite(accel).all():
             self._bad += 1
             if self._bad > _BAD_CYCLES:
-                self.failure = f"the control law gave no finite command for {_BAD_CYCLES} cycles"
-                LOG.error(self.failure)
+                self._failure = f"the control law gave no finite command for {_BAD_CYCLES} cycles"
+                LOG.error(self._failure)
             return None
         self._bad = 0
-        turned = not abs(ahead.yaw_rad - self._yaw_sent_rad) <= YAW_STEP_RAD
-        if not (output.law_output.event.item() > 0.0 or turned):
+        if not self._due:
             return None
+        self._due = False
         x, y, z = accel.tolist()
-        ago = short_ticks(now_s - vehicle.time_s)
-        command = Command(accel_w_mps2=(x, y, z), yaw_rad=ahead.yaw_rad, capture_ago=ago)
-        self._yaw_sent_rad = ahead.yaw_rad
+        yaw_rad, ago = float(output.law_output.heading_rad(ahead)), short_ticks(now_s - vehicle.time_s)
+        command = Command(accel_w_mps2=(x, y, z), yaw_rad=yaw_rad, capture_ago=ago)
         self._end.command(command)
         return command
 
     def _fail(self, error: Exception) -> None:
         LOG.exception("the control law failed")
-        self.failure = f"the control law failed: {type(error).__name__}: {error}"
+        self._failure = f"the control law failed: {type(error).__name__}: {error}"
         self._end.flags |= UpFlags.FAILED
 
     def _pose(self, age_s: float) -> Pose | None:

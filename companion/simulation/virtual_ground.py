@@ -71,7 +71,8 @@ class GroundFlight:
         age_s = age_s + self._up_age_s
         output = self._pipeline.fly(seen, age_s, ahead, self._mirror, self._period_s, known_accel_w_mps2)
         self._mirror = output.limited.setpoint
-        self._accel_w_mps2[cycle], self._yaw_rad[cycle] = output.law_output.accel_w_mps2, ahead.yaw_rad
+        law = output.law_output
+        self._accel_w_mps2[cycle], self._yaw_rad[cycle] = law.accel_w_mps2, law.heading_rad(ahead)
         self._ends.send(cycle, np.atleast_1d(output.is_new))
         silence_s = self._ends.hear_commands(cycle)
         self._vehicle.take(self._ends.in_use, self._accel_w_mps2, self._yaw_rad)

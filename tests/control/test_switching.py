@@ -10,7 +10,7 @@ from companion.control.controller import ControlInput, ControlOutput, SeededLaw,
 from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
-from companion.control.law_switch import BLEND_S, HELD_S
+from companion.control.law_switch import BLEND_S, HELD_S, LawSwitch
 from companion.control.pid import Pid
 from companion.control.pipeline import ControlPipeline, PipelineOutput, idle_setpoint
 from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
@@ -169,3 +169,14 @@ def test_at_lift_off_nothing_is_known_and_a_switch_on_the_ground_is_no_switch() 
     after = fly(stage, 30, last.limited.setpoint)
     np.testing.assert_array_equal(law.accel_w_mps2, [0.3, 0.0, 0.0])
     np.testing.assert_allclose(after[-1].law_output.accel_w_mps2, [0.3, 0.0, 0.0])
+
+
+def test_a_heading_of_the_new_laws_own_is_kept_while_it_takes_over() -> None:
+    zero = np.zeros(3)
+    given = ControlInput(
+        position_w_m=zero, velocity_w_mps=zero, q_w_flu_wxyz=np.array([1.0, 0.0, 0.0, 0.0]), rate_flu_radps=zero,
+        age_s=0.0, reference=Reference(zero, zero, zero, 0.5), sent_accel_w_mps2=zero, dt_s=DT_S,
+    )  # fmt: skip
+    for own_rad, flown_rad in ((0.25, 0.25), (None, 0.5)):
+        output, _ = LawSwitch(zero).blend(ControlOutput(zero, np.array([1.0]), {}, yaw_rad=own_rad), given)
+        assert output.heading_rad(given.reference) == flown_rad

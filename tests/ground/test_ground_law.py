@@ -30,6 +30,7 @@ class Scripted:
 
     def __init__(self) -> None:
         self.accel, self.event, self.error = np.zeros(3), 0.0, ""
+        self.yaw_rad: float | None = None
         self.given: list[ControlInput] = []
         self.begun = 0
 
@@ -41,7 +42,8 @@ class Scripted:
         if self.error:
             raise ZeroDivisionError(self.error)
         self.given.append(now)
-        return memory, ControlOutput(accel_w_mps2=self.accel, event=np.array([self.event]), signals={})
+        event = np.array([self.event])
+        return memory, ControlOutput(accel_w_mps2=self.accel, event=event, signals={}, yaw_rad=self.yaw_rad)
 
 
 class Ground:
@@ -147,6 +149,29 @@ def test_a_command_goes_at_an_event_and_where_the_heading_has_turned(ground: Gro
         ground.yaw_rad = turn_rad
         ground.plan()
         assert sends() is wanted
+
+
+def test_a_heading_of_the_laws_own_is_what_crosses(ground: Ground) -> None:
+    ground.scripted.yaw_rad = 0.25
+    ground.lift_off()
+    ground.cycle()
+    held = ground.joined.vehicle.use(ground.joined.now_s)
+    assert held is not None
+    assert held.command.yaw_rad == 0.25
+
+
+def test_an_event_without_a_finite_command_is_sent_as_soon_as_there_is_one(ground: Ground) -> None:
+    ground.lift_off()
+    ground.cycle()
+    ground.scripted.event, ground.scripted.accel = 1.0, np.full(3, math.nan)
+    tick = ground.cycle()
+    assert tick.flown is not None
+    assert tick.flown.sent is None
+    ground.scripted.event, ground.scripted.accel = 0.0, np.array([0.5, 0.0, 0.0])
+    tick = ground.cycle()
+    assert tick.flown is not None
+    assert tick.flown.sent is not None
+    assert tick.flown.sent.accel_w_mps2 == (0.5, 0.0, 0.0)
 
 
 def test_without_a_frame_it_computes_for_50_ms_and_then_is_blind(ground: Ground) -> None:
@@ -281,3 +306,22 @@ def test_a_pose_that_jumps_ends_a_flight_that_nobody_else_sees() -> None:
     blind.cycle()
     assert not blind.law.failure
     assert math.isfinite(blind.law.made_for_s)
+
+
+def test_neither_a_resume_nor_another_law_makes_a_pose_that_jumped_trusted() -> None:
+    blind = Ground(ground_config(CONFIG, onboard_mocap=False))
+    blind.lift_off()
+    blind.cycle()
+    blind.place = blind.place + np.array([2.0, 0.0, 0.0])
+    for _ in range(20):
+        blind.cycle()
+    assert "jumped" in blind.law.failure
+    blind.law.switch("other", Scripted())
+    blind.plan()
+    blind.report(epoch=2)
+    tick = blind.cycle()
+    assert tick.flags & UpFlags.FAILED
+    assert blind.joined.ground.pose is None
+    blind.report(epoch=2, airborne=False, phase=PHASES.index(Phase.DISARMED))
+    blind.cycle()
+    assert blind.law.failure == ""
