@@ -129,22 +129,27 @@ def _summarise_link(columns: Columns, tracking: NDArray[np.bool_]) -> LinkSummar
     passed_s = max(float(time_s[-1] - time_s[0]), 1e-9)
 
     def grown(name: str) -> int:
-        counts = _floats(columns[f"link_{name}"])[tracking]
-        return int(counts[-1] - counts[0])
+        return grown_by(columns, f"link_{name}", tracking)
 
-    messages, events, again = grown("messages"), grown("events"), grown("again")
     ages_s = message_ages_s(columns, tracking)
     return LinkSummary(
         uplink_bytes_per_s=grown("bytes") / passed_s,
         downlink_bytes_per_s=grown("bytes_down") / passed_s,
-        messages_per_s=messages / passed_s,
-        events=events,
+        messages_per_s=grown("messages") / passed_s,
+        events=grown("events"),
         beats=grown("beats"),
-        again=again,
+        again=grown("again"),
         lost=grown("lost"),
         age_ms=spread_ms(ages_s[np.isfinite(ages_s)]),
         longest_silence_ms=1e3 * float(_floats(columns["link_silence_s"])[tracking].max()),
     )
+
+
+def grown_by(columns: Columns, name: str, among: NDArray[np.bool_]) -> int:
+    """Return by how much a count has grown; another session begins again from 0, and only between two flights."""
+    counts = _floats(columns[name])[among]
+    steps = np.diff(counts[np.isfinite(counts)])
+    return int(steps[steps > 0.0].sum() + steps[(steps < 0.0) & (steps > -10.0)].sum())
 
 
 def message_ages_s(columns: Columns, among: NDArray[np.bool_]) -> Array:

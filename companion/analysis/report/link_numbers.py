@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.analysis.report.recorded_flight import Flown, Mask
-from companion.analysis.summary import message_ages_s
-from companion.core.types import Array
+from companion.analysis.summary import grown_by, message_ages_s
 
 COUNTED = "link_messages"
 """Column that a record of a vehicle has if its law was on the ground."""
@@ -60,7 +59,7 @@ def _over(flown: Flown, name: str, among: Mask) -> LinkNumbers:
     duration_s = max(float(time_s[-1] - time_s[0]), 1e-9)
 
     def grown(column: str) -> int:
-        return _grown(flown.column(column)[among])
+        return grown_by(flown.record.columns, column, among)
 
     ages_s = message_ages_s(flown.record.columns, among)
     ages_s = ages_s[np.isfinite(ages_s)]
@@ -82,12 +81,6 @@ def _over(flown: Flown, name: str, among: Mask) -> LinkNumbers:
         age_max_s=max_s,
         silence_max_s=float(np.nanmax(flown.column("link_command_age_s")[among])),
     )
-
-
-def _grown(counts: Array) -> int:
-    """Return by how much a count has grown; another session begins again from 0, and only between two flights."""
-    steps = np.diff(counts[np.isfinite(counts)])
-    return int(steps[steps > 0.0].sum() + steps[(steps < 0.0) & (steps > -10.0)].sum())
 
 
 def limits_of(flown: Flown) -> dict[str, float]:
