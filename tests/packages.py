@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 PACKAGES = {
+    "chromium": "chromium",
     "jq": "jq",
     "mosquitto": "mosquitto",
     "mosquitto_passwd": "mosquitto",
