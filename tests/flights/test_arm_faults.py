@@ -31,7 +31,7 @@ from mock_autopilot.servos.config import Fault
 from tests.flights.command import ROOT
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.test_simulated_arms import mock_arms, play, swing, torque
-from tests.flights.test_simulated_flights import ARM, DOWN, ask, until, wait
+from tests.flights.test_simulated_flights import DOWN, QUICK_ARM, ask, until, wait
 from tests.warm import mock_process
 from tests.watchdog_timer import NoWatchdogTimer
 
@@ -230,7 +230,14 @@ def broken(fault: dict[str, Any]) -> Step:
 async def flown(fault: dict[str, Any], end: list[Step]) -> tuple[Flight, Recorder]:
     """In simulated time: up and swinging, the fault, and its end."""
     config = CompanionConfig(flight=BRISK, arms=ArmsConfig(silent_s=SILENT_S))
-    up = [torque, *ARM, ask(TakeoffRequest(HEIGHT_M)), until(Phase.HOLD), play(swing()), wait(0.5 * swing().approach_s)]
+    up = [
+        torque,
+        *QUICK_ARM,
+        ask(TakeoffRequest(HEIGHT_M)),
+        until(Phase.HOLD),
+        play(swing()),
+        wait(0.5 * swing().approach_s),
+    ]
     flight = await fly([*up, broken(fault), *end], config=config, arms=mock_arms(), real_driver=True)
     recorder = Recorder()
     for tick in flight.ticks:

@@ -30,7 +30,7 @@ from companion.supervisor.flight_state import (
 from mock_autopilot.px4.vocabulary import Mode
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
-from tests.flights.test_simulated_flights import DOWN, LAP, UP, ask, inject, until, wait
+from tests.flights.test_simulated_flights import DOWN, LAP, QUICK_UP, ask, inject, until, wait
 
 pytestmark = pytest.mark.slow
 
@@ -83,7 +83,7 @@ async def test_when_the_loop_fails_the_autopilot_lands_and_sees_where_it_is(monk
         told.append(poses_of(flight))
         monkeypatch.setattr(flight.loop._health, "look", fail)
 
-    script = [*UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.4), do(fail_at_once)]
+    script = [*QUICK_UP[:-1], lambda flight: bool(flight.room.truth_w_m[2] > 0.4), do(fail_at_once)]
     flight = await flown_to_its_failure(script, RuntimeError)
     assert flight.loop.flight.reason == "RuntimeError: a mistake in the service itself"
     assert flight.autopilot.land_calls == 1
@@ -94,7 +94,7 @@ async def test_when_the_loop_fails_the_autopilot_lands_and_sees_where_it_is(monk
 
 
 async def test_a_failed_loop_takes_a_kill_and_nothing_else() -> None:
-    flight = await flown_to_its_failure(UP, MocapError, mocap_lost_at_s=12.0)
+    flight = await flown_to_its_failure(QUICK_UP, MocapError, mocap_lost_at_s=9.0)
     assert flight.room.bench.setpoint is None, "nobody repeats the last setpoint"
     for wanted in (ResumeRequest(), LandRequest(), HandOverRequest("")):
         assert "the flight loop has failed" in flight.loop.refusal(wanted)
@@ -125,7 +125,7 @@ async def test_closing_while_the_vehicle_is_taken_back_lands_it() -> None:
         closed.append(asyncio.create_task(flight.loop.close()))
 
     pilot = [inject("autopilot wrong (pilot takes over)"), until(Phase.HANDED_OVER), wait(1.0)]
-    flight = await fly([*UP, do(answer_late), *pilot, do(resume_and_close), lambda _: closed[0].done()])
+    flight = await fly([*QUICK_UP, do(answer_late), *pilot, do(resume_and_close), lambda _: closed[0].done()])
     await closed[0]
     assert flight.autopilot.land_calls == 1
     assert flight.phase is Phase.HANDED_OVER
@@ -154,21 +154,25 @@ def setpoints_fail(times: float) -> Step:
 
 
 async def test_a_setpoint_that_cannot_be_sent_is_sent_a_cycle_later() -> None:
-    flight = await fly([*UP, setpoints_fail(3), ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(1.0), *DOWN])
+    flight = await fly(
+        [*QUICK_UP, setpoints_fail(3), ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(1.0), *DOWN]
+    )
     assert flight.phase is Phase.DISARMED
     assert flight.loop.flight.reason == ""
 
 
 async def test_when_no_setpoint_can_be_sent_any_more_the_autopilot_lands() -> None:
     moving = [ask(TrackRequest(LAP, 0.5)), until(Phase.TRACK), wait(2.0)]
-    flight = await fly([*UP, *moving, setpoints_fail(np.inf), until(Phase.HANDED_OVER), until(Phase.DISARMED)])
+    flight = await fly([*QUICK_UP, *moving, setpoints_fail(np.inf), until(Phase.HANDED_OVER), until(Phase.DISARMED)])
     assert "no setpoint could be sent for 0.4" in flight.loop.flight.reason
     assert "CONNECTION_ERROR" in flight.loop.flight.reason
     assert flight.autopilot.land_calls == 1
 
 
 async def test_the_command_to_land_does_not_hang_on_the_setpoint_before_it() -> None:
-    flight = await fly([*UP, wait(1.0), setpoints_fail(np.inf), ask(HandOverRequest("somebody asked")), wait(1.0)])
+    flight = await fly(
+        [*QUICK_UP, wait(1.0), setpoints_fail(np.inf), ask(HandOverRequest("somebody asked")), wait(1.0)]
+    )
     assert flight.autopilot.land_calls == 1
     assert flight.autopilot.status().mode is FlightMode.LAND
 
@@ -184,7 +188,7 @@ async def test_a_pose_that_cannot_be_sent_ends_nothing() -> None:
 
         flight.autopilot.send_vision = try_to_send  # type: ignore[method-assign]
 
-    flight = await fly([*UP, do(break_the_link), wait(1.0), *DOWN])
+    flight = await fly([*QUICK_UP, do(break_the_link), wait(1.0), *DOWN])
     assert flight.phase is Phase.DISARMED
     assert flight.loop.flight.reason == ""
 
@@ -207,7 +211,7 @@ class _TwoHalves(Pid):
 
 async def test_a_law_whose_second_half_raises_makes_the_autopilot_land_with_its_vision() -> None:
     law = _TwoHalves(PidGains())
-    flight = await fly([*UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=law)
+    flight = await fly([*QUICK_UP[:-1], until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller=law)
     assert flight.loop.flight.reason == "the control law failed: ZeroDivisionError: a mistake in the second half"
     assert flight.autopilot.land_calls == 1
     assert np.linalg.norm(flight.truths_w_m[-1][:2]) < 0.3
@@ -237,7 +241,14 @@ async def test_taking_the_vehicle_back_ends_the_stream_that_was_left() -> None:
         listen(flight)
         assert not flight.loop.submit(ResumeRequest())
 
-    script = [*UP, ask(HandOverRequest("somebody asked")), wait(0.1), do(take_back), until(Phase.HOLD), wait(2.0)]
+    script = [
+        *QUICK_UP,
+        ask(HandOverRequest("somebody asked")),
+        wait(0.1),
+        do(take_back),
+        until(Phase.HOLD),
+        wait(2.0),
+    ]
     flight = await fly(script, lost_land_commands=1)
     assert flight.phase is Phase.HOLD
     assert said[0] == "stopped"
@@ -251,7 +262,7 @@ async def test_taking_the_vehicle_back_ends_the_stream_that_was_left() -> None:
 async def test_letting_go_of_a_silent_autopilot_leaves_it_level() -> None:
     push = do(acts.gust((12.0, 0.0, 0.0), 3.0))
     silent = [inject("link off (from the autopilot)"), until(Phase.HANDED_OVER), wait(0.5)]
-    flight = await fly([*UP, push, wait(0.5), *silent])
+    flight = await fly([*QUICK_UP, push, wait(0.5), *silent])
     before, last = [setpoint for _, setpoint in flight.autopilot.setpoints[-2:]]
     assert up_axis(before.q_w_flu_wxyz)[2] < 0.999, "it leaned against the push"
     assert up_axis(last.q_w_flu_wxyz)[2] == pytest.approx(1.0, abs=1e-9)
@@ -260,7 +271,7 @@ async def test_letting_go_of_a_silent_autopilot_leaves_it_level() -> None:
 
 
 async def test_a_pilot_gets_no_last_setpoint() -> None:
-    flight = await fly([*UP, wait(1.0), inject("autopilot wrong (pilot takes over)"), until(Phase.HANDED_OVER)])
+    flight = await fly([*QUICK_UP, wait(1.0), inject("autopilot wrong (pilot takes over)"), until(Phase.HANDED_OVER)])
     assert flight.autopilot.setpoints[-1][0] < flight.loop.flight.since_s
 
 
@@ -271,7 +282,7 @@ async def test_poses_that_lost_trust_are_withheld_until_the_vehicle_is_disarmed(
     told: list[list[tuple[float, Array]]] = []
     listen = do(lambda flight: told.append(poses_of(flight)))
     jump = [inject("mocap wrong (jump) for 1 s"), until(Phase.HANDED_OVER), listen]
-    flight = await fly([*UP, *jump, until(Phase.DISARMED), wait(1.0)])
+    flight = await fly([*QUICK_UP, *jump, until(Phase.DISARMED), wait(1.0)])
     down_s = flight.loop.flight.since_s
     assert [at_s for at_s, _ in told[0] if at_s < down_s] == []
     assert len([at_s for at_s, _ in told[0] if at_s > down_s]) > 20, "the next preflight looks for vision"
@@ -281,7 +292,7 @@ async def test_poses_that_go_wrong_while_the_autopilot_lands_are_withheld_from_i
     told: list[list[tuple[float, Array]]] = []
     listen = do(lambda flight: told.append(poses_of(flight)))
     handed = [inject("autopilot wrong (battery critical)"), until(Phase.HANDED_OVER), wait(0.3), listen, wait(0.2)]
-    flight = await fly([*UP, *handed, inject("mocap wrong (swapped)"), wait(2.0)])
+    flight = await fly([*QUICK_UP, *handed, inject("mocap wrong (swapped)"), wait(2.0)])
     assert flight.autopilot.status().mode is FlightMode.LAND
     assert 5 < len(told[0]) < 15, "as long as they were its own"
     assert max(float(np.abs(place_w_m[:2]).max()) for _, place_w_m in told[0]) < 0.3
@@ -298,6 +309,6 @@ async def test_frames_that_all_bear_the_same_number_are_all_used() -> None:
 
         mocap.latest = numbered
 
-    flight = await fly([do(number_them_all_one), *UP, wait(1.0)])
+    flight = await fly([do(number_them_all_one), *QUICK_UP, wait(1.0)])
     assert flight.phase is Phase.HOLD
     assert len([tick for tick in flight.ticks if np.isfinite(tick.frame_received_s)]) > 0.95 * len(flight.ticks)

@@ -18,7 +18,7 @@ from companion.trajectories.reference import Ellipse, FigureEight, LapTiming, Tr
 from tests.flights.command import ROOT
 from tests.flights.faults import acts
 from tests.flights.simulated import Flight, Step, fly
-from tests.flights.test_simulated_flights import UP, ask, until, wait
+from tests.flights.test_simulated_flights import QUICK_UP, ask, until, wait
 
 pytestmark = pytest.mark.slow
 
@@ -83,7 +83,7 @@ async def flown(path: str, laws: Sequence[str]) -> tuple[float, float]:
     trajectory = PATHS[path]
     there = [ask(TrackRequest(trajectory, 1.0)), until(Phase.TRACK), wait(6.0)] if trajectory is not None else []
     then = [step for name in laws[1:] for step in (switch(name), wait(EVERY_S))]
-    flight = await fly([*UP, blow, wait(8.0), *there, begin, *then], controller=laws[0])
+    flight = await fly([*QUICK_UP, blow, wait(8.0), *there, begin, *then], controller=laws[0])
     assert flight.phase is (Phase.HOLD if trajectory is None else Phase.TRACK)
     return since(flight, begun_s[0])
 
@@ -136,7 +136,7 @@ async def test_a_law_without_the_hook_is_given_time_to_learn_the_wind() -> None:
         flight.loop.switch(_Unseeded(Pid(PidGains())), "mine")
         return True
 
-    flight = await fly([*UP, blow, wait(8.0), other, wait(35.0)], controller="etnn")
+    flight = await fly([*QUICK_UP, blow, wait(8.0), other, wait(35.0)], controller="etnn")
     jump_mps2, error_m = since(flight, began[0])
     assert jump_mps2 < MOST_MPS2
     assert error_m < ALONE_M["hover", "pid"] + 0.10, "what is promised"
@@ -148,7 +148,9 @@ async def test_a_law_that_raises_right_after_the_switch_ends_as_any_that_raises(
         flight.loop.switch(_Raises(PidGains()), "mine")
         return True
 
-    flight = await fly([*UP, wait(1.0), other, until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller="etnn")
+    flight = await fly(
+        [*QUICK_UP, wait(1.0), other, until(Phase.HANDED_OVER), until(Phase.DISARMED)], controller="etnn"
+    )
     assert "ZeroDivisionError" in flight.loop.flight.reason
 
 
@@ -156,7 +158,7 @@ async def test_right_after_lift_off_and_while_it_lands() -> None:
     def risen(flight: Flight) -> bool:
         return flight.loop.flight.airborne
 
-    early = [*UP[:-1], risen, wait(0.1), switch("pid"), until(Phase.HOLD), wait(3.0), switch("etnn"), wait(3.0)]
+    early = [*QUICK_UP[:-1], risen, wait(0.1), switch("pid"), until(Phase.HOLD), wait(3.0), switch("etnn"), wait(3.0)]
     flight = await fly([*early, ask(LandRequest()), wait(1.0), switch("pid"), until(Phase.DISARMED)], controller="etnn")
     ticks = zip(flight.ticks, flight.truths_w_m, strict=True)
     above = [(tick.reference.position_w_m, truth) for tick, truth in ticks if tick.reference is not None]
