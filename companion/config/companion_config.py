@@ -22,6 +22,7 @@ from companion.config.preflight_config import PreflightConfig
 from companion.config.px4_config import Px4Config
 from companion.config.records_config import RecordsConfig
 from companion.config.safety_config import FenceConfig, SafetyConfig
+from companion.config.separation_config import SeparationConfig
 from companion.config.toml_files import Section, read_toml, validate
 from companion.control.controller import VehicleModel
 from companion.guard.geofence import Fence
@@ -46,6 +47,7 @@ class CompanionConfig(Section):
     flight: FlightConfig = FlightConfig()
     room: RoomConfig = RoomConfig()
     fence: FenceConfig = FenceConfig()
+    separation: SeparationConfig = SeparationConfig()
     safety: SafetyConfig = SafetyConfig()
     preflight: PreflightConfig = PreflightConfig()
     arms: ArmsConfig | None = None
@@ -55,7 +57,8 @@ class CompanionConfig(Section):
     @model_validator(mode="after")
     def _agrees(self) -> "CompanionConfig":
         of_mocap = mocap_and_operator(self.mocap, self.operator)
-        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap):
+        of_others = _others_seen(self)
+        for wrong in (_vehicle_and_limits(self), _loop_and_safety(self), _room_and_fence(self), of_mocap, of_others):
             if wrong:
                 raise ValueError(wrong)
         return self
@@ -197,6 +200,29 @@ def _room_and_fence(config: CompanionConfig) -> str:
     ):
         if top_m + margin_m > fence.top_m:
             return f"{name} = {value} must stay fence.margin_m = {margin_m:g} below fence.top_m = {fence.top_m:g}"
+    return ""
+
+
+def _others_seen(config: CompanionConfig) -> str:
+    """Return why the other vehicles of [separation] would not be seen; empty when they would, or there are none."""
+    order, body = config.separation.order, config.mocap.body
+    if not order:
+        return ""
+    if body not in order:
+        return (
+            f"separation.order = {list(order)} must contain mocap.body = {body!r}: every vehicle's file has the same "
+            "list of all vehicles"
+        )
+    if config.mocap.source == "mqtt":
+        return (
+            "separation.order is for frames from QTM itself, as the bridge forwards this vehicle's body alone: set "
+            'mocap.source = "qualisys"'
+        )
+    if not config.law.onboard_mocap:
+        return (
+            "separation.order is for a vehicle that gets frames: law.onboard_mocap = false leaves the others unseen; "
+            "set law.onboard_mocap = true"
+        )
     return ""
 
 

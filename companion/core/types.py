@@ -26,6 +26,16 @@ def unknown_vector() -> Array:
     return np.full(3, np.nan)
 
 
+@dataclass(frozen=True)
+class OtherBody:
+    """Another vehicle's body in one frame of the motion-capture system."""
+
+    body: str
+    """Its name in QTM."""
+    position_w_m: Vec3 | None
+    """None while it is not tracked, or QTM does not have it."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MocapFrame:
     """One body in one frame of the motion-capture system, as received."""
@@ -44,6 +54,8 @@ class MocapFrame:
     """Mean marker residual; NaN when not reported."""
     late: int = 0
     """Frames of this connection dropped so far because they arrived after a newer one or twice."""
+    others: tuple[OtherBody, ...] = ()
+    """The other vehicles of [separation] order, in that order; empty where none are configured."""
 
     def is_same(self, other: "MocapFrame | None") -> bool:
         """Return True if the other is this frame, by its stamp, too: some QTM versions number every frame 1."""

@@ -12,4 +12,4 @@ def open_mocap(config: CompanionConfig, clock: Clock) -> AbstractAsyncContextMan
     """Open the configured source, which delivers frames once entered; MocapError when it does not."""
     if config.mocap.source == "mqtt":
         return open_mqtt_mocap(config.mocap, config.mocap_broker(), clock)
-    return open_qualisys(config.mocap, clock)
+    return open_qualisys(config.mocap, clock, config.separation.others_than(config.mocap.body))

@@ -76,9 +76,25 @@ def index_in_frame(bodies: Sequence[RigidBody], name: str, count: int) -> int | 
 
     Whether QTM leaves disabled bodies out of its frames is not documented: the count tells.
     """
+    present = _in_frame(bodies, count)
+    return None if present is None else [body.name for body in present].index(name)
+
+
+def others_in_frame(bodies: Sequence[RigidBody], names: Sequence[str], count: int) -> tuple[int | None, ...]:
+    """Return the index of each other vehicle's body in a frame; None for one that QTM gives no single pose in W for."""
+    known = [body.name for body in _in_frame(bodies, count) or ()]
+    return tuple(None if other_objection(bodies, name) else known.index(name) for name in names)
+
+
+def other_objection(bodies: Sequence[RigidBody], name: str) -> str:
+    """Return why QTM does not show where another vehicle's body `name` is, as `objection` does; empty if it does."""
+    return objection(bodies, name).replace("which is the vehicle", "which is the other vehicle")
+
+
+def _in_frame(bodies: Sequence[RigidBody], count: int) -> Sequence[RigidBody] | None:
     for present in (bodies, [body for body in bodies if body.enabled]):
         if len(present) == count:
-            return [body.name for body in present].index(name)
+            return present
     return None
 
 

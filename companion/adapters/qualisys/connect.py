@@ -3,7 +3,7 @@
 import asyncio
 import logging
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
 
 from qtm_rt.protocol import QRTCommandException
@@ -23,13 +23,15 @@ _AGAIN_S = 0.1
 
 
 @asynccontextmanager
-async def open_qualisys(config: MocapConfig, clock: Clock) -> AsyncIterator[QualisysSource]:
+async def open_qualisys(config: MocapConfig, clock: Clock, others: Sequence[str] = ()) -> AsyncIterator[QualisysSource]:
     """Connect, find the body, start the stream, wait for its first frame; on leaving, stop and close.
+
+    `others` are the bodies of the other vehicles, which may be missing.
 
     Raises MocapError when any of that fails. Later nothing is raised: an unreadable packet is dropped, and a lost
     connection shows as silence, which the reader of frames judges, while the source reconnects in the background.
     """
-    source = QualisysSource(config.body, where(config), clock)
+    source = QualisysSource(config.body, where(config), clock, others)
     async with AsyncExitStack() as connection:
         link = await connection.enter_async_context(_streaming(config, source, source.fail))
         if source.trouble:

@@ -3,6 +3,7 @@
 The SDK trusts sizes and counts: a size of zero or a count of four billion keeps it busy for ever.
 """
 
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from qtm_rt.packet import QRTComponentType
 
-from companion.core.types import Array
+from companion.core.types import Array, Vec3
 
 HEADER = struct.Struct("<II")
 ERROR, COMMAND, XML, DATA, NO_MORE_DATA, EVENT = 0, 1, 2, 3, 4, 6
@@ -30,6 +31,8 @@ _COMPONENT_COUNT_AT = HEADER.size + 12
 _BODY_COUNT = struct.Struct("<ihh")
 _BODY = struct.Struct("<13f")
 """Position (mm), rotation matrix column by column, residual (mm)."""
+_PLACE = struct.Struct("<3f")
+"""The position alone."""
 
 
 class MalformedError(ValueError):
@@ -99,3 +102,10 @@ def body_pose(packet: Any, index: int) -> BodyPose:
     values = _BODY.unpack_from(packet.data, position + _BODY_COUNT.size + index * _BODY.size)
     pose = np.array(values[:12])
     return BodyPose(pose[:3] * 1e-3, pose[3:].reshape(3, 3).T, values[12] * 1e-3)
+
+
+def body_position_w_m(packet: Any, index: int) -> Vec3 | None:
+    """Return the position (m, W) of body number `index`, below `body_count`; None while it is not tracked."""
+    at = packet.components[QRTComponentType.Component6dRes] + _BODY_COUNT.size + index * _BODY.size
+    x, y, z = _PLACE.unpack_from(packet.data, at)
+    return (x * 1e-3, y * 1e-3, z * 1e-3) if math.isfinite(x + y + z) else None

@@ -2,27 +2,36 @@
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from companion.adapters.mocap.newest_frame import NewestFrame
-from companion.adapters.qualisys.bodies import RigidBody, index_in_frame, listed, misfit, objection
-from companion.adapters.qualisys.packets import body_count, body_pose
+from companion.adapters.qualisys.bodies import (
+    RigidBody,
+    index_in_frame,
+    listed,
+    misfit,
+    objection,
+    other_objection,
+    others_in_frame,
+)
+from companion.adapters.qualisys.packets import body_count, body_pose, body_position_w_m
 from companion.core.interfaces import Clock
-from companion.core.types import MocapFrame
+from companion.core.types import MocapFrame, OtherBody
 
 LOG = logging.getLogger(__name__)
 
 
 class QualisysSource(NewestFrame):
-    """MocapSource interface: one body's newest frame. Made by `open_qualisys`.
+    """MocapSource interface: one body's newest frame, with the positions of the others. Made by `open_qualisys`.
 
     No frame is believed unless QTM's list of bodies is known to be the one that the frame was made with: not after QTM
     said that settings changed, nor when a frame holds another number of bodies, until the list has been read again.
     """
 
-    def __init__(self, body: str, where: str, clock: Clock) -> None:
+    def __init__(self, body: str, where: str, clock: Clock, others: Sequence[str] = ()) -> None:
+        """`others` are the bodies of the other vehicles, in the order in which each frame has them."""
         super().__init__(f"QTM at {where}", clock)
         self.packets = 0
         self.stray = ""
@@ -37,6 +46,8 @@ class QualisysSource(NewestFrame):
         self._in_frame: int | None = None
         """Bodies in a frame; None while no frame has come since the list was read."""
         self._index = 0
+        self._others = tuple(others)
+        self._other_indices: tuple[int | None, ...] = ()
 
     @property
     def trouble(self) -> str:
@@ -56,6 +67,8 @@ class QualisysSource(NewestFrame):
         before, self._bodies = self._bodies, bodies
         self.list_wanted.clear()
         self._objection = objection(bodies, self._body)
+        if bodies != before:
+            self._tell_others()
         if before and bodies != before:
             old, new = listed(before) or "none", listed(bodies)
             LOG.warning("%s: its rigid bodies were changed, from %s to %s", self._where, old, new)
@@ -89,6 +102,7 @@ class QualisysSource(NewestFrame):
                 rotation_w_b=pose.rotation_w_b,
                 residual_m=pose.residual_m,
                 late=late,
+                others=tuple(self._others_of(packet)) if self._others else (),
             )
         )
         if self.on_frame is not None:
@@ -112,9 +126,20 @@ class QualisysSource(NewestFrame):
                 self.doubt_bodies()
                 return False
             self._in_frame, self._index, self._misfit = count, index, ""
+            self._other_indices = others_in_frame(self._bodies, self._others, count)
         if count != self._in_frame:
             self.doubt_bodies()
         return count == self._in_frame
+
+    def _others_of(self, packet: Any) -> Iterator[OtherBody]:
+        for name, index in zip(self._others, self._other_indices, strict=True):
+            yield OtherBody(name, None if index is None else body_position_w_m(packet, index))
+
+    def _tell_others(self) -> None:
+        """Log each other vehicle that QTM's list, just changed, does not show."""
+        for name in self._others:
+            if why := other_objection(self._bodies, name):
+                LOG.error("another vehicle is not seen: %s %s", self._where, why)
 
     def _tell_misfit(self, what: str) -> None:
         if what != self._misfit and self.latest() is not None:

@@ -1,0 +1,36 @@
+"""The [separation] table: the other vehicles of the room, and how far to stay from them."""
+
+from pydantic import Field, model_validator
+
+from companion.config.toml_files import Section
+
+
+class SeparationConfig(Section):
+    """Vehicles that share the room, and the cylinder around each that no other may enter (docs/separation.md).
+
+    Every vehicle's file has the same table.
+    """
+
+    order: tuple[str, ...] = Field(
+        default=(),
+        description="bodies of all vehicles in QTM, by priority: a later one yields to an earlier one; none: no rule",
+    )
+    radius_m: float = Field(1.2, ge=0.3, le=10.0, description="least horizontal distance between two origins, m")
+    height_m: float = Field(
+        1.6, ge=0.3, le=10.0, description="height difference from which on that distance does not count, m"
+    )
+
+    @model_validator(mode="after")
+    def _names(self) -> "SeparationConfig":
+        twice = sorted({name for name in self.order if self.order.count(name) > 1})
+        if "" in self.order:
+            raise ValueError("order has an empty name: give the name of each vehicle's body in QTM")
+        if twice:
+            raise ValueError(f"order has {twice[0]!r} twice: give each vehicle's body once")
+        if len(self.order) == 1:
+            raise ValueError("order names one vehicle: give the bodies of all, or leave it out")
+        return self
+
+    def others_than(self, body: str) -> tuple[str, ...]:
+        """Return the bodies of the other vehicles, by priority; none if `order` is empty."""
+        return tuple(name for name in self.order if name != body)
