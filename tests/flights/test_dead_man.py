@@ -144,17 +144,3 @@ async def test_a_stopped_process_is_ended_and_does_not_come_back_when_continued(
             scene.flying.process.send_signal(signal.SIGCONT)
         await assert_silent_and_px4_lands(scene, since_s)
         assert scene.flying.process.returncode == -signal.SIGKILL
-
-
-async def test_a_service_started_anew_in_the_air_takes_nothing_over(tmp_path: Path) -> None:
-    async with hovering(tmp_path) as scene, companion(scene.relay) as anew:
-        since_s = time.monotonic()
-        scene.flying.process.kill()
-        await scene.flying.process.wait()
-        anew.tell("open")
-        assert "does not take control of what it did not start" in await anew.says("arm rejected:")
-        assert modes_after(scene.relay, since_s)[-1] == (FlightMode.LAND, True), "that was still in the air"
-        await until(lambda: not modes_after(scene.relay, since_s)[-1][1])  # helped by the new one's motion capture
-        await assert_silent_and_px4_lands(scene, since_s)
-        landing = modes_after(scene.relay, since_s)
-        assert (FlightMode.OFFBOARD, True) not in landing[landing.index((FlightMode.LAND, True)) :]
