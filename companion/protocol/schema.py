@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from companion.protocol.about import About
 from companion.protocol.commands import COMMAND
 from companion.protocol.mocap import BridgePresence, MocapPose
 from companion.protocol.telemetry import Happened, Presence, Reply, State
@@ -18,6 +19,7 @@ _OF: dict[str, TypeAdapter[Any]] = {
     "event": TypeAdapter(Happened),
     "state": TypeAdapter(State),
     "status": TypeAdapter(Presence),
+    "about": TypeAdapter(About),
     "mocap": TypeAdapter(MocapPose),
     "mocap-bridge": TypeAdapter(BridgePresence),
 }

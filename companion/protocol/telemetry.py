@@ -139,6 +139,9 @@ class State(_Said):
     velocity_w_mps: Vector | None = None
     yaw_rad: float | None = None
     tilt_rad: float | None = None
+    q_w_flu_wxyz: tuple[float, float, float, float] | None = Field(
+        None, description="attitude: unit quaternion w, x, y, z that turns body FLU into W"
+    )
     age_s: float | None = Field(None, description="age of the pose, s")
     reference_w_m: Vector | None = None
     error_m: float | None = Field(None, description="distance to the reference")
@@ -151,6 +154,8 @@ class State(_Said):
     joints_rad: tuple[float | None, ...] | None = None
     doing: Doing | None = None
     late_s: float | None = Field(None, description="delay of the start of the control cycle, s")
+    px4_age_s: float | None = Field(None, description="time since the autopilot was last heard, s; null before")
+    record: str = Field("", description="name of the file of the newest record; empty without one")
     text: str = Field("", description="the autopilot's newest STATUSTEXT")
     text_age_s: float | None = Field(None, description="time since that text arrived, s")
     warnings: tuple[str, ...] = Field(

@@ -39,6 +39,11 @@ class Topics:
         return f"{self.root}/status"
 
     @property
+    def about(self) -> str:
+        """Topic from the service to everyone, retained: about.About."""
+        return f"{self.root}/about"
+
+    @property
     def mocap(self) -> str:
         """Topic from the room's workstation to the service: mocap.MocapPose."""
         return f"{self.root}/mocap"

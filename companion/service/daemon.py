@@ -30,6 +30,7 @@ from companion.preflight.live_observer import DevicesMissingError, open_live_obs
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply
 from companion.records.record_process import RecordSink
+from companion.service.about import about_of
 from companion.service.command_job import SendReply
 from companion.service.dispatcher import CommandDispatcher
 from companion.service.flight_actions import FlightActions
@@ -80,7 +81,7 @@ async def serve(settings: DaemonSettings) -> None:
     async with AsyncExitStack() as devices:
         if settings.operator.embedded:
             await devices.enter_async_context(open_broker(settings.operator))
-        link = BusLink(settings.operator, MonotonicClock(), session)
+        link = BusLink(settings.operator, MonotonicClock(), session, about_of(settings.config, session))
         dispatcher = CommandDispatcher(settings.config, settings.note_law, link.rival)
         publisher = EventPublisher(link, settings.recorder)
         await devices.enter_async_context(link.listening(CommandLogger(dispatcher, publisher)))
@@ -248,6 +249,7 @@ async def _publish_state(
             settings.notifier.alive()
         try:
             telemetry.warn(_warnings(settings, link))
+            telemetry.record = Path(settings.recorder.file).name if settings.recorder is not None else ""
             ended = dispatcher.ended_loop
             if ended is not None:
                 telemetry.note_ended_loop(*ended, time.monotonic())

@@ -31,6 +31,8 @@ class Telemetry:
         self._sent_s: list[float] = []
         self._text, self._text_s = "", math.nan
         self._warnings: tuple[str, ...] = ()
+        self.record = ""
+        """Name of the record's file, for the state; empty without one."""
 
     def __call__(self, tick: Tick) -> None:
         """Compare a tick with the one before and publish the changes."""
@@ -110,6 +112,7 @@ class Telemetry:
                 phase=WAITING,
                 reason=self.waiting,
                 warnings=self._warnings,
+                record=self.record,
             )
         vehicle, status, flight = tick.vehicle, tick.status, tick.flight
         reference = tick.reference
@@ -130,6 +133,7 @@ class Telemetry:
             velocity_w_mps=_vector(vehicle.velocity_w_mps) if vehicle else None,
             yaw_rad=float(yaw_of(vehicle.q_w_flu_wxyz)) if vehicle else None,
             tilt_rad=_tilt_rad(vehicle.q_w_flu_wxyz) if vehicle else None,
+            q_w_flu_wxyz=_quaternion(vehicle.q_w_flu_wxyz) if vehicle else None,
             age_s=_number(tick.pose_age_s),
             reference_w_m=_vector(reference.position_w_m) if reference else None,
             error_m=error_m,
@@ -142,6 +146,8 @@ class Telemetry:
             joints_rad=tuple(map(_number, tick.arms.status.position_rad.tolist())) if tick.arms else None,
             doing=doing,
             late_s=tick.late_s,
+            px4_age_s=_number(tick.time_s - status.heard_s),
+            record=self.record,
             text=status.last_text,
             text_age_s=tick.time_s - self._text_s if status.last_text else None,
             warnings=self._warnings,
@@ -180,6 +186,11 @@ def _number(value: float) -> float | None:
 def _vector(values: Array) -> Vector:
     x, y, z = values.tolist()
     return x, y, z
+
+
+def _quaternion(q_wxyz: Array) -> tuple[float, float, float, float]:
+    w, x, y, z = q_wxyz.tolist()
+    return w, x, y, z
 
 
 def _tilt_rad(q_w_flu_wxyz: Array) -> float:

@@ -29,10 +29,10 @@ from tests.units.tools import said
 pytestmark = [needs_mosquitto, pytest.mark.slow]
 
 TOPICS = {name: Topics("dauam", name) for name in ("dauam-1", "dauam-2")}
-PARTS = ("command", "state", "event", "status", "mocap", "mocap/bridge", "reply/anna-1")
+PARTS = ("command", "state", "event", "status", "about", "mocap", "mocap/bridge", "reply/anna-1")
 MAY_SAY = {
-    "dauam-1": {f"dauam-1/{part}" for part in ("state", "event", "status", "reply/anna-1")},
-    "dauam-2": {f"dauam-2/{part}" for part in ("state", "event", "status", "reply/anna-1")},
+    "dauam-1": {f"dauam-1/{part}" for part in ("state", "event", "status", "about", "reply/anna-1")},
+    "dauam-2": {f"dauam-2/{part}" for part in ("state", "event", "status", "about", "reply/anna-1")},
     "anna": {"dauam-1/command"},
     "ben": {"dauam-1/command", "dauam-2/command"},
     "screen": set(),
@@ -45,7 +45,7 @@ MAY_READ = {
     "dauam-2": {"dauam-2/command", "dauam-2/status", "dauam-2/mocap", "dauam-2/mocap/bridge"},
     "anna": {topic for topic in SAID if topic.startswith("dauam-1/")},
     "ben": SAID,
-    "screen": {topic for topic in SAID if topic.endswith(("/state", "/event", "/status"))},
+    "screen": {topic for topic in SAID if topic.endswith(("/state", "/event", "/status", "/about"))},
     "mocap-bridge": {"dauam-1/mocap/bridge", "dauam-2/mocap/bridge"},
 }
 

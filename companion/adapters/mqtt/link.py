@@ -20,6 +20,7 @@ from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.adapters.system.background import background
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, CompanionError
+from companion.protocol.about import About
 from companion.protocol.commands import Command
 from companion.protocol.intake import Intake, Refusal
 from companion.protocol.telemetry import Answer, Happened, Presence, Reply, State
@@ -44,9 +45,12 @@ OnCommand = Callable[[Command, Answering], None]
 class BusLink:
     """OperatorLink interface, and the service's telemetry and events; for one event loop only."""
 
-    def __init__(self, config: OperatorConfig, clock: Clock, session: str) -> None:
-        """`session` is new for every run, 16 hex digits. ConfigError when password or certificate cannot be read."""
-        self._clock = clock
+    def __init__(self, config: OperatorConfig, clock: Clock, session: str, about: About | None = None) -> None:
+        """`session` is new for every run, 16 hex digits. ConfigError when password or certificate cannot be read.
+
+        `about` is published, retained, on every new connection.
+        """
+        self._clock, self._about = clock, about
         self._topics = config.topics
         self._intake = Intake(session)
         self._presence = Presence(
@@ -132,6 +136,8 @@ class BusLink:
         And the last will of a broken connection may come after the first presence of the next one.
         """
         online = self._presence.model_dump_json().encode()
+        if self._about is not None and not self._rival.sentence:
+            await broker.publish(self._topics.about, self._about.model_dump_json().encode(), qos=1, retain=True)
         for beat in itertools.count():
             await broker.publish(self._topics.status, online, qos=1, retain=True)
             broker.check()

@@ -19,6 +19,7 @@ from companion.adapters.mqtt import link as bus_link
 from companion.adapters.mqtt.link import Answering, BusLink
 from companion.adapters.system.clock import MonotonicClock
 from companion.config.operator_config import OperatorConfig
+from companion.protocol.about import About
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Reply, State
 from companion.protocol.topics import Topics
@@ -51,10 +52,10 @@ class Vehicle:
 
 
 @asynccontextmanager
-async def linked(port: int, vehicle: Vehicle, **config: Any) -> AsyncIterator[BusLink]:
+async def linked(port: int, vehicle: Vehicle, about: About | None = None, **config: Any) -> AsyncIterator[BusLink]:
     """Open the link, with or without a broker, with a short search for another service."""
     with patch.object(bus_link, "LISTEN_S", 0.02):
-        link = BusLink(OperatorConfig(port=port, **config), CLOCK, SESSION)
+        link = BusLink(OperatorConfig(port=port, **config), CLOCK, SESSION, about)
         async with link.listening(vehicle.on_command):
             yield link
 
@@ -82,7 +83,15 @@ def state(time_s: float) -> State:
     """Return the telemetry of a vehicle in hold."""
     unknown = dict.fromkeys(State.model_fields)
     known = {"time_s": time_s, "session": SESSION, "phase": "hold", "reason": "", "armed": True, "in_air": True}
-    rest = {"mode": "OFFBOARD", "controller": "etnn", "faults": (), "late_s": 0.0, "text": "", "warnings": ()}
+    rest = {
+        "mode": "OFFBOARD",
+        "controller": "etnn",
+        "faults": (),
+        "late_s": 0.0,
+        "record": "",
+        "text": "",
+        "warnings": (),
+    }
     return State.model_validate(unknown | known | rest)
 
 

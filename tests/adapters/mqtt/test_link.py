@@ -7,8 +7,12 @@ from collections.abc import Iterator
 import aiomqtt
 import pytest
 
+from companion.config.companion_config import load_config
+from companion.config.locations import default_config_path
 from companion.core.interfaces import FlightError
+from companion.protocol.about import About
 from companion.protocol.telemetry import Answer, Happened, Kind, Reply
+from companion.service.about import about_of
 from companion.supervisor.safety_rules import SafetyRules
 from tests.adapters.mqtt.rig import (
     SESSION,
@@ -60,6 +64,16 @@ async def test_a_command_reaches_the_vehicle_and_its_answers_the_sender(served: 
             for answer in ("accepted", "done"):
                 await operator.hears(MINE, id=name, answer=answer)
             assert vehicle.told[-1] == (verb, name)
+
+
+async def test_who_comes_later_hears_what_the_vehicle_is(served: Served) -> None:
+    port, version = served
+    about = about_of(load_config(default_config_path("demo.toml")), SESSION)
+    async with linked(port, Vehicle(), about, embedded=version is V311) as link:
+        await until(lambda: link.age_s() == 0.0)
+        async with operating(port, version) as operator:
+            said = await operator.hears(TOPICS.about)
+    assert About.model_validate_json(said.payload) == about
 
 
 async def test_who_names_nobody_is_answered_by_an_event(served: Served) -> None:
