@@ -11,7 +11,7 @@ UV := $(BIN)/uv pip install --quiet --system-certs --compile-bytecode --python $
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
-	@echo "sudo make install [PART=vehicle|room|broker]   the service, for this computer; sudo make uninstall: docs/install.md"
+	@echo "sudo make install [PART=vehicle|room|broker|law]   the service, for this computer; sudo make uninstall: docs/install.md"
 	@echo "make test     all tests;   make check     the quick ones and lint, for the daily loop"
 	@echo "make fuzz [ARGS='--minutes 30']   property tests on new random examples"
 	@echo "make faults | lint | coverage | mutation | bench | conformance | lock | clean"

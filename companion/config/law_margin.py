@@ -111,5 +111,5 @@ def _described(vehicle: VehicleModel) -> str:
     v = vehicle
     return (
         f"attitude loop {v.attitude_bandwidth_radps:g} rad/s, damping {v.attitude_damping:g}, setpoint delay "
-        f"{v.setpoint_delay_s:g} s, thrust lag {v.thrust_lag_s:g} s, mocap delay {v.mocap_age_s:g} s"
+        f"{v.setpoint_delay_s:g} s, thrust lag {v.thrust_lag_s:g} s, age of the pose {v.mocap_age_s:g} s"
     )
