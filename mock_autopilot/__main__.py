@@ -4,6 +4,7 @@ import argparse
 import asyncio
 import contextlib
 import os
+import re
 import signal
 import sys
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ from mock_autopilot.config import MockConfig, MockConfigError
 from mock_autopilot.faults.fault import Fault
 from mock_autopilot.faults.schedule import FaultTransition
 from mock_autopilot.faults.sentences import EXAMPLES, FaultError, parse, sentence_of
+from mock_autopilot.fleet.fleet import Collision
 from mock_autopilot.impairment.config import impaired
 from mock_autopilot.impairment.sentences import parse_directions
 from mock_autopilot.impairment.udp_relay import RelayError
@@ -22,6 +24,7 @@ from mock_autopilot.qtm.server import ServerStartError
 from mock_autopilot.servos.bus import BusStartError
 from mock_autopilot.servos.config import Fault as BusFault
 from mock_autopilot.simulator import Simulator
+from mock_autopilot.world import World
 
 BAD_INPUT = 2
 """Exit code for bad input."""
@@ -45,6 +48,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--config", type=Path, metavar="FILE", help="TOML file, as config/mock.toml")
     parser.add_argument("--seed", type=_seed, default=1, help="seed of noise and disturbances (default 1)")
     parser.add_argument("--param", action="append", default=[], metavar="NAME=VALUE", help="PX4 parameter, repeatable")
+    parser.add_argument("--vehicles", type=int, metavar="N", help="N vehicles in one room (default 1), ports by rule")
     parser.add_argument("--port", type=int, help="UDP port of the client (default 14540)")
     parser.add_argument("--listen", type=int, help="UDP port of the autopilot (default 14580)")
     parser.add_argument("--gcs", action="store_true", help="a second link for a ground station, 18570 to 14550")
@@ -90,6 +94,7 @@ def _configure(options: argparse.Namespace) -> MockConfig:
         ("remote_port", "mavlink", options.port),
         ("local_port", "mavlink", options.listen),
         ("port", "qualisys", options.qualisys_port),
+        ("vehicles", "fleet", options.vehicles),
     ):
         if option is not None:
             values[section][key] = option
@@ -135,6 +140,8 @@ async def _serve(config: MockConfig, options: argparse.Namespace) -> None:
             loop.add_reader(sys.stdin.fileno(), _StdinCommands(simulator, stop).read)
         print(_ready_line(simulator, options.seed), flush=True)
         told = _FaultReporter(simulator, config.faults)
+        if simulator.fleet is not None:
+            simulator.fleet.collision_observers.append(lambda met: _report_collision(simulator, met))
         ended = [
             asyncio.create_task(simulator.wait(), name="mock_autopilot.wait"),
             asyncio.create_task(stop.wait(), name="mock_autopilot.stop"),
@@ -154,7 +161,8 @@ class _FaultReporter:
 
     def __init__(self, simulator: Simulator, faults: Sequence[Fault]) -> None:
         self._simulator, self._waiting = simulator, list(faults)
-        simulator.world.faults.observers.append(self._turn)
+        for world in simulator.worlds:
+            world.faults.observers.append(self._turn)
 
     def _turn(self, turn: FaultTransition) -> None:
         if turn.begins and turn.fault in self._waiting:
@@ -167,6 +175,12 @@ class _FaultReporter:
         """Print the faults that were scheduled and never began."""
         for fault in self._waiting:
             print(f"fault never began: {sentence_of(fault)}", flush=True)
+
+
+def _report_collision(simulator: Simulator, met: Collision) -> None:
+    """Report two bodies that met: to a person, and for the process that started this one."""
+    print(f"collision at {simulator.started_s + met.time_s:.3f} s (monotonic): {met}", flush=True)
+    print(f"mock autopilot: {met} have collided, their motors have stopped", file=sys.stderr, flush=True)
 
 
 class _StdinCommands:
@@ -195,34 +209,51 @@ class _StdinCommands:
 
         Or impair a link: `impair mavlink loss 10%`, `impair qtm delay 5 ms`, `impair network off` (the port pairs).
         Or carry the vehicle: `carry 0.5 0 -0.3` to a position (NED, m), `carry 0 0 0 0 0 1.57` with roll, pitch, yaw.
+        In a fleet with the vehicle, as `carry vehicle 2: 0.5 0 -0.3`; `collisions` prints those that have happened.
         """
         word, _, text = order.partition(" ")
-        bus = self._simulator.servo_bus
+        whose, text = _addressed(text)
         if word == "fault":
-            self._simulator.world.inject(parse(text))
+            self._world(whose).inject(parse(text))
         elif word == "impair":
             part, _, sentence = text.partition(" ")
             self._simulator.impair(part, parse_directions(sentence))
         elif word == "carry":
             numbers = [float(number) for number in text.split()]
-            self._simulator.world.carry(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
+            self._world(whose).carry(numbers[:3], numbers[3:] or (0.0, 0.0, 0.0))
+        elif word == "collisions":
+            fleet = self._simulator.fleet
+            print(f"collisions: {', '.join(map(str, fleet.collisions)) or 'none' if fleet else 'none'}", flush=True)
         elif word != "servo-fault":
             raise ValueError(
-                "unknown command: use fault SENTENCE (docs/faults.md), impair PART SENTENCE, servo-fault {json} or "
-                "carry X Y Z"
+                "unknown command: use fault SENTENCE (docs/faults.md), impair PART SENTENCE, servo-fault {json}, "
+                "carry X Y Z or collisions"
             )
-        elif bus is None:
+        elif not self._simulator.servo_buses:
             raise ValueError("there are no arms here")
         else:
-            bus.inject(BusFault.model_validate_json(text))
+            self._world(whose)
+            self._simulator.servo_buses[whose - 1].inject(BusFault.model_validate_json(text))
+
+    def _world(self, number: int) -> World:
+        """Return a vehicle's world; raise ValueError when there is no such vehicle."""
+        worlds = self._simulator.worlds
+        if not 1 <= number <= len(worlds):
+            raise ValueError(f"there is no vehicle {number} here; {len(worlds)} in all")
+        return worlds[number - 1]
+
+
+def _addressed(text: str) -> tuple[int, str]:
+    """Split "vehicle 2: rest" into the number and the rest; without a vehicle it is the first one's."""
+    whose = re.fullmatch(r"\s*vehicle\s+(\d+)\s*:\s*(.*)", text)
+    return (int(whose[1]), whose[2]) if whose else (1, text)
 
 
 def _ready_line(simulator: Simulator, seed: int) -> str:
     ends = [f"MAVLink udp {link.local_port} -> {link.remote[0]}:{link.remote[1]}" for link in simulator.links]
     if simulator.qualisys is not None:
         ends.append(f"Qualisys tcp {simulator.qualisys.port}")
-    if simulator.servo_bus is not None:
-        ends.append(f"servos {simulator.servo_bus.path}")
+    ends += [f"servos {bus.path}" for bus in simulator.servo_buses]
     ends += [f"relay {pair}" for pair in simulator.relayed]
     return f"mock autopilot ready: {', '.join(ends)}, seed {seed}"
 

@@ -19,6 +19,7 @@ from pydantic import (
 from mock_autopilot.config_errors import sentence
 from mock_autopilot.faults.fault import Fault, check_fits
 from mock_autopilot.faults.sentences import keys_of
+from mock_autopilot.fleet.config import FleetConfig
 from mock_autopilot.impairment.config import ImpairmentConfig
 from mock_autopilot.physics.arm_bodies import ArmBodies
 from mock_autopilot.physics.arms import JOINT_COUNT, Assembly
@@ -225,6 +226,7 @@ class MockConfig(_Strict):
     mavlink: LinkConfig = Field(default_factory=LinkConfig)
     gcs: GcsLinkConfig = Field(default_factory=GcsLinkConfig)
     qualisys: QualisysConfig = Field(default_factory=lambda: QualisysConfig.model_validate({}))
+    fleet: FleetConfig = Field(default_factory=lambda: FleetConfig.model_validate({}))
     impairment: ImpairmentConfig = Field(default_factory=lambda: ImpairmentConfig.model_validate({}))
     faults: tuple[Annotated[Fault, BeforeValidator(_said)], ...] = Field(
         (), description='Faults, each as keys or as say = "...", docs/faults.md.'
@@ -233,7 +235,19 @@ class MockConfig(_Strict):
     @model_validator(mode="after")
     def _servos_are_there(self) -> Self:
         for fault in self.faults:
-            check_fits(fault, self.arms.enabled)
+            check_fits(fault, self.arms.enabled, self.fleet.vehicles)
+        return self
+
+    @model_validator(mode="after")
+    def _ports_are_there(self) -> Self:
+        last = self.fleet.vehicles - 1
+        for name, port in (
+            ("mavlink.local_port", self.mavlink.local_port),
+            ("mavlink.remote_port", self.mavlink.remote_port),
+            ("gcs.local_port", self.gcs.local_port),
+        ):
+            if port + last > 65535:
+                raise ValueError(f"{name} = {port}: vehicle {last + 1} would have port {port + last}, above 65535")
         return self
 
     @classmethod

@@ -20,10 +20,11 @@ from mock_autopilot.physics import quaternion_one as quat_one
 from mock_autopilot.physics.airframe import ActuatorDemand, SensorState
 from mock_autopilot.physics.arms import Arms
 from mock_autopilot.physics.disturbance import Disturbance
+from mock_autopilot.physics.downwash import Push
 from mock_autopilot.physics.handling import Handling
 from mock_autopilot.physics.plant import PlantState, Wrench
 from mock_autopilot.physics.plant_one import OneActuation, OneState
-from mock_autopilot.physics.quaternion_one import Three
+from mock_autopilot.physics.quaternion_one import Four, Three
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.px4.estimator import RANGE_OFF_M, Motion
 from mock_autopilot.px4.horizon import Horizon
@@ -68,6 +69,10 @@ class World:
         self._thrust_line = deque([still] * round(start.thrust_delay_s / self._step_s))
         self.external_wrench: Wrench = plant.no_wrench()
         """Force and angular acceleration from outside, for a payload or a gust; stays until it is changed."""
+        self.air_push: Push | None = None
+        """The downwash of other vehicles, with a fleet."""
+        self.crashed = ""
+        """The reason why this vehicle flies no more; empty while it can."""
         self._handling = Handling()
         self.servos: ServoRack | None = None
         self.arms: Arms | None = None
@@ -106,6 +111,21 @@ class World:
         place, velocity, q, rate, _, _, on_ground, _ = self._one
         every = np.array((*place, *velocity, *rate, *q))  # one array and views cost less than four
         return Truth(self.time_s, every[0:3], every[3:6], every[9:13], every[6:9], on_ground)
+
+    @property
+    def position_ned_m(self) -> Three:
+        """Return the true position, in floats."""
+        return self._one.position_ned_m
+
+    @property
+    def q_ned_frd_wxyz(self) -> Four:
+        """Return the true attitude, in floats."""
+        return self._one.q_ned_frd_wxyz
+
+    @property
+    def thrust_n(self) -> float:
+        """Return the rotors' thrust."""
+        return self._one.thrust_n
 
     @property
     def state(self) -> PlantState:
@@ -155,7 +175,15 @@ class World:
         if self.arms is not None:
             (ax, ay, az), (ap, aq, ar) = self.arms.step_one(state, self._step_s)
             ex, ey, ez, p, q, r = ex + ax, ey + ay, ez + az, p + ap, q + aq, r + ar
+        if self.air_push is not None:
+            (ax, ay, az), (ap, aq, ar) = self.air_push.force_ned_n, self.air_push.angular_frd_radps2
+            ex, ey, ez, p, q, r = ex + ax, ey + ay, ez + az, p + ap, q + aq, r + ar
         return (x + ex, y + ey, z + ez), (p, q, r)
+
+    def crash(self, why: str) -> None:
+        """End this vehicle's flights: the motors stop for good, and the autopilot says why."""
+        self.crashed = self.crashed or why
+        self.vehicle.commander.wreck(f"{why}: motors stopped")
 
     def inject(self, fault: Fault) -> None:
         """Inject a fault, from now on or at its own time; raise ValueError when there is no such part."""
@@ -197,6 +225,7 @@ class World:
         if before.powered and not after.powered:
             params, yaw_rad = self.vehicle.params, quat_one.yaw_of(self._one.q_ned_frd_wxyz)
             self.vehicle = self._booted(params, yaw_rad)
+            self.vehicle.commander.wrecked = bool(self.crashed)
         if after.powered and not before.powered:
             self._booted_s, self.boots = self.time_s, self.boots + 1
         self.vehicle.injected_faults = after
@@ -215,7 +244,7 @@ class World:
         self._attitude_line.append(demand)
         self._thrust_line.append(demand)
         attitude, thrust = self._attitude_line.popleft(), self._thrust_line.popleft()
-        motors_on = demand.motors_on and thrust.motors_on
+        motors_on = demand.motors_on and thrust.motors_on and not self.crashed
         return plant_one.one_actuation(attitude.q_sp_wxyz, thrust.signal, attitude.rate_sp_frd_radps, motors_on)
 
     def _sensor_state(self, one: OneState) -> SensorState:

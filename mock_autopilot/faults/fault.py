@@ -21,6 +21,7 @@ class Fault(BaseModel):
     after_s: float = Field(0.0, ge=0.0, le=1e5, description="How long after the phase is reached.")
     for_s: float = Field(math.inf, gt=0.0, description="How long; without, for ever.")
     amount: float | None = Field(None, description="How much; without, the usual.")
+    vehicle: int | None = Field(None, ge=1, description="Whose, in a fleet; without, the first one's.")
 
     @model_validator(mode="after")
     def _exists(self) -> Self:
@@ -72,7 +73,10 @@ class Fault(BaseModel):
         return usual if self.amount is None else self.amount
 
 
-def check_fits(fault: Fault, has_arms: bool) -> None:
-    """Raise ValueError when the vehicle has no such part."""
+def check_fits(fault: Fault, has_arms: bool, vehicles: int = 1) -> None:
+    """Raise ValueError when there is no such vehicle, or it has no such part."""
+    if (fault.vehicle or 1) > vehicles:
+        there = f"are {vehicles} vehicles" if vehicles > 1 else "is one vehicle"
+        raise ValueError(f"vehicle {fault.vehicle} cannot have a fault: there {there} (fleet.vehicles)")
     if fault.part is Part.SERVOS and not has_arms:
         raise ValueError("servos cannot fail on a vehicle without arms: set arms.enabled = true")

@@ -1,7 +1,8 @@
 """Faults of motion capture, applied to its frames; pure, for the server and for flights in simulated time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -20,11 +21,37 @@ _SWAP_XY = np.eye(3)[[1, 0, 2]]
 _SLACK_S = 1e-6
 
 
-class MocapFaults:
-    """The faults of motion capture; takes the server's frames in order, returns those that leave."""
+class FrameFaults(Protocol):
+    """The faults between cameras and clients."""
 
-    def __init__(self, schedule: FaultSchedule, rng: np.random.Generator, rate_hz: float) -> None:
+    def pass_on(self, frames: list[Frame], now_s: float) -> list[Frame]:
+        """Return the frames that leave at `now_s`."""
+
+    @property
+    def breaks_packets(self) -> bool:
+        """Return whether packets that leave now have broken contents."""
+
+    def packet(self, packet: bytes) -> bytes:
+        """Return a data packet as it leaves."""
+
+    def when_bodies_change(self, tell: Callable[[], None]) -> None:
+        """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
+
+    def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
+        """Return QTM's list of rigid bodies, changed as the active faults say."""
+
+
+class MocapFaults:
+    """The faults of motion capture; takes the server's frames in order, returns those that leave.
+
+    `place` is our body's in the frames. A vehicle of a fleet is stuck alone, a single one with all other bodies.
+    """
+
+    def __init__(
+        self, schedule: FaultSchedule, rng: np.random.Generator, rate_hz: float, place: int = 0, alone: bool = False
+    ) -> None:
         self._schedule, self._rng, self._rate_hz = schedule, rng, rate_hz
+        self._place, self._alone = place, alone
         self._queue: list[tuple[float, float, Frame]] = []
         self._stuck: tuple[BodyPose, ...] | None = None
         self._frozen: BodyPose | None = None
@@ -74,10 +101,15 @@ class MocapFaults:
         return kind is Kind.OFF or (kind is Kind.INTERMITTENT and float(self._rng.random()) < magnitude)
 
     def _changed(self, frame: Frame, held: ActiveFault, now_s: float) -> Frame:
-        fault, (ours, *others) = held.fault, frame.bodies
+        fault, place = held.fault, self._place
+        if place >= len(frame.bodies):
+            return frame  # a fault of another vehicle has deleted it
+        ours = frame.bodies[place]
         if fault.kind is Kind.STUCK:
             self._stuck = self._stuck or frame.bodies
-            return replace(frame, bodies=self._stuck)
+            if not self._alone:
+                return replace(frame, bodies=self._stuck)
+            ours = self._stuck[place]
         if fault.how == "clock jump":
             return replace(frame, stamp_us=frame.stamp_us + round(fault.magnitude * 1e6))
         if fault.kind is Kind.GARBAGE and not fault.how:
@@ -88,24 +120,26 @@ class MocapFaults:
             ours = self._other_body(ours, frozen=fault.how != "swapped")
         elif fault.kind is Kind.WRONG and fault.how in _POSES:
             ours = _POSES[fault.how](ours, fault.magnitude, now_s - held.since_s)
-        return replace(frame, bodies=(ours, *others))
+        return replace(frame, bodies=(*frame.bodies[:place], ours, *frame.bodies[place + 1 :]))
 
     def when_bodies_change(self, tell: Callable[[], None]) -> None:
         """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
         self._schedule.observers.append(lambda turn: tell() if is_of_the_list(turn.fault) else None)
 
     def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
-        """Return QTM's list of rigid bodies, changed as the active faults say; `bodies` begins with the vehicle."""
+        """Return QTM's list of rigid bodies, changed as the active faults say; our body is in its place."""
         for held in self._schedule.active(Part.MOCAP):
             if is_of_the_list(held.fault):
-                bodies = _IN_SETTINGS[held.fault.how](bodies)
+                before, rest = bodies[: self._place], bodies[self._place :]
+                bodies = _IN_SETTINGS[held.fault.how](before, rest)
         return bodies
 
     def _in_the_list(self, poses: tuple[BodyPose, ...], held: tuple[ActiveFault, ...]) -> tuple[BodyPose, ...]:
-        """Return the bodies of a frame in the order of the present list; `poses` begins with the vehicle."""
+        """Return the bodies of a frame in the order of the present list; our body is in its place."""
         for one in held:
             if is_of_the_list(one.fault):
-                poses = _IN_FRAMES[one.fault.how](poses, self._box(poses))
+                before, rest = poses[: self._place], poses[self._place :]
+                poses = _IN_FRAMES[one.fault.how](before, rest, self._box(poses))
         return poses
 
     def _box(self, poses: tuple[BodyPose, ...]) -> BodyPose:
@@ -158,24 +192,62 @@ _POSES: dict[str, Callable[[BodyPose, float, float], BodyPose]] = {
 }
 
 _BOX = Body("box")
-_IN_SETTINGS: dict[str, Callable[[tuple[Body, ...]], tuple[Body, ...]]] = {
-    "body added": lambda bodies: (_BOX, *bodies),
-    "body replaced": lambda bodies: (_BOX, *bodies[1:]),
-    "body deleted": lambda bodies: bodies[1:],
-    "body renamed": lambda bodies: (_BOX, *bodies[1:]),
-    "body disabled": lambda bodies: (*(replace(ours, enabled=False) for ours in bodies[:1]), *bodies[1:]),
-    "bodies reversed": lambda bodies: bodies[::-1],
-    "no bodies": lambda bodies: bodies,
+_IN_SETTINGS: dict[str, Callable[[tuple[Body, ...], tuple[Body, ...]], tuple[Body, ...]]] = {
+    "body added": lambda before, rest: (*before, _BOX, *rest),
+    "body replaced": lambda before, rest: (*before, _BOX, *rest[1:]),
+    "body deleted": lambda before, rest: (*before, *rest[1:]),
+    "body renamed": lambda before, rest: (*before, _BOX, *rest[1:]),
+    "body disabled": lambda before, rest: (*before, *(replace(ours, enabled=False) for ours in rest[:1]), *rest[1:]),
+    "bodies reversed": lambda before, rest: (*rest[::-1], *before[::-1]),
+    "no bodies": lambda before, rest: (*before, *rest),
 }
-_IN_FRAMES: dict[str, Callable[[tuple[BodyPose, ...], BodyPose], tuple[BodyPose, ...]]] = {
-    "body added": lambda poses, box: (box, *poses),
-    "body replaced": lambda poses, box: (box, *poses[1:]),
-    "body deleted": lambda poses, _: poses[1:],
-    "body renamed": lambda poses, _: poses,
-    "body disabled": lambda poses, _: (*(_LOST for _ in poses[:1]), *poses[1:]),
-    "bodies reversed": lambda poses, _: poses[::-1],
-    "no bodies": lambda _, __: (),
+"""The list after the fault: bodies before ours, then ours and the rest, as they were."""
+_IN_FRAMES: dict[str, Callable[[tuple[BodyPose, ...], tuple[BodyPose, ...], BodyPose], tuple[BodyPose, ...]]] = {
+    "body added": lambda before, rest, box: (*before, box, *rest),
+    "body replaced": lambda before, rest, box: (*before, box, *rest[1:]),
+    "body deleted": lambda before, rest, _: (*before, *rest[1:]),
+    "body renamed": lambda before, rest, _: (*before, *rest),
+    "body disabled": lambda before, rest, _: (*before, *(_LOST for _ in rest[:1]), *rest[1:]),
+    "bodies reversed": lambda before, rest, _: (*rest[::-1], *before[::-1]),
+    "no bodies": lambda *_: (),
 }
+
+
+class FleetMocapFaults:
+    """The faults of all vehicles' motion capture, one after the other, the last vehicle's first.
+
+    So a fault that adds or removes a body of the list moves only bodies whose own faults have had their turn.
+    """
+
+    def __init__(self, each: Sequence[MocapFaults]) -> None:
+        self._each = list(reversed(each))
+
+    def pass_on(self, frames: list[Frame], now_s: float) -> list[Frame]:
+        """Return the frames that leave at `now_s`."""
+        for one in self._each:
+            frames = one.pass_on(frames, now_s)
+        return frames
+
+    @property
+    def breaks_packets(self) -> bool:
+        """Return whether packets that leave now have broken contents."""
+        return any(one.breaks_packets for one in self._each)
+
+    def packet(self, packet: bytes) -> bytes:
+        """Return a data packet as it leaves: unchanged, or with a right header and broken contents."""
+        breaking = [one for one in self._each if one.breaks_packets]
+        return breaking[0].packet(packet) if breaking else packet
+
+    def when_bodies_change(self, tell: Callable[[], None]) -> None:
+        """Have `tell` called whenever QTM's list of rigid bodies has been changed."""
+        for one in self._each:
+            one.when_bodies_change(tell)
+
+    def listed(self, bodies: tuple[Body, ...]) -> tuple[Body, ...]:
+        """Return QTM's list of rigid bodies, changed as the active faults of all vehicles say."""
+        for one in self._each:
+            bodies = one.listed(bodies)
+        return bodies
 
 
 def is_of_the_list(fault: Fault) -> bool:

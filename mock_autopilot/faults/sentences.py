@@ -24,6 +24,7 @@ _POSSIBLE = (
     'after that may come an amount ("by 0.5 m"), a time from lift-off ("at 12 s") or a phase '
     f'({", ".join(Phase)}; "after 3 s" of it), and how long ("for 2 s")'
 )
+_VEHICLE = re.compile(r"vehicle\s+(?P<number>\d+)\s*:\s*(?P<rest>.*)")
 _HEAD = re.compile(r"(?P<part>\S+)(?:\s+(?P<kind>[^\s(]+))?\s*(?:\((?P<how>[^()]*)\))?\s*(?P<rest>.*)")
 
 
@@ -57,6 +58,13 @@ def _said(mistake: ErrorDetails, sentence: str) -> str:
 
 def keys_of(sentence: str) -> dict[str, Any]:
     """Return a sentence as the keys of `Fault`, which checks their values; raise FaultError if it cannot be parsed."""
+    whose = _VEHICLE.fullmatch(" ".join(sentence.lower().split()))
+    if whose is not None:
+        return {**_keys_of_one(whose["rest"]), "vehicle": int(whose["number"])}
+    return _keys_of_one(sentence)
+
+
+def _keys_of_one(sentence: str) -> dict[str, Any]:
     head = _HEAD.fullmatch(" ".join(sentence.lower().split()))
     if head is None:
         raise FaultError(f'an empty sentence is no fault; one is "{EXAMPLES[0]}"')
@@ -105,7 +113,8 @@ def _way_of(keys: dict[str, Any]) -> Way | None:
 
 def sentence_of(fault: Fault) -> str:
     """Return the fault as a sentence that `parse` accepts."""
-    words = [fault.way.words]
+    words = [f"vehicle {fault.vehicle}:"] if fault.vehicle is not None else []
+    words.append(fault.way.words)
     if fault.way.amount is not None:
         words.append(fault.way.amount.text(fault.magnitude))
     if fault.at_s is not None:
@@ -123,4 +132,5 @@ EXAMPLES = (
     "link delayed by 0.2 s at 10 s",
     "autopilot wrong (pilot takes over) at 8 s",
     "servos off landing",
+    "vehicle 2: mocap wrong (lost) at 20 s",
 )

@@ -1,7 +1,8 @@
 """The MAVLink end: one UDP link as PX4 has it.
 
 It sends to one address from boot on, with or without a client, and listens on its own port; answers go to that same
-address whatever the sender. One frame per datagram, system 1, component 1. Recorded behaviour: docs/px4-conformance.md.
+address whatever the sender. One frame per datagram, system MAV_SYS_ID, component 1. Recorded behaviour:
+docs/px4-conformance.md.
 """
 
 import contextlib
@@ -61,9 +62,9 @@ class MavlinkLink:
     def __init__(self, config: LinkConfig, world: World, faulty: bool = True) -> None:
         """Prepare a closed link; `faulty`: the faults of the part "link" apply to it."""
         self._config = config
-        self._world = world
+        self.world = self._world = world
         self._remote = (config.remote_host, config.remote_port)
-        self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._codec = mavlink.MAVLink(None, srcComponent=1)
         self._socket: socket.socket | None = None
         schedule, rng = (world.faults if faulty else FaultSchedule()), world.fault_rng()
         self._outgoing, self._incoming = LinkFaults(schedule, rng, FROM), LinkFaults(schedule, rng, TO)
@@ -88,8 +89,14 @@ class MavlinkLink:
         self._text_id = 0
         self._events: list[Message] = []
         self._chatter = GimbalChatter()
-        self.streams = Streams(for_gcs=isinstance(self._config, GcsLinkConfig))
+        self.streams = Streams(for_gcs=self.for_gcs)
+        self._codec.srcSystem = int(self._world.vehicle.params["MAV_SYS_ID"])
         self._receiver = Receiver(self._world, self.streams, self.send)
+
+    @property
+    def for_gcs(self) -> bool:
+        """Return whether it is the ground station's."""
+        return isinstance(self._config, GcsLinkConfig)
 
     # -- socket ----------------------------------------------------------------------------------
 

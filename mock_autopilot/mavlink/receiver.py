@@ -17,7 +17,7 @@ from mock_autopilot.px4.vision import VisionSample
 from mock_autopilot.px4.vocabulary import Result
 from mock_autopilot.world import World
 
-SYSTEM, COMPONENT = 1, 1
+COMPONENT = 1
 BROADCAST = 0
 SET_MODE_COMMAND = 176
 GPS_GLOBAL_ORIGIN = 49
@@ -32,6 +32,7 @@ class Receiver:
 
     def __init__(self, world: World, streams: Streams, send: Callable[[Message], None]) -> None:
         self._world = world
+        self._system = int(world.vehicle.params["MAV_SYS_ID"])  # PX4 reads it at boot
         self._streams = streams
         self._send = send
         self._listing: Iterator[Param] | None = None
@@ -89,11 +90,11 @@ class Receiver:
     # -- commands --------------------------------------------------------------------------------
 
     def _command_long(self, m: Any) -> None:
-        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+        if m.target_system == self._system and m.target_component in {BROADCAST, COMPONENT}:
             self._command(m, (m.param1, m.param2, m.param3, m.param4, m.param5, m.param6, m.param7))
 
     def _command_int(self, m: Any) -> None:
-        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+        if m.target_system == self._system and m.target_component in {BROADCAST, COMPONENT}:
             self._command(m, (m.param1, m.param2, m.param3, m.param4, float(m.x), float(m.y), m.z))
 
     def _command(self, m: Any, params: Params) -> None:
@@ -108,26 +109,26 @@ class Receiver:
 
     def _set_mode(self, m: Any) -> None:
         """Handle the legacy message SET_MODE: one ACK, for DO_SET_MODE."""
-        if m.target_system != SYSTEM:
+        if m.target_system != self._system:
             return
         main, sub = m.custom_mode >> 16 & 0xFF, m.custom_mode >> 24 & 0xFF
         self._send(_ack(SET_MODE_COMMAND, self._world.vehicle.set_mode(m.base_mode, main, sub), m))
 
     def _manual_control(self, m: Any) -> None:
-        if m.target == SYSTEM:
+        if m.target == self._system:
             self._world.vehicle.on_manual_control((m.x / 1e3, m.y / 1e3, m.z / 500.0 - 1.0, m.r / 1e3))
 
     # -- setpoints and poses ---------------------------------------------------------------------
 
     def _attitude_target(self, m: Any) -> None:
-        if m.target_system not in {BROADCAST, SYSTEM} or m.target_component not in {BROADCAST, COMPONENT}:
+        if m.target_system not in {BROADCAST, self._system} or m.target_component not in {BROADCAST, COMPONENT}:
             return
         w, x, y, z = m.q
         rates = (m.body_roll_rate, m.body_pitch_rate, m.body_yaw_rate)
         self._world.vehicle.attitude_target(AttitudeTarget(m.type_mask, (w, x, y, z), rates, m.thrust))
 
     def _set_origin(self, m: Any) -> None:
-        if m.target_system in {BROADCAST, SYSTEM}:
+        if m.target_system in {BROADCAST, self._system}:
             self._world.vehicle.set_origin(Origin(m.latitude / 1e7, m.longitude / 1e7, m.altitude / 1e3))
             for origin in self._streams.request(GPS_GLOBAL_ORIGIN, self._world):
                 self._send(origin)
@@ -154,18 +155,18 @@ class Receiver:
         return self._world.vehicle.params
 
     def _param_read(self, m: Any) -> None:
-        if m.target_system != SYSTEM or m.target_component not in {BROADCAST, COMPONENT}:
+        if m.target_system != self._system or m.target_component not in {BROADCAST, COMPONENT}:
             return
         param = self._params.find(m.param_id) if m.param_index < 0 else self._params.at(m.param_index)
         if param is not None:  # to an unknown name PX4 says nothing
             self._send(self._value(param))
 
     def _param_list(self, m: Any) -> None:
-        if m.target_system == SYSTEM and m.target_component in {BROADCAST, COMPONENT}:
+        if m.target_system == self._system and m.target_component in {BROADCAST, COMPONENT}:
             self._listing = iter(self._params)
 
     def _param_set(self, m: Any) -> None:
-        if m.target_system != SYSTEM or m.target_component not in {BROADCAST, COMPONENT}:
+        if m.target_system != self._system or m.target_component not in {BROADCAST, COMPONENT}:
             return
         param = self._params.change_from_wire(m.param_id, struct.pack("<f", m.param_value), m.param_type)
         if param is not None:

@@ -69,6 +69,8 @@ class Commander:
         self._after_disarm = Mode.HOLD
         self._ever_chose = self._just_chose = False
         self.armed = False
+        self.wrecked = False
+        """It has collided, and will not arm again."""
         self.texts: list[Text] = []
         self.events_told = 0
         self.armed_at_s = 0.0
@@ -99,7 +101,7 @@ class Commander:
             return self.checked(now) and can_run(self.mode, now)
         flyable = can_run(self.user_mode, now) and (now.remote or self.user_mode not in NEEDS_PILOT)
         healthy = not now.preflight_failures and now.battery_warning < failsafe.CRITICAL
-        return self.checked(now) and self.user_mode not in NO_ARMING and flyable and healthy
+        return self.checked(now) and self.user_mode not in NO_ARMING and flyable and healthy and not self.wrecked
 
     def checked(self, now: FailsafeFlags) -> bool:
         """Return whether the first checks after the boot are over."""
@@ -137,7 +139,7 @@ class Commander:
     def _arm(self, forced: bool, now: FailsafeFlags) -> Result:
         if self.armed:
             return Result.ACCEPTED
-        if not forced and not self.can_arm(now):
+        if self.wrecked or (not forced and not self.can_arm(now)):
             self._say(Severity.CRITICAL, "Arming denied: Resolve system health failures first")
             return Result.TEMPORARILY_REJECTED
         self.armed, self.armed_at_s, self.flown, self._landed_at_s = True, now.now_s, False, None
@@ -170,6 +172,13 @@ class Commander:
         self.user_mode = self._after_disarm
         self.check_now()
         self._say(Severity.INFO, text)
+
+    def wreck(self, text: str) -> None:
+        """Stop the motors and deny arming from now on; send `text`."""
+        if self.armed:
+            self.disarm("Disarmed by collision")
+        self.wrecked = True
+        self.texts.append(Text(Severity.EMERGENCY, text + "\t"))
 
     def set_mode(self, base_mode: int, main: int, sub: int, now: FailsafeFlags) -> Result:
         """Handle DO_SET_MODE; return the commander's answer (the link has already sent ACCEPTED)."""

@@ -4,6 +4,7 @@ Pure: all times are the truth's. Room frame: right-handed, z up, x north, so (x,
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,25 +29,30 @@ class Camera:
     config: QualisysConfig
     seed: int
     _rng: np.random.Generator = field(init=False)
+    _others_rng: list[np.random.Generator] = field(default_factory=list, init=False)
     _next: int | None = field(default=None, init=False)
     _on_the_way: deque[tuple[float, Frame]] = field(default_factory=deque, init=False)
 
     def __post_init__(self) -> None:
         self._rng = np.random.default_rng(self.seed)
 
-    def look(self, truth: Truth) -> list[Frame]:
-        """Capture what became due up to this truth; return the frames that leave the server by now."""
+    def look(self, truth: Truth, others: Sequence[Truth] = ()) -> list[Frame]:
+        """Capture what became due up to this truth; return the frames that leave the server by now.
+
+        `others` are the truths of more vehicles, in the order of the bodies behind the first.
+        """
         if self._next is None:
             self._next = int(np.ceil((truth.time_s - _TICK_S) * self.config.rate_hz))
         while self._next / self.config.rate_hz <= truth.time_s + _TICK_S:
-            self._capture(self._next, _moved_to(truth, self._next / self.config.rate_hz))
+            at_s = self._next / self.config.rate_hz
+            self._capture(self._next, _moved_to(truth, at_s), [_moved_to(other, at_s) for other in others])
             self._next += 1
         due = []  # in the order of capture: a late frame holds up those behind it
         while self._on_the_way and self._on_the_way[0][0] <= truth.time_s + _TICK_S:
             due.append(self._on_the_way.popleft()[1])
         return due
 
-    def _capture(self, number: int, truth: Truth) -> None:
+    def _capture(self, number: int, truth: Truth, others: list[Truth]) -> None:
         """Draw the same random numbers for every frame, so that one fault does not change the noise after it."""
         position_noise, angle_noise = self._rng.normal(size=3), self._rng.normal(size=3)
         jitter, drop = self._rng.random(2)
@@ -57,8 +63,20 @@ class Camera:
         if any(outage.contains(truth.time_s) for outage in cfg.outages):
             pose = LOST
         leaves_s = truth.time_s + cfg.delay_s + cfg.jitter_s * jitter
-        bodies = (pose, *(_standing(place, cfg.residual_m) for place in range(len(cfg.extra_bodies))))
+        standing = range(len(cfg.extra_bodies) - len(others))
+        bodies = (pose, *self._see(others), *(_standing(place, cfg.residual_m) for place in standing))
         self._on_the_way.append((leaves_s, Frame(number, round(truth.time_s * 1e6), bodies)))
+
+    def _see(self, others: list[Truth]) -> list[BodyPose]:
+        """Return the poses of more vehicles; each has noise of its own, which changes nobody else's."""
+        cfg = self.config
+        while len(self._others_rng) < len(others):
+            self._others_rng.append(np.random.default_rng([self.seed, len(self._others_rng) + 2]))
+        poses = []
+        for truth, rng in zip(others, self._others_rng, strict=False):
+            offset, turn = rng.normal(size=3), rng.normal(size=3)
+            poses.append(_seen(truth, cfg.noise_m * offset, cfg.noise_rad * turn, cfg.residual_m))
+        return poses
 
 
 def _moved_to(truth: Truth, time_s: float) -> Truth:

@@ -2,10 +2,11 @@
 
 import asyncio
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
-from mock_autopilot.faults.mocap import MocapFaults
+from mock_autopilot.faults.mocap import FrameFaults
 from mock_autopilot.impairment.connection import ImpairedConnection
 from mock_autopilot.impairment.delivery import TimedDelivery
 from mock_autopilot.impairment.direction import ImpairedDirection
@@ -30,7 +31,7 @@ class QualisysServer:
 
     config: QualisysConfig
     seed: int = 0
-    faults: MocapFaults | None = None
+    faults: FrameFaults | None = None
     """Faults between cameras and clients, or None."""
     link: Directions = field(default_factory=Directions)
     """Impairment between server and clients; `impair` changes it."""
@@ -94,9 +95,12 @@ class QualisysServer:
         for client in tuple(self._clients):
             client.impair(link)
 
-    def publish(self, truth: Truth) -> None:
-        """Take the next truth (in order, every few milliseconds of its time) and send the frames that are due."""
-        frames = self._camera.look(truth)
+    def publish(self, truth: Truth, others: Sequence[Truth] = ()) -> None:
+        """Take the next truth (in order, every few milliseconds of its time) and send the frames that are due.
+
+        `others` are those of more vehicles, the first ones of `config.extra_bodies`.
+        """
+        frames = self._camera.look(truth, others)
         for frame in frames if self.faults is None else self.faults.pass_on(frames, truth.time_s):
             if self.capturing:
                 self.last_frame = frame

@@ -12,7 +12,9 @@ _TITLES = {
     Part.NETWORK: "The network (port pairs that the mock relays)",
 }
 _NOTES = {
-    Part.MOCAP: "Frames go through the active faults in the order in which these began.",
+    Part.MOCAP: "Frames go through the active faults in the order in which these began. In a fleet faults of a pose, "
+    "and `mocap stuck`, concern one vehicle's body. There is one QTM: faults of the whole stream (off, slow, delayed, "
+    "intermittent, packets, clock jump, out of order, no bodies) reach every client, whosever they are.",
     Part.LINK: "Without a direction a fault concerns both. The ground station's link is never affected.",
     Part.AUTOPILOT: "",
     Part.SERVOS: "All servos at once. For a single servo or other numbers use another command on standard "
@@ -37,10 +39,11 @@ A fault is a sentence:
 {chr(10).join(EXAMPLES)}
 ```
 
-It begins with one of the phrases below. Then, in any order, may follow
+It begins with one of the phrases below, in a fleet (`--vehicles 2`) with the vehicle before it; without, it is the
+first one's. Then, in any order, may follow
 
 - an amount, where there is one: `by 0.5 m`, `to 20 Hz`; without, it is the one of the table;
-- when: `at 12 s` counts from lift-off, the first time that the vehicle really leaves the ground; a phase counts from
+- when: `at 12 s` counts from lift-off, the first time that its vehicle really leaves the ground; a phase counts from
   the first time it is reached: `on the ground` (the start), `armed`, `in the air`, `landing` (PX4 lands by itself, told
   to or by a failsafe; a landing in offboard mode is like any other flight to PX4), each with `after 3 s` or without.
   Without a time a fault from options or configuration begins at the start, one from standard input at once; a time

@@ -43,7 +43,7 @@ async def broken_server() -> AsyncIterator[QualisysServer]:
 
 
 def _publish(server: QualisysServer) -> None:
-    assert server.faults is not None
+    assert isinstance(server.faults, MocapFaults)
     for truth in flight(FRAMES / 100.0):
         server.faults._schedule.step(truth.time_s, False, False, False)
         server.publish(truth)
