@@ -60,6 +60,16 @@ _SERVICE: dict[str, Command | Group] = {
         "Fly the vehicle: the service that takes the commands above.",
         ("serve --config config/demo.toml", "serve --config lab.toml --controller pid"),
     ),
+    "page": Command(
+        "operator.page:page",
+        "Serve a live page of all vehicles, for a browser.",
+        ("page", "page --host 0.0.0.0 --page-password page.hash"),
+    ),
+    "page-password": Command(
+        "operator.page:page_password",
+        "Set the password without which the page only looks.",
+        ("page-password page.hash",),
+    ),
     "law": Command(
         "vehicle.law:law_command",
         "Run the control law on the ground, for a split deployment.",

@@ -36,7 +36,7 @@ _STATE_S = 2.0
 """Time to wait for a state; they are published ten times a second."""
 _CATCH_UP_S = 5.0
 """Longest wait for a state that was not queued in the broker, after a backlog."""
-_LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
+LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
 """Hosts of the embedded broker, which knows no MQTT 5. A local connection breaks only when the broker ends, so no
 broker on these hosts needs to keep replies for this client.
 """
@@ -65,7 +65,7 @@ class Console:
     def __init__(self, endpoint: OperatorConfig) -> None:
         self._endpoint, self._topics = endpoint, endpoint.topics
         self._client = f"console-{secrets.token_hex(6)}"
-        self._reconnector = Reconnector(V311 if endpoint.host in _LOCAL_HOSTS else V5, self._lost)
+        self._reconnector = Reconnector(V311 if endpoint.host in LOCAL_HOSTS else V5, self._lost)
         self._tries = 0
         self._hearers: list[Callable[[Message], None]] = []
         self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()

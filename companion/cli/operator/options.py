@@ -22,7 +22,7 @@ def _connection(text: str, metavar: str) -> Any:
     return Annotated[str | None, typer.Option(help=text, rich_help_panel=_PANEL, metavar=metavar)]
 
 
-_CONNECTION: Group = {
+_PLACE: Group = {
     "broker": _connection(
         f"Connect to a broker: mqtt://HOST or mqtts://USER@HOST:PORT.  [default: ${BROKER}, else this computer]", "URL"
     ),
@@ -35,6 +35,9 @@ _CONNECTION: Group = {
         Path | None,
         typer.Option(help="Read all of this from [operator] in this file.", rich_help_panel=_PANEL, metavar="FILE"),
     ],
+}
+_CONNECTION: Group = {
+    **_PLACE,
     "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object a line, and nothing else.")],
 }
 _WAITING: Group = {
@@ -66,6 +69,11 @@ def with_connection(command: Callable[..., None]) -> Callable[..., None]:
 def with_waiting(command: Callable[..., None]) -> Callable[..., None]:
     """Give `command` the options of one that is executed and waited for; its first parameter is `CommandOptions`."""
     return with_group(command, {**_CONNECTION, **_WAITING}, _collect, _EXIT_CODES)
+
+
+def with_place(command: Callable[..., None]) -> Callable[..., None]:
+    """Give `command` the options that say where the service is; its first parameter is `EndpointOptions`."""
+    return with_group(command, _PLACE, EndpointOptions)
 
 
 def _collect(as_json: bool, no_wait: bool = False, timeout: float | None = None, **endpoint: Any) -> CommandOptions:
