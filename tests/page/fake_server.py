@@ -200,7 +200,9 @@ class FakeServer:
 def fake_server(*names: str) -> Iterator[FakeServer]:
     """Run a server in a thread of its own until the block ends."""
     fake = FakeServer(names)
-    server = uvicorn.Server(uvicorn.Config(fake.app(), "127.0.0.1", fake.port, log_level="error", ws="websockets-sansio"))
+    server = uvicorn.Server(
+        uvicorn.Config(fake.app(), "127.0.0.1", fake.port, log_level="error", ws="websockets-sansio")
+    )
 
     async def run() -> None:
         ticking = asyncio.create_task(fake.tick())

@@ -101,7 +101,9 @@ class FakeVehicle:
     def answer(self, answer: str, text: str = "", **data: Any) -> None:
         """Reply to the command that is under way."""
         if self.job is not None:
-            self.replies.append({"ref": self.job["ref"], "verb": self.job["verb"], "answer": answer, "text": text, "data": data})
+            self.replies.append(
+                {"ref": self.job["ref"], "verb": self.job["verb"], "answer": answer, "text": text, "data": data}
+            )
 
     def end(self, answer: str, text: str = "", **data: Any) -> None:
         """Reply for the last time to the command that is under way."""
