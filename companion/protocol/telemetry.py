@@ -153,6 +153,11 @@ class State(_Said):
     arms: str | None = Field(None, description="phase of the arms; null without arms")
     joints_rad: tuple[float | None, ...] | None = None
     doing: Doing | None = None
+    remaining_s: float | None = Field(
+        None,
+        description="time until the planned motion (climb, approach, trajectory, descent) is at its end, s; null "
+        "while it only hovers",
+    )
     late_s: float | None = Field(None, description="delay of the start of the control cycle, s")
     px4_age_s: float | None = Field(None, description="time since the autopilot was last heard, s; null before")
     record: str = Field("", description="name of the file of the newest record; empty without one")

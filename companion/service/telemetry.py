@@ -12,7 +12,7 @@ from companion.geometry.frames import up_axis, yaw_of
 from companion.law_link.link_status import NO_LINK
 from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, LawLink, State, Vector
 from companion.supervisor.faults import Event, Fault, reaction_to
-from companion.supervisor.flight_state import FlightState
+from companion.supervisor.flight_state import IN_THE_AIR, FlightState
 
 Tell = Callable[[Happened], None]
 """Receiver of events; must neither block nor raise."""
@@ -145,6 +145,7 @@ class Telemetry:
             arms=str(tick.arms.phase) if tick.arms else None,
             joints_rad=tuple(map(_number, tick.arms.status.position_rad.tolist())) if tick.arms else None,
             doing=doing,
+            remaining_s=_remaining_s(flight, tick.time_s),
             late_s=tick.late_s,
             px4_age_s=_number(tick.time_s - status.heard_s),
             record=self.record,
@@ -156,6 +157,13 @@ class Telemetry:
     def _sent_share(self, tick: Tick, rate_hz: float) -> float | None:
         self._sent_s = [at_s for at_s in self._sent_s if tick.time_s - at_s < _SHARE_S]
         return min(1.0, len(self._sent_s) / (rate_hz * _SHARE_S)) if tick.flight.airborne else None
+
+
+def _remaining_s(flight: FlightState, time_s: float) -> float | None:
+    """Return the time until the reference is at the end of its legs; None where it stands, or none is flown."""
+    planned_s = sum(leg.trajectory.duration_s for leg in flight.legs)
+    left_s = flight.leg_start_s + planned_s - time_s
+    return left_s if flight.airborne and flight.phase in IN_THE_AIR and left_s > 0.0 else None
 
 
 def _law_link(tick: LinkTick) -> LawLink:

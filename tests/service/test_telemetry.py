@@ -67,6 +67,17 @@ def test_states_say_what_the_ticks_say(silent: Flight, said: Said) -> None:
     assert 0.0 < np.median(shares) < 0.5, "event-triggered"
 
 
+def test_a_motion_is_told_how_long_it_still_takes_and_a_hover_has_no_end(silent: Flight, said: Said) -> None:
+    told_s = [(tick, state.remaining_s) for tick, state in zip(silent.ticks[::10], said[2], strict=True)]
+    climbs = [(tick.time_s, left_s) for tick, left_s in told_s if tick.flight.phase is Phase.TAKEOFF and left_s]
+    ends_s = [time_s + left_s for time_s, left_s in climbs]
+    hovers_s = next(tick.time_s for tick in silent.ticks if tick.flight.phase is Phase.HOLD)
+    assert len(climbs) > 10
+    assert ends_s == pytest.approx([hovers_s] * len(ends_s), abs=0.02)
+    assert not any(left_s for tick, left_s in told_s if tick.flight.phase in {Phase.HANDED_OVER, Phase.STANDBY})
+    assert told_s[-1][1] is None
+
+
 def test_without_a_vehicle_a_state_says_what_is_waited_for() -> None:
     telemetry = Telemetry(SESSION, lambda _: None)
     assert telemetry.state(None, 100.0).phase == WAITING
