@@ -14,7 +14,6 @@ MOST_TRIES_IN_ALL = 30
 SESSION_S = 12 * 3600.0
 """Time after which one has to log in again."""
 _MOST_SESSIONS = 100
-_MOST_ADDRESSES = 10_000
 
 
 @dataclass
@@ -26,7 +25,7 @@ class Tries:
 
     def wait_s(self, address: str, now_s: float) -> float:
         """Return how long this address has to wait; 0 when it may try now, which counts as a try."""
-        own = self._of.setdefault(address, deque())
+        own = self._of.get(address) or deque()
         for tries in (own, self._all):
             while tries and now_s - tries[0] >= WINDOW_S:
                 tries.popleft()
@@ -35,8 +34,7 @@ class Tries:
                 return WINDOW_S - (now_s - tries[0])
         own.append(now_s)
         self._all.append(now_s)
-        if len(self._of) > _MOST_ADDRESSES:
-            self._of = {one: tries for one, tries in self._of.items() if tries and now_s - tries[-1] < WINDOW_S}
+        self._of = {one: tries for one, tries in self._of.items() if now_s - tries[-1] < WINDOW_S} | {address: own}
         return 0.0
 
 

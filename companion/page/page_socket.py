@@ -46,12 +46,19 @@ class PageSocket:
         self._reader = PageCommands()
         self._tasks: set[asyncio.Task[None]] = set()
         self._not_accepted = 0
+        self._code = 0
+        """Why the page is given up; 0 while it is not, or when it is gone."""
 
     async def run(self, can_command: Callable[[], bool]) -> None:
         """Send and read until the page is gone or given up; its commands go on. `can_command`: logged in still."""
         try:
             with suppress(WebSocketDisconnect):
                 await first_of(self._send(), self._read(can_command))
+                if self._code:
+                    async with asyncio.timeout(_UNREAD_S):
+                        await self._socket.close(self._code)
+        except TimeoutError:
+            return
         finally:
             for task in self._tasks:
                 task.cancel()
@@ -65,7 +72,7 @@ class PageSocket:
                     await self._socket.send_text(frame)
             except TimeoutError:
                 return
-        await self._close(_TRY_AGAIN)
+        self._code = _TRY_AGAIN
 
     async def _read(self, can_command: Callable[[], bool]) -> None:
         while True:
@@ -73,21 +80,14 @@ class PageSocket:
             text = message.get("text")
             if message["type"] == "websocket.disconnect":
                 return
-            if not isinstance(text, str):
-                await self._close(_POLICY)
+            if isinstance(text, str) and len(text.encode(errors="replace")) > MOST_BYTES:
+                self._code = _TOO_BIG
+            elif isinstance(text, str):
+                self._take(text, can_command())
+            if not isinstance(text, str) or self._not_accepted > _MOST_NOT_ACCEPTED:
+                self._code = _POLICY
+            if self._code:
                 return
-            if len(text.encode(errors="replace")) > MOST_BYTES:
-                await self._close(_TOO_BIG)
-                return
-            self._take(text, can_command())
-            if self._not_accepted > _MOST_NOT_ACCEPTED:
-                await self._close(_POLICY)
-                return
-
-    async def _close(self, code: int) -> None:
-        with suppress(TimeoutError):
-            async with asyncio.timeout(_UNREAD_S):
-                await self._socket.close(code)
 
     def _take(self, text: str, can_command: bool) -> None:
         try:

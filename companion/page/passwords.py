@@ -6,7 +6,7 @@ import hmac
 import os
 import re
 import secrets
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
 
@@ -36,8 +36,8 @@ class PasswordHash:
     @classmethod
     def of(cls, password: str) -> Self:
         """Return the hash of a password with a new salt; takes 0.2 s."""
-        salt = secrets.token_bytes(16)
-        return cls(_N, _R, _P, salt, _scrypt(password, salt, _N, _R, _P))
+        empty = cls(_N, _R, _P, secrets.token_bytes(16), b"")
+        return replace(empty, digest=empty.digest_of(password))
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -70,7 +70,12 @@ class PasswordHash:
 
     def matches(self, password: str) -> bool:
         """Return whether this is the password; takes 0.2 s."""
-        return hmac.compare_digest(self.digest, _scrypt(password, self.salt, self.n, self.r, self.p))
+        return hmac.compare_digest(self.digest, self.digest_of(password))
+
+    def digest_of(self, password: str) -> bytes:
+        """Return the hash of a password with this salt and cost."""
+        cost = {"n": self.n, "r": self.r, "p": self.p}
+        return hashlib.scrypt(password.encode(), salt=self.salt, **cost, maxmem=_MEMORY, dklen=32)
 
 
 def objection_to(password: str) -> str:
@@ -80,7 +85,3 @@ def objection_to(password: str) -> str:
     if len(password.encode()) > MOST_BYTES:
         return f"a password has at most {MOST_BYTES} bytes"
     return ""
-
-
-def _scrypt(password: str, salt: bytes, n: int, r: int, p: int) -> bytes:
-    return hashlib.scrypt(password.encode(), salt=salt, n=n, r=r, p=p, maxmem=_MEMORY, dklen=32)
