@@ -11,6 +11,7 @@ from pydantic_core import from_json
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 
+from companion.adapters.system.log_lines import LineLimit
 from companion.page.access import SESSION_S, OneTimeToken, Sessions, Tries
 from companion.page.origins import is_same_origin
 from companion.page.passwords import MOST_BYTES, PasswordHash
@@ -32,7 +33,7 @@ class RefusedError(Exception):
         self.status, self.retry_s = status, retry_s
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Login:
     """Logins of one server."""
 
@@ -41,6 +42,7 @@ class Login:
     tls: bool
     sessions: Sessions = field(default_factory=Sessions)
     _tries: Tries = field(default_factory=Tries)
+    _log: LineLimit = field(default_factory=LineLimit)
     _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     """One hash at a time: each takes 16 MB and a fifth of a second."""
 
@@ -54,7 +56,8 @@ class Login:
             fields = await _fields_of(request)
             await self._check(fields, peer_of(request))
         except RefusedError as refused:
-            LOG.warning("a login from %s is refused: %s", peer_of(request), refused)
+            said = f"a login from {peer_of(request)} is refused: {refused}"
+            self._log.log(lambda more: LOG.warning("%s%s", said, more))
             return _refusal(refused)
         LOG.info("%s has logged in", peer_of(request))
         answer = JSONResponse({"ok": True})

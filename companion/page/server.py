@@ -55,7 +55,7 @@ async def serve_page(settings: PageSettings, announce: Callable[[str], None], st
             announce(line)
         hub = Hub(password is not None)
         vehicles = Vehicles(settings.broker, settings.vehicles, hub)
-        login = Login(password, OneTimeToken(settings.token), tls=certificate is not None)
+        login = Login(password=password, token=OneTimeToken(settings.token), tls=certificate is not None)
         server = _server(page_app(hub, vehicles, login, own_names(settings.host)), certificate)
         async with background(_end_on(stop, server), "companion.page.end"):
             await first_of(vehicles.run(), server.serve([listener]))

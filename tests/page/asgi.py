@@ -72,7 +72,8 @@ class Site:
         self.hub = Hub(bool(password))
         for name in VEHICLES:
             self.hub.note_vehicle(name)
-        self.login = Login(quick_hash(password) if password else None, OneTimeToken(token), tls=False)
+        known = quick_hash(password) if password else None
+        self.login = Login(password=known, token=OneTimeToken(token), tls=False)
         self.app: ASGIApp = page_app(self.hub, self.commands, self.login, frozenset({"localhost", "room-pc"}))
 
     def cookie(self) -> str:
@@ -162,7 +163,7 @@ class OpenPage:
     async def settled(self) -> None:
         """Wait until the server has taken all that was said."""
         async with asyncio.timeout(5.0):
-            while not self.inbox.empty() and self.closed is None:  # noqa: ASYNC110 - a queue has no event
+            while self.status == 101 and self.closed is None and not self.inbox.empty():  # noqa: ASYNC110 - a queue has no event
                 await asyncio.sleep(0)
         for _ in range(5):
             await asyncio.sleep(0)

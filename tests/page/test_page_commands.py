@@ -12,7 +12,7 @@ from tests.page.asgi import VEHICLES
 ONE, OTHER = VEHICLES
 
 
-def message(ref: int, verb: str = "hold", vehicle: str = ONE, **fields: object) -> str:
+def message(ref: int, verb: str = "hold", vehicle: str = ONE, **fields: Any) -> str:
     return json.dumps({"type": "command", "ref": ref, "vehicle": vehicle, "verb": verb, **fields})
 
 
@@ -43,9 +43,12 @@ def test_every_verb_becomes_its_command(verb: str) -> None:
     assert json.loads(order.draft.payload("0" * 16, 1.0, "me")).items() >= FIELDS.get(verb, {}).items()
 
 
-@pytest.mark.parametrize("name", ["id", "session", "sent_s", "reply_to", "waypoints"])
+FORGED: dict[str, Any] = {"id": "mine", "session": "0" * 16, "sent_s": 1.0, "reply_to": "another", "waypoints": []}
+
+
+@pytest.mark.parametrize("name", FORGED)
 def test_what_the_server_adds_is_not_the_pages_to_give(name: str) -> None:
-    value = {"id": "mine", "session": "0" * 16, "sent_s": 1.0, "reply_to": "another", "waypoints": []}[name]
+    value = FORGED[name]
     assert refusal(PageCommands(), message(1, **{name: value})) == f"{name}: a page does not give this"
 
 
