@@ -10,7 +10,7 @@ from mock_autopilot.faults.catalogue import DOWN, UP, Part
 from mock_autopilot.faults.mocap import FleetMocapFaults, MocapFaults
 from mock_autopilot.faults.network import impairment_of
 from mock_autopilot.faults.schedule import FaultTransition
-from mock_autopilot.fleet.config import body_names, vehicle_config
+from mock_autopilot.fleet.config import fleet_cameras, vehicle_config
 from mock_autopilot.fleet.fleet import Fleet
 from mock_autopilot.impairment.ports import PortPair
 from mock_autopilot.impairment.relays import Relay, open_relays
@@ -70,13 +70,11 @@ class Simulator:
             )
             self.world.observers.append(server.publish)
             return server
-        first, *others = body_names(config)
-        bodies = {"body": first, "extra_bodies": (*others, *config.qualisys.extra_bodies)}
         faults = [
             MocapFaults(world.faults, world.fault_rng(), rate_hz, place, alone=True)
             for place, world in enumerate(self.worlds)
         ]
-        server = QualisysServer(config.qualisys.model_copy(update=bodies), seed, FleetMocapFaults(faults))
+        server = QualisysServer(fleet_cameras(config), seed, FleetMocapFaults(faults))
         self.fleet.observers.append(lambda truths: server.publish(truths[0], truths[1:]))
         return server
 

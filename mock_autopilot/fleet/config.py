@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from mock_autopilot.qtm.config import QualisysConfig
+
 if TYPE_CHECKING:
     from mock_autopilot.config import MockConfig
 
@@ -63,3 +65,10 @@ def body_names(config: "MockConfig") -> tuple[str, ...]:
     """Return the names of the vehicles' rigid bodies in QTM, in their order."""
     body, count = config.qualisys.body, config.fleet.vehicles
     return (body,) if count == 1 else tuple(f"{body}-{number}" for number in range(1, count + 1))
+
+
+def fleet_cameras(config: "MockConfig") -> QualisysConfig:
+    """Return the settings of a QTM with all vehicles' bodies, those that stand still behind them."""
+    first, *others = body_names(config)
+    bodies = {"body": first, "extra_bodies": (*others, *config.qualisys.extra_bodies)}
+    return config.qualisys.model_copy(update=bodies)

@@ -47,46 +47,25 @@ PX4_PARAMS = MockConfig.load(ROOT / "config" / "mock.toml").px4.params
 """The demo's: what a vehicle in that room has set."""
 BRISK = FlightConfig(climb_speed_mps=1.0, descent_speed_mps=0.4, spool_up_s=0.5)
 """So many flights are to be short."""
+HEAVY: dict[str, Any] = {"mass_kg": 4.85, "max_thrust_n": 95.1}
+"""The paper's vehicle."""
 
 
-class Room:
-    """Vehicle, cameras and time; `estimator` is the mock's [estimator]."""
+class VehicleInRoom:
+    """One vehicle in a room, and the frames that reach its companion."""
 
-    def __init__(
-        self,
-        seed: int,
-        plant: dict[str, Any] | None = None,
-        mocap: dict[str, Any] | None = None,
-        start: dict[str, Any] | None = None,
-        arms: dict[str, Any] | None = None,
-        faults: Sequence[str] = (),
-        estimator: Mapping[str, Any] = IMPERFECT,
-    ) -> None:
-        heavy = {"mass_kg": 4.85, "max_thrust_n": 95.1}
-        self.bench = Bench(
-            PX4_PARAMS,
-            heavy | (plant or {}),
-            seed=seed,
-            vehicle=start,
-            arms=arms,
-            faults=faults,
-            estimator=estimator,
-        )
-        self.bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
-        cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
-        self._camera = Camera(cameras, seed)
-        self._faults = MocapFaults(world.faults, world.fault_rng(), cameras.rate_hz)
-        self._qtm = SimulatedQtm(cameras, self._faults, self)
+    def __init__(self, bench: Bench) -> None:
+        self.bench = bench
+        bench.setpoint_period_s = 0.05  # MAVSDK re-sends the last setpoint at 20 Hz by itself
         self.fault_turns: list[FaultTransition] = []
         """Every fault that began or ended, and when."""
-        world.faults.observers.append(self.fault_turns.append)
+        bench.world.faults.observers.append(self.fault_turns.append)
         self.frame: MocapFrame | None = None
         self.new_frame = False
         self.late = 0
         """Frames that never came here because a newer one had."""
         self.offset_w_m = np.zeros(3)
         """Error of motion capture from now on."""
-        self.bench.world.observers.append(self._look)
 
     def now_s(self) -> float:
         """interfaces.Clock: simulated time."""
@@ -106,6 +85,50 @@ class Room:
         """Return the true place of the vehicle, W, m."""
         return flip_yz(self.bench.world.truth.position_ned_m)
 
+    def take(self, seen: MocapFrame) -> None:
+        """Let a frame arrive."""
+        if self._is_overtaken(seen):
+            self.late += 1
+            return
+        self.frame = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m, late=self.late)
+        self.new_frame = True
+
+    def _is_overtaken(self, seen: MocapFrame) -> bool:
+        """Older than the newest, but not by so much that it is another measurement: as the real adapter has it."""
+        if self.frame is None:
+            return False
+        return self.frame.stamp_s - RESTART_S <= seen.stamp_s <= self.frame.stamp_s
+
+
+class Room(VehicleInRoom):
+    """Vehicle, cameras and time; `estimator` is the mock's [estimator]."""
+
+    def __init__(
+        self,
+        seed: int,
+        plant: dict[str, Any] | None = None,
+        mocap: dict[str, Any] | None = None,
+        start: dict[str, Any] | None = None,
+        arms: dict[str, Any] | None = None,
+        faults: Sequence[str] = (),
+        estimator: Mapping[str, Any] = IMPERFECT,
+    ) -> None:
+        bench = Bench(
+            PX4_PARAMS,
+            HEAVY | (plant or {}),
+            seed=seed,
+            vehicle=start,
+            arms=arms,
+            faults=faults,
+            estimator=estimator,
+        )
+        super().__init__(bench)
+        cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
+        self._camera = Camera(cameras, seed)
+        self._faults = MocapFaults(world.faults, world.fault_rng(), cameras.rate_hz)
+        self._qtm = SimulatedQtm(cameras, self._faults, self)
+        self.bench.world.observers.append(self._look)
+
     def pass_time(self, for_s: float) -> None:
         """Advance to the next frame, or by `for_s` and at least one step."""
         end_s = self.now_s() + for_s
@@ -119,19 +142,8 @@ class Room:
             if self._faults.breaks_packets:
                 continue  # the client cannot make anything of it
             seen = self._qtm.frame(frame)
-            if seen is None:
-                continue  # QTM's list of bodies may have changed
-            if self._is_overtaken(seen):
-                self.late += 1
-                continue
-            seen = replace(seen, position_w_m=seen.position_w_m + self.offset_w_m, late=self.late)
-            self.frame, self.new_frame = seen, True
-
-    def _is_overtaken(self, seen: MocapFrame) -> bool:
-        """Older than the newest, but not by so much that it is another measurement: as the real adapter has it."""
-        if self.frame is None:
-            return False
-        return self.frame.stamp_s - RESTART_S <= seen.stamp_s <= self.frame.stamp_s
+            if seen is not None:  # else QTM's list of bodies may have changed
+                self.take(seen)
 
 
 class SimulatedMocap:
@@ -190,11 +202,11 @@ Step = Callable[["Flight"], bool]
 """Called every cycle; True when it is done and the next one begins."""
 
 
-@dataclass(repr=False)  # thousands of ticks
+@dataclass(repr=False, eq=False)  # thousands of ticks
 class Flight:
     """A flight in progress, for the script that commands it and the checks afterwards."""
 
-    room: Room
+    room: VehicleInRoom
     autopilot: SimulatedAutopilot
     loop: FlightLoop
     servos: SimulatedServos | None
@@ -216,6 +228,48 @@ class Flight:
             if not seen or tick.flight.phase is not seen[-1]:
                 seen.append(tick.flight.phase)
         return seen
+
+
+class Script:
+    """The steps of one vehicle's script, one after the other; `ended` is done with the last, or has what one raised."""
+
+    def __init__(self, steps: Sequence[Step], longest_s: float) -> None:
+        self._steps, self._longest_s = list(steps), longest_s
+        self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def every_tick(self, flight: Flight) -> None:
+        """Go on in the script; FlightTimeoutError in `ended` when it takes too long."""
+        if self.ended.done():
+            return
+        steps = self._steps
+        try:
+            if steps and steps[0](flight):
+                steps.pop(0)
+        except Exception as error:
+            self.ended.set_exception(error)
+            return
+        if not steps:
+            self.ended.set_result(None)
+        elif flight.room.now_s() > self._longest_s:
+            late = f"{len(steps)} steps of the script are left, phase {flight.phase}"
+            self.ended.set_exception(FlightTimeoutError(late))
+
+
+def law_of(controller: str | Controller, config: CompanionConfig) -> Controller:
+    """Return a law, loaded if it is named."""
+    return load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
+
+
+async def first_of(ways_to_end: set[asyncio.Future[None]]) -> None:
+    """Wait for the first of these, raise what it raised, and cancel the others."""
+    try:
+        ended, _ = await asyncio.wait(ways_to_end, return_when=asyncio.FIRST_COMPLETED)
+        for way in ended:
+            way.result()
+    finally:
+        for way in ways_to_end:
+            way.cancel()
+        await asyncio.gather(*ways_to_end, return_exceptions=True)
 
 
 async def fly(
@@ -245,25 +299,9 @@ async def fly(
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
-    law = load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
+    law = law_of(controller, config)
     room = Room(seed, plant, mocap, start, arms, faults, estimator)
-    scripted: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-    steps = list(script)
-
-    def every_tick() -> None:
-        if scripted.done():
-            return
-        try:
-            if steps and steps[0](flight):
-                steps.pop(0)
-        except Exception as error:
-            scripted.set_exception(error)
-            return
-        if not steps:
-            scripted.set_result(None)
-        elif room.now_s() > longest_s:
-            late = f"{len(steps)} steps of the script are left, phase {flight.phase}"
-            scripted.set_exception(FlightTimeoutError(late))
+    told = Script(script, longest_s)
 
     def sink(tick: Tick) -> None:
         flight.ticks.append(tick)
@@ -275,7 +313,7 @@ async def fly(
     autopilot.deaf_to_land = lost_land_commands
     servos = SimulatedServos(room) if arms is not None and not real_driver else None
     bus = simulated_bus(config.arms, room) if config.arms is not None and real_driver else servos
-    cameras = SimulatedMocap(room, every_tick, config.law.onboard_mocap)
+    cameras = SimulatedMocap(room, lambda: told.every_tick(flight), config.law.onboard_mocap)
     cameras.lost_at_s = mocap_lost_at_s
     split = GroundWorld(room, ground, config, controller, seed) if ground is not None else None
     if split is not None:
@@ -293,13 +331,5 @@ async def fly(
     flight = Flight(room, autopilot, loop, servos, split)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")
-    ways_to_end: set[asyncio.Future[None]] = {running, scripted, clock}
-    try:
-        ended, _ = await asyncio.wait(ways_to_end, return_when=asyncio.FIRST_COMPLETED)
-        for way in ended:
-            way.result()
-    finally:
-        for way in ways_to_end:
-            way.cancel()
-        await asyncio.gather(*ways_to_end, return_exceptions=True)
+    await first_of({running, told.ended, clock})
     return flight

@@ -174,7 +174,7 @@ class SimulatedAutopilot:
         if command == 176:
             self._offboard_asked_s = self._bench.now_s
         filled = [*params, *[np.nan] * (7 - len(params))]
-        self._bench.hear(mavlink.MAVLink_command_long_message(1, 1, command, 0, *filled))
+        self._bench.hear(mavlink.MAVLink_command_long_message(self._bench.system, 1, command, 0, *filled))
 
 
 def _on_local(sent: Sent) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -46,12 +47,10 @@ def until(phase: Phase) -> Step:
 
 def wait(seconds: float) -> Step:
     """Return a step that waits from when it is first asked in a flight; it may be part of many flights."""
-    ends: list[tuple[Flight, float]] = []  # of the last flight alone: a flight holds ten thousands of objects
+    ends: WeakKeyDictionary[Flight, float] = WeakKeyDictionary()  # a flight holds ten thousands of objects
 
     def step(flight: Flight) -> bool:
-        if not ends or ends[0][0] is not flight:
-            ends[:] = [(flight, flight.room.now_s() + seconds)]
-        return flight.room.now_s() >= ends[0][1]
+        return flight.room.now_s() >= ends.setdefault(flight, flight.room.now_s() + seconds)
 
     return step
 

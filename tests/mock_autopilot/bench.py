@@ -89,8 +89,19 @@ class Bench:
             "arms": dict(arms or {}),
             "faults": [{"say": sentence} for sentence in faults],
         }
-        self.world = World(MockConfig.from_dict(config), seed)
-        self.link = OfflineLink(self.world)
+        self._attach(World(MockConfig.from_dict(config), seed), gcs)
+
+    @classmethod
+    def of(cls, world: World) -> "Bench":
+        """Attach to a vehicle of a fleet, which lets its time pass: `before_tick`, then the time, then `after_tick`."""
+        bench = cls.__new__(cls)
+        bench._attach(world, gcs=True)
+        return bench
+
+    def _attach(self, world: World, gcs: bool) -> None:
+        self.world = world
+        self.link = OfflineLink(world)
+        self.system = int(world.vehicle.params["MAV_SYS_ID"])
         self.client = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
         self.heartbeats = gcs
         self.setpoint: Any = None
@@ -117,11 +128,19 @@ class Bench:
     def run(self, for_s: float) -> None:
         """Advance simulated time, streaming setpoints and poses that are switched on."""
         for _ in range(round(for_s / TICK_S)):
-            self._stream()
-            self._ticks += 1
+            self.before_tick()
             self.world.advance(self._ticks * TICK_S)
-            self.link.tell(self.world.vehicle.pop_texts())
-            self.link.send_due()
+            self.after_tick()
+
+    def before_tick(self) -> None:
+        """Send what the client streams."""
+        self._stream()
+        self._ticks += 1
+
+    def after_tick(self) -> None:
+        """Let the autopilot send what is due."""
+        self.link.tell(self.world.vehicle.pop_texts())
+        self.link.send_due()
 
     def run_until(self, to_s: float) -> None:
         self.run(to_s - self.now_s)
@@ -151,8 +170,9 @@ class Bench:
         roll, pitch, yaw = quat.to_euler(truth.q_ned_frd_wxyz)
         self.hear(mavlink.MAVLink_vision_position_estimate_message(0, x, y, z, roll, pitch, yaw, [NAN] * 21))
 
-    def target(self, thrust: float, q: tuple[float, ...] = LEVEL, mask: int = 7, system: int = 1) -> None:
-        """Stream this attitude setpoint from now on."""
+    def target(self, thrust: float, q: tuple[float, ...] = LEVEL, mask: int = 7, system: int | None = None) -> None:
+        """Stream this attitude setpoint from now on; to this autopilot unless another system is named."""
+        system = self.system if system is None else system
         self.setpoint = mavlink.MAVLink_set_attitude_target_message(0, system, 1, mask, list(q), 0.0, 0.0, 0.0, thrust)
 
     def command(self, command: int, *params: float, target: tuple[int, int] = (1, 1)) -> list[int]:
