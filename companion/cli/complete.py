@@ -4,8 +4,10 @@ import glob
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-Completion = Callable[[str], list[str]]
+Completion = Callable[..., list[str]]
+"""Function of the incomplete word; of click's context before it, where its first parameter is `ctx`."""
 _CURVES = ("ellipse", "figure8")
 
 
@@ -37,6 +39,18 @@ def service_motions(incomplete: str) -> list[str]:
 def experiments(incomplete: str) -> list[str]:
     """Return the experiments and TOML files that begin with `incomplete`."""
     return _matching(_names("experiments"), (".toml",), incomplete)
+
+
+def vehicles(ctx: Any, incomplete: str) -> list[str]:
+    """Return `all`, and the vehicles online on the broker that the options before name."""
+    from companion.client.roster import names_for_completion  # noqa: PLC0415 - only when TAB is pressed
+
+    given = {name: ctx.params.get(name) for name in ("broker", "password_file", "ca_file", "config")}
+
+    def found(last: str) -> list[str]:
+        return _matching((*names_for_completion(given), *(("all",) if last == incomplete else ())), (), last)
+
+    return listed(found)(incomplete)
 
 
 def listed(one: Completion) -> Completion:

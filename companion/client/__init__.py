@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from companion.client.connecting import (
         together as together,
     )
+    from companion.client.connecting import (
+        vehicles as vehicles,
+    )
     from companion.client.errors import (
         FailedError as FailedError,
     )
@@ -66,6 +69,7 @@ __all__ = [
     "connect",
     "connect_all",
     "together",
+    "vehicles",
 ]
 _HOMES = (
     "core.errors",

@@ -9,7 +9,7 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
-from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, Connection
+from companion.adapters.mqtt.connection import ANSWER_S, MAX_PACKET_BYTES, V5, V311, Connection
 from companion.adapters.mqtt.reconnector import endpoint
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import ConfigError
@@ -18,6 +18,10 @@ from companion.protocol.topics import Topics
 _WAITING = 1000
 _SESSION_EXPIRY_S = 60
 """Time an MQTT 5 broker keeps replies for a client whose connection broke."""
+_LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
+"""Hosts of the embedded broker, which knows no MQTT 5. A local connection breaks only when the broker ends, so no
+broker on these hosts needs to keep replies for this client.
+"""
 _NOT_ALLOWED_WORDS = ("bad user name or password", "not authorized", "bad username or password", "not authorised")
 
 
@@ -89,6 +93,11 @@ class BrokerConnection(Connection):
 
 class NotSentError(aiomqtt.MqttError):
     """Failure to send: the message did not leave this computer."""
+
+
+def first_version(place: OperatorConfig) -> aiomqtt.ProtocolVersion:
+    """Return the version of MQTT to try first at this broker."""
+    return V311 if place.host in _LOCAL_HOSTS else V5
 
 
 def is_forbidden(error: BaseException) -> bool:

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 import aiomqtt
 from pydantic import BaseModel, ValidationError
 
-from companion.adapters.mqtt.connection import V5, V311
 from companion.adapters.mqtt.reconnector import Reconnector, reason_of
-from companion.client.broker_connection import BrokerConnection, ForbiddenError, NotSentError
-from companion.client.connection_errors import may_be_chance, refused_connection
+from companion.client.broker_connection import BrokerConnection, ForbiddenError, NotSentError, first_version
 from companion.client.endpoint import url_of
 from companion.client.errors import NoServiceError
+from companion.client.first_connection import FirstConnection
 from companion.client.inbox import Inbox
 from companion.client.messages import Link, Message
 from companion.client.runs import Runs
@@ -28,20 +27,12 @@ from companion.protocol.telemetry import Happened, Presence, Reply, State
 if TYPE_CHECKING:
     from companion.client.command_draft import CommandDraft
 
-_CONNECT_TIMEOUT_S = 15.0
-"""Timeout of all attempts of the first connection, name resolution included."""
 _STATUS_S = 1.5
 """Time to wait for a status: a retained one comes at once, a new broker has it with the service's next one."""
 _STATE_S = 2.0
 """Time to wait for a state; they are published ten times a second."""
 _CATCH_UP_S = 5.0
 """Longest wait for a state that was not queued in the broker, after a backlog."""
-LOCAL_HOSTS = frozenset({"127.0.0.1", "::1", "localhost"})
-"""Hosts of the embedded broker, which knows no MQTT 5. A local connection breaks only when the broker ends, so no
-broker on these hosts needs to keep replies for this client.
-"""
-_TRIES = 3
-"""Attempts of the first connection."""
 
 
 @asynccontextmanager
@@ -53,7 +44,7 @@ async def open_console(endpoint: OperatorConfig) -> AsyncIterator["Console"]:
     console = Console(endpoint)
     connecting = asyncio.create_task(console.keep(), name="companion.console")
     try:
-        await console.connected(connecting)
+        await console.first.wait(connecting)
         yield console
     finally:
         await end(connecting)
@@ -65,10 +56,9 @@ class Console:
     def __init__(self, endpoint: OperatorConfig) -> None:
         self._endpoint, self._topics = endpoint, endpoint.topics
         self._client = f"console-{secrets.token_hex(6)}"
-        self._reconnector = Reconnector(V311 if endpoint.host in LOCAL_HOSTS else V5, self._lost)
-        self._tries = 0
+        self._reconnector = Reconnector(first_version(endpoint), self._lost)
         self._hearers: list[Callable[[Message], None]] = []
-        self._first: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.first = FirstConnection(endpoint)
         self._connection: BrokerConnection | None = None
         self._runs = Runs()
         self._newest: tuple[Presence | None, Reply | None] = (None, None)
@@ -112,19 +102,6 @@ class Console:
     def replaced(self, session: str) -> bool:
         """Return whether another run of the service has replaced this one."""
         return self._runs.replaced(session, time.monotonic())
-
-    async def connected(self, connecting: "asyncio.Task[None]") -> None:
-        """Wait for the first connection; raise its error, or NoServiceError when it takes too long."""
-        waited: set[asyncio.Future[None]] = {self._first, connecting}
-        await asyncio.wait(waited, timeout=_CONNECT_TIMEOUT_S, return_when=asyncio.FIRST_COMPLETED)
-        if self._first.done():
-            return self._first.result()
-        if connecting.done():
-            connecting.result()
-        raise NoServiceError(
-            f"no connection to the broker at {url_of(self._endpoint)} within {_CONNECT_TIMEOUT_S:g} s, so it is not "
-            "known whether the service runs"
-        )
 
     @contextmanager
     def inbox(self) -> Iterator[Inbox]:
@@ -192,19 +169,18 @@ class Console:
         return True
 
     async def keep(self) -> None:
-        """Keep the connection until cancelled; `connected` raises the error of the first attempt."""
+        """Keep the connection until cancelled; `first.wait` raises the error of the first attempt."""
         await self._reconnector.keep(self._follow)
 
     async def _follow(self, version: aiomqtt.ProtocolVersion) -> None:
         """Run one connection until it breaks; raise what broke it."""
-        async with BrokerConnection(self._endpoint, self._client, version, self._first.done()) as connection:
+        async with BrokerConnection(self._endpoint, self._client, version, self.first.made) as connection:
             await connection.follow(self._topics, self._client)
             self._reconnector.heard()
             self._connection = connection
-            if self._first.done():
+            if self.first.made:
                 self._tell(Link(True))
-            else:
-                self._first.set_result(None)
+            self.first.make()
             try:
                 async for message in connection.messages:
                     self._read(message)
@@ -214,9 +190,8 @@ class Console:
 
     def _lost(self, error: Exception) -> None:
         """Raise the error of the first connection as a sentence; report a later one that broke as an event."""
-        self._tries += 1
-        if not self._first.done() and (self._tries == _TRIES or not may_be_chance(error)):
-            raise refused_connection(error, self._endpoint)
+        if not self.first.made:
+            self.first.fail(error)
         if self._connection is not None:
             self._connection = None
             self._tell(Link(False, f"no connection to {url_of(self._endpoint)} any more: {reason_of(error)}"))

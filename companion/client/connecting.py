@@ -7,11 +7,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
 
+from companion.client.addresses import endpoints_of
 from companion.client.client import open_console
 from companion.client.endpoint import EndpointOptions, endpoint_of
 from companion.client.safe_exit import LandOnError, make_safe, warn_of_flight
 from companion.client.vehicle import Vehicle
 from companion.config.operator_config import OperatorConfig
+from companion.protocol.topics import ALL
 
 T = TypeVar("T")
 
@@ -55,7 +57,7 @@ def connect(
     computer's service. `land_on_error`: what an exception that leaves the block lands: True the flight that this script
     began, "any" every flight, False none. Raises ConfigError, NoServiceError.
     """
-    return Connecting(endpoint_named(vehicle, broker, password_file, ca_file, config), land_on_error)
+    return Connecting(endpoint_of(options_named(vehicle, broker, password_file, ca_file, config)), land_on_error)
 
 
 @asynccontextmanager
@@ -66,13 +68,22 @@ async def connect_all(
     ca_file: str | Path | None = None,
     land_on_error: LandOnError = True,
 ) -> AsyncIterator[tuple[Vehicle, ...]]:
-    """Connect to several vehicles: `async with connect_all("left", "right") as (left, right):`.
+    """Connect to several vehicles: `async with connect_all("left", "right") as (left, right):`; "all" that are online.
 
     An exception that leaves the block lands all of them at the same time.
     """
-    endpoints = [endpoint_named(vehicle, broker, password_file, ca_file) for vehicle in vehicles]
+    given = options_named(",".join(vehicles), broker, password_file, ca_file)
+    endpoints = await endpoints_of(given) if vehicles else ()
     async with open_vehicles(endpoints, land_on_error) as connected:
         yield connected
+
+
+async def vehicles(
+    *, broker: str | None = None, password_file: str | Path | None = None, ca_file: str | Path | None = None
+) -> tuple[str, ...]:
+    """Return the names of the vehicles that are online on the broker; NoServiceError when there is none."""
+    given = options_named(ALL, broker, password_file, ca_file)
+    return tuple(endpoint.vehicle for endpoint in await endpoints_of(given))
 
 
 async def together(*work: Awaitable[T]) -> list[T]:
@@ -93,22 +104,20 @@ def results_of(outcomes: Sequence[T | BaseException]) -> list[T]:
     return [outcome for outcome in outcomes if not isinstance(outcome, BaseException)]
 
 
-def endpoint_named(
+def options_named(
     vehicle: str | None,
     broker: str | None = None,
     password_file: str | Path | None = None,
     ca_file: str | Path | None = None,
     config: str | Path | None = None,
-) -> OperatorConfig:
-    """Return the endpoint of the arguments of `connect`; ConfigError for a value that cannot be."""
-    return endpoint_of(
-        EndpointOptions(
-            broker=broker,
-            vehicle=vehicle,
-            password_file=None if password_file is None else str(password_file),
-            ca_file=None if ca_file is None else str(ca_file),
-            config=None if config is None else Path(config),
-        )
+) -> EndpointOptions:
+    """Return the arguments of `connect` as options of the command line."""
+    return EndpointOptions(
+        broker=broker,
+        vehicle=vehicle,
+        password_file=None if password_file is None else str(password_file),
+        ca_file=None if ca_file is None else str(ca_file),
+        config=None if config is None else Path(config),
     )
 
 

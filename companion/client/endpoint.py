@@ -9,6 +9,7 @@ from urllib.parse import SplitResult, urlsplit
 from companion.config.operator_config import OperatorConfig
 from companion.config.toml_files import read_toml, validate
 from companion.core.errors import ConfigError
+from companion.protocol.topics import ALL
 
 BROKER, VEHICLE, PASSWORD_FILE, CA_FILE = (
     "COMPANION_BROKER",
@@ -47,7 +48,8 @@ def endpoint_of(given: EndpointOptions) -> OperatorConfig:
     """
     data: dict[str, Any] = {}
     if given.config is None:
-        for name, value in ((BROKER, _broker), (VEHICLE, _vehicle), (PASSWORD_FILE, _password), (CA_FILE, _ca)):
+        named = _vehicle if given.vehicle is None else _prefix
+        for name, value in ((BROKER, _broker), (VEHICLE, named), (PASSWORD_FILE, _password), (CA_FILE, _ca)):
             data |= value(os.environ[name], name) if os.environ.get(name) else {}
     else:
         data = _table(given.config)
@@ -97,10 +99,18 @@ def _broker_fields(parts: SplitResult, where: str) -> dict[str, Any]:
 
 
 def _vehicle(name: str, where: str) -> dict[str, Any]:
+    if "," in name or name.rpartition("/")[2] == ALL:
+        raise ConfigError(f"{where} {name!r}: one vehicle is wanted here, and this names several")
     prefix, slash, vehicle = name.rpartition("/")
     if slash and not prefix:
         raise ConfigError(f"{where} {name!r}: give VEHICLE, or PREFIX/VEHICLE")
     return {"vehicle": vehicle} | ({"prefix": prefix} if prefix else {})
+
+
+def _prefix(names: str, _: str) -> dict[str, Any]:
+    """Return the prefix alone of the environment's vehicles, for a vehicle that is named by an option."""
+    prefix = names.partition(",")[0].rpartition("/")[0]
+    return {"prefix": prefix} if prefix else {}
 
 
 def _password(name: str, _: str) -> dict[str, Any]:

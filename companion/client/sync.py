@@ -20,7 +20,7 @@ from companion.client.vehicle import Progress
 from companion.core.types import Array
 from companion.protocol.telemetry import State
 
-__all__ = ["Arms", "Vehicle", "connect", "connect_all", "together"]
+__all__ = ["Arms", "Vehicle", "connect", "connect_all", "together", "vehicles"]
 V = TypeVar("V")
 V_co = TypeVar("V_co", covariant=True)
 P = ParamSpec("P")
@@ -218,8 +218,21 @@ def _connecting_all(
     return call
 
 
+def _running(function: Callable[P, Coroutine[Any, Any, T]]) -> Callable[P, T]:
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        thread = _LoopThread()
+        try:
+            return thread.wait_for(function(*args, **kwargs))
+        finally:
+            thread.close()
+
+    return call
+
+
 connect = _connecting(connecting.connect)
 connect_all = _connecting_all(connecting.connect_all)
+vehicles = _running(connecting.vehicles)
 
 
 def together(*calls: Callable[[], T]) -> list[T]:

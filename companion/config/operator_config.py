@@ -10,7 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from companion.config.text_files import decode
 from companion.config.toml_files import Section
 from companion.core.errors import ConfigError
-from companion.protocol.topics import Topics
+from companion.protocol.topics import ALL, Topics
 
 _MOST_PASSWORD_BYTES = 1024
 
@@ -36,7 +36,9 @@ class OperatorConfig(Section):
 
     @field_validator("prefix", "vehicle")
     @classmethod
-    def _plain(cls, value: str) -> str:
+    def _plain(cls, value: str, info: ValidationInfo) -> str:
+        if info.field_name == "vehicle" and value == ALL:
+            raise ValueError("means every vehicle that is online, and is no vehicle's name")
         if not (value.isascii() and value.replace("-", "").replace("_", "").isalnum() and len(value) <= 32):
             raise ValueError("must be 1 to 32 letters, digits, - or _, as a part of MQTT topics")
         return value

@@ -8,9 +8,9 @@ from typing import Protocol, TypeVar
 import aiomqtt
 from pydantic import BaseModel, ValidationError
 
-from companion.adapters.mqtt.connection import V5, V311, Connection
+from companion.adapters.mqtt.connection import Connection
 from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
-from companion.client.client import LOCAL_HOSTS
+from companion.client.broker_connection import first_version
 from companion.client.endpoint import url_of
 from companion.config.operator_config import OperatorConfig
 from companion.protocol.about import About
@@ -49,8 +49,7 @@ class Discovery:
         endpoint(broker, None)
         self._broker, self._only, self._finds = broker, only, finds
         self._found = set(only)
-        version = V311 if broker.host in LOCAL_HOSTS else V5
-        self._reconnector = _Told(url_of(broker), version, finds.note_broker)
+        self._reconnector = _Told(url_of(broker), first_version(broker), finds.note_broker)
         for name in only:
             finds.note_vehicle(name)
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 VERSION = "v1"
 """Version of topics and messages together: raised by every change that an older reader would misread."""
+ALL = "all"
+"""Word by which operators address every vehicle that is online; no vehicle may have it as its name."""
 
 
 @dataclass(frozen=True)
@@ -66,3 +68,8 @@ class Topics:
 def is_client(name: str) -> bool:
     """Return True for 1 to 64 letters, digits, - or _: one topic level without wildcards."""
     return name.isascii() and name.replace("-", "").replace("_", "").isalnum() and len(name) <= 64
+
+
+def is_vehicle(name: str) -> bool:
+    """Return True for a name that a vehicle may have: as `is_client`, 32 characters at most, not `all`."""
+    return is_client(name) and len(name) <= 32 and name != ALL

@@ -36,7 +36,7 @@ def methods(kind: type, prefix: str = "") -> Iterator[str]:
 
 def rows() -> list[str]:
     """Return the rows of all tables that name parts of the client."""
-    functions = (connecting.connect, connecting.connect_all, connecting.together)
+    functions = (connecting.connect, connecting.connect_all, connecting.vehicles, connecting.together)
     properties = [(name, one) for name, one in vars(VehicleView).items() if isinstance(one, property)]
     return [
         *(f"| `{call(function.__name__, function)}` | {first_line(function)} |" for function in functions),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from companion.adapters.mqtt import connection
-from companion.client import client, pending_command
+from companion.client import first_connection, pending_command
 from companion.client.client import Console, open_console
 from companion.client.command_draft import CommandDraft
 from companion.client.errors import NoServiceError, UnknownOutcomeError
@@ -246,7 +246,7 @@ async def test_a_connection_that_is_never_made_or_that_fails_oddly_is_no_wait_fo
     async def odd(_: Console) -> None:
         raise KeyError("odd")
 
-    monkeypatch.setattr(client, "_CONNECT_TIMEOUT_S", 0.1)
+    monkeypatch.setattr(first_connection, "_TIMEOUT_S", 0.1)
     for keep, expected in ((lambda _: asyncio.sleep(60.0), NoServiceError), (odd, KeyError)):
         monkeypatch.setattr(Console, "keep", keep)
         with pytest.raises(expected):

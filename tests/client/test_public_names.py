@@ -19,9 +19,9 @@ def test_the_public_names_are_these() -> None:
     assert package.__all__ == [
         "Arms", "Check", "CompanionError", "ConfigError", "Curve", "FailedError", "Happened", "Kind", "NoServiceError",
         "Progress", "RejectedError", "State", "TimedOutError", "UnknownOutcomeError", "Vehicle", "VehicleError",
-        "connect", "connect_all", "together",
+        "connect", "connect_all", "together", "vehicles",
     ]  # fmt: skip
-    assert sync.__all__ == ["Arms", "Vehicle", "connect", "connect_all", "together"]
+    assert sync.__all__ == ["Arms", "Vehicle", "connect", "connect_all", "together", "vehicles"]
 
 
 @pytest.mark.parametrize("name", package.__all__)

@@ -35,7 +35,7 @@ def test_the_twins_have_the_same_names_and_parameters() -> None:
         for name, method in inspect.getmembers(original, inspect.isfunction):
             if name in public(original):
                 assert inspect.signature(getattr(twin, name)).parameters == inspect.signature(method).parameters, name
-    for name in ("connect", "connect_all"):
+    for name in ("connect", "connect_all", "vehicles"):
         assert inspect.signature(getattr(sync, name)).parameters == (
             inspect.signature(getattr(connecting, name)).parameters
         )

@@ -9,6 +9,7 @@ from companion.cli.complete import controllers, service_motions, trajectories
 from companion.cli.operator.exit_codes import INTERRUPTED
 from companion.cli.operator.options import CommandOptions, with_waiting
 from companion.cli.operator.run import operate, without_arguments
+from companion.client.addresses import names_several
 from companion.client.paths import CURVES, fields_of_path
 from companion.core.errors import ConfigError
 from companion.protocol.telemetry import Reply
@@ -120,7 +121,8 @@ def kill(
         if not sys.stdin.isatty():
             raise ConfigError("kill stops the motors in the air: without a terminal to confirm at, add --yes")
         try:
-            typed = typer.prompt("this stops the motors, in the air it falls; type kill", err=True)
+            which = "the motors of SEVERAL vehicles" if names_several(options.endpoint) else "the motors"
+            typed = typer.prompt(f"this stops {which}, in the air it falls; type kill", err=True)
         except typer.Abort:
             typer.echo("\ncompanion: interrupted, nothing was sent", err=True)
             raise typer.Exit(INTERRUPTED) from None

@@ -1,6 +1,7 @@
 """Exit codes, and the lists of names and seeds that several commands parse."""
 
 import re
+from collections.abc import Iterable
 
 from companion.client.errors import FailedError, NoServiceError, UnknownOutcomeError
 from companion.core.errors import CompanionError, ConfigError
@@ -13,6 +14,8 @@ NOBODY, LOST = 3, 4
 """Exit codes: no service answers; the outcome is not known."""
 INTERRUPTED = 130
 """Exit code: Ctrl-C."""
+_BY_WEIGHT = (0, BAD_INPUT, NOBODY, FAILED, LOST, INTERRUPTED)
+"""From the best to the worst: nothing changed, begun and failed, not known."""
 _MOST_SEEDS = 1000
 
 
@@ -20,6 +23,11 @@ def code_of(error: CompanionError) -> int:
     """Return the exit code that belongs to `error`."""
     codes = ((FailedError, FAILED), (NoServiceError, NOBODY), (UnknownOutcomeError, LOST))
     return next((code for kind, code in codes if isinstance(error, kind)), BAD_INPUT)
+
+
+def worst(codes: Iterable[int]) -> int:
+    """Return the exit code of several vehicles' commands: the worst of theirs."""
+    return max(codes, key=_BY_WEIGHT.index, default=0)
 
 
 def names_of(text: str, option: str) -> tuple[str, ...]:

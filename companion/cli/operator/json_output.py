@@ -28,17 +28,40 @@ class Voice(Protocol):
         """Print the last sentence; `code` is the exit code."""
 
 
-def line_of(message: Message) -> str:
-    """Return a received message as one JSON object, with its `type` added."""
+class Voices(Protocol):
+    """Output of a command to several vehicles."""
+
+    def of(self, vehicle: str) -> Voice:
+        """Return the output of one vehicle's part."""
+
+    def end(self, code: int, text: str) -> None:
+        """End the output of all; `text` sums up, or says why no vehicle was commanded."""
+
+
+def line_of(message: Message, vehicle: str = "") -> str:
+    """Return a received message as one JSON object, with its `type` added, and the vehicle's name if given."""
     if isinstance(message, Link):
-        return json.dumps({"type": "link", "there": message.there, "why": message.why})
+        return _line("link", vehicle, {"there": message.there, "why": message.why})
     kind = next(name for model, name in _TYPES.items() if isinstance(message, model))
     assert isinstance(message, BaseModel)
-    return json.dumps({"type": kind, **message.model_dump(mode="json")})
+    return _line(kind, vehicle, message.model_dump(mode="json"))
+
+
+def end_line(code: int, text: str, vehicle: str = "") -> str:
+    """Return the JSON object that ends a command, of one vehicle among several if `vehicle` is given."""
+    return _line("end", vehicle, {"code": code, "text": text})
+
+
+def _line(kind: str, vehicle: str, fields: dict[str, object]) -> str:
+    return json.dumps({"type": kind, **fields, **({"vehicle": vehicle} if vehicle else {})})
 
 
 class JsonVoice:
     """JSON output, one object a line: replies, then `end` with code and text."""
+
+    def __init__(self, vehicle: str = "") -> None:
+        """`vehicle`: name that each object gets; none where only one vehicle is commanded."""
+        self._vehicle = vehicle
 
     def begin(self, verb: str) -> None:
         """Print nothing: JSON output has no live line."""
@@ -46,12 +69,24 @@ class JsonVoice:
     def say(self, message: Message) -> None:
         """Print replies and connection changes; states would be ten a second."""
         if isinstance(message, Reply | Link):
-            typer.echo(line_of(message))
+            typer.echo(line_of(message, self._vehicle))
 
     def note(self, text: str) -> None:
         """Print the sentence as an object of type note."""
-        typer.echo(json.dumps({"type": "note", "text": text}))
+        typer.echo(_line("note", self._vehicle, {"text": text}))
 
     def end(self, code: int, text: str) -> None:
         """Print the object of type end, with the exit code."""
-        typer.echo(json.dumps({"type": "end", "code": code, "text": text}))
+        typer.echo(end_line(code, text, self._vehicle))
+
+
+class JsonVoices:
+    """JSON output of several vehicles; the last `end` is of all, and names no vehicle."""
+
+    def of(self, vehicle: str) -> Voice:
+        """Return the output of one vehicle's part."""
+        return JsonVoice(vehicle)
+
+    def end(self, code: int, text: str) -> None:
+        """Print the object of type end, with the exit code."""
+        typer.echo(end_line(code, text))

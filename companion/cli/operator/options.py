@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from companion.cli.complete import Completion, vehicles
 from companion.cli.option_groups import Group, with_group
 from companion.client.endpoint import BROKER, CA_FILE, PASSWORD_FILE, VEHICLE, EndpointOptions
 
@@ -18,8 +19,9 @@ _EXIT_CODES = (
 _PANEL = "Where the service is"
 
 
-def _connection(text: str, metavar: str) -> Any:
-    return Annotated[str | None, typer.Option(help=text, rich_help_panel=_PANEL, metavar=metavar)]
+def _connection(text: str, metavar: str, completion: Completion | None = None) -> Any:
+    option = typer.Option(help=text, rich_help_panel=_PANEL, metavar=metavar, autocompletion=completion)
+    return Annotated[str | None, option]
 
 
 _PLACE: Group = {
@@ -27,7 +29,10 @@ _PLACE: Group = {
         f"Connect to a broker: mqtt://HOST or mqtts://USER@HOST:PORT.  [default: ${BROKER}, else this computer]", "URL"
     ),
     "vehicle": _connection(
-        f"Address a vehicle: VEHICLE or PREFIX/VEHICLE.  [default: ${VEHICLE}, else dauam/vehicle]", "NAME"
+        f"Address a vehicle: VEHICLE or PREFIX/VEHICLE; several as A,B, or all that are online.  [default: ${VEHICLE}, "
+        "else dauam/vehicle]",
+        "NAME,...",
+        vehicles,
     ),
     "password_file": _connection(f"Read the password from a file.  [default: ${PASSWORD_FILE}]", "FILE"),
     "ca_file": _connection(f"Trust the certificate authority in this PEM file.  [default: ${CA_FILE}]", "FILE"),
@@ -41,6 +46,14 @@ _CONNECTION: Group = {
     "as_json": Annotated[bool, typer.Option("--json", help="Print one JSON object a line, and nothing else.")],
 }
 _WAITING: Group = {
+    "together": Annotated[
+        bool | None,
+        typer.Option(
+            "--together/--one-by-one",
+            help="Command several vehicles at once, or one after the other up to the first failure.  [default: "
+            "together where it makes safe, or only looks]",
+        ),
+    ],
     "no_wait": Annotated[
         bool, typer.Option("--no-wait", help="Return once the service has accepted it; do not wait for its end.")
     ],
@@ -59,6 +72,8 @@ class CommandOptions:
     as_json: bool
     wait: bool = True
     timeout_s: float = math.inf
+    together: bool | None = None
+    """Order among several vehicles; None where it is the verb's own."""
 
 
 def with_connection(command: Callable[..., None]) -> Callable[..., None]:
@@ -76,5 +91,12 @@ def with_place(command: Callable[..., None]) -> Callable[..., None]:
     return with_group(command, _PLACE, EndpointOptions)
 
 
-def _collect(as_json: bool, no_wait: bool = False, timeout: float | None = None, **endpoint: Any) -> CommandOptions:
-    return CommandOptions(EndpointOptions(**endpoint), as_json, not no_wait, math.inf if timeout is None else timeout)
+def _collect(
+    as_json: bool,
+    no_wait: bool = False,
+    timeout: float | None = None,
+    together: bool | None = None,
+    **endpoint: Any,
+) -> CommandOptions:
+    timeout_s = math.inf if timeout is None else timeout
+    return CommandOptions(EndpointOptions(**endpoint), as_json, not no_wait, timeout_s, together)

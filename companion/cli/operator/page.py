@@ -21,6 +21,7 @@ from companion.core.errors import ConfigError
 from companion.page.passwords import PasswordHash, objection_to
 from companion.page.server import serve_page
 from companion.page.settings import PORT, PageSettings
+from companion.protocol.topics import ALL
 
 
 @with_place
@@ -88,8 +89,10 @@ def _asked() -> str:
 def _place(given: EndpointOptions) -> tuple[OperatorConfig, tuple[str, ...]]:
     """Return the broker, and the vehicles that were named; a name in the environment or the file restricts nothing."""
     if given.vehicle is None:
-        return endpoint_of(given), ()
+        return endpoint_of(replace(given, vehicle="unnamed")), ()  # the environment may name several
     prefix, slash, listed = given.vehicle.rpartition("/")
+    if listed == ALL:
+        return endpoint_of(replace(given, vehicle=f"{prefix}{slash}unnamed")), ()
     names = names_of(listed, "vehicle") if listed else ()
     if not names:
         raise ConfigError(f"--vehicle {given.vehicle!r}: give VEHICLE, A,B or PREFIX/A,B")

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console, Group, RenderableType
@@ -21,71 +21,102 @@ _SILENT_S = 1.0
 _OLD_S = 0.5
 """Age above which a pose is said to be old."""
 _REFRESH_HZ = 5.0
+_LAST = ("autopilot", "fault", "warning")
+"""Rows at the end of the table of several vehicles, in this order."""
 _STYLES = {Kind.FAULT: "yellow", Kind.PHASE: "bold", Kind.COMMAND: "cyan", Kind.REPLY: "cyan"}
 
 
-def show_once(console: client.Console) -> None:
-    """Print the panel with the newest state once."""
-    Console(highlight=False).print(panel(console))
+def show_once(consoles: Sequence[client.Console]) -> None:
+    """Print the panel with the newest states once."""
+    Console(highlight=False).print(panels(consoles))
 
 
 @contextmanager
-def live_panel(console: client.Console) -> Iterator[None]:
+def live_panel(consoles: Sequence[client.Console]) -> Iterator[None]:
     """Show the panel live until the block ends."""
     out = Console(highlight=False)
-    with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panel(console)):
+    with Live(console=out, refresh_per_second=_REFRESH_HZ, transient=False, get_renderable=lambda: panels(consoles)):
         show_cursor(out)
         yield
 
 
-def show_event(message: Message) -> None:
-    """Print an event as one line with its time of day."""
-    Console(highlight=False, soft_wrap=True).print(_event(message))
+def show_event(message: Message, vehicle: str = "") -> None:
+    """Print an event as one line with its time of day, and the vehicle's name if given."""
+    Console(highlight=False, soft_wrap=True).print(_event(message, f"{vehicle}: " if vehicle else ""))
 
 
-def _event(message: Message) -> Text:
+def _event(message: Message, who: str) -> Text:
     if isinstance(message, Happened):
-        return Text(f"{_clock(message.time_s)}  {words_of(message)}", style=_STYLES.get(message.kind, ""))
+        return Text(f"{_clock(message.time_s)}  {who}{words_of(message)}", style=_STYLES.get(message.kind, ""))
     if isinstance(message, Presence):
         text = f"the service runs, version {message.version}" if message.online else "the service is gone"
-        return Text(f"{_clock(time.time())}  {text}", style="" if message.online else "red")
+        return Text(f"{_clock(time.time())}  {who}{text}", style="" if message.online else "red")
     assert isinstance(message, Link)
-    return Text(f"{_clock(time.time())}  {'connected again' if message.there else message.why}", style="yellow")
+    text = "connected again" if message.there else message.why
+    return Text(f"{_clock(time.time())}  {who}{text}", style="yellow")
 
 
 def _clock(time_s: float) -> str:
     return time.strftime("%H:%M:%S", time.localtime(time_s))
 
 
+def panels(consoles: Sequence[client.Console]) -> RenderableType:
+    """Return the panel of one vehicle, or a table with a column for each."""
+    if len(consoles) == 1:
+        return panel(consoles[0])
+    table = Table(box=None, pad_edge=False)
+    table.add_column(style="dim", no_wrap=True)
+    columns = []
+    for console in consoles:
+        warning, state = warning_of(console), console.state
+        assert state is not None
+        table.add_column(Text(console.vehicle, style="bold"), overflow="fold", style="dim" if warning else "")
+        columns.append([("link", Text(warning, style="red"))] * bool(warning) + _rows(state))
+    for name in _merged([[name for name, _ in rows] for rows in columns]):
+        table.add_row(name, *(Text("\n").join(value for of, value in rows if of == name) for rows in columns))
+    return table
+
+
+def _merged(lists: Sequence[Sequence[str]]) -> list[str]:
+    """Return all names once, each behind the one that it follows in its own list; those of _LAST at the end."""
+    merged: list[str] = []
+    for names in lists:
+        place = 0
+        for name in names:
+            if name not in merged:
+                merged.insert(place, name)
+            place = merged.index(name) + 1
+    return sorted(merged, key=lambda name: _LAST.index(name) if name in _LAST else -1)
+
+
 def panel(console: client.Console) -> RenderableType:
     """Return the newest state as a table, with a warning when it is old."""
-    state = console.state
+    state, warning = console.state, warning_of(console)
     assert state is not None
-    age_s = console.state_age_s()
-    presence = console.presence
-    head = f"{console.where}"
-    if not console.linked:
-        warning = f"no connection to the broker for {age_s:.0f} s"
-    elif age_s > _SILENT_S:  # any client could have published a status
-        gone = presence is not None and not presence.online
-        warning = (
-            f"the service does not run; last heard {age_s:.0f} s ago" if gone else f"nothing heard for {age_s:.0f} s"
-        )
-    else:
-        waited_s = console.state_waited_s()
-        warning = (
-            f"this is {waited_s:.1f} s old: the network or the broker is slow, or the two computers' clocks differ"
-            if waited_s
-            else ""
-        )
-    style = "dim" if warning else ""
-    return Group(Text(head, style="dim"), *([Text(warning, style="red")] if warning else []), _table(state, style))
-
-
-def _table(state: State, style: str) -> Table:
-    table = Table(box=None, show_header=False, pad_edge=False, style=style)
+    table = Table(box=None, show_header=False, pad_edge=False, style="dim" if warning else "")
     table.add_column(style="dim", no_wrap=True)
     table.add_column()
+    for name, value in _rows(state):
+        table.add_row(name, value)
+    return Group(Text(console.where, style="dim"), *([Text(warning, style="red")] if warning else []), table)
+
+
+def warning_of(console: client.Console) -> str:
+    """Return why the newest state is not the vehicle's state now; empty while it is."""
+    age_s, presence = console.state_age_s(), console.presence
+    if not console.linked:
+        return f"no connection to the broker for {age_s:.0f} s"
+    if age_s > _SILENT_S:  # any client could have published a status
+        gone = presence is not None and not presence.online
+        return f"the service does not run; last heard {age_s:.0f} s ago" if gone else f"nothing heard for {age_s:.0f} s"
+    waited_s = console.state_waited_s()
+    if not waited_s:
+        return ""
+    return f"this is {waited_s:.1f} s old: the network or the broker is slow, or the two computers' clocks differ"
+
+
+def _rows(state: State) -> list[tuple[str, Text]]:
+    """Return names and values of what is known, in the order of the panel."""
     flies = {True: ", in the air", False: ", on the ground", None: ""}[state.in_air]
     rows = [("phase", f"{phase_of(state)}{f': {state.reason}' if state.reason else ''}")]
     if state.phase != WAITING:
@@ -108,13 +139,11 @@ def _table(state: State, style: str) -> Table:
     if state.text:
         when = "" if state.text_age_s is None else f" ({state.text_age_s:.0f} s ago)"
         rows.append(("autopilot", f"{state.text}{when}"))
-    for name, value in rows:
-        table.add_row(name, Text(value))
-    for fault in state.faults:
-        table.add_row("fault", Text(fault, style="yellow"))
-    for warning in state.warnings:
-        table.add_row("warning", Text(warning, style="red"))
-    return table
+    return [
+        *((name, Text(value)) for name, value in rows),
+        *(("fault", Text(fault, style="yellow")) for fault in state.faults),
+        *(("warning", Text(warning, style="red")) for warning in state.warnings),
+    ]
 
 
 def _law_link(link: LawLink) -> list[tuple[str, str]]:
