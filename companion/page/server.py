@@ -48,7 +48,7 @@ async def serve_page(settings: PageSettings, announce: Callable[[str], None], st
     Raises ConfigError for an address, a file or a certificate that cannot be used.
     """
     password = PasswordHash.read(Path(settings.password_file)) if settings.password_file else None
-    certificate = _certificate(settings)
+    certificate = certificate_of(settings)
     with _listening(settings) as listener:
         os.setpriority(os.PRIO_PROCESS, 0, max(_NICE, os.getpriority(os.PRIO_PROCESS, 0)))
         for line in lines_of(settings, listener.getsockname()[1]):
@@ -56,7 +56,7 @@ async def serve_page(settings: PageSettings, announce: Callable[[str], None], st
         hub = Hub(password is not None)
         vehicles = Vehicles(settings.broker, settings.vehicles, hub)
         login = Login(password=password, token=OneTimeToken(settings.token), tls=certificate is not None)
-        server = _server(page_app(hub, vehicles, login, own_names(settings.host)), certificate)
+        server = server_of(page_app(hub, vehicles, login, own_names(settings.host)), certificate)
         async with background(_end_on(stop, server), "companion.page.end"):
             await first_of(vehicles.run(), server.serve([listener]))
 
@@ -67,7 +67,8 @@ async def _end_on(stop: asyncio.Event, server: uvicorn.Server) -> None:
     server.should_exit = True
 
 
-def _certificate(settings: PageSettings) -> ssl.SSLContext | None:
+def certificate_of(settings: PageSettings) -> ssl.SSLContext | None:
+    """Return the context of the page's certificate; None without one. ConfigError when it cannot be used."""
     if not settings.tls_cert and not settings.tls_key:
         return None
     if not settings.tls_cert or not settings.tls_key:
@@ -152,7 +153,8 @@ def _is_local(host: str) -> bool:
         return False
 
 
-def _server(app: ASGIApp, certificate: ssl.SSLContext | None) -> uvicorn.Server:
+def server_of(app: ASGIApp, certificate: ssl.SSLContext | None) -> uvicorn.Server:
+    """Return the server of an application."""
     config = uvicorn.Config(
         app,
         http=BoundedHttp,
