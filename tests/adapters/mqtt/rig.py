@@ -52,7 +52,7 @@ class Vehicle:
 
 
 @asynccontextmanager
-async def linked(port: int, vehicle: Vehicle, about: About | None = None, **config: Any) -> AsyncIterator[BusLink]:
+async def linked(port: int, vehicle: Vehicle, about: About | None = None, /, **config: Any) -> AsyncIterator[BusLink]:
     """Open the link, with or without a broker, with a short search for another service."""
     with patch.object(bus_link, "LISTEN_S", 0.02):
         link = BusLink(OperatorConfig(port=port, **config), CLOCK, SESSION, about)
