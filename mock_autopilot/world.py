@@ -143,9 +143,10 @@ class World:
         """Let time pass step by step, as far as whole steps reach; never backwards."""
         while (self._steps + 1) * self._step_s <= to_s + 1e-9:
             self._step()
-            truth = self.truth
-            for observer in self.observers:
-                observer(truth)
+            if self.observers:
+                truth = self.truth
+                for observer in self.observers:
+                    observer(truth)
 
     def _step(self) -> None:
         self._steps += 1

@@ -12,6 +12,7 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from mock_autopilot.config import LinkConfig, MockConfig
+from mock_autopilot.faults.catalogue import Part
 from mock_autopilot.mavlink.link import MavlinkLink
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics import quaternion as quat
@@ -33,6 +34,8 @@ SIH_PLANT: dict[str, Any] = {
 }
 """The recorded simulator's quadrotor: 1 kg, 4 x 5 N, 1 N of drag per m/s (0.9 N, and less thrust, by the record's wall
 clock: the simulator ran at 95 % of real time)."""
+
+_UNANSWERED = frozenset({"SET_ATTITUDE_TARGET", "VISION_POSITION_ESTIMATE"})
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,10 @@ class OfflineLink(MavlinkLink):
 
     def _packed(self, message: Any) -> Any:
         return message
+
+    def take(self, message: Any) -> None:
+        """Take a message that came without the wire's bytes."""
+        self._receiver.handle(message)
 
     def _transmit(self, frame: Any) -> None:
         self.sent.append(Sent(self._clock.time_s, frame))
@@ -100,6 +107,8 @@ class Bench:
 
     def _attach(self, world: World, gcs: bool) -> None:
         self.world = world
+        self.skips_wire = False
+        """Setpoints and poses reach the autopilot as they are, without the wire's bytes: a tenth less to compute."""
         self.link = OfflineLink(world)
         self.system = int(world.vehicle.params["MAV_SYS_ID"])
         self.client = mavlink.MAVLink(None, srcSystem=245, srcComponent=190)
@@ -160,6 +169,10 @@ class Bench:
 
     def hear(self, message: Any, system: int = 245) -> None:
         """Deliver one message to the autopilot."""
+        if self.skips_wire and message.get_type() in _UNANSWERED and not self.world.faults.active(Part.LINK):
+            if self.world.vehicle.injected_faults.running:
+                self.link.take(message)
+            return
         self.client.srcSystem = system
         self.link.handle(bytes(message.pack(self.client)))
 

@@ -1,0 +1,152 @@
+"""Judgement of several flights in one room: separation, collisions, and vehicles that do not get on."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from mock_autopilot.physics.truth import Truth
+from tests.flights.fleet.operator import GROUND, Operator, Place
+from tests.flights.simulated_fleet import FleetFlight
+
+EVERY = 5
+"""Steps of the world between two looks."""
+STAYS_M = 0.3
+"""A vehicle that stays within this for long is blocked, if it has something to do."""
+DEADLOCK_S = 10.0
+KEPT = 400
+"""Looks that are kept, to tell what led to a loss of separation."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The cylinder around a vehicle in which no other may be, and its height around one that is parked."""
+
+    radius_m: float
+    height_m: float
+    parked_height_m: float
+
+
+@dataclass
+class Closest:
+    """The least clearance that was seen: outside the cylinder it is positive, m."""
+
+    clearance_m: float = math.inf
+    time_s: float = math.nan
+    pair: tuple[str, str] = ("", "")
+    beside_m: float = math.nan
+    above_m: float = math.nan
+    phases: tuple[str, ...] = ()
+
+
+@dataclass
+class Blocked:
+    """The longest time in which a vehicle with something to do stayed where it was."""
+
+    for_s: float = 0.0
+    time_s: float = math.nan
+    body: str = ""
+    phase: str = ""
+    reason: str = ""
+
+
+@dataclass
+class _Anchor:
+    place: Place
+    since_s: float
+
+
+@dataclass
+class Judge:
+    """Looks at the truth of all vehicles; `look` is an observer of the fleet."""
+
+    fleet: FleetFlight
+    operators: list[Operator]
+    limit: Limit
+    closest: Closest = field(default_factory=Closest)
+    lost: list[Closest] = field(default_factory=list)
+    """Every time that a pair came inside, with the deepest point of it."""
+    blocked: Blocked = field(default_factory=Blocked)
+    trail: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT))
+    """What all did in the last seconds, for a person."""
+    keeps_trail: bool = False
+    excused: set[int] = field(default_factory=set)
+    """Vehicles whose motion nobody commands any more: they are looked at, and not judged as blocked."""
+    _steps: int = 0
+    _anchors: dict[int, _Anchor] = field(default_factory=dict)
+    _inside: dict[tuple[int, int], Closest] = field(default_factory=dict)
+
+    def look(self, truths: tuple[Truth, ...]) -> None:
+        """Take the truths of a step."""
+        self._steps += 1
+        if self._steps % EVERY:
+            return
+        time_s = truths[0].time_s
+        worlds = self.fleet.room.fleet.worlds
+        places = [world.position_ned_m for world in worlds]
+        for first in range(len(places)):
+            for second in range(first + 1, len(places)):
+                self._pair(first, second, places, time_s)
+        for number, place in enumerate(places):
+            self._moves(number, place, time_s)
+        if self.keeps_trail and self._steps % (5 * EVERY) == 0:
+            self.trail.append(self.line(time_s))
+
+    def _pair(self, first: int, second: int, places: list[Place], time_s: float) -> None:
+        (x1, y1, z1), (x2, y2, z2) = places[first], places[second]
+        beside_m, above_m = math.hypot(x1 - x2, y1 - y2), abs(z1 - z2)
+        lower = self.fleet.room.fleet.worlds[second if z2 > z1 else first]  # NED
+        both_down = lower.truth.on_ground and above_m < 1e-3
+        if both_down:
+            return  # where they were put: neither flies
+        height_m = self.limit.parked_height_m if lower.truth.on_ground else self.limit.height_m
+        clearance_m = max(beside_m - self.limit.radius_m, above_m - height_m)
+        if clearance_m >= min(self.closest.clearance_m, 0.0) and (first, second) not in self._inside:
+            return
+        names = self.fleet.room.fleet.names
+        now = Closest(
+            clearance_m,
+            time_s,
+            (names[first], names[second]),
+            beside_m,
+            above_m,
+            tuple(str(flight.phase) for flight in self.fleet.flights),
+        )
+        if clearance_m < self.closest.clearance_m:
+            self.closest = now
+        self._track_inside((first, second), now)
+
+    def _track_inside(self, pair: tuple[int, int], now: Closest) -> None:
+        deepest = self._inside.get(pair)
+        if now.clearance_m >= 0.0:
+            self._inside.pop(pair, None)
+        elif deepest is None:
+            self._inside[pair] = now
+            self.lost.append(now)
+        elif now.clearance_m < deepest.clearance_m:
+            self.lost[self.lost.index(deepest)] = now
+            self._inside[pair] = now
+
+    def _moves(self, number: int, place: Place, time_s: float) -> None:
+        """Note how long a vehicle that has something to do has not moved."""
+        flight, operator = self.fleet.flights[number], self.operators[number]
+        anchor = self._anchors.get(number)
+        rests = flight.phase in GROUND and time_s < operator.rests_until_s + DEADLOCK_S
+        moved = anchor is None or math.dist(place, anchor.place) > STAYS_M
+        if moved or rests or not operator.wants or number in self.excused:
+            self._anchors[number] = _Anchor(place, time_s)
+            return
+        assert anchor is not None
+        if time_s - anchor.since_s > self.blocked.for_s:
+            name, reason = self.fleet.room.fleet.names[number], flight.loop.flight.reason
+            events = "; ".join(event.text for event in flight.loop.events)
+            self.blocked = Blocked(time_s - anchor.since_s, time_s, name, str(flight.phase), events or reason)
+
+    def line(self, time_s: float) -> str:
+        """Return what all vehicles do now, in a line."""
+        words = [f"{time_s:8.2f}"]
+        for flight, world in zip(self.fleet.flights, self.fleet.room.fleet.worlds, strict=True):
+            x, y, z = world.position_ned_m
+            vx, vy, vz = world.truth.velocity_ned_mps
+            faults = ",".join(str(event.fault) for event in flight.loop.events)
+            words.append(f"{x:6.2f} {-y:6.2f} {-z:5.2f} v {vx:5.2f} {-vy:5.2f} {-vz:5.2f} {flight.phase} {faults}")
+        return " | ".join(words)
