@@ -6,7 +6,7 @@ Adapters implement them; the flight loop and the tests depend on nothing else of
 from typing import Protocol
 
 from companion.core.errors import ArmError, AutopilotError, CompanionError, ConfigError, FlightError, MocapError
-from companion.core.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, GroundPose, MocapFrame
+from companion.core.types import ArmStatus, Array, AttitudeThrust, AutopilotStatus, GroundPose, MocapFrame, OtherService
 
 __all__ = [
     "ArmBus",
@@ -101,6 +101,9 @@ class OperatorLink(Protocol):
 
     def age_s(self) -> float:
         """Return the time since the broker was last connected (s); 0 while it is. Never waits."""
+
+    def others(self) -> tuple[OtherService, ...]:
+        """Return the services of other vehicles that are heard on the broker now. Never waits."""
 
 
 class ArmBus(Protocol):

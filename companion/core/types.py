@@ -27,6 +27,16 @@ def unknown_vector() -> Array:
 
 
 @dataclass(frozen=True)
+class OtherService:
+    """Another vehicle's service on the operators' broker."""
+
+    vehicle: str
+    """Its name there."""
+    body: str
+    """Its body in QTM; empty where an older service does not say it."""
+
+
+@dataclass(frozen=True)
 class OtherBody:
     """Another vehicle's body in one frame of the motion-capture system."""
 

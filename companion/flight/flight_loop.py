@@ -34,7 +34,9 @@ from companion.supervisor.flight_state import (
     LandRequest,
     Phase,
     Request,
+    TrackRequest,
 )
+from companion.supervisor.transitions import approach
 
 __all__ = ["Devices", "FlightLoop"]
 
@@ -108,6 +110,10 @@ class FlightLoop:
         """Return why an operator's request would be rejected now; empty when it would be accepted."""
         inputs = self._facts(self._clock.now_s())
         return self._rejection(request) or state_machine.refusal(self._flight, request, inputs, self._rules)
+
+    def preview(self, request: TrackRequest) -> FlightState:
+        """Return the flight as it would be if this trajectory were requested now."""
+        return approach(self._flight, request, self._facts(self._clock.now_s()), self._rules)
 
     def submit(self, request: Request) -> str:
         """Apply an operator's request; return why it is rejected, empty when it is accepted.

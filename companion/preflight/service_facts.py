@@ -21,7 +21,7 @@ from companion.config.flight_config import LawLinkConfig
 from companion.config.law_margin import REMEDY, margin_of
 from companion.config.preflight_config import PreflightConfig, load_recommended
 from companion.core.interfaces import Clock, ConfigError, GroundPoses, MocapSource
-from companion.core.types import Array, AutopilotStatus
+from companion.core.types import Array, AutopilotStatus, OtherService
 from companion.estimation.estimator import EstimatorState
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import controller_of, period_s
@@ -81,6 +81,8 @@ class Running:
     """None: nothing is recorded to disk."""
     operator_age_s: Callable[[], float] | None = None
     """Since the operator's broker last answered, s, 0 while it does; None: none is configured."""
+    others: Callable[[], tuple[OtherService, ...]] = tuple
+    """Services of other vehicles on the broker; only a service hears them."""
     arms_remarks: tuple[str, ...] = ()
     """Remarks of connecting about the servos or their port."""
     landed_age_s: Callable[[], float] = lambda: math.inf
@@ -277,6 +279,7 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         kept=read_hand_test(wanted),
         operator_age_s=_operator_age_s(running),
         landed_age_s=running.landed_age_s(),
+        others=running.others(),
     )
 
 

@@ -8,6 +8,7 @@ from pydantic import TypeAdapter
 
 from companion.protocol.about import About
 from companion.protocol.commands import COMMAND
+from companion.protocol.intent import Intent
 from companion.protocol.mocap import BridgePresence, MocapPose
 from companion.protocol.telemetry import Happened, Presence, Reply, State
 from companion.protocol.topics import VERSION
@@ -20,6 +21,7 @@ _OF: dict[str, TypeAdapter[Any]] = {
     "state": TypeAdapter(State),
     "status": TypeAdapter(Presence),
     "about": TypeAdapter(About),
+    "intent": TypeAdapter(Intent),
     "mocap": TypeAdapter(MocapPose),
     "mocap-bridge": TypeAdapter(BridgePresence),
 }

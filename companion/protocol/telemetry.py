@@ -60,6 +60,7 @@ class Presence(_Said):
         "", max_length=64, description="identifies this run of the service, 16 hex digits; commands repeat it"
     )
     vehicle: str = ""
+    body: str = Field("", max_length=256, description="name of the vehicle's body in motion capture")
     host: str = Field("", max_length=256, description="name of the computer that the service runs on")
     version: str = Field("", description="version of the service")
     since_s: float = 0.0

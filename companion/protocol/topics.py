@@ -46,6 +46,11 @@ class Topics:
         return f"{self.root}/about"
 
     @property
+    def intent(self) -> str:
+        """Topic from the service to other vehicles' services, retained: intent.Intent, empty when it has none."""
+        return f"{self.root}/intent"
+
+    @property
     def mocap(self) -> str:
         """Topic from the room's workstation to the service: mocap.MocapPose."""
         return f"{self.root}/mocap"

@@ -35,6 +35,7 @@ from companion.service.command_job import SendReply
 from companion.service.dispatcher import CommandDispatcher
 from companion.service.flight_actions import FlightActions
 from companion.service.telemetry import Telemetry
+from companion.service.traffic import Traffic
 from companion.service.vehicle_service import open_service
 from companion.supervisor.flight_state import STREAMING, Phase
 from companion.supervisor.without_frames import off_sentence
@@ -82,7 +83,9 @@ async def serve(settings: DaemonSettings) -> None:
         if settings.operator.embedded:
             await devices.enter_async_context(open_broker(settings.operator))
         link = BusLink(settings.operator, MonotonicClock(), session, about_of(settings.config, session))
-        dispatcher = CommandDispatcher(settings.config, settings.note_law, link.rival)
+        separation, body = settings.config.separation, settings.config.mocap.body
+        traffic = Traffic(separation, body, session, link.announce, link.neighbours.intents)
+        dispatcher = CommandDispatcher(settings.config, settings.note_law, link.rival, traffic)
         publisher = EventPublisher(link, settings.recorder)
         await devices.enter_async_context(link.listening(CommandLogger(dispatcher, publisher)))
         await _require_only_service(link)

@@ -16,6 +16,7 @@ from companion.service.command_job import CHANNELS, CommandJob, SendReply, chann
 from companion.service.flight_actions import FlightActions
 from companion.service.immediate_commands import ImmediateCommands
 from companion.service.queued_commands import NegativeResultError, QueuedCommands, Result
+from companion.service.traffic import Traffic, no_traffic
 from companion.supervisor.flight_state import FlightState
 
 LOG = logging.getLogger(__name__)
@@ -29,12 +30,20 @@ class CommandDispatcher:
     the others, one for the flight and one for the arms run at a time.
     """
 
-    def __init__(self, config: CompanionConfig, note_law: Callable[[str], None], rival: Callable[[], str]) -> None:
+    def __init__(
+        self,
+        config: CompanionConfig,
+        note_law: Callable[[str], None],
+        rival: Callable[[], str],
+        traffic: Traffic | None = None,
+    ) -> None:
         """`note_law` gets the name of a law before that law takes over.
 
-        `rival` returns the conflict when another service uses this vehicle's name; arming is refused then.
+        `rival` returns the conflict when another service uses this vehicle's name or body; arming is refused then.
+        `traffic` compares ways with the other vehicles'; None in a room with one.
         """
         self._config, self._note_law, self._rival = config, note_law, rival
+        self._traffic = no_traffic() if traffic is None else traffic
         self._service: FlightActions | None = None
         self._waiting = "the service starts"
         self._jobs: dict[str, CommandJob] = {}
@@ -114,7 +123,7 @@ class CommandDispatcher:
         self._jobs |= dict.fromkeys(channels, job)
         if isinstance(command, commands.Arms) and command.do == "hold":
             self._call_off(("arms",), "a hold of the arms was commanded")
-        return QueuedCommands(service, self._config, job, self._note_law).run()
+        return QueuedCommands(service, self._config, job, self._note_law, self._traffic).run()
 
     def _call_off(self, channels: Iterable[str], why: str) -> None:
         """Cancel commands in preparation; those that have started are ended by the flight or by the arms."""

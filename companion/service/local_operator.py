@@ -13,6 +13,7 @@ from companion.adapters.system.clock import MonotonicClock
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController
 from companion.core.interfaces import FlightError, WatchdogTimer
+from companion.core.types import OtherService
 from companion.flight.tick import TickSink
 from companion.protocol.commands import COMMAND, Command
 from companion.protocol.telemetry import ENDS, Answer, Reply
@@ -61,6 +62,10 @@ class _LocalLink:
     def age_s(self) -> float:
         """Return 0 s."""
         return 0.0
+
+    def others(self) -> tuple[OtherService, ...]:
+        """Return none."""
+        return ()
 
     def rival(self) -> str:
         """Return no conflict."""

@@ -19,6 +19,7 @@ from companion.protocol import commands
 from companion.service.command_job import CommandJob
 from companion.service.flight_actions import FlightActions, ended_by
 from companion.service.planning import Planned, load_law, planned_arms, planned_track, yaw_here_rad
+from companion.service.traffic import Traffic, Way
 from companion.supervisor.faults import FailsafeAction
 from companion.supervisor.flight_state import HoldRequest, TrackRequest
 from companion.trajectories.reference import Hold
@@ -46,9 +47,15 @@ class QueuedCommands:
     """One command that takes time and excludes others of its channels."""
 
     def __init__(
-        self, service: FlightActions, config: CompanionConfig, job: CommandJob, note_law: Callable[[str], None]
+        self,
+        service: FlightActions,
+        config: CompanionConfig,
+        job: CommandJob,
+        note_law: Callable[[str], None],
+        traffic: Traffic,
     ) -> None:
         self._service, self._config, self._job, self._note_law = service, config, job, note_law
+        self._traffic = traffic
 
     def run(self) -> Coroutine[Any, Any, str | Result]:
         """Return the coroutine that carries out the command."""
@@ -101,7 +108,11 @@ class QueuedCommands:
     async def _go_to(self, command: commands.GoTo) -> str:
         service, target_w_m = self._service, np.array([command.x_m, command.y_m, command.z_m])
         yaw_rad = yaw_here_rad(service) if command.yaw_rad is None else command.yaw_rad
-        await service.go_to(target_w_m, yaw_rad, self._start)
+        way = await self._traffic.way(service.loop, TrackRequest(Hold(target_w_m, yaw_rad), 0.0))
+        try:
+            await service.go_to(target_w_m, yaw_rad, lambda: self._begin_way(way, ""))
+        finally:
+            self._traffic.end(way)
         return f"it hovers at {command.x_m:g} {command.y_m:g} {command.z_m:g} m"
 
     async def _track(self, command: commands.Track) -> str:
@@ -110,15 +121,21 @@ class QueuedCommands:
         if rejection:  # before seconds of planning; what may change meanwhile is evaluated at the start
             raise FlightError(rejection)
         plan: Planned = await asyncio.to_thread(planned_track, command, service, self._config.arms)
+        way = await self._traffic.way(service.loop, TrackRequest(plan.trajectory, self._config.flight.settle_s))
         try:
-            await service.fly(plan.trajectory, lambda: self._begin_track(plan))
+            await service.fly(plan.trajectory, lambda: self._begin_track(plan, way))
         finally:
+            self._traffic.end(way)
             if plan.arms is not None:
                 service.arms.end(plan.arms, "the trajectory is over")
         return f"{plan.name} is flown, it hovers at its end"
 
-    def _begin_track(self, plan: Planned) -> None:
-        self._start(f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
+    def _begin_way(self, way: Way, text: str) -> None:
+        self._traffic.begin(self._job.command.verb, way)
+        self._start("; ".join(filter(None, (text, way.note))))
+
+    def _begin_track(self, plan: Planned, way: Way) -> None:
+        self._begin_way(way, f"to the start of {plan.name}, then {plan.trajectory.duration_s:.0f} s")
         if plan.arms is None:
             return
         try:

@@ -77,6 +77,7 @@ async def open_service(
             arms=loop.arms,
             disk_free_mb=disk.free_mb,
             operator_age_s=operator.age_s,
+            others=operator.others,
             arms_remarks=remarks,
             landed_age_s=partial(_landed_age_s, loop, clock),
             law_loaded=True,

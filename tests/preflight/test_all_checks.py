@@ -9,10 +9,12 @@ import pytest
 
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
+from companion.config.mocap_config import MocapConfig
 from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig
+from companion.config.separation_config import SeparationConfig
 from companion.core.interfaces import ConfigError
-from companion.core.types import Array, AutopilotStatus, BatteryReading, Reference
+from companion.core.types import Array, AutopilotStatus, BatteryReading, OtherService, Reference
 from companion.geometry.frames import quat_from_rotation_vector, quat_from_yaw
 from companion.preflight.checks.agreement import Difference, VisionFacts, apart, check_heading, check_tilts
 from companion.preflight.checks.all_checks import Facts, check_all
@@ -33,6 +35,28 @@ def failed(facts: Facts, wanted: PreflightConfig = WANTED, config: CompanionConf
 def test_a_ready_vehicle_may_arm() -> None:
     assert failed(ready()) == []
     assert refusal(check_all(ready(), CONFIG, WANTED, RECOMMENDED)) == ""
+
+
+def others(*bodies: str, order: tuple[str, ...] = ()) -> list[Check]:
+    """The line on other vehicles, whose names are those of their bodies in capitals."""
+    config = CompanionConfig(separation=SeparationConfig(order=order), mocap=MocapConfig(body="dauam"))
+    facts = replace(ready(), others=tuple(OtherService(body.upper(), body) for body in bodies))
+    return [check for check in check_all(facts, config, WANTED, RECOMMENDED) if check.name == "other vehicles"]
+
+
+def test_a_vehicle_that_is_not_in_the_order_of_separation_is_refused() -> None:
+    order = ("dauam", "two")
+    assert others() == []
+    assert [check.passed for check in others(order=order)] == [True]
+    assert [check.says for check in others("two", order=order)] == [
+        "on the broker: TWO (body two); separation knows them"
+    ]
+    (stranger,) = others("two", "three", order=order)
+    assert stranger.refuses
+    assert stranger.says == "on the broker, and not in separation.order: THREE (body three)"
+    (warning,) = others("two")
+    assert (warning.passed, warning.refuses) == (False, False)
+    assert "no separation is configured, so nothing keeps them apart" in warning.says
 
 
 @pytest.mark.parametrize(

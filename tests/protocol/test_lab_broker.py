@@ -29,10 +29,10 @@ from tests.units.tools import said
 pytestmark = [needs_mosquitto, pytest.mark.slow]
 
 TOPICS = {name: Topics("dauam", name) for name in ("dauam-1", "dauam-2")}
-PARTS = ("command", "state", "event", "status", "about", "mocap", "mocap/bridge", "reply/anna-1")
+PARTS = ("command", "state", "event", "status", "about", "intent", "mocap", "mocap/bridge", "reply/anna-1")
 MAY_SAY = {
-    "dauam-1": {f"dauam-1/{part}" for part in ("state", "event", "status", "about", "reply/anna-1")},
-    "dauam-2": {f"dauam-2/{part}" for part in ("state", "event", "status", "about", "reply/anna-1")},
+    "dauam-1": {f"dauam-1/{part}" for part in ("state", "event", "status", "about", "intent", "reply/anna-1")},
+    "dauam-2": {f"dauam-2/{part}" for part in ("state", "event", "status", "about", "intent", "reply/anna-1")},
     "anna": {"dauam-1/command"},
     "ben": {"dauam-1/command", "dauam-2/command"},
     "screen": set(),
@@ -40,13 +40,15 @@ MAY_SAY = {
 }
 SAID = set().union(*MAY_SAY.values())
 """All topics: each is somebody's."""
+ALL_READ = {f"{name}/{part}" for name in TOPICS for part in ("status", "intent")}
+"""What vehicles must know of each other; a pattern of mosquitto's is for all users."""
 MAY_READ = {
-    "dauam-1": {"dauam-1/command", "dauam-1/status", "dauam-1/mocap", "dauam-1/mocap/bridge"},
-    "dauam-2": {"dauam-2/command", "dauam-2/status", "dauam-2/mocap", "dauam-2/mocap/bridge"},
-    "anna": {topic for topic in SAID if topic.startswith("dauam-1/")},
+    "dauam-1": {"dauam-1/command", "dauam-1/mocap", "dauam-1/mocap/bridge"} | ALL_READ,
+    "dauam-2": {"dauam-2/command", "dauam-2/mocap", "dauam-2/mocap/bridge"} | ALL_READ,
+    "anna": {topic for topic in SAID if topic.startswith("dauam-1/")} | ALL_READ,
     "ben": SAID,
-    "screen": {topic for topic in SAID if topic.endswith(("/state", "/event", "/status", "/about"))},
-    "mocap-bridge": {"dauam-1/mocap/bridge", "dauam-2/mocap/bridge"},
+    "screen": {topic for topic in SAID if topic.endswith(("/state", "/event", "/about"))} | ALL_READ,
+    "mocap-bridge": {"dauam-1/mocap/bridge", "dauam-2/mocap/bridge"} | ALL_READ,
 }
 
 

@@ -14,15 +14,18 @@ from pydantic import BaseModel
 
 from companion import __version__
 from companion.adapters.mqtt.connection import V5, V311, Connection
+from companion.adapters.mqtt.neighbours import Neighbours
 from companion.adapters.mqtt.outbox import Outbox, OutboxMessage, ReplyAddress
 from companion.adapters.mqtt.reconnector import LoggedReconnector, endpoint
 from companion.adapters.mqtt.rival import LISTEN_S, Rival
 from companion.adapters.system.background import background
 from companion.config.operator_config import OperatorConfig
 from companion.core.interfaces import Clock, CompanionError
+from companion.core.types import OtherService
 from companion.protocol.about import About
 from companion.protocol.commands import Command
 from companion.protocol.intake import Intake, Refusal
+from companion.protocol.intent import Intent
 from companion.protocol.telemetry import Answer, Happened, Presence, Reply, State
 
 LOG = logging.getLogger(__name__)
@@ -57,6 +60,7 @@ class BusLink:
             online=True,
             session=session,
             vehicle=config.vehicle,
+            body="" if about is None else about.body,
             host=socket.gethostname(),
             version=__version__,
             since_s=time.time(),
@@ -65,6 +69,11 @@ class BusLink:
         self._endpoint = endpoint(config, aiomqtt.Will(self._topics.status, gone, qos=1, retain=True))
         self._where = f"{config.host}:{config.port}"
         self._rival = Rival(self._presence, self._topics.status, self._where, clock)
+        self.neighbours = Neighbours(self._presence, self._topics, clock)
+        """Services of other vehicles on the broker."""
+        self._intent: bytes | None = None
+        """Newest announcement, empty when it was taken back; None before the first."""
+        self._intent_changed = asyncio.Event()
         self._listened = asyncio.Event()
         if config.embedded:  # the broker has just begun with us
             self._listened.set()
@@ -80,9 +89,13 @@ class BusLink:
         """Return the time since the broker last answered, s; 0 while it does."""
         return 0.0 if self._broker_link.there else self._clock.now_s() - self._answered_s
 
+    def others(self) -> tuple[OtherService, ...]:
+        """Return the services of other vehicles that are heard now."""
+        return tuple(OtherService(one.vehicle, one.body) for one in self.neighbours.present())
+
     def rival(self) -> str:
-        """Return what is wrong when another service has this vehicle's name; empty when none is heard."""
-        return self._rival.sentence
+        """Return what is wrong when another service has this vehicle's name or body; empty when none is heard."""
+        return self._rival.sentence or self.neighbours.rival
 
     async def listened(self, timeout_s: float) -> None:
         """Wait until another service would have been heard, or until there was no broker for that time."""
@@ -98,6 +111,11 @@ class BusLink:
         """Say it to everyone, if there is a broker and nothing newer. Never waits."""
         self._state = state
         self._shown.set()
+
+    def announce(self, intent: Intent | None) -> None:
+        """Say to the other vehicles where this one will fly, once there is a broker; None: nowhere. Never waits."""
+        self._intent = b"" if intent is None else intent.model_dump_json().encode()
+        self._intent_changed.set()
 
     @asynccontextmanager
     async def listening(self, on_command: OnCommand) -> AsyncIterator[None]:
@@ -119,7 +137,10 @@ class BusLink:
         """Run one connection until it breaks; raises what broke it."""
         async with Connection(self._endpoint, version, _WAITING) as broker:
             await broker.listen_to(self._topics.command)
-            await broker.subscribe(self._topics.status, qos=0)  # whether it lets us shows in what comes
+            for topic in (self._topics.status, *self.neighbours.topics):
+                await broker.subscribe(topic, qos=0)  # whether it lets us shows in what comes
+            if self._intent is not None:
+                self._intent_changed.set()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._listen(broker, on_command), name="companion.bus.listen")
                 if not self._listened.is_set():  # once in a run: later the vehicle may fly
@@ -129,6 +150,7 @@ class BusLink:
                 group.create_task(self._publish_from(broker, self._replies), name="companion.bus.replies")
                 group.create_task(self._publish_from(broker, self._events), name="companion.bus.events")
                 group.create_task(self._publish_state(broker), name="companion.bus.state")
+                group.create_task(self._publish_intent(broker), name="companion.bus.intent")
 
     async def _beat(self, broker: Connection) -> None:
         """Publish our presence again and again: a broker that hangs is noticed, which TCP alone would not show.
@@ -156,8 +178,11 @@ class BusLink:
         async for message in broker.messages:
             if message.topic.value == self._topics.command:  # some brokers send what was not subscribed to
                 self._take(message, on_command)
-            elif message.topic.value == self._topics.status and self._rival.note(message):
-                LOG.error("%s", self._rival.sentence)
+            elif message.topic.value == self._topics.status:
+                if self._rival.note(message):
+                    LOG.error("%s", self._rival.sentence)
+            elif self.neighbours.note(message):
+                LOG.error("%s", self.neighbours.rival)
 
     def _take(self, message: aiomqtt.Message, on_command: OnCommand) -> None:
         payload = message.payload if isinstance(message.payload, bytes) else b""
@@ -216,6 +241,12 @@ class BusLink:
                 box.not_published(message)
                 raise
             box.published()
+
+    async def _publish_intent(self, broker: Connection) -> None:
+        while True:
+            await self._intent_changed.wait()
+            self._intent_changed.clear()
+            await broker.publish(self._topics.intent, self._intent or b"", qos=1, retain=True)
 
     async def _publish_state(self, broker: Connection) -> None:
         while True:

@@ -10,7 +10,7 @@ from companion.protocol.telemetry import Presence
 
 LISTEN_S = 1.2
 """Another service is heard more than once within this: it says twice a second that it is there."""
-_GONE_S = 3.0
+GONE_S = 3.0
 """Silence after which the other service counts as ended."""
 
 
@@ -44,11 +44,16 @@ class Rival:
     def sentence(self) -> str:
         """Return an error with its remedy; empty when no other service is seen."""
         other = self._presence
-        if other is None or self._clock.now_s() - self._heard_s > _GONE_S:
+        if other is None or self._clock.now_s() - self._heard_s > GONE_S:
             return ""
-        since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(other.since_s))
         return (
-            f"another service has this vehicle's name ({self._topic.removesuffix('/status')} at {self._where}): on "
-            f"{other.host or 'a computer that does not say its name'}, version {other.version or 'unknown'}, since "
-            f"{since}: stop one of the two, or give this one another [operator] vehicle"
+            f"another service has this vehicle's name ({self._topic.removesuffix('/status')} at {self._where}): "
+            f"{run_of(other)}: stop one of the two, or give this one another [operator] vehicle"
         )
+
+
+def run_of(presence: Presence) -> str:
+    """Return where a service runs and since when, as part of a sentence."""
+    since = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(presence.since_s))
+    host = presence.host or "a computer that does not say its name"
+    return f"on {host}, version {presence.version or 'unknown'}, since {since}"

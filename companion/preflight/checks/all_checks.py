@@ -9,7 +9,7 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.operator_config import OperatorConfig
 from companion.config.preflight_config import PreflightConfig, Recommended
 from companion.config.safety_config import FenceConfig, SafetyConfig
-from companion.core.types import Array, AutopilotStatus
+from companion.core.types import Array, AutopilotStatus, OtherService
 from companion.preflight.checks import agreement, computer, mocap, start_place, vehicle, without_frames
 from companion.preflight.checks.agreement import Difference, VisionFacts
 from companion.preflight.checks.check import Check
@@ -48,6 +48,8 @@ class Facts:
     """Since the operator's broker last answered; 0 while it does, and where none is configured."""
     landed_age_s: float = math.inf
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
+    others: tuple[OtherService, ...] = ()
+    """Services of other vehicles that were heard on the broker."""
     law: Check | None = None
     """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
     ground: GroundPoseFacts | None = None
@@ -67,6 +69,7 @@ def check_all(
     return (
         *check_machine(facts.machine, config.safety, wanted),
         *check_operator(facts.operator_age_s, config.operator),
+        *computer.check_others(facts.others, config.separation.order),
         *_seen(facts, config.safety, wanted),
         vehicle.check_link(facts.status, facts.time_s, config.safety.autopilot_silent_s),
         vehicle.check_alone(facts.status, config.px4.system_id),

@@ -1,8 +1,10 @@
-"""The computer that flies: disk, clock, priority."""
+"""The computer that flies, and its broker: disk, clock, priority, other vehicles' services."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+from companion.core.types import OtherService
 from companion.preflight.checks.check import Check
 
 _RECORD_MB = 100.0
@@ -72,3 +74,33 @@ def check_priority(seen: ComputerFacts, must: bool) -> Check:
     if must:
         todo += "; where none can be had, [preflight] realtime = false makes this a warning"
     return Check("real-time priority", realtime or seen.nice <= _NICE, says, todo, must)
+
+
+def check_others(others: Sequence[OtherService], order: Sequence[str]) -> tuple[Check, ...]:
+    """Check that every other vehicle on the broker is one that this one stays away from.
+
+    A vehicle that is not in `separation.order` is refused; without separation all of them are a warning, and no other
+    vehicle is no line.
+    """
+    checked = _check_others(others, order)
+    return () if checked is None else (checked,)
+
+
+def _check_others(others: Sequence[OtherService], order: Sequence[str]) -> Check | None:
+    name = "other vehicles"
+    if not others:
+        return Check(name, True, "none is on the broker") if order else None
+    if not order:
+        says = f"on the broker: {_vehicles(others)}; no separation is configured, so nothing keeps them apart"
+        todo = "give [separation] order in every vehicle's file, unless they fly in another room"
+        return Check(name, False, says, todo, must=False)
+    strangers = [one for one in others if one.body not in order]
+    if strangers:
+        says = f"on the broker, and not in separation.order: {_vehicles(strangers)}"
+        todo = "add its body to separation.order in every vehicle's file, or stop its service"
+        return Check(name, False, says, todo)
+    return Check(name, True, f"on the broker: {_vehicles(others)}; separation knows them")
+
+
+def _vehicles(others: Sequence[OtherService]) -> str:
+    return ", ".join(f"{one.vehicle} (body {one.body or 'not told'})" for one in others)

@@ -8,7 +8,7 @@ import numpy as np
 from companion.control.controller import ControlInput, ControlOutput
 from companion.control.gains import PidGains
 from companion.control.pid import Pid, PidMemory
-from companion.core.types import AutopilotStatus
+from companion.core.types import AutopilotStatus, OtherService
 from companion.flight.health_step import Sides
 from companion.geometry.frames import flip_yz
 from companion.supervisor.flight_state import KillRequest, LandRequest, TakeoffRequest
@@ -159,6 +159,9 @@ class _Broker:
     def age_s(self) -> float:
         gone = self._faults.active(Part.BROKER)
         return self._now_s() - min(held.since_s for held in gone) if gone else 0.0
+
+    def others(self) -> tuple[OtherService, ...]:
+        return ()
 
 
 def connect_broker(flight: Flight) -> None:
