@@ -17,7 +17,7 @@ from companion.config.flight_config import (
     VehicleConfig,
 )
 from companion.config.mocap_config import MocapConfig, mocap_and_operator
-from companion.config.operator_config import OperatorConfig
+from companion.config.operator_config import OperatorConfig, PageConfig
 from companion.config.preflight_config import PreflightConfig
 from companion.config.px4_config import Px4Config
 from companion.config.records_config import RecordsConfig
@@ -52,6 +52,7 @@ class CompanionConfig(Section):
     preflight: PreflightConfig = PreflightConfig()
     arms: ArmsConfig | None = None
     operator: OperatorConfig | None = None
+    page: PageConfig = PageConfig()
     records: RecordsConfig = RecordsConfig()
 
     @model_validator(mode="after")

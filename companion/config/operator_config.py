@@ -1,4 +1,4 @@
-"""The [operator] table: the MQTT broker over which commands come. Without the table the service has its own."""
+"""The [operator] table: the MQTT broker over which commands come, the service's own without it. And [page]."""
 
 import ipaddress
 import stat
@@ -75,6 +75,24 @@ class OperatorConfig(Section):
             return None
         where = f"{self.table}.password_file = {self.password_file!r}"
         return secret_in(self.password_file, where, _MOST_PASSWORD_BYTES, "the password")
+
+
+class PageConfig(Section):
+    """The live page, for `companion page` and `companion serve --page`; its files are read by its own process."""
+
+    host: str = Field("127.0.0.1", min_length=1, description='address to serve on; "0.0.0.0": for the whole network')
+    port: int = Field(8080, ge=0, le=65535, description="TCP port; 0: a free one")
+    password_file: str | None = Field(
+        None, min_length=1, description="file that `companion page-password` wrote; without one the page only looks"
+    )
+    tls_cert: str | None = Field(None, min_length=1, description="PEM file of the certificate, to serve encrypted")
+    tls_key: str | None = Field(None, min_length=1, description="PEM file of the certificate's key")
+
+    @model_validator(mode="after")
+    def _together(self) -> "PageConfig":
+        if (self.tls_cert is None) != (self.tls_key is None):
+            raise ValueError("tls_cert and tls_key belong together: give both")
+        return self
 
 
 def usable_secret(name: str) -> None:

@@ -42,7 +42,7 @@ class PasswordHash:
     @classmethod
     def read(cls, path: Path) -> Self:
         """Read the file; ConfigError when others may read it, or it holds no such hash."""
-        where, remedy = f"--page-password {path}", f"write it with `companion page-password {path}`"
+        where, remedy = f"the page's password {path}", f"write it with `companion page-password {path}`"
         if not path.exists():
             raise ConfigError(f"{where}: there is no such file: {remedy}")
         try:

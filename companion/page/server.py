@@ -15,6 +15,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from companion.adapters.system.background import background, first_of
+from companion.config.operator_config import PageConfig
 from companion.core.errors import ConfigError
 from companion.page.access import OneTimeToken
 from companion.page.app import page_app
@@ -47,18 +48,26 @@ async def serve_page(settings: PageSettings, announce: Callable[[str], None], st
 
     Raises ConfigError for an address, a file or a certificate that cannot be used.
     """
-    password = PasswordHash.read(Path(settings.password_file)) if settings.password_file else None
-    certificate = certificate_of(settings)
-    with _listening(settings) as listener:
-        os.setpriority(os.PRIO_PROCESS, 0, max(_NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+    page = settings.page
+    password = PasswordHash.read(Path(page.password_file)) if page.password_file is not None else None
+    certificate = certificate_of(page)
+    with _listening(page) as listener:
+        _yield_to_flights()
         for line in lines_of(settings, listener.getsockname()[1]):
             announce(line)
         hub = Hub(password is not None)
         vehicles = Vehicles(settings.broker, settings.vehicles, hub)
         login = Login(password=password, token=OneTimeToken(settings.token), tls=certificate is not None)
-        server = server_of(page_app(hub, vehicles, login, own_names(settings.host)), certificate)
+        server = server_of(page_app(hub, vehicles, login, own_names(page.host)), certificate)
         async with background(_end_on(stop, server), "companion.page.end"):
             await first_of(vehicles.run(), server.serve([listener]))
+
+
+def _yield_to_flights() -> None:
+    """Let every other program go first, and the memory of this one be the first to be taken back."""
+    os.setpriority(os.PRIO_PROCESS, 0, max(_NICE, os.getpriority(os.PRIO_PROCESS, 0)))
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text("500", encoding="ascii")
 
 
 async def _end_on(stop: asyncio.Event, server: uvicorn.Server) -> None:
@@ -67,20 +76,17 @@ async def _end_on(stop: asyncio.Event, server: uvicorn.Server) -> None:
     server.should_exit = True
 
 
-def certificate_of(settings: PageSettings) -> ssl.SSLContext | None:
+def certificate_of(page: PageConfig) -> ssl.SSLContext | None:
     """Return the context of the page's certificate; None without one. ConfigError when it cannot be used."""
-    if not settings.tls_cert and not settings.tls_key:
+    if page.tls_cert is None:
         return None
-    if not settings.tls_cert or not settings.tls_key:
-        given, missing = ("--tls-cert", "--tls-key") if settings.tls_cert else ("--tls-key", "--tls-cert")
-        raise ConfigError(f"{given}: give {missing} as well")
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     try:
-        context.load_cert_chain(settings.tls_cert, settings.tls_key, password=_no_password)
+        context.load_cert_chain(page.tls_cert, page.tls_key, password=_no_password)
     except (OSError, ValueError) as error:
-        files = f"--tls-cert {settings.tls_cert}, --tls-key {settings.tls_key}"
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ConfigError(f"{files}: not a certificate and its key, in PEM, that can be read: {reason}") from error
+        files = f"the page's certificate {page.tls_cert} with its key {page.tls_key}"
+        raise ConfigError(f"{files}: not in PEM, or not one of the other, or not to be read: {reason}") from error
     return context
 
 
@@ -89,12 +95,12 @@ def _no_password() -> str:
 
 
 @contextlib.contextmanager
-def _listening(settings: PageSettings) -> Iterator[socket.socket]:
+def _listening(page: PageConfig) -> Iterator[socket.socket]:
     """Bind the page's socket; ConfigError when the address cannot be had."""
-    where = f"--host {settings.host} --port {settings.port}"
+    where = f"the page on {page.host}, port {page.port}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
-            settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            page.host, page.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except (OSError, UnicodeError) as error:
         raise ConfigError(f"{where}: not an address of this computer: {error}") from error
@@ -104,27 +110,27 @@ def _listening(settings: PageSettings) -> Iterator[socket.socket]:
             listener.bind(address)
             listener.listen()
         except OSError as error:
-            raise ConfigError(
-                f"{where}: the page cannot be served there ({error.strerror}): {_remedy(error)}"
-            ) from error
+            reason = f"cannot be served there ({error.strerror}): {_remedy(error)}"
+            raise ConfigError(f"{where}: {reason}") from error
         yield listener
 
 
 def _remedy(error: OSError) -> str:
     if isinstance(error, PermissionError):
         return "give a port from 1024 on"
-    return "is there another page? Give another --port, or an address of this computer"
+    return "is there another page? Give another port, or an address of this computer"
 
 
 def lines_of(settings: PageSettings, port: int) -> list[str]:
     """Return the lines that say where the page is, and what it may."""
-    scheme = "https" if settings.tls_cert else "http"
+    page = settings.page
+    scheme = "https" if page.tls_cert else "http"
     token = f"#token={settings.token}" if settings.token else ""
-    urls = [f"{scheme}://{_in_url(host)}:{port}/{token}" for host in _addresses(settings.host)]
+    urls = [f"{scheme}://{_in_url(host)}:{port}/{token}" for host in _addresses(page.host)]
     lines = [f"page: {' '.join(urls)}"]
-    if not settings.password_file and not settings.token:
+    if page.password_file is None and not settings.token:
         lines.append("the page only looks: to command from it, give --page-password FILE")
-    elif settings.password_file and not settings.tls_cert and not _is_local(settings.host):
+    elif page.password_file is not None and page.tls_cert is None and not _is_local(page.host):
         lines.append("everyone on this network can read the page's password: give --tls-cert and --tls-key")
     return lines
 

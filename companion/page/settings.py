@@ -2,10 +2,7 @@
 
 from pydantic import BaseModel, ConfigDict
 
-from companion.config.operator_config import OperatorConfig
-
-PORT = 8080
-"""Default TCP port of the page."""
+from companion.config.operator_config import OperatorConfig, PageConfig
 
 
 class PageSettings(BaseModel):
@@ -15,13 +12,8 @@ class PageSettings(BaseModel):
 
     broker: OperatorConfig
     """Broker and prefix; its `vehicle` is not used."""
+    page: PageConfig = PageConfig()
     vehicles: tuple[str, ...] = ()
     """Vehicles to show; empty: all that the broker knows."""
-    host: str = "127.0.0.1"
-    port: int = PORT
-    password_file: str = ""
-    """File written by `companion page-password`; empty: nobody logs in with a password."""
-    tls_cert: str = ""
-    tls_key: str = ""
     token: str = ""
     """One-time login for a browser on this computer; empty: none."""

@@ -5,10 +5,13 @@ import socket
 import stat
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from companion.config.operator_config import OperatorConfig
+from companion.cli.operator.page import _page
+from companion.config.operator_config import OperatorConfig, PageConfig
+from companion.core.errors import ConfigError
 from companion.page.passwords import PasswordHash
 from companion.page.server import lines_of
 from companion.page.settings import PageSettings
@@ -30,17 +33,17 @@ def page_password(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--page-password", "/none"), "--page-password /none: there is no such file: write it with"),
-        (("--page-password", "/etc/hosts"), "--page-password /etc/hosts: every user of this computer may read"),
-        (("--tls-cert", "x.crt"), "--tls-cert: give --tls-key as well"),
-        (("--tls-key", "x.key"), "--tls-key: give --tls-cert as well"),
+        (("--page-password", "/none"), "the page's password /none: there is no such file: write it with"),
+        (("--page-password", "/etc/hosts"), "the page's password /etc/hosts: every user of this computer may read"),
+        (("--tls-cert", "x.crt"), "the page's options: tls_cert and tls_key belong together: give both"),
+        (("--tls-key", "x.key"), "tls_cert and tls_key belong together"),
         (
             ("--tls-cert", "/none", "--tls-key", "/none"),
-            "not a certificate and its key, in PEM, that can be read: No such",
+            "not in PEM, or not one of the other, or not to be read: No such file",
         ),
-        (("--tls-cert", "/etc/hosts", "--tls-key", "/etc/hosts"), "not a certificate and its key, in PEM, that can be"),
-        (("--host", "192.0.2.1"), "--host 192.0.2.1 --port 8080: the page cannot be served there (Cannot assign"),
-        (("--host", "a b"), "--host a b --port 8080: not an address of this computer"),
+        (("--tls-cert", "/etc/hosts", "--tls-key", "/etc/hosts"), "the page's certificate /etc/hosts with its key"),
+        (("--host", "192.0.2.1"), "the page on 192.0.2.1, port 8080: cannot be served there (Cannot assign"),
+        (("--host", "a b"), "the page on a b, port 8080: not an address of this computer"),
         (("--vehicle", "a b"), "must be 1 to 32 letters, digits, - or _"),
         (("--vehicle", "prefix/"), "--vehicle 'prefix/': give VEHICLE, A,B or PREFIX/A,B"),
         (("--vehicle", ","), "give at least one name"),
@@ -63,25 +66,31 @@ def test_a_port_in_use_is_said_in_a_sentence(page: Type) -> None:
         port = taken.getsockname()[1]
         typed = page("--port", str(port))
     assert typed.code == 2
-    assert (
-        f"--port {port}: the page cannot be served there (Address already in use): is there another page?" in typed.err
-    )
+    assert f"port {port}: cannot be served there (Address already in use): is there another page?" in typed.err
 
 
-def settings(**fields: object) -> PageSettings:
-    return PageSettings.model_validate({"broker": OperatorConfig(), **fields})
+def lines(port: int, token: str = "", **page: Any) -> list[str]:
+    return lines_of(PageSettings(broker=OperatorConfig(), page=PageConfig(**page), token=token), port)
 
 
 def test_it_says_where_it_is_and_what_it_may() -> None:
-    assert lines_of(settings(), 8080) == [
-        "page: http://127.0.0.1:8080/", "the page only looks: to command from it, give --page-password FILE",
-    ]  # fmt: skip
-    assert lines_of(settings(password_file="x"), 80) == ["page: http://127.0.0.1:80/"]
-    assert lines_of(settings(host="::1", tls_cert="x", password_file="x"), 1) == ["page: https://[::1]:1/"]
-    assert lines_of(settings(token="abc"), 1) == ["page: http://127.0.0.1:1/#token=abc"]
-    everywhere = lines_of(settings(host="0.0.0.0", password_file="x"), 1)
+    looks = "the page only looks: to command from it, give --page-password FILE"
+    assert lines(8080) == ["page: http://127.0.0.1:8080/", looks]
+    assert lines(80, password_file="x") == ["page: http://127.0.0.1:80/"]
+    assert lines(1, host="::1", tls_cert="x", tls_key="x", password_file="x") == ["page: https://[::1]:1/"]
+    assert lines(1, token="abc") == ["page: http://127.0.0.1:1/#token=abc"]
+    everywhere = lines(1, host="0.0.0.0", password_file="x")
     assert everywhere[0].endswith("http://127.0.0.1:1/")
     assert "everyone on this network can read the page's password" in everywhere[1]
+
+
+def test_a_file_has_the_pages_address_and_options_go_first(tmp_path: Path) -> None:
+    file = tmp_path / "page.toml"
+    file.write_text('[operator]\nhost = "lab"\n[page]\nhost = "0.0.0.0"\nport = 81\npassword_file = "page.hash"\n')
+    assert _page({"port": 82, "host": None}, file) == PageConfig(host="0.0.0.0", port=82, password_file="page.hash")
+    file.write_text("[page]\nprot = 81\n")
+    with pytest.raises(ConfigError, match=r"page\.prot: unknown key, did you mean 'port'"):
+        _page({}, file)
 
 
 def test_a_password_is_hashed_into_a_file(page_password: Type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

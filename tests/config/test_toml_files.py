@@ -51,8 +51,8 @@ def refusal(path: Path) -> str:
         ("[limit]\nmax_thrust = 0.5", "limit: unknown key, did you mean 'limits'?"),
         (
             "[zzz]\na = 1",
-            "zzz: unknown key; known here are arms, control, fence, flight, law, limits, mocap, operator, preflight, "
-            "px4, records, room, safety, separation, vehicle",
+            "zzz: unknown key; known here are arms, control, fence, flight, law, limits, mocap, operator, page, "
+            "preflight, px4, records, room, safety, separation, vehicle",
         ),
         ("[vehicle]\nmass_kg = 400.0", "vehicle.mass_kg = 400.0: must be at most 50"),
         ("[vehicle]\nmass_kg = -1", "vehicle.mass_kg = -1: must be above 0.1"),

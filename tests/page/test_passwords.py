@@ -52,7 +52,7 @@ def test_a_file_that_is_none_is_refused_in_a_sentence(tmp_path: Path, text: str,
     path.chmod(mode)
     with pytest.raises(ConfigError, match=words) as caught:
         PasswordHash.read(path)
-    assert str(caught.value).startswith(f"--page-password {path}: ")
+    assert str(caught.value).startswith(f"the page's password {path}: ")
     assert "horse" not in str(caught.value), "what is in it is nobody's to read"
 
 

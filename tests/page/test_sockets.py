@@ -15,10 +15,9 @@ import pytest
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from companion.config.operator_config import OperatorConfig
+from companion.config.operator_config import PageConfig
 from companion.page import page_socket, wire
 from companion.page.server import certificate_of, server_of
-from companion.page.settings import PageSettings
 from tests.mosquitto import make_certificates
 from tests.packages import needs
 from tests.page.asgi import VEHICLES, Site
@@ -194,9 +193,9 @@ async def test_more_connections_than_are_allowed_are_closed_at_once(monkeypatch:
 async def test_with_a_certificate_all_of_it_is_encrypted(tmp_path: Path) -> None:
     make_certificates(tmp_path / "certs", "127.0.0.1")
     files = [str(tmp_path / "certs" / f"server.{ending}") for ending in ("crt", "key")]
-    settings = PageSettings(broker=OperatorConfig(), tls_cert=files[0], tls_key=files[1])
+    page_config = PageConfig(tls_cert=files[0], tls_key=files[1])
     trusted = ssl.create_default_context(cafile=str(tmp_path / "certs" / "ca.crt"))
-    async with served(certificate_of(settings), trusted) as page:
+    async with served(certificate_of(page_config), trusted) as page:
         async with page.open(page.site.cookie()) as socket_:
             assert (await first(socket_, "hello"))["can_command"]
         with pytest.raises(InvalidStatus, match="403"):

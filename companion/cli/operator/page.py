@@ -7,7 +7,7 @@ import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 import uvloop
@@ -16,11 +16,12 @@ from companion.adapters.system.systemd import logging_to
 from companion.cli.operator.exit_codes import names_of
 from companion.cli.operator.options import with_place
 from companion.client.endpoint import EndpointOptions, endpoint_of
-from companion.config.operator_config import OperatorConfig
+from companion.config.operator_config import OperatorConfig, PageConfig
+from companion.config.toml_files import read_toml, validate
 from companion.core.errors import ConfigError
 from companion.page.passwords import PasswordHash, objection_to
 from companion.page.server import serve_page
-from companion.page.settings import PORT, PageSettings
+from companion.page.settings import PageSettings
 from companion.protocol.topics import ALL
 
 
@@ -28,33 +29,40 @@ from companion.protocol.topics import ALL
 def page(
     place: EndpointOptions,
     host: Annotated[
-        str, typer.Option(help="Serve on this address: 0.0.0.0 for every computer of the network.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port; 0: a free one.")] = PORT,
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Serve on this address; 0.0.0.0: for the network.  [default: 127.0.0.1]"),
+    ] = None,
+    port: Annotated[
+        int | None, typer.Option(min=0, max=65535, help="TCP port; 0: a free one.  [default: 8080]")
+    ] = None,
     page_password: Annotated[
-        str, typer.Option(metavar="FILE", help="Let those command who know the password in FILE (page-password).")
-    ] = "",
-    tls_cert: Annotated[str, typer.Option(metavar="FILE", help="Serve encrypted, with this certificate, PEM.")] = "",
-    tls_key: Annotated[str, typer.Option(metavar="FILE", help="Key of the certificate, PEM.")] = "",
+        str | None,
+        typer.Option(metavar="FILE", help="Let those command who know the password in FILE (`page-password`)."),
+    ] = None,
+    tls_cert: Annotated[
+        str | None, typer.Option(metavar="FILE", help="Serve encrypted, with this certificate, PEM.")
+    ] = None,
+    tls_key: Annotated[str | None, typer.Option(metavar="FILE", help="Key of the certificate, PEM.")] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log all messages.")] = False,
 ) -> None:
     """Serve a live page of all vehicles for phone, tablet and desktop, until Ctrl-C.
 
     Vehicles of the broker are found by themselves; --vehicle A,B restricts the page to those. Without --page-password
-    the page only looks. Exit codes: 0 after Ctrl-C or SIGTERM, 2 for an address or a file that cannot be used.
+    the page only looks. A file given by --config may have all of this in [page]. Exit codes: 0 after Ctrl-C or SIGTERM,
+    2 for an address or a file that cannot be used.
     """
+    given = {"host": host, "port": port, "password_file": page_password, "tls_cert": tls_cert, "tls_key": tls_key}
     broker, vehicles = _place(place)
-    settings = PageSettings(
-        broker=broker,
-        vehicles=vehicles,
-        host=host,
-        port=port,
-        password_file=page_password,
-        tls_cert=tls_cert,
-        tls_key=tls_key,
-    )
+    settings = PageSettings(broker=broker, vehicles=vehicles, page=_page(given, place.config))
     with logging_to(sys.stderr, logging.DEBUG if verbose else logging.INFO):
         uvloop.run(_until_stopped(settings))
+
+
+def _page(given: dict[str, Any], config: Path | None) -> PageConfig:
+    """Return the page's address and secrets: options override the file's [page]; ConfigError for what cannot be."""
+    table = read_toml(config).get("page", {}) if config is not None else {}
+    options = {name: value for name, value in given.items() if value is not None}
+    return validate(PageConfig, table | options, config or Path("the page's options"), "page" if config else "")
 
 
 def page_password(

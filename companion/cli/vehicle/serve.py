@@ -3,6 +3,7 @@
 import logging
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +26,7 @@ from companion.core.errors import ConfigError
 from companion.flight.assembly import controller_of, margin_in
 from companion.records.record_process import RecordSink
 from companion.service.daemon import DaemonSettings, serve
+from companion.service.page_process import PageOptions, log_page, page_process
 from companion.supervisor.without_frames import off_sentence
 
 LOG = logging.getLogger("companion.serve")
@@ -35,6 +37,10 @@ def serve_command(
     controller: ControllerName = None,
     allow_unstable: AllowUnstable = False,
     record: Annotated[bool, typer.Option(help="Write a record of every flight.")] = True,
+    page: Annotated[
+        bool,
+        typer.Option("--page", help="Serve the live page, too: [page] says where, else http://127.0.0.1:8080/."),
+    ] = False,
     verbose: Annotated[bool, typer.Option("--verbose", help="Log all messages.")] = False,
 ) -> None:
     """Fly the vehicle: take commands over MQTT, publish telemetry, record every flight; until Ctrl-C, which lands.
@@ -69,7 +75,11 @@ def serve_command(
             last_resort=last_resort,
         )
         try:
-            with standard_output_to_log(), unraisable_to_log(last_resort.lacks_memory):
+            with (
+                standard_output_to_log(),
+                unraisable_to_log(last_resort.lacks_memory),
+                page_process(PageOptions(place, settings.page), log_page) if page else nullcontext(),
+            ):
                 uvloop.run(serve(what))
         finally:
             if recorder is not None:
