@@ -27,13 +27,11 @@ from companion.core.interfaces import ArmError, CompanionError, ConfigError, Moc
 from companion.flight.sinks import FanOutSink, LoopHeartbeat
 from companion.flight.tick import TickSink
 from companion.preflight.live_observer import DevicesMissingError, open_live_observer
-from companion.protocol.commands import Command
-from companion.protocol.telemetry import Answer, Happened, Kind, Reply
 from companion.records.record_process import RecordSink
 from companion.service.about import about_of
-from companion.service.command_job import SendReply
 from companion.service.dispatcher import CommandDispatcher
 from companion.service.flight_actions import FlightActions
+from companion.service.publishing import STATE_S, CommandLogger, EventPublisher, StatePublisher
 from companion.service.telemetry import Telemetry
 from companion.service.traffic import Traffic
 from companion.service.vehicle_service import open_service
@@ -42,7 +40,6 @@ from companion.supervisor.without_frames import off_sentence
 
 LOG = logging.getLogger(__name__)
 
-_STATE_S = 0.1
 _RETRY_S = 2.0
 """Time between two attempts to connect to the devices."""
 _RIVAL_TIMEOUT_S = 3.0
@@ -50,7 +47,6 @@ _RIVAL_TIMEOUT_S = 3.0
 _TICK_TIMEOUT_S = 0.5
 """Age of the newest tick below which the control loop counts as alive."""
 _LANDING_S = 60.0
-_NOT_PUBLISHED = {"id", "session", "sent_s", "reply_to", "verb", "waypoints"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,9 +86,14 @@ async def serve(settings: DaemonSettings) -> None:
         await devices.enter_async_context(link.listening(CommandLogger(dispatcher, publisher)))
         await _require_only_service(link)
         telemetry, heartbeat = Telemetry(session, publisher), LoopHeartbeat()
-        publishing = asyncio.create_task(
-            _publish_state(link, telemetry, heartbeat, dispatcher, settings), name="companion.state"
+        states = StatePublisher(
+            link=link,
+            telemetry=telemetry,
+            dispatcher=dispatcher,
+            rate_hz=settings.config.control.rate_hz,
+            off="" if settings.config.law.onboard_mocap else off_sentence(),
         )
+        publishing = asyncio.create_task(_publish_state(states, heartbeat, settings), name="companion.state")
         try:
             settings.notifier.ready("looking for the vehicle")
             sinks: list[TickSink] = [heartbeat, telemetry, *([settings.recorder] if settings.recorder else [])]
@@ -238,38 +239,17 @@ async def _land(service: FlightActions) -> None:
         LOG.error("%s", error)  # noqa: TRY400 - the sentence is for the operator
 
 
-async def _publish_state(
-    link: BusLink,
-    telemetry: Telemetry,
-    heartbeat: LoopHeartbeat,
-    dispatcher: CommandDispatcher,
-    settings: DaemonSettings,
-) -> None:
+async def _publish_state(publisher: StatePublisher, heartbeat: LoopHeartbeat, settings: DaemonSettings) -> None:
     """Publish the state ten times a second, and notify systemd while the control loop ticks or is not running."""
-    rate_hz = settings.config.control.rate_hz
     while True:
-        if lives(heartbeat.ticked_s, dispatcher.ticking, time.monotonic()):
+        if lives(heartbeat.ticked_s, publisher.dispatcher.ticking, time.monotonic()):
             settings.notifier.alive()
         try:
-            telemetry.warn(_warnings(settings, link))
-            telemetry.record = Path(settings.recorder.file).name if settings.recorder is not None else ""
-            ended = dispatcher.ended_loop
-            if ended is not None:
-                telemetry.note_ended_loop(*ended, time.monotonic())
-            state = telemetry.state(dispatcher.doing, rate_hz)
-            link.show(state)
+            state = publisher.publish(settings.recorder)
             settings.notifier.status(f"{state.phase}: {state.reason}" if state.reason else state.phase)
         except Exception:
             LOG.exception("the state cannot be published")
-        await asyncio.sleep(_STATE_S)
-
-
-def _warnings(settings: DaemonSettings, link: BusLink) -> tuple[str, ...]:
-    """Return warnings that do not concern the flight: the record, a second service, and what is off for good."""
-    recorder = settings.recorder
-    unrecorded = f"the record: {recorder.failed}" if recorder is not None and recorder.failed else ""
-    off = "" if settings.config.law.onboard_mocap else off_sentence()
-    return tuple(filter(None, (unrecorded, link.rival(), off)))
+        await asyncio.sleep(STATE_S)
 
 
 def lives(ticked_s: float, ticking: bool, now_s: float) -> bool:
@@ -286,43 +266,3 @@ async def _sleep(stop: asyncio.Event, for_s: float) -> None:
             await stop.wait()
     except TimeoutError:
         return
-
-
-class CommandLogger:
-    """Wrapper of the dispatcher that publishes and records every command and reply."""
-
-    def __init__(self, dispatcher: CommandDispatcher, publish: Callable[[Happened], None]) -> None:
-        self._dispatcher, self._publish = dispatcher, publish
-
-    def __call__(self, command: Command, say: SendReply) -> None:
-        """Publish one command and pass it to the dispatcher."""
-
-        def said(reply: Reply) -> None:
-            if reply.answer is not Answer.PROGRESS:
-                publish(Kind.REPLY, reply.text, f"{command.verb} {reply.answer}")
-            say(reply)
-
-        def publish(kind: Kind, text: str, name: str) -> None:
-            self._publish(Happened(time_s=time.time(), kind=kind, text=text, name=name, id=command.id))
-
-        fields = command.model_dump(exclude=_NOT_PUBLISHED, exclude_none=True)
-        publish(Kind.COMMAND, " ".join(f"{name}={value}" for name, value in fields.items()), command.verb)
-        self._dispatcher.take(command, said)
-
-
-class EventPublisher:
-    """Publisher of events to the operators and into the record."""
-
-    def __init__(self, link: BusLink, recorder: RecordSink | None) -> None:
-        self._link, self._recorder = link, recorder
-
-    def __call__(self, happened: Happened) -> None:
-        """Publish one event and record it."""
-        self._link.tell(happened)
-        if self._recorder is not None:
-            text = happened.text
-            if happened.kind is Kind.REPLY:
-                text = f"{happened.name}: {text}" if text else happened.name
-            elif happened.kind is Kind.COMMAND:
-                text = f"{happened.name} {text}".rstrip()
-            self._recorder.tell(str(happened.kind), text, time.monotonic())

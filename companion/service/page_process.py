@@ -21,7 +21,7 @@ _NOT_SERVED = "error: "
 
 @dataclass(frozen=True)
 class PageOptions:
-    """What the page's process is told."""
+    """Settings of the page's process."""
 
     broker: OperatorConfig
     page: PageConfig

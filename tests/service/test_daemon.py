@@ -11,6 +11,7 @@ from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import AutopilotError, ConfigError
 from companion.service import daemon
 from companion.service.daemon import begun_unless
+from companion.service.publishing import StatePublisher
 from companion.supervisor.without_frames import off_sentence
 
 
@@ -103,13 +104,10 @@ def test_operators_are_told_when_a_flight_is_not_recorded_or_a_name_is_not_its_o
     broken: Any = SimpleNamespace(failed="the process that writes records has ended")
     well: Any = SimpleNamespace(failed=None)
 
-    def settings(recorder: Any, onboard_mocap: bool = True) -> Any:
-        law = SimpleNamespace(onboard_mocap=onboard_mocap)
-        return SimpleNamespace(recorder=recorder, config=SimpleNamespace(law=law))
+    def warnings(recorder: Any, link: Any, off: str = "") -> tuple[str, ...]:
+        publisher = StatePublisher(link=link, telemetry=link, dispatcher=link, rate_hz=100.0, off=off)
+        return publisher.warnings(recorder)
 
-    assert daemon._warnings(settings(None), alone) == daemon._warnings(settings(well), alone) == ()
-    assert daemon._warnings(settings(well, onboard_mocap=False), alone) == (off_sentence(),)
-    assert daemon._warnings(settings(broken), link) == (
-        "the record: the process that writes records has ended",
-        "another service",
-    )
+    assert warnings(None, alone) == warnings(well, alone) == ()
+    assert warnings(well, alone, off_sentence()) == (off_sentence(),)
+    assert warnings(broken, link) == ("the record: the process that writes records has ended", "another service")

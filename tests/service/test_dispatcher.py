@@ -110,7 +110,7 @@ async def flying(op: Operated) -> None:
 async def test_a_whole_flight_by_commands() -> None:
     async with operated() as op:
         steps: list[str] = []
-        operator = LocalOperator(op.one.service, op.dispatcher, steps.append)
+        operator = LocalOperator(op.dispatcher.take, steps.append)
         with pytest.raises(FlightError, match=r"^takeoff rejected: the vehicle is disarmed; run `companion arm` first"):
             await operator.do("takeoff")
         await operator.do("arm")
