@@ -88,6 +88,25 @@ class GroundPose:
     yaw_rad: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class OtherVehicle:
+    """Another vehicle's estimated motion; all NaN before its body was first seen."""
+
+    body: str
+    """Its name in QTM."""
+    position_w_m: Vec3
+    velocity_w_mps: Vec3
+    unseen_s: float = 0.0
+    """Time since its body was last seen; infinite before the first time."""
+    parked: bool = False
+    """It stands on the ground and does not move."""
+
+    @property
+    def known(self) -> bool:
+        """True once its body was seen."""
+        return self.unseen_s < math.inf
+
+
 @dataclass(frozen=True)
 class VehicleState:
     """Estimated state of the vehicle at `time_s` on the service's monotonic clock."""
@@ -97,6 +116,8 @@ class VehicleState:
     velocity_w_mps: Array
     q_w_flu_wxyz: Array
     rate_flu_radps: Array
+    others: tuple[OtherVehicle, ...] = ()
+    """The other vehicles at the same instant, in the order of [separation]; empty where none are configured."""
 
 
 @dataclass(frozen=True)

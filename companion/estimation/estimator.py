@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.core.types import Array, MocapFrame, VehicleState
 from companion.estimation import attitude as att
-from companion.estimation import kalman
+from companion.estimation import kalman, others
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
@@ -20,6 +20,8 @@ __all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "f
 
 Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
+
+_WRONG_STAMPS = frozenset({Verdict.STALE, Verdict.AHEAD})
 
 
 class _Measurement(NamedTuple):
@@ -33,11 +35,26 @@ class _Measurement(NamedTuple):
 def step(
     state: EstimatorState, frame: MocapFrame, params: EstimatorParams, accel_input_w_mps2: Array | None = None
 ) -> EstimatorState:
-    """Update the state with one frame, and decide its verdict.
+    """Update the state with one frame, and decide its verdict; the others of the frame are filtered beside.
 
     `accel_input_w_mps2`, shape (3,): acceleration the rotors are known to have given since the last accepted frame
     (thrust per mass along the measured body z axis, less gravity); without it the filter estimates it.
     """
+    after = _own_step(state, frame, params, accel_input_w_mps2)
+    if not frame.others:
+        return after
+    if after.verdict in _WRONG_STAMPS:
+        return replace(after, others=state.others, others_s=state.others_s)
+    tracks = others.step(state.others, frame.others, frame.stamp_s, params)
+    vehicle = after.vehicle
+    if vehicle is not None and vehicle is not state.vehicle:
+        vehicle = replace(vehicle, others=others.vehicles_of(tracks, frame.stamp_s))
+    return replace(after, vehicle=vehicle, others=tracks, others_s=frame.stamp_s)
+
+
+def _own_step(
+    state: EstimatorState, frame: MocapFrame, params: EstimatorParams, accel_input_w_mps2: Array | None
+) -> EstimatorState:
     ahead = is_ahead(state.clock, frame.stamp_s, frame.received_s, params.ahead_s)
     learnt = observe(ClockSync() if ahead else state.clock, frame.stamp_s, frame.received_s, params.clock_window_s)
     back = frame.stamp_s < state.clock.last_stamp_s
@@ -71,8 +88,7 @@ def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
 
     The vehicle is assumed at rest, to within 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2.
     """
-    of_motion = Covariance(params.noise_m**2, 0.0, 0.0, 1.0, 0.0, 25.0)
-    return of_motion, Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0)
+    return kalman.first_covariance(params.noise_m), Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0)
 
 
 def age_s(state: EstimatorState, now_s: float) -> float:

@@ -41,6 +41,11 @@ class Motion:
     """Covariance of every axis: floats shared by the vehicles, or one per vehicle, (..., 1)."""
 
 
+def first_covariance(noise: float) -> Covariance:
+    """Return the covariance after one position of this deviation: at rest, to within 1 unit/s and 5 unit/s^2."""
+    return Covariance(noise**2, 0.0, 0.0, 1.0, 0.0, 25.0)
+
+
 def grow(c: Covariance, dt: Scalar, density: float) -> Covariance:
     """Return F P F' + Q over `dt` seconds; `density` of the jerk in unit^2/s^5."""
     half = 0.5 * dt * dt

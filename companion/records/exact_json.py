@@ -46,5 +46,8 @@ def _restored(kind: Any, value: Any) -> Any:
     if isinstance(kind, type) and issubclass(kind, Enum):
         return kind(value)
     if isinstance(value, list):
-        return np.array(value) if get_origin(kind) is np.ndarray else tuple(_restored(Any, item) for item in value)
+        if get_origin(kind) is np.ndarray:
+            return np.array(value)
+        inner = get_args(kind)[0] if get_origin(kind) is tuple and get_args(kind)[-1:] == (...,) else Any
+        return tuple(_restored(inner, item) for item in value)
     return value
