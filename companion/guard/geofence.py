@@ -4,13 +4,12 @@ import math
 from dataclasses import dataclass
 
 from companion.core.types import Array, Vec3
+from companion.guard.braking import lead_s, most_accel_mps2
 
 Range = tuple[float, float]
 """Least and largest acceleration that may be commanded along one axis, m/s^2."""
 Allowed = tuple[Range, Range, Range]
 """Ranges along x, y and z in W."""
-_LEAST_S = 0.01
-"""Least duration of half the reaction time: a control cycle."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +60,12 @@ class Fence:
         return along_x, along_y, self._along(z, vz, az, (-math.inf, z1))
 
     def _along(self, position_m: float, speed_mps: float, acting_mps2: float, faces_m: tuple[float, float]) -> Range:
-        lead_s = max(0.5 * self.reaction_s, _LEAST_S)
-        then_m = position_m + (speed_mps + 0.5 * acting_mps2 * lead_s) * lead_s
-        speed_mps += acting_mps2 * lead_s
+        for_s, braking_mps2 = lead_s(self.reaction_s), self.braking_mps2
+        then_m = position_m + (speed_mps + 0.5 * acting_mps2 * for_s) * for_s
+        speed_mps += acting_mps2 * for_s
         low_m, high_m = faces_m
-        return -self._most_mps2(then_m - low_m, -speed_mps, lead_s), self._most_mps2(high_m - then_m, speed_mps, lead_s)
-
-    def _most_mps2(self, left_m: float, speed_mps: float, for_s: float) -> float:
-        """Return the largest acceleration for `for_s` towards a face `left_m` away that still lets it stop there.
-
-        With u the speed after it: left = (v + u) t / 2 + u^2 / 2a. Beyond the face u points inwards and grows with the
-        distance, up to a speed from which the vehicle can stop again. It is continuous: a jump would cause chattering
-        at the face.
-        """
-        at = self.braking_mps2 * for_s
-        root = at * at - 4.0 * self.braking_mps2 * (speed_mps * for_s - 2.0 * left_m)
-        end_mps = 0.5 * (math.copysign(math.sqrt(abs(root)), root) - at)
-        return (end_mps - speed_mps) / for_s
+        least_mps2 = -most_accel_mps2(then_m - low_m, -speed_mps, for_s, braking_mps2)
+        return least_mps2, most_accel_mps2(high_m - then_m, speed_mps, for_s, braking_mps2)
 
 
 NO_FENCE = Fence((-math.inf, -math.inf), (math.inf, math.inf, math.inf))

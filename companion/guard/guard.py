@@ -1,4 +1,4 @@
-"""Guard in front of the autopilot: limits every setpoint by the limits, by the age of the state, and by the geofence.
+"""Guard in front of the autopilot: limits every setpoint by limits, age of the state, geofence and other vehicles.
 
 It depends on neither controller nor supervisor and trusts neither: it uses the commanded setpoint, the last one sent,
 and the state the command was computed from. Pure, single vehicle, plain floats.
@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.core.types import Array, AttitudeThrust, Vec3, VehicleState
+from companion.core.types import Array, AttitudeThrust, OtherVehicle, Vec3, VehicleState
 from companion.geometry.attitude import ThrustModel, collective_force_n, limit_tilt, setpoint_of_accel
 from companion.geometry.frames import quat_from_yaw, up_axis_floats, yaw_of
 from companion.guard.geofence import Allowed, Fence, Range
 from companion.guard.limits import LimitedSetpoint, Limits, inside_cone, limit_setpoint
+from companion.guard.separation import NO_WALLS, Separation, Walls
 
 SINKING = 0.97
 """Share of hover thrust with which the vehicle descends gently while it is not controlled."""
@@ -25,10 +26,22 @@ _LEAST_PUSH = 0.5
 """Share of the weight that the rotors keep carrying below a ceiling, as braking sideways needs thrust."""
 _YES = np.array(True)
 
-Motion = tuple[Vec3, Vec3, Array]
-"""Position (m), velocity (m/s), attitude."""
-Near = tuple[Allowed, Array]
-"""Accelerations that the fence allows, and the vehicle's attitude."""
+_CORNER_ROUNDS = 8
+"""Rounds in which fence and other vehicles are reconciled: each halves what is left at the sharpest corner."""
+
+Motion = tuple[Vec3, Vec3, Array, tuple[OtherVehicle, ...]]
+"""Position (m), velocity (m/s), attitude, the other vehicles."""
+Near = tuple[Allowed, Walls, Array]
+"""Accelerations that fence and other vehicles allow, and the vehicle's attitude."""
+
+
+@dataclass(frozen=True)
+class Braked:
+    """Setpoint that brakes, and what for."""
+
+    setpoint: AttitudeThrust
+    fence: bool = False
+    separation: bool = False
 
 
 def most_braking_mps2(limits: Limits, model: ThrustModel) -> tuple[float, float]:
@@ -75,17 +88,28 @@ class Guard:
     If the command is to fall, the thrust is raised as far as braking sideways needs, and at most to hover. Below a
     ceiling the rotors keep half the weight. While the vehicle brakes, its present heading is kept.
 
+    Towards another vehicle it is limited in the same way, so that both can stop 5 cm before the cylinder between them
+    (Separation.walls). Where no acceleration keeps away from both, the fence counts.
+
     A flight within the limits passes unchanged to the last bit: speeds towards a face for which the table in Fence
-    leaves room, 2.5 m/s^2 towards a face half a metre away from rest, and any speed along a face.
+    leaves room, 2.5 m/s^2 towards a face half a metre away from rest, and any speed along a face; with other vehicles
+    in the room, as long as both could still stop.
     """
 
     def __init__(
-        self, limits: Limits, model: ThrustModel, fence: Fence, pose: AgeRange, command: AgeRange = NO_AGE_LIMIT
+        self,
+        limits: Limits,
+        model: ThrustModel,
+        fence: Fence,
+        pose: AgeRange,
+        command: AgeRange = NO_AGE_LIMIT,
+        separation: Separation | None = None,
     ) -> None:
         self._limits, self._model, self._pose_ages, self._command_ages = limits, model, pose, command
         (x0, y0), (x1, y1, z1) = fence.low_m, fence.high_m
         inner = (x0 + _INSET_M, y0 + _INSET_M), (x1 - _INSET_M, y1 - _INSET_M, z1 - _INSET_M)
         self._fence = replace(fence, low_m=inner[0], high_m=inner[1])
+        self._separation = None if separation is None else separation.widened(_INSET_M)
         self._slope, self._upright = math.tan(limits.max_tilt_rad), math.cos(limits.max_tilt_rad)
 
     def check(
@@ -114,6 +138,7 @@ class Guard:
                 slew_cut=_YES,
                 age_cut=_YES,
                 fence_cut=_YES,
+                separation_cut=_YES,
                 failure=f"{type(error).__name__}: {error}",
             )
 
@@ -129,18 +154,18 @@ class Guard:
         motion = _motion(vehicle)
         if motion is None or known == 0.0:
             return self._limited(setpoint, last, dt_s, None, 0.0)
-        allowed = self._allowed(motion, last)
-        if known == 1.0 and self._passes(setpoint, allowed):
+        allowed, walls = self._allowed(motion, last)
+        if known == 1.0 and self._passes(setpoint, allowed, walls):
             return limit_setpoint(setpoint, last, self._limits, dt_s)
-        return self._limited(setpoint, last, dt_s, (allowed, motion[2]), known)
+        return self._limited(setpoint, last, dt_s, (allowed, walls, motion[2]), known)
 
     def _limited(
         self, setpoint: AttitudeThrust, last: AttitudeThrust, dt_s: float, near: Near | None, known: float
     ) -> LimitedSetpoint:
         """Limit tilt and thrust first, so that braking starts from what would be sent; then limit the rates."""
         within = limit_setpoint(setpoint, last, self._limits, math.inf)
-        braked = within.setpoint if near is None else self._braked(within.setpoint, *near)
-        target = braked if known == 1.0 else self._levelled(braked, known)
+        braked = Braked(within.setpoint) if near is None else self._braked(within.setpoint, near)
+        target = braked.setpoint if known == 1.0 else self._levelled(braked.setpoint, known)
         if target is within.setpoint:
             return limit_setpoint(setpoint, last, self._limits, dt_s)
         out = limit_setpoint(target, last, self._limits, dt_s)
@@ -150,7 +175,8 @@ class Guard:
             tilt_cut=np.asarray(within.tilt_cut | out.tilt_cut),
             thrust_cut=np.asarray(within.thrust_cut | out.thrust_cut),
             age_cut=np.array(known < 1.0),
-            fence_cut=np.array(braked is not within.setpoint),
+            fence_cut=np.array(braked.fence),
+            separation_cut=np.array(braked.separation),
         )
 
     def _accel(self, q: Array, thrust: float) -> Vec3:
@@ -159,46 +185,66 @@ class Guard:
         x, y, z = up_axis_floats(q)
         return push * x, push * y, push * z - self._model.gravity_mps2
 
-    def _allowed(self, motion: Motion, last: AttitudeThrust) -> Allowed:
-        """Return the allowed range per axis; what acts now is the mean of present attitude and last setpoint."""
-        (position, velocity, q), thrust = motion, float(last.thrust)
+    def _allowed(self, motion: Motion, last: AttitudeThrust) -> tuple[Allowed, Walls]:
+        """Return what fence and others allow; what acts now is the mean of present attitude and last setpoint."""
+        (position, velocity, q, others), thrust = motion, float(last.thrust)
         now, next_ = self._accel(q, thrust), self._accel(last.q_w_flu_wxyz, thrust)
         acting = 0.5 * (now[0] + next_[0]), 0.5 * (now[1] + next_[1]), 0.5 * (now[2] + next_[2])
-        return self._fence.allowed_accel_w_mps2(position, velocity, acting)
+        allowed = self._fence.allowed_accel_w_mps2(position, velocity, acting)
+        if self._separation is None or not others:
+            return allowed, NO_WALLS
+        return allowed, self._separation.walls(position, velocity, acting, others)
 
-    def _passes(self, setpoint: AttitudeThrust, allowed: Allowed) -> bool:
-        """Return True for a setpoint inside limits and fence, by a quick check; False for one that is not finite."""
+    def _passes(self, setpoint: AttitudeThrust, allowed: Allowed, walls: Walls) -> bool:
+        """Return True for a setpoint inside all limits, by a quick check; False for one that is not finite."""
         thrust = float(setpoint.thrust)
         x, y, z = self._accel(setpoint.q_w_flu_wxyz, thrust)
         (x0, x1), (y0, y1), (_, z1) = allowed
-        inside = x0 <= x <= x1 and y0 <= y <= y1 and z <= z1
+        inside = x0 <= x <= x1 and y0 <= y <= y1 and z <= z1 and (walls is NO_WALLS or walls.let((x, y, z)))
         return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._is_upright(setpoint)
 
     def _is_upright(self, setpoint: AttitudeThrust) -> bool:
         return up_axis_floats(setpoint.q_w_flu_wxyz)[2] >= self._upright and not _is_invalid(setpoint)
 
-    def _braked(self, setpoint: AttitudeThrust, allowed: Allowed, now_q: Array) -> AttitudeThrust:
-        """Return `setpoint` itself if the fence allows it, else the nearest setpoint that brakes.
+    def _braked(self, setpoint: AttitudeThrust, near: Near) -> Braked:
+        """Return `setpoint` itself if fence and others allow it, else the nearest setpoint that brakes.
 
         It keeps the present heading: turning would take time of the attitude loop that braking needs.
         """
+        allowed, walls, now_q = near
         gravity = self._model.gravity_mps2
         x, y, z = self._accel(setpoint.q_w_flu_wxyz, float(setpoint.thrust))
-        full = gravity * self._slope
-        bx, by = _clipped(x, allowed[0], full), _clipped(y, allowed[1], full)
-        bz = _clipped(z, allowed[2], (1.0 - _LEAST_PUSH) * gravity)
+        apart, (bx, by, bz) = self._kept_inside((x, y, z), allowed, walls)
         if (bx, by, bz) == (x, y, z):
-            return setpoint
+            return Braked(setpoint)
+        separation, fence = apart != (x, y, z), (bx, by, bz) != apart
         brake = math.hypot(bx if bx != x else 0.0, by if by != y else 0.0)
         if bz == z:
             bz = max(z, min(brake / self._slope - gravity, 0.0))
         room = self._slope * (bz + gravity)
-        if bx != x and by == y:
+        if separation and not fence:
+            bx, by = walls.tangent_first(bx, by, room)
+        elif bx != x and by == y:
             by = _clipped(by, _around(room, bx), room)
         elif by != y and bx == x:
             bx = _clipped(bx, _around(room, by), room)
         accel = limit_tilt(np.array((bx, by, bz)), self._limits.max_tilt_rad, gravity)
-        return setpoint_of_accel(accel, float(yaw_of(now_q)), self._model)
+        return Braked(setpoint_of_accel(accel, float(yaw_of(now_q)), self._model), fence, separation)
+
+    def _kept_inside(self, accel: Vec3, allowed: Allowed, walls: Walls) -> tuple[Vec3, Vec3]:
+        """Return an acceleration behind the walls alone, and one that is inside the fence, too."""
+        gravity = self._model.gravity_mps2
+        full, upwards = gravity * self._slope, (1.0 - _LEAST_PUSH) * gravity
+        x, y, z = accel
+        if walls is not NO_WALLS:
+            x, y = walls.behind(x, y, full)
+            z = _clipped(z, (walls.least_up_mps2, walls.most_up_mps2), upwards)
+        bx, by, bz = _clipped(x, allowed[0], full), _clipped(y, allowed[1], full), _clipped(z, allowed[2], upwards)
+        if walls.sideways and (bx, by) != (x, y):
+            for _ in range(_CORNER_ROUNDS):
+                bx, by = walls.behind(bx, by, full)
+                bx, by = _clipped(bx, allowed[0], full), _clipped(by, allowed[1], full)
+        return (x, y, z), (bx, by, bz)
 
     def _levelled(self, setpoint: AttitudeThrust, known: float) -> AttitudeThrust:
         """Blend to level and sinking gently as `known` goes from 1 to 0."""
@@ -220,13 +266,13 @@ def _around(room: float, taken: float) -> Range:
 
 
 def _motion(vehicle: VehicleState | None) -> Motion | None:
-    """Return position, velocity and attitude; None without a state, or if any of them is not valid."""
+    """Return position, velocity, attitude and the others; None without a state, or if any of them is not valid."""
     if vehicle is None:
         return None
     position, velocity, q = vehicle.position_w_m.tolist(), vehicle.velocity_w_mps.tolist(), vehicle.q_w_flu_wxyz
     if not math.isfinite(sum(position) + sum(velocity)) or not _is_rotation(q):
         return None
-    return tuple(position), tuple(velocity), q
+    return tuple(position), tuple(velocity), q, vehicle.others
 
 
 def _is_rotation(q: Array) -> bool:

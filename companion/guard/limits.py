@@ -65,6 +65,8 @@ class LimitedSetpoint:
     """Cut by the guard because the state was too old."""
     fence_cut: Mask = field(default_factory=_no)
     """Cut by the guard because of the geofence."""
+    separation_cut: Mask = field(default_factory=_no)
+    """Cut by the guard because of another vehicle."""
     failure: str = ""
     """Error for which the guard failed and levelled the vehicle; empty when it did not fail."""
 

@@ -24,7 +24,7 @@ LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 SINKING = 0.97 * 0.5
 G = 9.8
 SLOPE = math.tan(0.52)
-FLAGS = ("not_finite", "tilt_cut", "thrust_cut", "slew_cut", "age_cut", "fence_cut")
+FLAGS = ("not_finite", "tilt_cut", "thrust_cut", "slew_cut", "age_cut", "fence_cut", "separation_cut")
 
 
 def asking(*accel_w_mps2: float, yaw_rad: float = 0.0) -> AttitudeThrust:
