@@ -13,8 +13,9 @@ import numpy as np
 from companion.control.controller import ControlInput
 from companion.control.horizon_correction import HorizonInput
 from companion.control.remote_law import RemoteCommand
-from companion.core.types import Array, AttitudeThrust, GroundPose, MocapFrame, Reference
+from companion.core.types import Array, AttitudeThrust, GroundPose, MocapFrame, OtherVehicle, Reference
 from companion.estimation.state import EstimatorState
+from companion.records import others
 from companion.records.errors import RecordError
 from companion.records.exact_json import of_json
 from companion.records.table import GROUND, HealthEvent, RecordedEvent
@@ -84,6 +85,8 @@ class RecordedTick:
     """Inputs of the estimate on a vehicle that frames do not reach; None where they do."""
     given: ControlInput | None
     """All that the law saw; None while it sleeps."""
+    others: tuple[OtherVehicle, ...]
+    """The other vehicles, as the guard knew them."""
     begun: bool
     """The law was restarted with this input."""
     accel_w_mps2: Array | None
@@ -161,6 +164,11 @@ class FlightRecord:
             dict.fromkeys(str(name) for name in self.columns["law_name"][self.columns["airborne"] > 0] if name)
         )
 
+    @cached_property
+    def other_names(self) -> tuple[str, ...]:
+        """Bodies of the other vehicles, in the order of their columns; empty in a room of one vehicle."""
+        return others.names_in(self.metadata)
+
     @property
     def frames(self) -> bool:
         """Return True unless it is the record of a vehicle that frames do not reach."""
@@ -202,6 +210,7 @@ class FlightRecord:
             frame=self._frame(row) if self.frames and np.isfinite(c["frame_stamp_s"][row]) else None,
             motion=None if self.frames else self._motion(row),
             given=self._given(row) if flown else None,
+            others=others.vehicles_at(c, row, self.other_names) if flown else (),
             begun=bool(flown and c["begun"][row]),
             accel_w_mps2=c["accel_w_mps2"][row] if flown else None,
             event=bool(flown and c["event"][row]),
@@ -280,6 +289,7 @@ class FlightRecord:
             rotation_w_b=c["frame_rotation_w_b"][row],
             residual_m=float(c["frame_residual_m"][row]),
             late=int(c["frame_late"][row]),
+            others=others.bodies_at(c, row, self.other_names),
         )
 
     def _given(self, row: int) -> ControlInput:

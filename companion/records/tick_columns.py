@@ -9,6 +9,7 @@ import numpy as np
 from companion.core.types import Array
 from companion.estimation.state import Counts
 from companion.flight.tick import Tick
+from companion.records import others
 from companion.records.split.link_columns import LINK, link_accel, link_numbers
 
 F64 = np.dtype(np.float64)
@@ -58,7 +59,7 @@ _PIPELINE = {
 }
 _LIMITED = {
     "/setpoint": (
-        "setpoint_thrust cut_not_finite cut_tilt cut_thrust cut_slew cut_age cut_fence",
+        "setpoint_thrust cut_not_finite cut_tilt cut_thrust cut_slew cut_age cut_fence cut_separation",
         "setpoint_q_w_flu_wxyz",
     )
 }
@@ -128,6 +129,7 @@ def gathered(tick: Tick) -> Values:
         parts.append(_VEHICLE)
         numbers.append(vehicle.time_s)
         arrays += (vehicle.position_w_m, vehicle.velocity_w_mps, vehicle.q_w_flu_wxyz, vehicle.rate_flu_radps)
+    others.gather(tick.frame, tick.vehicle, parts, arrays)
     if (reference := tick.reference) is not None:
         parts.append(_REFERENCE)
         numbers.append(reference.yaw_rad)
@@ -145,7 +147,7 @@ def gathered(tick: Tick) -> Values:
         parts.append(_LIMITED)
         numbers += (
             limited.setpoint.thrust, limited.not_finite, limited.tilt_cut, limited.thrust_cut, limited.slew_cut,
-            limited.age_cut, limited.fence_cut,
+            limited.age_cut, limited.fence_cut, limited.separation_cut,
         )  # fmt: skip
         arrays.append(limited.setpoint.q_w_flu_wxyz)
     if (wire := tick.wire) is not None:

@@ -176,7 +176,12 @@ class _Flying:
             self._begin(tick)
             self._hear(tick)
             vehicle = VehicleState(
-                tick.time_s, given.position_w_m, given.velocity_w_mps, given.q_w_flu_wxyz, given.rate_flu_radps
+                tick.time_s,
+                given.position_w_m,
+                given.velocity_w_mps,
+                given.q_w_flu_wxyz,
+                given.rate_flu_radps,
+                tick.others,
             )
             known_mps2 = given.known_accel_w_mps2
             sent = self._sent if tick.mirror is None else tick.mirror
