@@ -29,6 +29,7 @@ from companion.guard.geofence import Fence
 from companion.guard.guard import AgeRange, Guard, most_braking_mps2
 from companion.law_link.agreement import Agreed
 from companion.supervisor.flight_state import FlightRules
+from companion.supervisor.separation import SeparationRules
 
 _ONLY_ABOARD = {"port", "baud", "silent_s", "min_voltage_v", "torque_off_after_landing"}
 _DEAD_MAN_CYCLES = 3
@@ -70,9 +71,14 @@ class CompanionConfig(Section):
         assert broker is not None, "a configuration without one is refused"
         return broker
 
+    def separation_rules(self) -> SeparationRules | None:
+        """Return the rules that keep other vehicles apart; None in a room of one vehicle."""
+        return self.separation.rules(self.mocap.body, self.fence.braking_mps2, self.fence.reaction_s)
+
     def flight_rules(self) -> FlightRules:
         """Return the phase machine's numbers; on the way to a place it is held to what a trajectory is."""
         f, arms = self.flight, self.arms or ArmsConfig()
+        others, safety = self.separation_rules(), self.safety.rules()
         return FlightRules(
             hover_thrust=self.vehicle.hover_thrust,
             climb_speed_mps=min(f.climb_speed_mps, self.room.max_speed_mps),
@@ -83,6 +89,8 @@ class CompanionConfig(Section):
             turn_accel_radps2=min(FlightRules.turn_accel_radps2, self.room.max_yaw_accel_radps2),
             braking_mps2=self.fence.braking_mps2,
             stow_time_s=arms.stow_time_s,
+            keep_clear=None if others is None else others.cylinder.widened(safety.yield_margin_m),
+            clear_ahead_s=safety.yield_ahead_s,
             land_on_arm_fault=arms.land_on_fault,
         )
 
@@ -92,7 +100,9 @@ class CompanionConfig(Section):
         model, limits = self.vehicle.thrust_model(), self.limits.limits()
         pose = AgeRange(safety.coast_s, safety.degraded_s)
         command = AgeRange(safety.command_coast_s, safety.command_level_s)
-        return Guard(limits, model, fence or self.fence.fence(), pose, command)
+        others = self.separation_rules()
+        cylinder = None if others is None else others.cylinder
+        return Guard(limits, model, fence or self.fence.fence(), pose, command, cylinder)
 
     def airframe(self) -> Airframe:
         """Return the vehicle's properties that set its response to the arms' forces and torques."""

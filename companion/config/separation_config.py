@@ -3,6 +3,8 @@
 from pydantic import Field, model_validator
 
 from companion.config.toml_files import Section
+from companion.guard.separation import Separation
+from companion.supervisor.separation import SeparationRules
 
 
 class SeparationConfig(Section):
@@ -20,6 +22,13 @@ class SeparationConfig(Section):
         1.6, ge=0.3, le=10.0, description="height difference from which on that distance does not count, m"
     )
 
+    parked_height_m: float = Field(
+        1.0, ge=0.3, le=10.0, description="the same above a vehicle that stands on the ground, m"
+    )
+    parked_below_m: float = Field(
+        0.35, ge=0.0, le=2.0, description="height in W below which a vehicle that does not move stands on the ground, m"
+    )
+
     @model_validator(mode="after")
     def _names(self) -> "SeparationConfig":
         twice = sorted({name for name in self.order if self.order.count(name) > 1})
@@ -29,8 +38,26 @@ class SeparationConfig(Section):
             raise ValueError(f"order has {twice[0]!r} twice: give each vehicle's body once")
         if len(self.order) == 1:
             raise ValueError("order names one vehicle: give the bodies of all, or leave it out")
+        if self.parked_height_m > self.height_m:
+            raise ValueError(
+                f"parked_height_m = {self.parked_height_m:g} must be at most height_m = {self.height_m:g}: no air "
+                "streams down from a vehicle that is parked"
+            )
         return self
 
     def others_than(self, body: str) -> tuple[str, ...]:
         """Return the bodies of the other vehicles, by priority; none if `order` is empty."""
         return tuple(name for name in self.order if name != body)
+
+    def rules(self, body: str, braking_mps2: float, reaction_s: float) -> SeparationRules | None:
+        """Return the rules for the vehicle with this body; None if `order` is empty."""
+        if not self.order:
+            return None
+        cylinder = Separation(
+            radius_m=self.radius_m,
+            height_m=self.height_m,
+            parked_height_m=self.parked_height_m,
+            braking_mps2=braking_mps2,
+            reaction_s=reaction_s,
+        )
+        return SeparationRules(cylinder=cylinder, first=frozenset(self.order[: self.order.index(body)]))

@@ -101,12 +101,13 @@ def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:
 
 def health_of(config: CompanionConfig, sides: Sides, frames: bool = True) -> HealthStep:
     """Return the health checks; without frames, those that need a pose are off."""
-    return HealthStep(config.safety.rules(), config.fence.fence(), sides, frozenset() if frames else OFF)
+    off, separation = frozenset() if frames else OFF, config.separation_rules()
+    return HealthStep(config.safety.rules(), config.fence.fence(), sides, off, separation)
 
 
 def estimator_of(config: CompanionConfig) -> EstimatorParams:
     """Return the estimator's parameters."""
-    return EstimatorParams(delay_s=config.mocap.delay_s)
+    return EstimatorParams(delay_s=config.mocap.delay_s, parked_below_m=config.separation.parked_below_m)
 
 
 def from_autopilot_of(config: CompanionConfig) -> FromAutopilotParams:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import math
+from dataclasses import replace
 
 from companion.control.controller import Controller
 from companion.control.pipeline import idle_setpoint
@@ -255,7 +256,8 @@ class FlightLoop:
 
     def _facts(self, now_s: float) -> FlightInputs:
         thrust = float(self._stream.law_sent.thrust) if self._stream.on else math.nan
-        return facts_of(now_s, self.estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
+        facts = facts_of(now_s, self.estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
+        return replace(facts, pushed=True) if self._law.pushed else facts
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""

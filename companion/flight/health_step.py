@@ -8,9 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.core.interfaces import OperatorLink
-from companion.core.types import Array, AttitudeThrust, AutopilotStatus, FlightMode, MocapFrame, VehicleState
+from companion.core.types import (
+    Array,
+    AttitudeThrust,
+    AutopilotStatus,
+    FlightMode,
+    MocapFrame,
+    OtherVehicle,
+    VehicleState,
+)
 from companion.core.values import value
 from companion.estimation.estimator import EstimatorState, age_s
+from companion.estimation.others import vehicles_of
 from companion.flight.arm_step import ArmStep
 from companion.geometry.frames import yaw_of
 from companion.guard.geofence import Fence
@@ -21,7 +30,9 @@ from companion.supervisor.health import checks
 from companion.supervisor.health.checks import Health
 from companion.supervisor.health_inputs import HealthInputs, MocapInputs
 from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.separation import SeparationRules
 from companion.supervisor.state_machine import reference_at
+from companion.supervisor.way_ahead import NO_WAY, WayAhead, in_reach, way_ahead
 
 LOG = logging.getLogger(__name__)
 
@@ -60,9 +71,16 @@ class Cycle:
 class HealthStep:
     """Holds the checks' memory. Call `look` once a cycle."""
 
-    def __init__(self, rules: SafetyRules, fence: Fence, sides: Sides, off: frozenset[Fault] = frozenset()) -> None:
-        """`off` are faults that this vehicle cannot recognise."""
-        self._rules, self._fence, self._sides, self._off = rules, fence, sides, off
+    def __init__(
+        self,
+        rules: SafetyRules,
+        fence: Fence,
+        sides: Sides,
+        off: frozenset[Fault] = frozenset(),
+        separation: SeparationRules | None = None,
+    ) -> None:
+        """`off` are faults that this vehicle cannot recognise; `separation` is None in a room of one vehicle."""
+        self._rules, self._fence, self._sides, self._off, self._separation = rules, fence, sides, off, separation
         self._memory = Health()
         self.events: tuple[Event, ...] = ()
         """Faults that are present now."""
@@ -71,7 +89,9 @@ class HealthStep:
         """Run the checks; what was not there a cycle ago is logged."""
         before = {event.fault for event in self.events}
         observed = self._observed(cycle, flight)
-        self._memory, self.events = checks.assess(self._memory, observed, self._rules, self._fence, self._off)
+        self._memory, self.events = checks.assess(
+            self._memory, observed, self._rules, self._fence, self._off, self._separation
+        )
         for event in self.events:
             if event.fault not in before:
                 self._tell(event, flight)
@@ -87,6 +107,8 @@ class HealthStep:
     def _observed(self, cycle: Cycle, flight: FlightState) -> HealthInputs:
         operator, disk_free_mb = self._sides.operator, self._sides.disk_free_mb
         offboard = cycle.status.mode is FlightMode.OFFBOARD
+        others = vehicles_of(cycle.estimate.others, cycle.estimate.others_s)
+        ahead = self._ahead(flight, cycle, others)
         return HealthInputs(
             time_s=cycle.time_s,
             stage=flight.stage,
@@ -108,8 +130,19 @@ class HealthStep:
             operator_age_s=operator.age_s() if operator is not None else 0.0,
             disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
             link=cycle.link,
+            others=others,
+            path_w_m=ahead.path_w_m,
+            rest_w_m=ahead.rest_w_m,
             command_age_s=cycle.command_age_s,
         )
+
+    def _ahead(self, flight: FlightState, cycle: Cycle, others: tuple[OtherVehicle, ...]) -> WayAhead:
+        """Return the way ahead while another vehicle is in reach of it."""
+        vehicle, rules, ahead_s = cycle.estimate.vehicle, self._separation, self._rules.yield_ahead_s
+        if rules is None or vehicle is None or not flight.airborne:
+            return NO_WAY
+        near = in_reach(vehicle, others, rules.cylinder, ahead_s)
+        return way_ahead(flight, cycle.time_s, rules.cylinder, ahead_s) if near else NO_WAY
 
 
 def _reference_w_m(flight: FlightState, cycle: Cycle) -> Array:
@@ -170,4 +203,5 @@ def facts_of(
         text=status.last_text,
         text_s=status.text_s,
         thrust=thrust,
+        others=() if vehicle is None else vehicle.others,
     )

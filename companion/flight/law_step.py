@@ -36,6 +36,8 @@ class LawStep:
         """Why the law is no longer to be trusted; empty when it is."""
         self.at_max_thrust = False
         """The last cycle's thrust was cut at its upper limit."""
+        self.pushed = False
+        """The guard kept the last cycle's setpoint away from another vehicle."""
 
     def trust(self) -> None:
         """A flight begins."""
@@ -59,6 +61,7 @@ class LawStep:
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._not_finite_limit:
             self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
+        self.pushed = output is not None and bool(output.limited.separation_cut)
         self.at_max_thrust = output is not None and float(output.limited.setpoint.thrust) >= self._max_thrust
         return output, limited
 

@@ -71,6 +71,10 @@ class Fault(StrEnum):
     FENCE_NEAR = "fence near"
     FENCE_LEFT = "fence left"
     ROOM_LEFT = "room left"
+    TRAFFIC = "traffic"
+    TRAFFIC_BLOCKED = "way blocked"
+    SEPARATION_LOST = "separation lost"
+    OTHER_UNSEEN = "other vehicle unseen"
     THRUST_SATURATED = "thrust saturated"
     LAW_FAILED = "control law failed"
     COMMAND_LATE = "command link late"
@@ -249,6 +253,26 @@ TABLE: tuple[Row, ...] = (
         why="the net is next: a fall here is safer than flying into it; in all modes but OFFBOARD, PX4's landing and "
         "its failsafes a pilot controls the motors",
         flying=_TERMINATE, landing=_TERMINATE, ground=_DISARM, handed_over=_TERMINATE, needs=_PLACE),
+    Row(fault=Fault.TRAFFIC,
+        sign="held now, the vehicle would come to rest within {traffic_margin_m} m of another one's cylinder, within "
+        "{yield_margin_m} m for the one that yields; for that one also: within {yield_ahead_s} s the ways meet",
+        why="the guard brakes at the same time; the one that yields stops first and leaves the way, and 0.2 m between "
+        "the margins let the other pass without a hold (docs/separation.md)",
+        flying=_HOLD, landing=_WARN, ground=_WARN, needs=_PLACE),
+    Row(fault=Fault.TRAFFIC_BLOCKED,
+        sign="within {yield_margin_m} m of the cylinder of one that goes first, in flight, for {yield_s} s",
+        why="the first one waits, or cannot pass: the later one gives the way free, so that no two wait for each other",
+        flying=_LAND, landing=_WARN, ground=_WARN, needs=_PLACE),
+    Row(fault=Fault.SEPARATION_LOST,
+        sign="inside the cylinder of one that goes first, or of one that is parked; for the one that goes first it is "
+        "traffic, in the air",
+        why="one of the two must leave the air, and the first one holds still for it; on the ground the rotors stop",
+        flying=_LAND, landing=_WARN, ground=_DISARM, needs=_PLACE),
+    Row(fault=Fault.OTHER_UNSEEN,
+        sign="a vehicle seen before in this flight is not seen for {other_unseen_s} s",
+        why="nobody knows where it flies: whoever stands still is found where it was; the guard keeps away from where "
+        "the other would have stopped",
+        flying=_HOLD, landing=_WARN, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.THRUST_SATURATED, sign="thrust at its upper limit for {saturated_s} s",
         why="no thrust reserve against disturbances: weak battery, too much weight, or a failed motor",
         flying=_LAND, landing=_WARN, ground=_WARN),

@@ -4,8 +4,9 @@ import math
 from dataclasses import dataclass
 from enum import StrEnum
 
-from companion.core.types import Array, FlightMode
+from companion.core.types import Array, FlightMode, OtherVehicle
 from companion.core.values import value
+from companion.guard.separation import Separation
 from companion.supervisor.faults import Event, FailsafeAction, Fault, Stage
 from companion.trajectories.reference import Trajectory
 
@@ -109,6 +110,10 @@ class FlightRules:
     """Peak angular acceleration of the heading on that way."""
     stow_time_s: float = 6.0
     """Longest hover while the arms are stowed; after it the vehicle lands with the arms as they are."""
+    keep_clear: Separation | None = None
+    """Cylinder around other vehicles that no takeoff and no trajectory may lead into; None in a room of one vehicle."""
+    clear_ahead_s: float = 2.5
+    """Time for which a moving vehicle is taken to go on as it moves."""
     land_on_arm_fault: bool = True
     """A servo fault ends the flight; False: the arms hold still and the flight goes on."""
 
@@ -139,6 +144,10 @@ class FlightInputs:
     """Text of the autopilot's newest status message."""
     text_s: float = -math.inf
     """Arrival of that message; -inf before the first."""
+    others: tuple[OtherVehicle, ...] = ()
+    """The other vehicles of the room."""
+    pushed: bool = False
+    """The guard kept the last setpoint away from another vehicle."""
     thrust: float = math.nan
     """Thrust of the last setpoint sent, 0..1; NaN when unknown."""
 

@@ -1,6 +1,8 @@
 """Inputs of the health checks: one cycle's measurements and states, as plain values."""
 
-from companion.core.types import Array, AttitudeThrust, AutopilotStatus, VehicleState
+from math import nan
+
+from companion.core.types import Array, AttitudeThrust, AutopilotStatus, OtherVehicle, Vec3, VehicleState
 from companion.core.values import value
 from companion.estimation.state import Verdict
 from companion.law_link.link_status import LinkStatus
@@ -67,5 +69,11 @@ class HealthInputs:
     """Free space in the folder of the records; infinite when nothing is recorded to disk."""
     link: LinkStatus | None = None
     """Link to a law on the ground; None for a law on board."""
+    others: tuple[OtherVehicle, ...] = ()
+    """The other vehicles, as of the newest frame."""
+    path_w_m: tuple[Vec3, ...] = ()
+    """Reference positions from now on, a point every separation.STEP_S; empty where no other vehicle is in reach."""
+    rest_w_m: Vec3 = (nan, nan, nan)
+    """Position of the reference at rest if a hold were ordered now; NaN where `path_w_m` is empty."""
     command_age_s: float = 0.0
     """Time since that law confirmed its command for this flight; 0 for a law on board."""

@@ -43,6 +43,16 @@ class SafetyRules:
     hold_s: float = 30.0
     operator_gone_s: float = 2.0
     disk_free_mb: float = 200.0
+    traffic_margin_m: float = 0.1
+    """Beyond the cylinder of [separation]: the least that hold and guard leave between two vehicles that obey."""
+    yield_margin_m: float = 0.3
+    """Beyond the cylinder, for the vehicle that yields: it stops 0.2 m before the first one would have to."""
+    yield_ahead_s: float = 2.5
+    """Vehicles at 1 m/s that meet at right angles are 3.5 m apart by then: time to stop clear of the other's way."""
+    yield_s: float = 4.0
+    """With 6 s for a landing from 1.5 m, nobody waits for more than 10 s."""
+    other_unseen_s: float = 0.5
+    """Bodies are lost for some frames again and again; at 1 m/s a vehicle has flown 0.5 m by then."""
     command_late_s: float = 0.1
     """A beat comes every 0.03 s: three in a row are missing."""
     command_coast_s: float = 0.12

@@ -30,6 +30,7 @@ from companion.supervisor.flight_state import (
     TrackRequest,
 )
 from companion.supervisor.rejections import REJECTIONS
+from companion.supervisor.requested_path import others_in_the_way
 from companion.supervisor.transitions import (
     append_reason,
     approach,
@@ -38,6 +39,7 @@ from companion.supervisor.transitions import (
     end_flight,
     enter,
     execute_action,
+    follow_push,
     give_back,
     ground_z_m,
     hand_over,
@@ -47,6 +49,8 @@ from companion.supervisor.transitions import (
     resume,
     stop,
 )
+
+_TRAFFIC = frozenset({Fault.TRAFFIC, Fault.TRAFFIC_BLOCKED})
 
 __all__ = ["advance", "apply_request", "ground_thrust", "reference_at", "refusal", "strongest"]
 
@@ -63,11 +67,18 @@ def refusal(flight: FlightState, request: Request, inputs: FlightInputs, rules: 
     if isinstance(request, ResumeRequest) and not inputs.position_w_m[2] - ground_z_m(flight) > rules.touchdown_m:
         return "the vehicle stands on the ground; run `companion disarm`"
     starts = isinstance(request, TakeoffRequest | TrackRequest | ResumeRequest)
-    return _blocking_fault(flight, inputs, rules) if starts else ""
+    if not starts:
+        return ""
+    return _blocking_fault(flight, request, inputs, rules) or others_in_the_way(flight, request, inputs, rules)
 
 
-def _blocking_fault(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> str:
-    """Return the fault that would end the requested flight at once; empty without one."""
+def _blocking_fault(flight: FlightState, request: Request, inputs: FlightInputs, rules: FlightRules) -> str:
+    """Return the fault that would end the requested flight at once; empty without one.
+
+    A trajectory may lead out of traffic: whether it does is asked of its own path.
+    """
+    if isinstance(request, TrackRequest):
+        inputs = replace(inputs, events=tuple(event for event in inputs.events if event.fault not in _TRAFFIC))
     event, _ = strongest(replace(flight, phase=Phase.HOLD, airborne=True), inputs, rules)
     return "" if event is None else event.text
 
@@ -139,7 +150,7 @@ def advance(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fl
     if flight.phase in COMMANDED and not inputs.armed:
         return end_flight(flight, inputs)
     step = _STEPS.get(flight.phase)
-    return step(flight, inputs, rules) if step else flight
+    return follow_push(step(flight, inputs, rules), inputs, rules) if step else flight
 
 
 def strongest(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> tuple[Event | None, FailsafeAction]:

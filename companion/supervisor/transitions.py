@@ -14,6 +14,8 @@ _LEAVING = 4.0
 """Minimum jerk from a speed v to a nearby point has a peak acceleration of 3.9 v/T."""
 _STOPPING = 1.5
 """Minimum jerk from a speed v to rest v T/2 further on has a peak acceleration of 1.5 v/T."""
+_PUSHED_M = 0.3
+"""Distance from the reference at which it follows; below the tracking error that is a fault."""
 _BACK_S = 0.01
 _LEAST_STOP_S = 0.8
 """The vehicle must tilt first: a shorter stop would jerk, a longer one would exceed the fence's stopping distance."""
@@ -105,6 +107,12 @@ def resume(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fli
     return _rest(replace(flight, airborne=True, yaw_rad=inputs.yaw_rad), inputs, rules, Phase.HOLD, now)
 
 
+def resting_place(now: Reference, braking_mps2: float) -> tuple[float, Array]:
+    """Return how long (s) a reference takes to come to rest along its path, and where (3,)."""
+    stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / braking_mps2)
+    return stop_s, now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
+
+
 def _rest(
     flight: FlightState,
     inputs: FlightInputs,
@@ -113,8 +121,7 @@ def _rest(
     now: Reference,
     turning_radps: float = 0.0,
 ) -> FlightState:
-    stop_s = max(_LEAST_STOP_S, _STOPPING * float(np.linalg.norm(now.velocity_w_mps)) / rules.braking_mps2)
-    end = now.position_w_m + 0.5 * stop_s * now.velocity_w_mps
+    stop_s, end = resting_place(now, rules.braking_mps2)
     end_yaw_rad = now.yaw_rad + 0.5 * stop_s * turning_radps
     stop = _move(now, turning_radps, end, end_yaw_rad, stop_s)
     legs = (Leg(phase, stop), Leg(phase, Hold(end, end_yaw_rad)))
@@ -130,7 +137,10 @@ def land(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fligh
 
 def descend(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> FlightState:
     """Descend straight down from the reference's position."""
-    now = reference_at(flight, inputs.time_s)
+    return _descend_from(flight, inputs, rules, reference_at(flight, inputs.time_s))
+
+
+def _descend_from(flight: FlightState, inputs: FlightInputs, rules: FlightRules, now: Reference) -> FlightState:
     turning = turning_radps(flight, inputs.time_s)
     down = Descent(
         start_w_m=now.position_w_m,
@@ -143,6 +153,22 @@ def descend(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fl
     due_s = inputs.time_s + height_m / rules.descent_speed_mps
     legs = (Leg(Phase.LAND, down),)
     return enter(replace(flight, legs=legs, leg_start_s=inputs.time_s, landing_due_s=due_s), Phase.LAND, inputs)
+
+
+def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> FlightState:
+    """Hold or descend from where the vehicle is, if the guard has pushed it away from its reference for another one.
+
+    It would return to where the other comes, and the distance would be taken for a loss of control.
+    """
+    if not inputs.pushed or not flight.airborne or len(flight.legs) > 1 or flight.phase not in {Phase.HOLD, Phase.LAND}:
+        return flight
+    reference = reference_at(flight, inputs.time_s)
+    if not float(np.linalg.norm(inputs.position_w_m - reference.position_w_m)) > _PUSHED_M:
+        return flight
+    here = Reference(inputs.position_w_m, inputs.velocity_w_mps, np.zeros(3), reference.yaw_rad)
+    if flight.phase is Phase.LAND:
+        return replace(_descend_from(flight, inputs, rules, here), since_s=flight.since_s)
+    return replace(_rest(flight, inputs, rules, Phase.HOLD, here), since_s=flight.since_s)
 
 
 def ground_z_m(flight: FlightState) -> float:

@@ -100,7 +100,7 @@ def test_reactions_are_sane(fault: Fault) -> None:
     if row.flying > FailsafeAction.HOLD:
         never_there = {
             Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.THRUST_SATURATED, Fault.LANDING_TOO_LONG,
-            Fault.HOLD_TOO_LONG, Fault.AUTOPILOT_DISARMED,
+            Fault.HOLD_TOO_LONG, Fault.AUTOPILOT_DISARMED, Fault.TRAFFIC_BLOCKED,
         }  # fmt: skip
         assert row.ground > FailsafeAction.WARN or fault in never_there, "who would not fly on does not take off"
 
@@ -179,7 +179,7 @@ def test_what_does_not_hinder_a_take_off() -> None:
         Fault.MOCAP_LATE, Fault.MOCAP_DEGRADED, Fault.TRACKING_ERROR, Fault.TRACKING_LOST, Fault.FENCE_NEAR,
         Fault.THRUST_SATURATED, Fault.AUTOPILOT_DISARMED, Fault.LAND_REFUSED, Fault.LANDING_TOO_LONG,
         Fault.HOLD_TOO_LONG, Fault.HORIZON_CAPPED, Fault.COMMAND_LATE, Fault.COMMANDS_REORDERED, Fault.COMMANDS_FOREIGN,
-        Fault.GROUND_LAW_TWICE,
+        Fault.GROUND_LAW_TWICE, Fault.TRAFFIC, Fault.TRAFFIC_BLOCKED, Fault.OTHER_UNSEEN,
     }  # fmt: skip
 
 

@@ -15,9 +15,11 @@ from companion.supervisor.health.in_flight import FlightHealth, check_flight
 from companion.supervisor.health.law_link import check_law_link
 from companion.supervisor.health.mocap import MocapHealth, check_mocap
 from companion.supervisor.health.position import PositionHealth, check_position
+from companion.supervisor.health.separation import SeparationHealth, check_separation
 from companion.supervisor.health.stream import StreamHealth, check_stream
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.separation import SeparationRules
 
 _OUR_LANDING = {Fault.TRACKING_LOST: Fault.TRACKING_ERROR, Fault.BATTERY_CRITICAL: Fault.BATTERY_LOW}
 """Faults that let PX4 land, and the fault each becomes when our controller must land instead."""
@@ -36,14 +38,20 @@ class Health:
     position: PositionHealth = field(default_factory=PositionHealth)
     autopilot: AutopilotHealth = field(default_factory=AutopilotHealth)
     flight: FlightHealth = field(default_factory=FlightHealth)
+    separation: SeparationHealth = field(default_factory=SeparationHealth)
 
 
 def assess(
-    memory: Health, now: HealthInputs, rules: SafetyRules, fence: Fence, off: frozenset[Fault] = frozenset()
+    memory: Health,
+    now: HealthInputs,
+    rules: SafetyRules,
+    fence: Fence,
+    off: frozenset[Fault] = frozenset(),
+    separation: SeparationRules | None = None,
 ) -> tuple[Health, tuple[Event, ...]]:
     """Return the checks' next memory and the faults present now, in the table's order, each at most once.
 
-    Faults that are `off` are not reported, and have no part in what is.
+    Faults that are `off` are not reported, and have no part in what is. `separation` is None in a room of one vehicle.
     """
     new = now.mocap.verdict is not None and now.mocap.received_s != memory.received_s
     mocap, mocap_events = check_mocap(memory.mocap, now, rules, new)
@@ -52,7 +60,9 @@ def assess(
     position, position_events = check_position(memory.position, now, rules, fence, new)
     autopilot, autopilot_events = check_autopilot(memory.autopilot, now, rules)
     flight, flight_events = check_flight(memory.flight, now, rules)
-    found = mocap_events + stream_events + attitude_events + position_events + autopilot_events + flight_events
+    apart, traffic_events = check_separation(memory.separation, now, rules, separation)
+    found = mocap_events + stream_events + attitude_events + position_events + traffic_events
+    found += autopilot_events + flight_events
     found += check_law_link(now, rules)
     found = [event for event in found if event.fault not in off]
     if attitude.horizon_wrong and Fault.HORIZON_WRONG not in off:
@@ -66,6 +76,7 @@ def assess(
         position=position,
         autopilot=autopilot,
         flight=flight,
+        separation=apart,
     )
     return memory, tuple(sorted(events, key=lambda event: _ORDER[event.fault])) if events else ()
 
