@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.core.types import FlightMode
+from companion.core.types import Array, FlightMode
 from companion.supervisor.flight_state import (
     ArmRequest,
     LandRequest,
@@ -28,6 +28,9 @@ SPOT_M = 0.4
 """How near a goto across another vehicle leads to it."""
 AGAIN_S = 0.5
 """Time from a refusal to the next command."""
+PATIENCE = 2
+"""After so many refusals in a row it looks where the others are, and goes where they are not."""
+CHOICES = 12
 ARMING_S = 6.0
 """Longest time of one attempt to arm."""
 GROUND = frozenset({Phase.STANDBY, Phase.DISARMED, Phase.TERMINATED})
@@ -50,6 +53,9 @@ class Operator:
     """Until then it gives no command to a vehicle on the ground."""
     retired = False
     """It gives no more commands: its service is gone."""
+    takeoff_refused = False
+    """It stands armed, and may not take off."""
+    refused_in_a_row: int = 0
     _next_s: float = 0.0
     _arming_since_s: float | None = None
 
@@ -63,7 +69,7 @@ class Operator:
         phase = flight.phase
         if phase in GROUND or self._arming_since_s is not None:
             self._get_up(flight, now_s)
-        elif phase is Phase.HOLD:
+        elif phase is Phase.HOLD and not _moves(flight, now_s):
             self._go_on(flight, now_s)
         return False
 
@@ -80,6 +86,7 @@ class Operator:
     def _get_up(self, flight: Flight, now_s: float) -> None:
         """Arm and take off, in the steps of the service: stream, OFFBOARD, arm, climb."""
         phase, status = flight.phase, flight.autopilot.status()
+        self.takeoff_refused = self.takeoff_refused and phase is Phase.ARMED
         if phase in GROUND:
             self._arming_since_s = None
             if now_s < self.rests_until_s or not _may_arm(flight):
@@ -90,6 +97,7 @@ class Operator:
         elif phase is Phase.ARMED:
             if self._say(flight, TakeoffRequest(self.rng.uniform(0.8, 1.8)), "takeoff"):
                 self._arming_since_s = None
+            self.takeoff_refused = self._arming_since_s is not None
             self._next_s = now_s + AGAIN_S
         elif phase is Phase.PREFLIGHT:
             assert self._arming_since_s is not None
@@ -105,8 +113,17 @@ class Operator:
             self._arming_since_s = None
 
     def _go_on(self, flight: Flight, now_s: float) -> None:
-        taken = self._say(flight, self._something(), "move")
+        stuck = self.refused_in_a_row >= PATIENCE
+        taken = self._say(flight, self._away(flight) if stuck else self._something(), "move")
+        self.refused_in_a_row = 0 if taken else self.refused_in_a_row + 1
         self._next_s = now_s + (self.rng.uniform(0.1, 1.0) if taken else AGAIN_S)
+
+    def _away(self, flight: Flight) -> Request:
+        """Return a goto to the one of some random places on whose straight way the others are farthest."""
+        here, others = flight.room.truth_w_m, self.places_of_others()
+        places = [np.array(self._place()) for _ in range(CHOICES)]
+        best = max(places, key=lambda place: min((_beside_m(other, here, place) for other in others), default=0.0))
+        return TrackRequest(Hold(best, self._yaw_rad()), 0.0)
 
     def _something(self) -> Request:
         """Return a random command, a third of them to a place next to another vehicle."""
@@ -149,6 +166,19 @@ class Operator:
         if refused:
             self.refusals[_without_numbers(refused)] += 1
         return not refused
+
+
+def _moves(flight: Flight, now_s: float) -> bool:
+    """Return whether a vehicle in HOLD is still on its way: a goto, or the approach of a track, is flown in HOLD."""
+    state = flight.loop.flight
+    return len(state.legs) > 1 or (bool(state.legs) and now_s - state.leg_start_s < state.legs[0].trajectory.duration_s)
+
+
+def _beside_m(point: Place, begin: Array, end: Array) -> float:
+    """Return the horizontal distance of a point from a straight way."""
+    way, to = (end - begin)[:2], np.array(point)[:2] - begin[:2]
+    along = float(np.clip(way @ to / max(float(way @ way), 1e-9), 0.0, 1.0))
+    return float(np.hypot(*(to - along * way)))
 
 
 def _may_arm(flight: Flight) -> bool:

@@ -10,15 +10,11 @@ from dataclasses import dataclass, field
 from companion.config.companion_config import CompanionConfig
 from companion.flight.tick import Tick
 from companion.geometry.frames import flip_yz
-from mock_autopilot.mavlink.streams import TICK_S
-from tests.flights.fleet.judge import DEADLOCK_S, Blocked, Closest, Judge, Limit
+from tests.flights.fleet.judge import DEADLOCK_S, STEP_S, Blocked, Closest, Judge, Limit
 from tests.flights.fleet.operator import Operator, Place
 from tests.flights.fleet.plan import LOST_S, REST_S, SILENT_S, Incident, Trouble, incidents_of
 from tests.flights.simulated import BRISK, Flight, Step
 from tests.flights.simulated_fleet import FleetFlight, fly_fleet
-
-STEP_S = TICK_S
-"""Physics and PX4 in steps of 4 ms, twice as long as the mock's own: a third less to compute."""
 
 
 @dataclass(frozen=True)
