@@ -44,6 +44,8 @@ class OtherBody:
     """Its name in QTM."""
     position_w_m: Vec3 | None
     """None while it is not tracked, or QTM does not have it."""
+    why_unseen: str = ""
+    """Why QTM cannot show it, as part of a sentence; empty while it could."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,7 @@ from companion.config.preflight_config import PreflightConfig, load_recommended
 from companion.core.interfaces import Clock, ConfigError, GroundPoses, MocapSource
 from companion.core.types import Array, AutopilotStatus, OtherService
 from companion.estimation.estimator import EstimatorState
+from companion.estimation.others import vehicles_of
 from companion.flight.arm_step import ArmStep
 from companion.flight.assembly import controller_of, period_s
 from companion.geometry.frames import quat_from_yaw
@@ -33,6 +34,7 @@ from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.law_link import LawLinkFacts
 from companion.preflight.checks.mocap import MocapFacts, MocapWatch, median
+from companion.preflight.checks.other_vehicles import OtherVehicleFacts
 from companion.preflight.checks.vehicle import ServoFacts
 from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.preflight.hand_test_file import read_hand_test
@@ -280,7 +282,13 @@ def facts_of(running: Running, watched: Watched, parameters: Mapping[str, float]
         operator_age_s=_operator_age_s(running),
         landed_age_s=running.landed_age_s(),
         others=running.others(),
+        vehicles=_vehicles_of(running),
     )
+
+
+def _vehicles_of(running: Running) -> OtherVehicleFacts:
+    frame, estimate = running.mocap.latest(), running.estimate()
+    return OtherVehicleFacts(() if frame is None else frame.others, vehicles_of(estimate.others, estimate.others_s))
 
 
 def _arms_of(running: Running, now_s: float) -> ServoFacts | None:

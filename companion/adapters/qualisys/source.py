@@ -48,6 +48,7 @@ class QualisysSource(NewestFrame):
         self._index = 0
         self._others = tuple(others)
         self._other_indices: tuple[int | None, ...] = ()
+        self._why_unseen: tuple[str, ...] = ("",) * len(self._others)
 
     @property
     def trouble(self) -> str:
@@ -68,7 +69,7 @@ class QualisysSource(NewestFrame):
         self.list_wanted.clear()
         self._objection = objection(bodies, self._body)
         if bodies != before:
-            self._tell_others()
+            self._judge_others()
         if before and bodies != before:
             old, new = listed(before) or "none", listed(bodies)
             LOG.warning("%s: its rigid bodies were changed, from %s to %s", self._where, old, new)
@@ -132,14 +133,15 @@ class QualisysSource(NewestFrame):
         return count == self._in_frame
 
     def _others_of(self, packet: Any) -> Iterator[OtherBody]:
-        for name, index in zip(self._others, self._other_indices, strict=True):
-            yield OtherBody(name, None if index is None else body_position_w_m(packet, index))
+        for name, index, why in zip(self._others, self._other_indices, self._why_unseen, strict=True):
+            yield OtherBody(name, None if index is None else body_position_w_m(packet, index), why)
 
-    def _tell_others(self) -> None:
-        """Log each other vehicle that QTM's list, just changed, does not show."""
-        for name in self._others:
-            if why := other_objection(self._bodies, name):
-                LOG.error("another vehicle is not seen: %s %s", self._where, why)
+    def _judge_others(self) -> None:
+        """Note, and log, which other vehicles QTM's list, just changed, does not show."""
+        objections = [other_objection(self._bodies, name) for name in self._others]
+        self._why_unseen = tuple(f"{self._where} {why}" if why else "" for why in objections)
+        for why in filter(None, self._why_unseen):
+            LOG.error("another vehicle is not seen: %s", why)
 
     def _tell_misfit(self, what: str) -> None:
         if what != self._misfit and self.latest() is not None:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from companion.config.companion_config import CompanionConfig
@@ -17,6 +17,7 @@ from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.hand_test import HandTest, check_hand_test
 from companion.preflight.checks.law_link import LawLinkFacts, check_law_link
 from companion.preflight.checks.mocap import MocapFacts
+from companion.preflight.checks.other_vehicles import OtherVehicleFacts, check_other_vehicles
 from companion.preflight.checks.vehicle import ServoFacts, check_parameters
 from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.trajectories.reference import Trajectory
@@ -52,6 +53,8 @@ class Facts:
     """Services of other vehicles that were heard on the broker."""
     law: Check | None = None
     """The control law's margins on this vehicle; None in a service, which looks when it loads one."""
+    vehicles: OtherVehicleFacts = field(default_factory=OtherVehicleFacts)
+    """The other vehicles of [separation], as motion capture sees them."""
     ground: GroundPoseFacts | None = None
     """Poses of the law on the ground, on a vehicle that frames do not reach; None where they do."""
     law_link: LawLinkFacts | None = None
@@ -83,8 +86,18 @@ def check_all(
         *([facts.law] if facts.law is not None else []),
         *(check_law_link(facts.law_link, config.safety.rules()) if facts.law_link is not None else ()),
         *check_place(facts.position_w_m, config.fence, config.flight.takeoff_height_m, trajectory),
+        *_others(facts, config),
         *(() if facts.ground else (_hand_test(facts, config.mocap.body, wanted),)),
     )
+
+
+def _others(facts: Facts, config: CompanionConfig) -> tuple[Check, ...]:
+    """Check the other vehicles of the room; nothing where there are none."""
+    clear = config.flight_rules().keep_clear
+    if clear is None:
+        return ()
+    names = config.separation.others_than(config.mocap.body)
+    return check_other_vehicles(facts.vehicles, names, facts.position_w_m, clear)
 
 
 def _hand_test(facts: Facts, body: str, wanted: PreflightConfig) -> Check:

@@ -73,7 +73,10 @@ def test_a_body_without_a_pose_in_the_room_is_nowhere_and_logged(
 ) -> None:
     assert why in other_objection(bodies, "dauam-2")
     with caplog.at_level(logging.ERROR):
-        assert others_of(source_of(*bodies), 1, *x_mm) == seen(None, 3.0)
+        unseen, third = others_of(source_of(*bodies), 1, *x_mm)
+    assert (unseen.position_w_m, third) == (None, seen(None, 3.0)[1])
+    assert unseen.why_unseen.startswith("QTM at here:1 ")
+    assert why in unseen.why_unseen
     assert [why in record.getMessage() for record in caplog.records] == [True]
 
 
@@ -82,7 +85,8 @@ def test_a_list_that_changes_in_flight_moves_no_vehicle_to_anothers_place() -> N
     before = others_of(source, 1, 1000.0, 2000.0, 3000.0)
     assert others_of(source, 2, 1000.0, 3000.0) is before, "a frame of another list is not believed"
     source.take_bodies((OWN, THIRD))
-    assert others_of(source, 3, 1000.0, 3100.0) == seen(None, 3.1)
+    unseen, third = others_of(source, 3, 1000.0, 3100.0)
+    assert (unseen.position_w_m, third) == (None, seen(None, 3.1)[1])
     source.doubt_bodies()
     source.take_bodies((THIRD, SECOND, OWN))
     assert others_of(source, 4, 3200.0, 2200.0, 1000.0) == seen(2.2, 3.2)
