@@ -120,6 +120,15 @@ class LawLink(_Said):
     refused: str = Field("", description="why a ground law was refused last; empty after a session has begun")
 
 
+class Other(_Said):
+    """Another vehicle of the room, as this one's motion capture sees its body."""
+
+    body: str = Field(description="its name in QTM")
+    position_w_m: Vector | None = Field(None, description="where it was last seen; null before")
+    age_s: float | None = Field(None, description="time since it was last seen, s; null before")
+    distance_m: float | None = Field(None, description="horizontal distance to it, m")
+
+
 WAITING = "waiting"
 """Phase in the state while the service has no vehicle."""
 
@@ -160,6 +169,7 @@ class State(_Said):
         "while it only hovers",
     )
     late_s: float | None = Field(None, description="delay of the start of the control cycle, s")
+    others: tuple[Other, ...] = Field((), description="the other vehicles of [separation], by priority")
     px4_age_s: float | None = Field(None, description="time since the autopilot was last heard, s; null before")
     record: str = Field("", description="name of the file of the newest record; empty without one")
     text: str = Field("", description="the autopilot's newest STATUSTEXT")

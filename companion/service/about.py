@@ -25,5 +25,6 @@ def about_of(config: CompanionConfig, session: str) -> About:
         controllers=() if config.law.on_ground else tuple(dict.fromkeys(("etnn", *names_in("controllers")))),
         motions=tuple(names_in("arms")) if arms is not None else (),
         curves=NAMES,
+        separation_order=config.separation.order,
         arms=arms.model_dump(mode="json") if arms is not None else None,
     )

@@ -2,15 +2,16 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from companion.core.types import Array, AutopilotStatus
+from companion.core.types import Array, AutopilotStatus, OtherVehicle
+from companion.estimation.others import vehicles_of
 from companion.flight.remote_step import LinkTick
 from companion.flight.tick import Tick
 from companion.geometry.frames import up_axis, yaw_of
 from companion.law_link.link_status import NO_LINK
-from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, LawLink, State, Vector
+from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, LawLink, Other, State, Vector
 from companion.supervisor.faults import Event, Fault, reaction_to
 from companion.supervisor.flight_state import IN_THE_AIR, FlightState
 
@@ -142,6 +143,7 @@ class Telemetry:
             sent_share=self._sent_share(tick, rate_hz),
             law_link=_law_link(tick.link) if tick.link else None,
             faults=tuple(str(event.fault) for event in tick.events),
+            others=_others_of(tick),
             arms=str(tick.arms.phase) if tick.arms else None,
             joints_rad=tuple(map(_number, tick.arms.status.position_rad.tolist())) if tick.arms else None,
             doing=doing,
@@ -164,6 +166,22 @@ def _remaining_s(flight: FlightState, time_s: float) -> float | None:
     planned_s = sum(leg.trajectory.duration_s for leg in flight.legs)
     left_s = flight.leg_start_s + planned_s - time_s
     return left_s if flight.airborne and flight.phase in IN_THE_AIR and left_s > 0.0 else None
+
+
+def _others_of(tick: Tick) -> tuple[Other, ...]:
+    """Return the other vehicles as of the newest frame, wherever the vehicle itself was last seen."""
+    estimate, vehicle = tick.estimate, tick.vehicle
+    if estimate is None or not estimate.others:
+        return ()
+    place = None if vehicle is None else vehicle.position_w_m.tolist()
+    return tuple(_other(one, place) for one in vehicles_of(estimate.others, estimate.others_s))
+
+
+def _other(one: OtherVehicle, place: Sequence[float] | None) -> Other:
+    if not one.known:
+        return Other(body=one.body)
+    distance_m = None if place is None else math.dist(place[:2], one.position_w_m[:2])
+    return Other(body=one.body, position_w_m=one.position_w_m, age_s=one.unseen_s, distance_m=distance_m)
 
 
 def _law_link(tick: LinkTick) -> LawLink:

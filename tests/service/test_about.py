@@ -38,3 +38,9 @@ def test_without_arms_it_offers_no_motions() -> None:
 
 def test_it_fits_into_one_packet() -> None:
     assert len(about_of(DEMO, SESSION).model_dump_json()) < 16_000
+
+
+def test_it_tells_in_which_order_the_vehicles_of_the_room_yield() -> None:
+    separation = DEMO.separation.model_copy(update={"order": ("two", "dauam")})
+    assert about_of(DEMO.model_copy(update={"separation": separation}), SESSION).separation_order == ("two", "dauam")
+    assert about_of(DEMO, SESSION).separation_order == ()

@@ -7,7 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, State
+from companion.core.types import OtherBody
+from companion.estimation import others
+from companion.estimation.params import EstimatorParams
+from companion.protocol.telemetry import WAITING, Doing, Happened, Kind, Other, State
 from companion.service.telemetry import Telemetry
 from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Flight, fly
@@ -115,3 +118,24 @@ def test_the_autopilots_words_grow_old(silent: Flight) -> None:
         telemetry(replace(tick, time_s=time_s, status=replace(tick.status, last_text=text)))
     state = telemetry.state(None, 100.0)
     assert (state.text, state.text_age_s) == ("denied", 42.0)
+
+
+def test_a_state_tells_where_the_other_vehicles_are(silent: Flight) -> None:
+    params = EstimatorParams()
+    seen = OtherBody("two", (3.0, 4.0, 1.0)), OtherBody("three", None)
+    tick = next(tick for tick in silent.ticks if tick.vehicle is not None and tick.estimate is not None)
+    assert tick.vehicle is not None
+    assert tick.estimate is not None
+    first = others.step((), seen, 1.0, params)
+    tracks = others.step(first, (OtherBody("two", None), seen[1]), 1.25, params)
+    here = replace(tick.vehicle, position_w_m=np.zeros(3))
+    telemetry = Telemetry(SESSION, lambda _: None)
+    telemetry(replace(tick, vehicle=here, estimate=replace(tick.estimate, others=tracks, others_s=1.25)))
+    assert telemetry.state(None, 100.0).others == (
+        Other(body="two", position_w_m=(3.0, 4.0, 1.0), age_s=0.25, distance_m=5.0),
+        Other(body="three"),
+    )
+    telemetry(replace(tick, vehicle=None, estimate=replace(tick.estimate, others=tracks, others_s=1.25)))
+    assert telemetry.state(None, 100.0).others[0].distance_m is None
+    telemetry(replace(tick, estimate=None))
+    assert telemetry.state(None, 100.0).others == ()
