@@ -32,7 +32,7 @@ from companion.supervisor.health_inputs import HealthInputs, MocapInputs
 from companion.supervisor.safety_rules import SafetyRules
 from companion.supervisor.separation import SeparationRules
 from companion.supervisor.state_machine import reference_at
-from companion.supervisor.way_ahead import NO_WAY, WayAhead, in_reach, way_ahead
+from companion.supervisor.way_ahead import NO_WAY, WayAhead, way_ahead
 
 LOG = logging.getLogger(__name__)
 
@@ -141,8 +141,7 @@ class HealthStep:
         vehicle, rules, ahead_s = cycle.estimate.vehicle, self._separation, self._rules.yield_ahead_s
         if rules is None or vehicle is None or not flight.airborne:
             return NO_WAY
-        near = in_reach(vehicle, others, rules.cylinder, ahead_s)
-        return way_ahead(flight, cycle.time_s, rules.cylinder, ahead_s) if near else NO_WAY
+        return way_ahead(flight, cycle.time_s, vehicle, others, rules, ahead_s)
 
 
 def _reference_w_m(flight: FlightState, cycle: Cycle) -> Array:

@@ -72,8 +72,8 @@ class HealthInputs:
     others: tuple[OtherVehicle, ...] = ()
     """The other vehicles, as of the newest frame."""
     path_w_m: tuple[Vec3, ...] = ()
-    """Reference positions from now on, a point every separation.STEP_S; empty where no other vehicle is in reach."""
+    """Reference positions from now on, a point every separation.STEP_S; see way_ahead.WayAhead."""
     rest_w_m: Vec3 = (nan, nan, nan)
-    """Position of the reference at rest if a hold were ordered now; NaN where `path_w_m` is empty."""
+    """Position of the reference at rest if a hold were ordered now; NaN where no other vehicle is in reach."""
     command_age_s: float = 0.0
     """Time since that law confirmed its command for this flight; 0 for a law on board."""

@@ -7,7 +7,7 @@ from companion.core.types import Array, OtherVehicle, Vec3, VehicleState
 from companion.core.values import value
 from companion.guard.separation import Separation
 from companion.supervisor.flight_state import FlightState
-from companion.supervisor.separation import STEP_S
+from companion.supervisor.separation import STEP_S, SeparationRules
 from companion.supervisor.transitions import reference_at, resting_place
 
 _SPEED_MPS = 1.0
@@ -21,29 +21,38 @@ class WayAhead:
     """Reference positions from now on, and where the reference would come to rest."""
 
     path_w_m: tuple[Vec3, ...] = ()
+    """A point every STEP_S; empty where this vehicle yields to none in reach."""
     rest_w_m: Vec3 = (math.nan, math.nan, math.nan)
+    """NaN where no other vehicle is in reach."""
 
 
 NO_WAY = WayAhead()
 
 
-def way_ahead(flight: FlightState, time_s: float, cylinder: Separation, ahead_s: float) -> WayAhead:
-    """Return the way ahead of a flying vehicle for so long."""
-    times_s = [time_s + index * STEP_S for index in range(round(ahead_s / STEP_S) + 1)]
-    path = tuple(_floats(reference_at(flight, at_s).position_w_m) for at_s in times_s)
-    _, rest = resting_place(reference_at(flight, time_s), cylinder.braking_mps2)
-    return WayAhead(path, _floats(rest))
+def way_ahead(
+    flight: FlightState,
+    time_s: float,
+    vehicle: VehicleState,
+    others: Iterable[OtherVehicle],
+    rules: SeparationRules,
+    ahead_s: float,
+) -> WayAhead:
+    """Return the way ahead of a flying vehicle, as far as another one could be met within `ahead_s`.
+
+    Its points take 10 us each.
+    """
+    near = [other for other in others if _in_reach(other, vehicle, rules.cylinder, ahead_s)]
+    if not near:
+        return NO_WAY
+    _, rest = resting_place(reference_at(flight, time_s), rules.cylinder.braking_mps2)
+    yields = any(rules.yields_to(other) for other in near)
+    times_s = [time_s + index * STEP_S for index in range(round(ahead_s / STEP_S) + 1)] if yields else []
+    return WayAhead(tuple(_floats(reference_at(flight, at_s).position_w_m) for at_s in times_s), _floats(rest))
 
 
-def in_reach(vehicle: VehicleState, others: Iterable[OtherVehicle], cylinder: Separation, ahead_s: float) -> bool:
-    """Return True if another vehicle could be met within `ahead_s`."""
-    place, speed_mps = _floats(vehicle.position_w_m), max(math.hypot(*vehicle.velocity_w_mps.tolist()), _SPEED_MPS)
-
-    def near(other: OtherVehicle) -> bool:
-        way_m = ahead_s * (speed_mps + math.hypot(*other.velocity_w_mps))
-        return other.known and cylinder.gap_m(place, other) < way_m + _SPARE_M
-
-    return any(near(other) for other in others)
+def _in_reach(other: OtherVehicle, vehicle: VehicleState, cylinder: Separation, ahead_s: float) -> bool:
+    speed_mps = max(math.hypot(*vehicle.velocity_w_mps.tolist()), _SPEED_MPS) + math.hypot(*other.velocity_w_mps)
+    return other.known and cylinder.gap_m(_floats(vehicle.position_w_m), other) < speed_mps * ahead_s + _SPARE_M
 
 
 def _floats(place: Array) -> Vec3:

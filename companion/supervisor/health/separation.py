@@ -93,7 +93,7 @@ def _near(
     if cylinder.gap_m(own[0], other) < 0.0:
         later = separation.yields_to(other) or not now.airborne
         return [Event(Fault.SEPARATION_LOST if later else Fault.TRAFFIC, f"{where}: inside its cylinder")]
-    if not now.airborne or not now.path_w_m:
+    if not now.airborne:
         return []
     if _rests_too_near(other, own, now, rules, separation) or (
         separation.yields_to(other) and _meets(other, own, now, rules, separation)
@@ -126,6 +126,8 @@ def _meets(
 ) -> bool:
     """Return True if the way ahead meets the other's, and holding keeps farther away than going on."""
     wide = separation.cylinder.widened(rules.yield_margin_m)
+    if not now.path_w_m:
+        return False
     on_m = least_gap_m(now.path_w_m, other, wide)
     if not on_m < min(0.0, wide.gap_m(own[0], other) - NEARER_M):
         return False
