@@ -28,7 +28,7 @@ CSP = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
-_START_X_M, _APART_M, _BEAT_S = 0.0, 1.6, 0.2
+_START_X_M, _APART_M = 0.0, 1.6
 
 
 class FakeServer:
@@ -41,8 +41,8 @@ class FakeServer:
         """Nothing at all is sent, and the connections stay open."""
         self.refusing = False
         """No connection is taken."""
-        self.pace = 1.0
-        """Simulated seconds a second."""
+        self.publishing = True
+        """States are sent; without, only beats."""
         self.commands: list[dict[str, Any]] = []
         self.vehicles: dict[str, FakeVehicle] = {}
         self.history: list[dict[str, Any]] = []
@@ -61,7 +61,8 @@ class FakeServer:
         count = len(self.names)
         self.commands.clear()
         self.history.clear()
-        self.can_command, self.password, self.silent, self.refusing, self.pace = True, False, False, False, 1.0
+        self.can_command, self.password, self.silent, self.refusing = True, False, False, False
+        self.publishing = True
         self.vehicles = {
             name: FakeVehicle(name, np.array([_START_X_M, _APART_M * (i - (count - 1) / 2), 0.0]), time_s=time.time())
             for i, name in enumerate(self.names)
@@ -90,7 +91,9 @@ class FakeServer:
     async def _fly(self, seconds: float) -> None:
         steps = round(seconds / STEP_S)
         for left in range(steps, 0, -1):
-            await self._step(age_s=(left - 1) * STEP_S)
+            for vehicle in self.vehicles.values():
+                vehicle.step()
+            await self._publish(age_s=(left - 1) * STEP_S)
 
     async def _drop(self) -> None:
         for socket in tuple(self.sockets):
@@ -105,9 +108,8 @@ class FakeServer:
             with suppress(Exception):
                 await socket.send_text(json.dumps(message))
 
-    async def _step(self, age_s: float = 0.0) -> None:
+    async def _publish(self, age_s: float = 0.0) -> None:
         for vehicle in self.vehicles.values():
-            vehicle.step()
             for event in vehicle.events:
                 await self._send({"type": "event", "vehicle": vehicle.name, "event": event})
             for reply in vehicle.replies:
@@ -118,16 +120,13 @@ class FakeServer:
             await self._send({**state, "arms_b_m": vehicle.arms_b_m()})
 
     async def tick(self) -> None:
-        """Send states and beats until cancelled."""
+        """Send beats and the present states until cancelled; the vehicles only move by `fly`."""
         self.loop = asyncio.get_running_loop()
-        due_s = 0.0
         while True:
-            await asyncio.sleep(STEP_S / 2.0)
-            due_s += STEP_S / 2.0 * self.pace
+            await asyncio.sleep(STEP_S)
             await self._send({"type": "beat", "time_s": time.time()})
-            while due_s >= STEP_S:
-                due_s -= STEP_S
-                await self._step()
+            if self.publishing:
+                await self._publish()
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page."""
@@ -164,6 +163,7 @@ class FakeServer:
         else:
             self.commands.append(message)
             self.vehicles[message["vehicle"]].obey(message)
+            await self._publish()
 
     async def login(self, request: Request) -> Response:
         """Take the password."""

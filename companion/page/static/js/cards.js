@@ -67,7 +67,7 @@ export class Cards {
     setSymbol(parts.button, looks.symbol);
     setText(parts.word, looks.word);
     const battery = state?.battery === null || state?.battery === undefined ? null : state.battery * 100;
-    setText(parts.line, state === null ? "" : `${number(state.position_w_m?.[2], 2, " m")}\n${number(battery, 0, " %")}`);
+    setText(parts.line, state === null ? "" : `${number(state.position_w_m?.[2], 2, " m")} · ${number(battery, 0, " %")}`);
     setText(parts.fault, stale && state !== null ? `no state for ${Math.floor(vehicle.ageS)} s` : [...vehicle.faults.keys()].join(", "));
     setAttribute(parts.button, "aria-pressed", String(vehicle.name === this.fleet.focusName));
     parts.box.checked = this.fleet.selected.has(vehicle.name);

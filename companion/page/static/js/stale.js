@@ -4,7 +4,7 @@ import { byId, setText, show } from "./dom.js";
 import { clock } from "./words.js";
 
 /** The promise is one second; a tick of the page and its drawing come on top. */
-const STALE_S = 0.85;
+const STALE_S = 0.75;
 
 /**
  * Show since when the page is stale, if it is.

@@ -1,0 +1,135 @@
+"""The page is accessible, small, and says why it does not command without a login."""
+
+from pathlib import Path
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+
+from tests.packages import needs
+from tests.page.browser import SIZES, Scheme, opened
+from tests.page.fake_server import PASSWORD, STATIC, FakeServer
+
+pytestmark = needs("chromium")
+
+MOST_BYTES = 150_000
+SCHEMES: tuple[Scheme, ...] = ("light", "dark")
+
+
+def violations(page: Page) -> list[str]:
+    found = Axe().run(page)
+    return [f"{one['id']}: {[node['target'] for node in one['nodes']]}" for one in found.response["violations"]]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("size", SIZES)
+def test_axe_finds_nothing(browser: Browser, three: FakeServer, size: str, scheme: Scheme) -> None:
+    three.vehicle().fail("mocap slow", "only 41 usable frames in the last second", "land")
+    three.vehicle(1).fail("broker gone", "no connection to the broker", "warn")
+    three.vehicle(2).phase = "hold"
+    with opened(browser, three.url, size, scheme) as page:
+        page.locator("#whom-all").click()
+        page.locator("[data-command=preflight]").click()
+        three.fly(1.0)
+        expect(page.locator("#checks li")).to_have_count(10)
+        assert violations(page) == []
+
+
+def test_axe_finds_nothing_in_a_flight_or_in_the_login(browser: Browser, one: FakeServer) -> None:
+    one.password = True
+    for scheme in SCHEMES:
+        with opened(browser, one.url, "desktop", scheme) as page:
+            for phase in ("armed", "track", "land", "handed over", "terminated"):
+                one.vehicle().phase = phase
+                expect(page.locator("#phase")).to_have_text(phase)
+                assert violations(page) == [], (scheme, phase)
+            page.locator("#login").click()
+            assert violations(page) == [], (scheme, "login")
+
+
+def test_without_a_login_no_button_commands_and_each_says_why(browser: Browser, one: FakeServer) -> None:
+    one.password = True
+    with opened(browser, one.url) as page:
+        expect(page.locator("#rights")).to_have_text("read-only: log in to command")
+        page.locator("[data-command=abort]").click(force=True)  # it says that it is disabled, and answers
+        expect(page.locator("#login-box")).to_be_visible()
+        page.locator("#password").fill("wrong")
+        page.keyboard.press("Enter")
+        expect(page.locator("#login-says")).to_have_text("wrong password")
+        page.locator("#password").fill(PASSWORD)
+        page.keyboard.press("Enter")
+        expect(page.locator("#login-box")).to_be_hidden()
+        expect(page.locator("#rights")).to_have_text("may command")
+        assert one.commands == []
+        page.locator("[data-command=preflight]").click()
+        expect(page.locator("output[data-answer=preflight]")).to_contain_text("accepted")
+        page.locator("#logout").click()
+        expect(page.locator("#rights")).to_have_text("read-only: log in to command")
+
+
+def test_a_server_without_a_password_says_that_it_only_shows(browser: Browser, one: FakeServer) -> None:
+    one.can_command = False
+    with opened(browser, one.url) as page:
+        expect(page.locator("#rights")).to_have_text("read-only: the server has no password file")
+        page.locator("[data-command=hold]").click(force=True)
+        expect(page.locator("#login-box")).to_be_hidden()
+        assert one.commands == []
+
+
+def test_the_room_turns_by_mouse_wheel_and_keys(browser: Browser, one: FakeServer) -> None:
+    with opened(browser, one.url) as page:
+        expect(page.locator("#phase")).to_have_text("standby")
+        scene = page.locator("#scene")
+        seen = {picture(page)}
+        box = scene.bounding_box()
+        assert box is not None
+        page.mouse.move(box["x"] + 200, box["y"] + 200)
+        page.mouse.down()
+        page.mouse.move(box["x"] + 260, box["y"] + 180)
+        page.mouse.up()
+        seen.add(picture(page))
+        page.mouse.wheel(0, -300)
+        seen.add(picture(page))
+        scene.focus()
+        for key in ("ArrowLeft", "ArrowUp", "-"):
+            page.keyboard.press(key)
+            seen.add(picture(page))
+        page.locator("#follow").click()
+        seen.add(picture(page))
+        assert len(seen) == 7
+
+
+def picture(page: Page) -> str:
+    page.wait_for_timeout(120)  # a tick of the page and the frame after it
+    return str(page.evaluate("document.getElementById('scene').toDataURL()"))
+
+
+def test_the_colours_follow_the_switch(browser: Browser, one: FakeServer) -> None:
+    def ground() -> str:
+        return str(page.evaluate("getComputedStyle(document.body).backgroundColor"))
+
+    with opened(browser, one.url, scheme="dark") as page:
+        grounds = [ground()]
+        for choice in ("Light", "Dark", "Auto"):
+            page.locator("#theme").click()
+            expect(page.locator("#theme")).to_have_text(choice)
+            grounds.append(ground())
+        assert grounds[0] == grounds[2] == grounds[3] != grounds[1]
+
+
+def test_the_page_is_small_and_has_nothing_inline() -> None:
+    files = [path for path in STATIC.rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) <= MOST_BYTES
+    html = (STATIC / "index.html").read_text(encoding="utf-8")
+    assert "style=" not in html
+    assert "<script>" not in html
+    for script in STATIC.rglob("*.js"):
+        check_script(script)
+
+
+def check_script(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for word in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "http://", "https://"):
+        assert word not in text.replace("http://www.w3.org/2000/svg", ""), f"{path.name}: {word}"
+    assert " == " not in text, path.name
+    assert " != " not in text, path.name
