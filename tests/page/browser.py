@@ -44,8 +44,13 @@ def chromium() -> Iterator[Browser]:
 
 
 @contextmanager
-def opened(browser: Browser, url: str, size: str = "desktop", scheme: Scheme = "light") -> Iterator[Page]:
-    """Open a page in a context of its own; whatever it reports as an error fails the test."""
+def opened(
+    browser: Browser, url: str, size: str = "desktop", scheme: Scheme = "light", by_hand: bool = False
+) -> Iterator[Page]:
+    """Open a page in a context of its own; whatever it reports as an error fails the test.
+
+    `by_hand`: its clock, timers and drawing advance only by `page.clock.run_for`.
+    """
     width, height = SIZES[size]
     context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
     context.set_default_timeout(10_000)
@@ -54,6 +59,9 @@ def opened(browser: Browser, url: str, size: str = "desktop", scheme: Scheme = "
     page.on("pageerror", lambda error: troubles.append(str(error)))
     page.on("console", lambda said: troubles.append(said.text) if said.type == "error" else None)
     page.add_init_script(WATCH)
+    if by_hand:
+        page.clock.install(time=0)
+        page.clock.pause_at(1000)
     page.goto(url)
     yield page
     context.close()

@@ -44,6 +44,8 @@ class FakeServer:
         self.publishing = True
         """States are sent; without, only beats."""
         self.commands: list[dict[str, Any]] = []
+        self.asked = 0
+        """Questions before a kill."""
         self.vehicles: dict[str, FakeVehicle] = {}
         self.history: list[dict[str, Any]] = []
         self.sockets: set[WebSocket] = set()
@@ -60,6 +62,7 @@ class FakeServer:
         """Put fresh vehicles on the ground."""
         count = len(self.names)
         self.commands.clear()
+        self.asked = 0
         self.history.clear()
         self.can_command, self.password, self.silent, self.refusing = True, False, False, False
         self.publishing = True
@@ -158,6 +161,7 @@ class FakeServer:
         if not self._may(socket):
             await socket.send_json({"type": "error", "ref": message["ref"], "text": "read-only: log in first"})
         elif message["verb"] == "kill" and "nonce" not in message:
+            self.asked += 1
             confirm = {"vehicle": message["vehicle"], "nonce": "n1", "after_s": 1.5, "until_s": 10}
             await socket.send_json({"type": "confirm", "ref": message["ref"], **confirm})
         else:

@@ -1,9 +1,10 @@
 """The page is accessible, small, and says why it does not command without a login."""
 
+import re
 from pathlib import Path
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
+from axe_playwright_python.sync_playwright import Axe  # type: ignore[import-untyped]
 from playwright.sync_api import Browser, Page, expect
 
 from tests.packages import needs
@@ -37,12 +38,12 @@ def test_axe_finds_nothing(browser: Browser, three: FakeServer, size: str, schem
 
 def test_axe_finds_nothing_in_a_flight_or_in_the_login(browser: Browser, one: FakeServer) -> None:
     one.password = True
+    one.vehicle().phase = "track"
     for scheme in SCHEMES:
         with opened(browser, one.url, "desktop", scheme) as page:
-            for phase in ("armed", "track", "land", "handed over", "terminated"):
-                one.vehicle().phase = phase
-                expect(page.locator("#phase")).to_have_text(phase)
-                assert violations(page) == [], (scheme, phase)
+            expect(page.locator("#phase")).to_have_text("track")
+            page.locator("#plan").click()
+            assert violations(page) == [], scheme
             page.locator("#login").click()
             assert violations(page) == [], (scheme, "login")
 
@@ -115,6 +116,38 @@ def test_the_colours_follow_the_switch(browser: Browser, one: FakeServer) -> Non
             expect(page.locator("#theme")).to_have_text(choice)
             grounds.append(ground())
         assert grounds[0] == grounds[2] == grounds[3] != grounds[1]
+
+
+def palettes() -> dict[str, dict[str, str]]:
+    """Return the colours of the style sheet by the head of their block."""
+    css = (STATIC / "style.css").read_text(encoding="utf-8")
+    blocks = re.findall(r"(:root[^{]*)\{([^}]*--page:[^}]*)\}", css)
+    return {head.strip(): dict(re.findall(r"--([\w-]+): (#\w+);", body)) for head, body in blocks}
+
+
+def contrast(one: str, other: str) -> float:
+    """Return the contrast of two colours as WCAG 2 defines it, 1 to 21."""
+    light, dark = sorted((luminance(one), luminance(other)), reverse=True)
+    return (light + 0.05) / (dark + 0.05)
+
+
+def luminance(colour: str) -> float:
+    digits = colour[1:] if len(colour) == 7 else "".join(2 * digit for digit in colour[1:])
+    shares = [int(digits[i : i + 2], 16) / 255.0 for i in (0, 2, 4)]
+    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def test_every_text_has_enough_contrast_in_both_schemes() -> None:
+    light, dark, automatic = palettes().values()
+    assert dark == automatic, "dark by choice and dark by the device are the same"
+    for colours in (light, dark):
+        tones = [name.removesuffix("-ink") for name in colours if name.endswith("-ink")]
+        pairs = [(f"{tone}-ink", tone) for tone in tones]
+        on_panel = ["ink", "soft", *(name for name in colours if name.endswith("-text") or name[:8] == "vehicle-")]
+        pairs += [(name, "panel") for name in on_panel] + [("ink", "button"), ("ink", "field"), ("ink", "page")]
+        low = {pair: contrast(colours[pair[0]], colours[pair[1]]) for pair in pairs}
+        assert {pair: value for pair, value in low.items() if value < 4.5} == {}
 
 
 def test_the_page_is_small_and_has_nothing_inline() -> None:

@@ -15,6 +15,7 @@ FAULT_MS, STALE_MS = 300.0, 1000.0
 EVIL = '<img src=x onerror="window.evil=1"><script>window.evil=1</script>'
 
 
+@pytest.mark.realtime
 def test_a_fault_is_shown_with_reason_and_reaction_within_300_ms(browser: Browser, three: FakeServer) -> None:
     delays_ms = []
     for size in ("phone", "tablet", "desktop"):
@@ -57,6 +58,7 @@ def test_a_page_opened_later_shows_the_fault_with_its_reason(browser: Browser, o
         expect(page.locator("#log")).to_contain_text("battery low")
 
 
+@pytest.mark.realtime
 def test_a_silent_server_makes_the_page_stale_within_a_second(browser: Browser, one: FakeServer) -> None:
     with opened(browser, one.url) as page:
         expect(page.locator("#phase")).to_have_text("standby")
@@ -70,6 +72,7 @@ def test_a_silent_server_makes_the_page_stale_within_a_second(browser: Browser, 
         expect(page.locator("#stale")).to_be_hidden()
 
 
+@pytest.mark.realtime
 def test_a_vehicle_without_states_is_stale_while_the_server_beats(browser: Browser, three: FakeServer) -> None:
     with opened(browser, three.url) as page:
         expect(page.locator(".card .word")).to_have_text(["standby"] * 3)
@@ -122,8 +125,7 @@ def test_what_others_write_is_never_markup(browser: Browser, one: FakeServer) ->
         assert page.evaluate("document.querySelectorAll('img, main script').length") == 0
 
 
-@pytest.mark.parametrize("blocked", ["nothing outside"])
-def test_it_works_without_any_other_network(browser: Browser, one: FakeServer, blocked: str) -> None:
+def test_it_works_without_any_other_network(browser: Browser, one: FakeServer) -> None:
     with opened(browser, one.url) as page:
         asked: list[str] = []
         page.on("request", lambda request: asked.append(request.url))

@@ -19,6 +19,8 @@ import { startTheme } from "./theme.js";
 
 /** A tick also shows that nothing comes. */
 const TICK_MS = 100;
+/** Least time between two drawings of everything: a tablet's battery flies, too. */
+const REST_MS = 40;
 
 const fleet = new Fleet();
 const link = new Link(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`, take, changed);
@@ -26,11 +28,12 @@ const commands = new Commands(link, wake);
 const login = new Login(() => link.restart());
 const controls = new Controls(fleet, commands, allowed);
 const cards = new Cards(fleet, wake);
-const camera = new Camera(byId("scene"), wake);
+const camera = new Camera(byId("scene"), () => drawScene(byId("scene"), fleet, camera, follow));
 const kill = new Kill(() => fleet.focusName, commands, allowed, () => fleet.vehicles.size > 1);
 const plots = makePlots(byId("plots"));
 let follow = false;
 let asked = 0;
+let drawnMs = 0;
 
 /** Take one message of the server. @param {any} message */
 function take(message) {
@@ -65,11 +68,20 @@ function allowed() {
 
 /** Draw at the screen's next frame. */
 function wake() {
-  if (asked === 0) asked = requestAnimationFrame(draw);
+  if (asked === 0) asked = requestAnimationFrame(frame);
+}
+
+function frame() {
+  asked = 0;
+  if (performance.now() - drawnMs < REST_MS) {
+    wake();
+    return;
+  }
+  drawnMs = performance.now();
+  draw();
 }
 
 function draw() {
-  asked = 0;
   const vehicle = fleet.focus;
   const silentS = (performance.now() - link.heardMs) / 1000;
   showTop();
