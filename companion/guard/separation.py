@@ -46,14 +46,22 @@ class Walls:
     def behind(self, x_mps2: float, y_mps2: float, full_mps2: float) -> tuple[float, float]:
         """Return the horizontal acceleration nearest to this one behind all walls; itself if it is there.
 
-        No wall asks for more than `full_mps2`.
+        No wall asks for more than `full_mps2`. Between walls that contradict each other it is the mean of what they
+        ask for, so that the vehicle is not pushed from one to the other.
         """
+        if not self.sideways:
+            return x_mps2, y_mps2
+        asked = list[tuple[float, float]]()
         for _ in range(_ROUNDS):
+            asked.clear()
             for wall in self.sideways:
                 beyond = x_mps2 * wall.x + y_mps2 * wall.y - max(wall.most_mps2, -full_mps2)
                 if beyond > 0.0:
                     x_mps2, y_mps2 = x_mps2 - beyond * wall.x, y_mps2 - beyond * wall.y
-        return x_mps2, y_mps2
+                asked.append((x_mps2, y_mps2))
+        if len(asked) == 1 or asked[0] == asked[-1]:
+            return x_mps2, y_mps2
+        return sum(x for x, _ in asked) / len(asked), sum(y for _, y in asked) / len(asked)
 
     def tangent_first(self, x_mps2: float, y_mps2: float, room_mps2: float) -> tuple[float, float]:
         """Return a horizontal acceleration of at most `room_mps2` that loses its part along the strictest wall first.
