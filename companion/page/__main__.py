@@ -23,8 +23,9 @@ async def _serve(settings: PageSettings) -> None:
 def main() -> int:
     """Serve the page; print where it is, or why not, and return the exit code."""
     beside_the_loop()
-    logging.basicConfig(level=logging.WARNING, format="%(levelname)s %(name)s: %(message)s")
     settings = PageSettings.model_validate_json(sys.stdin.buffer.readline())
+    level = logging.ERROR if settings.quiet else logging.WARNING
+    logging.basicConfig(level=level, format="%(levelname)s %(name)s: %(message)s")
     try:
         uvloop.run(_serve(settings))
     except ConfigError as error:

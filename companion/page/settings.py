@@ -17,3 +17,5 @@ class PageSettings(BaseModel):
     """Vehicles to show; empty: all that the broker knows."""
     token: str = ""
     """One-time login for a browser on this computer; empty: none."""
+    quiet: bool = False
+    """Only errors are logged."""

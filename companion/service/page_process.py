@@ -29,11 +29,14 @@ class PageOptions:
     """One-time login for a browser on this computer; empty: none."""
     vehicles: tuple[str, ...] = ()
     """Vehicles to show; empty: all of the broker."""
+    quiet: bool = False
+    """Only errors are written to standard error."""
 
     def line(self) -> bytes:
         """Return it as a line of JSON, as companion.page.settings reads it."""
         models = {"broker": self.broker.model_dump(mode="json"), "page": self.page.model_dump(mode="json")}
-        return json.dumps({**models, "token": self.token, "vehicles": self.vehicles}).encode() + b"\n"
+        rest = {"token": self.token, "vehicles": self.vehicles, "quiet": self.quiet}
+        return json.dumps(models | rest).encode() + b"\n"
 
 
 @contextmanager

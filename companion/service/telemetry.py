@@ -149,7 +149,7 @@ class Telemetry:
             doing=doing,
             remaining_s=_remaining_s(flight, tick.time_s),
             late_s=tick.late_s,
-            px4_age_s=_number(tick.time_s - status.heard_s),
+            px4_age_s=_number(max(0.0, tick.time_s - status.heard_s)),
             record=self.record,
             text=status.last_text,
             text_age_s=tick.time_s - self._text_s if status.last_text else None,

@@ -38,9 +38,10 @@ class Running:
         self._lines: list[str] = []
         self._errors: list[str] = []
 
-    async def until_line(self, wanted: str) -> None:
-        """Read its output until a line contains `wanted`."""
+    async def until_line(self, wanted: str) -> str:
+        """Read its output until a line contains `wanted`; return that line."""
         await self._until(self._process.stdout, self._lines, wanted)
+        return self._lines[-1]
 
     async def until_error(self, wanted: str) -> None:
         """Read its standard error until a line contains `wanted`."""

@@ -3,7 +3,8 @@
 import json
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,6 +19,7 @@ from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
 from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.demo.ground_process import Ground, of_network
 from companion.cli.demo.mock_process import MockError, MockPorts, free_ports
+from companion.cli.demo.page import page_of_demo, stays_s, with_broker
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import (
     AllowUnstable,
@@ -93,6 +95,18 @@ def demo(
         bool, typer.Option(help="With --law-on ground: frames of motion capture reach the vehicle, too.")
     ] = True,
     link: RadioLink = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Serve the live page: its address is printed, and opened on a desktop.")
+    ] = False,
+    stay: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0,
+            metavar="S",
+            help="With --page: stay on the page for so long after the report, to fly on from it.  [default: until "
+            "Ctrl-C on a terminal, else 0]",
+        ),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print all log messages.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Use free ports, to run several demos at once.")] = False,
 ) -> None:
@@ -117,6 +131,9 @@ def demo(
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)
+    after_s = stays_s(page, stay)
+    if page:
+        settings = with_broker(settings, free)
     require_inside(flown, settings.room, settings.fence, trajectory)
     notes = _check_arms(arms, settings.arms, flown)
     flights = [
@@ -136,17 +153,10 @@ def demo(
         )
         for name in (controller or settings.control.controller, *([compare] if compare else []))
     ]
+    flights[-1] = replace(flights[-1], stay_s=after_s)
     check_output(out, summary)
-    results = []
-    for flight in flights:
-        try:
-            outcome = uvloop.run(fly_demo(flight, console))
-        except KeyboardInterrupt:
-            console.print("[yellow]interrupted[/] before the flight")
-            raise typer.Exit(INTERRUPTED) from None
-        results.append(_conclude(flight, outcome, console, out))
-        if outcome.interrupted:
-            break
+    with page_of_demo(settings, free, console) if page else nullcontext():
+        results = _fly(flights, console, out)
     if len(results) > 1:
         print_comparison(
             console,
@@ -158,6 +168,26 @@ def demo(
         text = json.dumps(first | ({"compared": others} if others else {}), indent=2)
         summary.write_text(text + "\n", encoding="utf-8")
     raise typer.Exit(max(result.code for result in results))
+
+
+def _fly(flights: Sequence[DemoFlight], console: Console, out: Path) -> list["Result"]:
+    """Fly one after the other, up to an interrupt; print the report of each."""
+    results: list[Result] = []
+    for flight in flights:
+
+        def report(flown: Flown, flight: DemoFlight = flight) -> None:
+            results.append(_conclude(flight, flown, console, out))
+            if flown.reported:
+                console.print("the vehicle stays on the page: fly on from there; Ctrl-C lands and ends", soft_wrap=True)
+
+        try:
+            outcome = uvloop.run(fly_demo(flight, console, report))
+        except KeyboardInterrupt:
+            console.print("[yellow]interrupted[/] before the flight")
+            raise typer.Exit(INTERRUPTED) from None
+        if outcome.interrupted:
+            break
+    return results
 
 
 def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> CompanionConfig:

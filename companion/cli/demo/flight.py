@@ -4,9 +4,10 @@ import asyncio
 import re
 import signal
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from companion.cli.demo.flight_log import FlightStory
 from companion.cli.demo.ground_process import Ground, Radio, law_on_ground, newest_record
 from companion.cli.demo.mock_process import FaultTold, MockError, MockPorts, mock_process
 from companion.cli.demo.progress import FlightDisplay
+from companion.cli.demo.stay import Gate, stay
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import ON_GROUND, LoadedController, controller_text
 from companion.control.remote_law import RemoteLaw
@@ -38,6 +40,7 @@ _THEIRS_S = 30.0
 """Time for which a flight under the pilot's or PX4's control is watched."""
 _STOPPED_S = 1.0
 _GROUND_S = 20.0
+_SHOWN_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +64,8 @@ class DemoFlight:
     """Folder of the record."""
     ground: Ground | None = None
     """Law in a process on the ground; None: on board."""
+    stay_s: float = 0.0
+    """Time for which the vehicle stays on the page after the report, s; infinite: until Ctrl-C."""
 
     @property
     def name(self) -> str:
@@ -90,10 +95,15 @@ class Flown:
     """File of the law on the ground; None where there is none."""
     record_trouble: str = ""
     """Reason why the record is incomplete; empty when it is complete."""
+    reported: bool = False
+    """The report was printed before the vehicle stayed on the page."""
 
 
-async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
-    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded."""
+async def fly_demo(flight: DemoFlight, console: Console, report: Callable[[Flown], None]) -> Flown:
+    """Start the mocks, fly, stop the mocks. Never leaves the vehicle in the air while it can be commanded.
+
+    `report` is called with the result when it is over, and while the vehicle stays on the page, in a thread.
+    """
     display = FlightDisplay(console, flight.trajectory_name, flight.controller.name)
     flown = Flown(recorder=Recorder(), story=display.story)
     kept, radio = _kept(flight), Radio()
@@ -117,24 +127,52 @@ async def fly_demo(flight: DemoFlight, console: Console) -> Flown:
             with display:
                 try:
                     display.say("connecting to motion capture and autopilot")
-                    sink = FanOutSink([flown.recorder, kept, display.take])
+                    gate = Gate(FanOutSink([flown.recorder, kept, display.take]))
                     watchdog_timer = KernelWatchdogTimer(flight.config.safety.dead_man_s)
                     async with (
                         _law_placed(flight, radio) as (config, law),
-                        open_local_operator(config, law, sink, watchdog_timer, flight.records, display.say) as operator,
+                        open_local_operator(config, law, gate, watchdog_timer, flight.records, display.say) as operator,
                     ):
                         kept.begin({"config": config.model_dump(mode="json")})
+                        operator.recorder = kept
                         await _mission(flight, operator, display, flown)
+                        if flight.stay_s > 0.0 and not flown.interrupted:
+                            gate.sink = None
+                            display.close()
+                            await stay(
+                                operator.service, flight.stay_s, partial(_report, flight, flown, gate, kept, report)
+                            )
                 except CompanionError as error:
                     if not flown.recorder.flew:
                         raise
                     flown.failure = flown.failure or str(error)
     finally:
-        await _close(kept, flown)
+        if flown.reported:
+            await asyncio.to_thread(kept.close)
+        else:
+            await _close(kept, flown)
+    if not flown.reported:
+        _conclude(flight, flown)
+        report(flown)
+    return flown
+
+
+def _conclude(flight: DemoFlight, flown: Flown) -> None:
+    """Note the record of the law on the ground, and the numbers."""
     if flight.ground is not None and flown.recorder.flew:
         flown.ground_record = newest_record(flight.records, flight.name)
     flown.summary = summarise(flown.recorder.arrays()) if flown.recorder.flew else None
-    return flown
+
+
+async def _report(
+    flight: DemoFlight, flown: Flown, gate: Gate, kept: RecordSink, report: Callable[[Flown], None]
+) -> None:
+    """Complete the record and report the flight; record what is flown from the page afterwards."""
+    await _close(kept, flown)
+    _conclude(flight, flown)
+    flown.reported = True
+    await asyncio.to_thread(report, flown)
+    gate.sink = kept
 
 
 def _kept(flight: DemoFlight) -> RecordSink:
@@ -246,6 +284,8 @@ async def _fly(flight: DemoFlight, operator: LocalOperator, display: FlightDispl
     try:
         while not (commands.done() or display.story.held):
             await asyncio.wait({commands}, timeout=_POLL_S)
+        if not display.story.held:  # the end of a command may be known before the tick that shows why
+            await asyncio.sleep(_SHOWN_S)
         while display.story.held and operator.service.phase is Phase.HOLD:  # noqa: ASYNC110 - the phase has no event
             await asyncio.sleep(_POLL_S)
     finally:

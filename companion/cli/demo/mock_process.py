@@ -95,6 +95,24 @@ def free_udp_ports(count: int) -> list[int]:
             end.close()
 
 
+def is_free_tcp_port(port: int) -> bool:
+    """Return whether a program could listen on this port of the loopback interface now."""
+    with socket.socket() as end:
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            end.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True
+
+
+def free_tcp_port() -> int:
+    """Return a TCP port of this computer that is free at this moment."""
+    with socket.socket() as end:
+        end.bind(("127.0.0.1", 0))
+        return int(end.getsockname()[1])
+
+
 @asynccontextmanager
 async def mock_process(
     config: Path,

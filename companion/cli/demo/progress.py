@@ -45,6 +45,10 @@ class FlightDisplay:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Print what is waiting, and end the live line; more than once does no harm."""
         self._lines.put(None)
         self._printer.join(_PATIENCE_S)
 
