@@ -84,7 +84,7 @@ function frame() {
 function draw() {
   const vehicle = fleet.focus;
   const silentS = (performance.now() - link.heardMs) / 1000;
-  showTop();
+  showTop(silentS);
   showStale(fleet, link, silentS);
   cards.show();
   showNow(vehicle);
@@ -98,12 +98,13 @@ function draw() {
   drawScene(byId("scene"), fleet, camera, follow);
 }
 
-function showTop() {
+/** @param {number} silentS */
+function showTop(silentS) {
   const [badge, rights] = [byId("link"), byId("rights")];
-  const good = link.open && fleet.linked;
+  const good = link.open && fleet.linked && silentS < 1;
   setAttribute(badge, "data-tone", good ? "ok" : "bad");
   setSymbol(badge, good ? "ok" : "bad");
-  setText(badge.querySelector("span"), !link.open ? "no connection" : fleet.linked ? "live" : "no broker");
+  setText(badge.querySelector("span"), !link.open ? "no connection" : silentS >= 1 ? "silent" : fleet.linked ? "live" : "no broker");
   setText(byId("version"), fleet.version);
   show(rights, fleet.greeted);
   const why = fleet.password ? "read-only: log in to command" : "read-only: the server has no password file";

@@ -86,8 +86,8 @@ export function endedByFault(vehicle) {
 export function doingWords(state) {
   const verb = state.doing?.verb;
   if (!verb) return (state.phase === "waiting" ? state.reason : "") || phaseLook(state.phase).says;
-  const says = state.doing.text || phaseLook(state.phase).says;
-  return verb === state.phase ? says : `${verbWords(verb)}: ${says}`;
+  const says = phaseLook(state.phase).says;
+  return verb === state.phase ? says : `${verbWords(verb)}: ${state.doing.text || says}`;
 }
 
 /** @param {number | null | undefined} value @param {number} digits @param {string} unit */
