@@ -31,6 +31,7 @@ def test_axe_finds_nothing(browser: Browser, three: FakeServer, size: str, schem
     with opened(browser, three.url, size, scheme) as page:
         page.locator("#whom-all").click()
         page.locator("[data-command=preflight]").click()
+        expect(page.locator("output[data-answer=preflight]")).to_contain_text("accepted")
         three.fly(1.0)
         expect(page.locator("#checks li")).to_have_count(10)
         assert violations(page) == []

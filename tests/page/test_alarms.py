@@ -1,4 +1,4 @@
-"""What must be noticed: faults at once, a stale page within a second; and what others write stays text."""
+"""Alarms: faults are noticed at once, a stale page within a second; and text of others stays text."""
 
 import time
 
