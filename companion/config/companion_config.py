@@ -90,6 +90,9 @@ class CompanionConfig(Section):
             braking_mps2=self.fence.braking_mps2,
             stow_time_s=arms.stow_time_s,
             keep_clear=None if others is None else others.cylinder.widened(safety.yield_margin_m),
+            land_clear=None if others is None else others.cylinder.widened(safety.traffic_margin_m),
+            land_inside=self.fence.fence(),
+            fence_margin_m=self.fence.margin_m,
             clear_ahead_s=safety.yield_ahead_s,
             land_on_arm_fault=arms.land_on_fault,
         )

@@ -6,6 +6,7 @@ from enum import StrEnum
 
 from companion.core.types import Array, FlightMode, OtherVehicle
 from companion.core.values import value
+from companion.guard.geofence import Fence
 from companion.guard.separation import Separation
 from companion.supervisor.faults import Event, FailsafeAction, Fault, Stage
 from companion.trajectories.reference import Trajectory
@@ -112,6 +113,11 @@ class FlightRules:
     """Longest hover while the arms are stowed; after it the vehicle lands with the arms as they are."""
     keep_clear: Separation | None = None
     """Cylinder around other vehicles that no takeoff and no trajectory may lead into; None in a room of one vehicle."""
+    land_clear: Separation | None = None
+    """Cylinder around other vehicles that no landing leads into; None in a room of one vehicle."""
+    land_inside: Fence | None = None
+    """Fence in which a vehicle that is above another one looks for a place to land."""
+    fence_margin_m: float = 0.3
     clear_ahead_s: float = 2.5
     """Time for which a moving vehicle is taken to go on as it moves."""
     land_on_arm_fault: bool = True

@@ -8,7 +8,7 @@ from itertools import pairwise
 from companion.core.types import OtherVehicle, Vec3
 from companion.guard.separation import Separation
 
-STEP_S = 0.2
+STEP_S = 0.25
 """Time between two points of a path; in between it is taken as straight."""
 NEARER_M = 0.05
 """Decrease of the distance that counts as coming nearer; less is noise."""
@@ -70,28 +70,25 @@ def objection(
 
     One that stands is taken to stay, one that moves to go on for `ahead_s`; leaving the cylinder is no objection.
     """
-    for other in others:
-        if not other.known:
-            continue
-        gap_m = cylinder.gap_m(path_w_m[0], other)
-        moves = math.hypot(*other.velocity_w_mps) > _STANDS_MPS
-        for index, point in enumerate(path_w_m):
-            after_s = index * step_s if moves else 0.0
-            if after_s > ahead_s:
-                break
-            there = ahead_of(other, after_s)
-            near_m = _gap_m(point, there, other, cylinder)
-            if near_m < 0.0 and (near_m < gap_m - NEARER_M or index == len(path_w_m) - 1):
-                return _too_near(point, there, other, cylinder)
-    return ""
+    return next(filter(None, (_objection(path_w_m, step_s, one, cylinder, ahead_s) for one in others if one.known)), "")
 
 
-def _too_near(point: Vec3, there: Vec3, other: OtherVehicle, cylinder: Separation) -> str:
-    apart_m = math.dist(point[:2], there[:2])
+def _objection(
+    path_w_m: Sequence[Vec3], step_s: float, other: OtherVehicle, cylinder: Separation, ahead_s: float
+) -> str:
+    moves = math.hypot(*other.velocity_w_mps) > _STANDS_MPS
+    looked_at = path_w_m[: int(ahead_s / step_s) + 1] if moves else path_w_m
+    ways = [(point, ahead_of(other, index * step_s if moves else 0.0)) for index, point in enumerate(looked_at)]
+    gaps_m = [_gap_m(point, there, other, cylinder) for point, there in ways]
+    least_m = min(gaps_m)
+    if not least_m < 0.0 or not (least_m < gaps_m[0] - NEARER_M or gaps_m[-1] < 0.0):
+        return ""
+    point, there = ways[gaps_m.index(least_m)]
     state = "stands" if other.parked else "flies"
     return (
-        f"it leads within {apart_m:.2f} m of {other.body!r}, which {state} at {there[0]:.1f} {there[1]:.1f} "
-        f"{there[2]:.1f}; at least {cylinder.radius_m:.2f} m are needed: keep away from it, or wait until it is gone"
+        f"it leads within {math.dist(point[:2], there[:2]):.2f} m of {other.body!r}, which {state} at {there[0]:.1f} "
+        f"{there[1]:.1f} {there[2]:.1f}; at least {cylinder.radius_m:.2f} m are needed: keep away from it, or wait "
+        "until it is gone"
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from companion.core.types import Array, FlightMode, Reference
 from companion.supervisor.faults import Event, FailsafeAction
 from companion.supervisor.flight_state import Action, FlightInputs, FlightRules, FlightState, Leg, Phase, TrackRequest
+from companion.supervisor.landing_place import landing_place
 from companion.trajectories.reference import Descent, Hold, MinimumJerk, minimum_jerk_duration_s
 
 _LEAVING = 4.0
@@ -136,23 +137,39 @@ def land(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> Fligh
 
 
 def descend(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> FlightState:
-    """Descend straight down from the reference's position."""
+    """Descend straight down from the reference's position, or from beside another vehicle that is below it."""
     return _descend_from(flight, inputs, rules, reference_at(flight, inputs.time_s))
 
 
 def _descend_from(flight: FlightState, inputs: FlightInputs, rules: FlightRules, now: Reference) -> FlightState:
     turning = turning_radps(flight, inputs.time_s)
+    aside = _aside(now, turning, inputs, rules)
+    start = now if aside is None else aside.at(aside.duration_s)
     down = Descent(
-        start_w_m=now.position_w_m,
-        velocity_w_mps=now.velocity_w_mps,
+        start_w_m=start.position_w_m,
+        velocity_w_mps=start.velocity_w_mps,
         speed_mps=rules.descent_speed_mps,
-        yaw_rad=now.yaw_rad,
-        yaw_rate_radps=turning,
+        yaw_rad=start.yaw_rad,
+        yaw_rate_radps=turning if aside is None else 0.0,
     )
     height_m = abs(float(now.position_w_m[2]) - ground_z_m(flight))
-    due_s = inputs.time_s + height_m / rules.descent_speed_mps
-    legs = (Leg(Phase.LAND, down),)
+    due_s = inputs.time_s + height_m / rules.descent_speed_mps + (0.0 if aside is None else aside.duration_s)
+    legs = (Leg(Phase.LAND, down),) if aside is None else (Leg(Phase.LAND, aside), Leg(Phase.LAND, down))
     return enter(replace(flight, legs=legs, leg_start_s=inputs.time_s, landing_due_s=due_s), Phase.LAND, inputs)
+
+
+def _aside(now: Reference, turning_radps: float, inputs: FlightInputs, rules: FlightRules) -> MinimumJerk | None:
+    """Return the way from above another vehicle to a place beside it; None if none is below."""
+    if rules.land_clear is None or rules.land_inside is None or not inputs.others:
+        return None
+    x, y, z = now.position_w_m.tolist()
+    place = landing_place((x, y, z), inputs.others, rules.land_clear, rules.land_inside, rules.fence_margin_m)
+    if place == (x, y, z):
+        return None
+    distance_m, speed_mps = math.dist(place, (x, y, z)), float(np.linalg.norm(now.velocity_w_mps))
+    least_s = max(1.0, _LEAVING * speed_mps / rules.climb_accel_mps2)
+    duration_s = minimum_jerk_duration_s(distance_m, rules.climb_speed_mps, rules.climb_accel_mps2, least_s)
+    return _move(now, turning_radps, np.array(place), now.yaw_rad, duration_s)
 
 
 def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> FlightState:
@@ -160,7 +177,8 @@ def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -
 
     It would return to where the other comes, and the distance would be taken for a loss of control.
     """
-    if not inputs.pushed or not flight.airborne or len(flight.legs) > 1 or flight.phase not in {Phase.HOLD, Phase.LAND}:
+    rests = flight.phase is Phase.HOLD and len(flight.legs) == 1
+    if not inputs.pushed or not flight.airborne or not (rests or flight.phase is Phase.LAND):
         return flight
     reference = reference_at(flight, inputs.time_s)
     if not float(np.linalg.norm(inputs.position_w_m - reference.position_w_m)) > _PUSHED_M:

@@ -18,6 +18,7 @@ from companion.supervisor.faults import Event, Fault, Stage
 from companion.supervisor.health.checks import Health, assess
 from companion.supervisor.health_inputs import HealthInputs, MocapInputs
 from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.separation import SeparationRules
 
 CYCLE_S = 1.0 / 128.0
 START_S = 1000.0
@@ -132,12 +133,15 @@ def handed_over(now: HealthInputs) -> HealthInputs:
 
 
 def watched(
-    flight: Iterator[HealthInputs] | list[HealthInputs], rules: SafetyRules = RULES, fence: Fence = FENCE
+    flight: Iterator[HealthInputs] | list[HealthInputs],
+    rules: SafetyRules = RULES,
+    fence: Fence = FENCE,
+    separation: SeparationRules | None = None,
 ) -> list[tuple[Event, ...]]:
     """The events of each cycle."""
     memory, events = Health(), []
     for now in flight:
-        memory, found = assess(memory, now, rules, fence)
+        memory, found = assess(memory, now, rules, fence, separation=separation)
         events.append(found)
     return events
 

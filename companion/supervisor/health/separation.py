@@ -4,7 +4,7 @@ from math import hypot
 
 from companion.core.types import OtherVehicle, Vec3
 from companion.core.values import value
-from companion.supervisor.faults import Event, Fault
+from companion.supervisor.faults import Event, Fault, Stage
 from companion.supervisor.health.memory import NOT_HELD, held_since
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
@@ -93,7 +93,7 @@ def _near(
     if cylinder.gap_m(own[0], other) < 0.0:
         later = separation.yields_to(other) or not now.airborne
         return [Event(Fault.SEPARATION_LOST if later else Fault.TRAFFIC, f"{where}: inside its cylinder")]
-    if not now.airborne:
+    if now.stage is not Stage.FLYING or not now.airborne:
         return []
     if _rests_too_near(other, own, now, rules, separation) or (
         separation.yields_to(other) and _meets(other, own, now, rules, separation)
