@@ -46,6 +46,8 @@ _CLIMB_MARGIN_S = 15.0
 _APPROACH_MARGIN_S = 15.0
 """Margin on top of the planned duration of the approach."""
 _SAME_HEIGHT_M = 1e-6
+_GOING = frozenset({Phase.HOLD, Phase.TRACK})
+"""Phases on the way to a position."""
 
 
 def _ignore(*_: str) -> None:
@@ -263,7 +265,11 @@ class FlightActions:
         accepted()
         approach, *_, end = self.loop.flight.legs
         timeout_s = approach.trajectory.duration_s + _APPROACH_MARGIN_S
-        if not await self.until(lambda: self.loop.flight.legs == (end,) or self._diverted(end), timeout_s):
+
+        def over() -> bool:
+            return self.loop.flight.legs == (end,) or self._diverted(end) or self.phase not in _GOING
+
+        if not await self.until(over, timeout_s):
             raise FlightError(f"the position was not reached within {timeout_s:.0f} s")
         await asyncio.sleep(self._config.flight.settle_s)
         self._expect(Phase.HOLD, end)

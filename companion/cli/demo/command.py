@@ -15,6 +15,7 @@ from rich.console import Console
 
 from companion.analysis.summary import Summary
 from companion.cli.complete import controllers, motions_or_off, trajectories
+from companion.cli.demo.fleet.options import FleetOptions
 from companion.cli.demo.flight import DemoFlight, Flown, fly_demo
 from companion.cli.demo.flight_report import print_comparison, print_report, summary_dict, within_limits
 from companion.cli.demo.ground_process import Ground, of_network
@@ -107,6 +108,9 @@ def demo(
             "Ctrl-C on a terminal, else 0]",
         ),
     ] = None,
+    vehicles: Annotated[
+        int, typer.Option(min=1, max=3, help="Fly this many vehicles at the same time: laps, then crossing ways.")
+    ] = 1,
     verbose: Annotated[bool, typer.Option("--verbose", help="Print all log messages.")] = False,
     free: Annotated[bool, typer.Option("--free-ports", help="Use free ports, to run several demos at once.")] = False,
 ) -> None:
@@ -128,6 +132,28 @@ def demo(
     if not onboard_mocap and law_on is Place.BOARD:
         raise ConfigError("--no-onboard-mocap: a law on board needs frames: give --law-on ground")
     check_link(law_on, link)
+    if vehicles > 1:
+        raise typer.Exit(
+            _several(
+                FleetOptions(
+                    vehicles=vehicles,
+                    settings=settings,
+                    law=_law(controller or settings.control.controller, settings, allow_unstable),
+                    arms=arms if settings.arms is not None and arms != "off" else None,
+                    laps=laps,
+                    seed=seed,
+                    mock_config=mock_config or default_config_path("mock.toml"),
+                    faults=tuple(fault or ()),
+                    free_ports=free,
+                    out=out,
+                    summary=summary,
+                    page=page,
+                    stay_s=stays_s(page, stay),
+                ),
+                console,
+                compare or link or not mocks or law_on is not Place.BOARD or trajectory != "ellipse",
+            )
+        )
     curve = Curve(laps, period, size, settings.flight.takeoff_height_m)
     ports = free_ports() if free else MockPorts()
     flown = trajectory_named(trajectory, curve)
@@ -188,6 +214,19 @@ def _fly(flights: Sequence[DemoFlight], console: Console, out: Path) -> list["Re
         if outcome.interrupted:
             break
     return results
+
+
+def _several(options: FleetOptions, console: Console, of_one: object) -> int:
+    """Fly several vehicles; `of_one`: an option was given that is for one vehicle."""
+    if of_one:
+        raise ConfigError(
+            f"--vehicles {options.vehicles}: flies laps and crossing ways, laws on board: leave out --trajectory, "
+            "--compare, --law-on, --link and --no-mocks"
+        )
+    check_output(options.out, options.summary)
+    from companion.cli.demo.fleet.command import fly  # noqa: PLC0415 - one vehicle starts without the client
+
+    return fly(options, console)
 
 
 def _with_feedforward(config: CompanionConfig, wanted: Feedforward | None) -> CompanionConfig:

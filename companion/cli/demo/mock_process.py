@@ -16,6 +16,9 @@ from companion.core.interfaces import CompanionError
 _START_S = 20.0
 _STOP_S = 5.0
 _TOLD = re.compile(r"fault (?P<turn>begins|ends|never began)(?: at (?P<at_s>[\d.]+) s \(monotonic\))?: (?P<what>.*)")
+_COLLISION = re.compile(r"collision at (?P<at_s>[\d.]+) s \(monotonic\): (?P<who>.*)")
+COLLISION = "collision"
+"""Turn of the notice that two vehicles have met."""
 _WHEN = re.compile(r" (?:at [\d.e+]+ s|(?:on the ground|armed|in the air|landing)(?: after [\d.e+]+ s)?)(?= for |$)")
 
 
@@ -28,7 +31,7 @@ class FaultTold:
     """Notice of the mocks about an injected fault."""
 
     turn: str
-    """begins, ends, or never began."""
+    """begins, ends, never began; or collision, of the vehicles in `sentence`."""
     sentence: str
     """The fault; without its time when that has come."""
     at_s: float
@@ -36,6 +39,9 @@ class FaultTold:
 
 
 def _fault_told(line: str) -> FaultTold | None:
+    met = _COLLISION.fullmatch(line)
+    if met is not None:
+        return FaultTold(COLLISION, met["who"], float(met["at_s"]))
     said = _TOLD.fullmatch(line)
     if said is None:
         return None
@@ -56,6 +62,8 @@ class MockPorts:
     qualisys: int | None = None
     servo_link: str | None = None
     """Path of the servo bus's device link."""
+    vehicles: int = 1
+    """Vehicles in the room; the ports are the first one's."""
 
     def arguments(self) -> list[str]:
         """Return the arguments for the mocks' command line."""
@@ -64,6 +72,7 @@ class MockPorts:
             ("--listen", self.autopilot),
             ("--qualisys-port", self.qualisys),
             ("--servo-link", self.servo_link),
+            ("--vehicles", self.vehicles if self.vehicles > 1 else None),
         )
         return [text for name, value in named if value is not None for text in (name, str(value))]
 
