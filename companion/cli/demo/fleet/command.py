@@ -71,6 +71,8 @@ def _conclude(options: FleetOptions, plan: RoomPlan, flown: FleetFlown, console:
     _print(options, plan, reports, pairs, console)
     for sentence in wrong:
         console.print(f"  {sentence}", style="red", markup=False, highlight=False, soft_wrap=True)
+    if flown.interrupted:
+        console.print("interrupted", style="yellow", highlight=False)
     if not wrong:
         console.print(f"all {len(plan.names)} vehicles landed and disarmed", style="green", highlight=False)
     _keep(options, plan, reports, pairs, console)

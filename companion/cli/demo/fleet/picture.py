@@ -62,6 +62,9 @@ def _column(report: VehicleReport, name: str) -> Array:
 
 
 def _tracking_error_m(report: VehicleReport) -> Array:
+    """Return the distance to the reference while a trajectory was tracked, NaN otherwise, m."""
     columns = report.record.columns
+    if report.summary is None:
+        return np.full_like(_column(report, "time_s"), np.nan)
     error_m: Array = np.linalg.norm(tracking_error_w_m(columns), axis=1)
     return np.where(np.asarray(columns["phase"]) == "track", error_m, np.nan)[::_THIN]
