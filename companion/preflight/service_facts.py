@@ -29,15 +29,16 @@ from companion.flight.assembly import controller_of, period_s
 from companion.geometry.frames import quat_from_yaw
 from companion.law_link.link_status import LinkStatus
 from companion.preflight.checks.agreement import Difference, VisionFacts, apart, settles
-from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all
+from companion.preflight.checks.all_checks import CURVE, DELAY, HOVER, Facts, check_all, check_early
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.law_link import LawLinkFacts
 from companion.preflight.checks.mocap import MocapFacts, MocapWatch, median
 from companion.preflight.checks.other_vehicles import OtherVehicleFacts
-from companion.preflight.checks.vehicle import ServoFacts
+from companion.preflight.checks.vehicle import ServoFacts, check_parameters
 from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.preflight.hand_test_file import read_hand_test
+from companion.protocol.check import Tell
 from companion.trajectories.reference import Trajectory
 
 _WATCH_S = 1.0
@@ -70,6 +71,10 @@ class Answering(Protocol):
         """Return values of its parameters; unknown ones are absent."""
 
 
+def _ignore(text: str, checks: Sequence[Check] = ()) -> None:
+    """Take what is waited for, for nobody."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Running:
     """Devices that a preflight reads; kept current by a flight loop or an observer."""
@@ -89,7 +94,7 @@ class Running:
     """Remarks of connecting about the servos or their port."""
     landed_age_s: Callable[[], float] = lambda: math.inf
     """Since the last flight, before which both attitudes agreed, ended; infinite when none is known."""
-    tell: Callable[[str], None] = lambda _: None
+    tell: Tell = _ignore
     law_loaded: bool = False
     """A service has a law, whose margins were looked at when it was loaded."""
     law_link: Callable[[], LinkStatus] | None = None
@@ -109,7 +114,11 @@ async def preflight(
     wanted = config.preflight
     recommended = load_recommended(wanted.parameters)
     names = [*recommended, DELAY, HOVER, CURVE]
+    early = check_early(machine_of(running), running.autopilot.status(), config, wanted)
+    running.tell("asking the autopilot for its parameters, and waiting until it has settled on motion capture", early)
     _, parameters = await asyncio.gather(settle(running, wanted), running.autopilot.params(names))
+    known = (*early, *check_parameters(recommended, parameters))
+    running.tell(f"watching motion capture and the autopilot for {_WATCH_S:g} s", known)
     watched = await watch(running, config.mocap.body, config.mocap.delay_s, _WATCH_S)
     facts = facts_of(running, watched, parameters, wanted)
     if config.law.on_ground:

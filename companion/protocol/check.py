@@ -1,8 +1,8 @@
 """Result of one preflight check, as in the reply to the command `preflight`."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,13 @@ class Check:
     def refuses(self) -> bool:
         """True when this check prevents arming."""
         return self.must and not self.passed
+
+
+class Tell(Protocol):
+    """Receiver of what a preflight waits for."""
+
+    def __call__(self, text: str, checks: Sequence[Check] = ()) -> None:
+        """Take a sentence, and the checks whose result is known by now."""
 
 
 def checks_of(data: Mapping[str, Any]) -> tuple[Check, ...]:

@@ -2,10 +2,12 @@
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 from companion.protocol import commands
+from companion.protocol.check import Check
 from companion.protocol.commands import Command
 from companion.protocol.telemetry import Answer, Reply
 
@@ -43,10 +45,10 @@ class CommandJob:
             self.accepted = True
             self.answer(Answer.ACCEPTED, text)
 
-    def progress(self, text: str) -> None:
-        """Report the step that it has reached."""
+    def progress(self, text: str, checks: Sequence[Check] = ()) -> None:
+        """Report the step that it has reached, with the preflight checks whose result is known by now."""
         self.text = text
-        self.answer(Answer.PROGRESS, text)
+        self.answer(Answer.PROGRESS, text, {"checks": [asdict(check) for check in checks]} if checks else None)
 
     def answer(self, answer: Answer, text: str = "", data: dict[str, Any] | None = None) -> None:
         """Send a reply to the sender of the command."""

@@ -12,6 +12,7 @@ from companion.core.interfaces import Autopilot, AutopilotError, CompanionError,
 from companion.core.types import Array, AutopilotStatus
 from companion.flight.flight_loop import FlightLoop
 from companion.preflight.checks.check import Check, refusal
+from companion.protocol.check import Tell
 from companion.service.arm_actions import ArmActions
 from companion.service.trajectory_space import check_climb, check_room_and_fence
 from companion.supervisor.faults import FailsafeAction
@@ -30,8 +31,6 @@ from companion.trajectories.reference import Hold, Trajectory, minimum_jerk_dura
 
 LOG = logging.getLogger(__name__)
 
-Tell = Callable[[str], None]
-"""Takes a sentence about what is waited for."""
 Preflight = Callable[[Tell], Awaitable[Sequence[Check]]]
 """Runs every preflight check."""
 Params = Callable[[Sequence[str]], Awaitable[dict[str, float]]]
@@ -50,7 +49,7 @@ _GOING = frozenset({Phase.HOLD, Phase.TRACK})
 """Phases on the way to a position."""
 
 
-def _ignore(*_: str) -> None:
+def _ignore(*_: object, **__: object) -> None:
     """Ignore a step of an action."""
 
 

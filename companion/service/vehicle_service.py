@@ -27,7 +27,8 @@ from companion.flight.health_step import Sides
 from companion.flight.tick import TickSink
 from companion.preflight.checks.check import Check
 from companion.preflight.service_facts import Running, preflight
-from companion.service.flight_actions import DeviceReports, FlightActions, Tell
+from companion.protocol.check import Tell
+from companion.service.flight_actions import DeviceReports, FlightActions
 from companion.supervisor.flight_state import Phase
 
 _DISK_S = 2.0

@@ -19,7 +19,8 @@ from companion.config.companion_config import CompanionConfig
 from companion.core.interfaces import MocapError
 from companion.core.types import Array
 from companion.preflight.checks.check import Check
-from companion.service.flight_actions import DeviceReports, FlightActions, Tell
+from companion.protocol.check import Tell
+from companion.service.flight_actions import DeviceReports, FlightActions
 from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.flights.command import ROOT

@@ -18,7 +18,7 @@ from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.flight.tick import Tick
 from companion.geometry.frames import quat_from_rotation_vector, quat_from_yaw, quat_multiply
-from companion.preflight.checks.check import refusal
+from companion.preflight.checks.check import Check, refusal
 from companion.preflight.checks.dry_run_report import check_health, check_law
 from companion.preflight.dry_run import DryRun
 from companion.preflight.service_facts import Running, machine_of, preflight, watch
@@ -47,6 +47,7 @@ class Scripted:
     """Tilt of the autopilot's horizon (nose up) over time."""
     landed_s: float = -math.inf
     told: list[str] = field(default_factory=list)
+    lists: list[tuple[Check, ...]] = field(default_factory=list)
 
     def now_s(self) -> float:
         return self.time_s
@@ -91,6 +92,12 @@ class Scripted:
     async def params(self, names: Sequence[str]) -> dict[str, float]:
         return {name: self.parameters[name] for name in names if name in self.parameters}
 
+    def tell(self, text: str, checks: Sequence[Check] = ()) -> None:
+        if checks:
+            self.lists.append(tuple(checks))
+        else:
+            self.told.append(text)
+
     @property
     def running(self) -> Running:
         landed_age_s = (lambda: self.time_s - self.landed_s) if math.isfinite(self.landed_s) else (lambda: math.inf)
@@ -100,7 +107,7 @@ class Scripted:
             clock=self,
             estimate=lambda: self.state,
             landed_age_s=landed_age_s,
-            tell=self.told.append,
+            tell=self.tell,
         )
 
 
@@ -149,6 +156,16 @@ async def test_enough_ends_it_early(begin: Begin) -> None:
     scripted = Scripted()
     await watch(begin(scripted), "dauam", 0.01, 1000.0, lambda: scripted.time_s > 50.2)
     assert scripted.time_s < 50.3
+
+
+async def test_the_list_fills_while_the_rest_is_waited_for(begin: Begin) -> None:
+    scripted = Scripted(heading_rad=0.0)
+    whole = await preflight(begin(scripted), CONFIG)
+    early, more = ({check.name: check for check in checks} for checks in scripted.lists)
+    assert 3 < len(early) < len(more) < len(whole)
+    assert early.items() <= more.items()
+    last = {check.name: check for check in whole}
+    assert {name: last[name].passed for name in more} == {name: check.passed for name, check in more.items()}
 
 
 async def test_a_good_vehicle_may_arm(begin: Begin) -> None:

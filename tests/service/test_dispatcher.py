@@ -16,10 +16,11 @@ from companion.config.companion_config import CompanionConfig
 from companion.config.flight_config import FlightConfig
 from companion.core.interfaces import FlightError
 from companion.preflight.checks.check import Check
+from companion.protocol.check import Tell
 from companion.protocol.commands import COMMAND
 from companion.protocol.telemetry import ENDS, Answer, Reply
 from companion.service.dispatcher import CommandDispatcher
-from companion.service.flight_actions import DeviceReports, Tell
+from companion.service.flight_actions import DeviceReports
 from companion.service.local_operator import LocalOperator
 from companion.supervisor.flight_state import Phase
 from tests.flights.simulated import Room

@@ -17,7 +17,8 @@ from companion.core.types import AutopilotStatus
 from companion.flight.assembly import Devices, stages_of
 from companion.flight.flight_loop import FlightLoop
 from companion.preflight.checks.check import Check
-from companion.service.flight_actions import DeviceReports, FlightActions, Preflight, Tell
+from companion.protocol.check import Tell
+from companion.service.flight_actions import DeviceReports, FlightActions, Preflight
 from companion.service.trajectory_space import check_room_and_fence
 from companion.supervisor.flight_state import (
     ArmRequest,

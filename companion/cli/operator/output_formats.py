@@ -11,7 +11,7 @@ from rich.text import Text
 from companion.cli.operator.json_output import Voice
 from companion.cli.terminal import show_cursor
 from companion.client.messages import Link, Message
-from companion.protocol.telemetry import Answer, Happened, Kind, Reply, State
+from companion.protocol.telemetry import ENDS, Answer, Happened, Kind, Reply, State
 
 Show = Callable[[Reply, Console], None]
 """Function that prints the data of a reply."""
@@ -86,7 +86,7 @@ class PlainVoice:
         elif isinstance(message, Reply):
             if message.answer in {Answer.ACCEPTED, Answer.PROGRESS} and message.text:
                 self._print(message.text, "dim")
-            if message.data and self._show is not None:
+            if message.data and self._show is not None and message.answer in ENDS:  # not a list that still fills
                 self._lines.remove(self._line)
                 if self._vehicle:
                     self._out.print(Text(f"{self._vehicle}:"))

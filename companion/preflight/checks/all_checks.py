@@ -91,6 +91,17 @@ def check_all(
     )
 
 
+def check_early(
+    machine: ComputerFacts, status: AutopilotStatus, config: CompanionConfig, wanted: PreflightConfig
+) -> tuple[Check, ...]:
+    """Run the checks that need no waiting: they are shown first, and run again with the others."""
+    return (
+        *check_machine(machine, config.safety, wanted),
+        vehicle.check_alone(status, config.px4.system_id),
+        vehicle.check_ground(status),
+    )
+
+
 def _others(facts: Facts, config: CompanionConfig) -> tuple[Check, ...]:
     """Check the other vehicles of the room; nothing where there are none."""
     clear = config.flight_rules().keep_clear
