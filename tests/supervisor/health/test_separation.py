@@ -77,7 +77,7 @@ def test_it_says_who_is_where() -> None:
 
 
 def test_one_that_comes_is_counted_to_where_it_would_stop() -> None:
-    """From 1 m/s it needs 0.65 m."""
+    """It needs 0.65 m from 1 m/s."""
     comes = (-1.0, 0.0, 0.0)
     assert kinds(FIRST, other(2.34, velocity=comes), velocity=EAST) == [Fault.TRAFFIC]
     assert kinds(FIRST, other(2.36, velocity=comes), velocity=EAST) == NOTHING
