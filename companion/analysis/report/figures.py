@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from companion.analysis.report import control_figures, link_figures, motion_figures
+from companion.analysis.report import control_figures, link_figures, motion_figures, separation
 from companion.analysis.report.charts import Chart
 from companion.analysis.report.recorded_flight import Flown
 from companion.analysis.report.story import Story
@@ -35,6 +35,13 @@ _CAPTIONS = {
     ),
     "message_ages": "Ages of messages from the ground; dashed: median, dotted: 99 %.",
     "message_gaps": "Times between arrivals of messages from the ground; dashed: median, dotted: 99 %.",
+    "others": (
+        "Paths of all vehicles from above. Dashed: the cylinder around each other vehicle when it was nearest; dot: "
+        "this vehicle then."
+    ),
+    "separation": (
+        "Distances to the other vehicles; dashed: the cylinder, of which one of the two must be kept. Pale: not seen."
+    ),
     "thrust": "Normalised thrust setpoint, and battery voltage.",
     "arms": "Joint positions; wide and pale: their goals.",
 }
@@ -53,6 +60,9 @@ def charts_of(flown: Flown, story: Story) -> list[Chart]:
             _chart(flown, motion_figures.errors, 3.6, 3.0),
             *_charts_of_the_law(flown),
         ]
+    if separation.has_others(flown):
+        charts.append(_chart(flown, separation.others, 4.6, 3.4, wide=False))
+        charts.append(_chart(flown, separation.separation, 3.6, 3.0))
     if link_figures.has_link(flown):
         charts.append(_chart(flown, link_figures.link, 6.0, 4.8))
         charts.append(_chart(flown, link_figures.message_ages, 2.6, 2.2, wide=False))

@@ -7,6 +7,7 @@ import numpy as np
 
 from companion.analysis.report.link_numbers import LinkNumbers, link_numbers, side_of
 from companion.analysis.report.recorded_flight import Flown, Mask, Trajectory
+from companion.analysis.report.separation import SeparationNumbers, separation_numbers
 from companion.analysis.report.story import Story, story_of
 from companion.core.types import Array
 
@@ -102,6 +103,8 @@ class Numbers:
     horizon: HorizonNumbers | None
     link: tuple[LinkNumbers, ...]
     """Traffic of the link on each trajectory, and last in the air; empty for a law on board."""
+    others: tuple[SeparationNumbers, ...]
+    """Nearest approach of each other vehicle; empty in a room of one vehicle."""
     story: Story
 
     def as_dict(self) -> dict[str, Any]:
@@ -136,6 +139,7 @@ def numbers_of(flown: Flown) -> Numbers:
         latencies={name: _spread(seconds) for name, seconds in flown.latencies_s().items()},
         horizon=_horizon(flown) if record.frames else None,
         link=link_numbers(flown),
+        others=separation_numbers(flown),
         story=story,
     )
 

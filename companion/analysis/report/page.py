@@ -18,6 +18,7 @@ from companion.analysis.report.link_table import link_table
 from companion.analysis.report.number_tables import letters
 from companion.analysis.report.numbers import Numbers, numbers_of
 from companion.analysis.report.recorded_flight import Flown
+from companion.analysis.report.separation import separation_table
 from companion.analysis.report.summary import summary, verdict
 from companion.analysis.report.tables import WORDS, Cell, Grid
 from companion.analysis.report.trajectories import law_label
@@ -77,7 +78,7 @@ def _chapter(chapter: Chapter, letter: str, progress: Progress) -> str:
     grids: list[Grid | None] = [
         number_tables.trajectory_table(numbers), number_tables.error_table(numbers),
         number_tables.trigger_table(numbers), number_tables.latency_table(numbers),
-        link_table(numbers.link), number_tables.horizon_table(numbers),
+        link_table(numbers.link), separation_table(numbers.others), number_tables.horizon_table(numbers),
     ]  # fmt: skip
     happened: list[Grid | None] = [
         number_tables.fault_table(numbers), number_tables.reaction_table(numbers), number_tables.said_table(numbers),

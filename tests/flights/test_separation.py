@@ -1,0 +1,169 @@
+"""Two vehicles in one simulated room: head-on, crossing, over a parked one, and beside one whose service stops."""
+
+import asyncio
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.analysis.replay.laws import config_of, laws_of
+from companion.analysis.replay.rerun import replay
+from companion.analysis.report.charts import Medium
+from companion.analysis.report.figures import charts_of
+from companion.analysis.report.numbers import numbers_of
+from companion.analysis.report.recorded_flight import Flown
+from companion.analysis.report.separation import separation_table
+from companion.analysis.report.story import story_of
+from companion.config.companion_config import CompanionConfig
+from companion.config.controller_config import controller_path
+from companion.core.types import Array
+from companion.records.read import FlightRecord, read_flight
+from companion.supervisor.faults import FailsafeAction, Fault
+from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
+from companion.trajectories.reference import Hold
+from tests.flights.simulated import BRISK, Flight, Step
+from tests.flights.simulated_fleet import FleetFlight, fleet_config, fly_fleet
+from tests.flights.test_simulated_flights import QUICK_UP, ask, until, wait
+from tests.records.test_round_trip import written
+
+pytestmark = pytest.mark.slow
+
+CONFIG = CompanionConfig(flight=BRISK.model_copy(update={"climb_speed_mps": 1.5}))
+RADIUS_M, HEIGHT_M = CONFIG.separation.radius_m, CONFIG.separation.height_m
+PARKED_M = CONFIG.separation.parked_height_m
+
+
+def go_to(x_m: float, y_m: float, z_m: float = 1.2) -> TrackRequest:
+    return TrackRequest(Hold(np.array([x_m, y_m, z_m])), 0.0)
+
+
+def at(time_s: float) -> Step:
+    return lambda flight: flight.room.now_s() >= time_s
+
+
+def flown(*scripts: list[Step], apart_m: float = 6.0, longest_s: float = 40.0) -> FleetFlight:
+    """Fly vehicles that start on a row along y, so far apart."""
+    tables = {"fleet": {"spacing_m": apart_m}}
+    return asyncio.run(fly_fleet(scripts, config=CONFIG, tables=tables, step_s=0.004, longest_s=longest_s))
+
+
+def gaps_m(fleet: FleetFlight, height_m: float = HEIGHT_M) -> Array:
+    """True distances of the first two vehicles to each other's cylinder, tick by tick; negative inside."""
+    one, two = (np.array(flight.truths_w_m) for flight in fleet.flights)
+    count = min(len(one), len(two))
+    off = one[:count] - two[:count]
+    return np.asarray(np.maximum(np.hypot(off[:, 0], off[:, 1]) - RADIUS_M, np.abs(off[:, 2]) - height_m))
+
+
+def levels(flight: Flight) -> list[tuple[FailsafeAction, Fault | None]]:
+    """Return the failsafe actions that were taken, in order."""
+    return list(dict.fromkeys((t.flight.level, t.flight.cause) for t in flight.ticks if t.flight.level))
+
+
+HELD = (FailsafeAction.HOLD, Fault.TRAFFIC)
+
+
+@pytest.fixture(scope="module")
+def head_on() -> FleetFlight:
+    """Each to where the other one is, as far as it may; both begin at the same time."""
+    first = [*QUICK_UP, at(8.0), ask(go_to(0.0, 1.45)), at(22.0)]
+    second = [*QUICK_UP, at(8.0), ask(go_to(0.0, -1.45)), until(Phase.DISARMED), wait(0.2)]
+    return flown(first, second)
+
+
+def test_head_on_both_stop_and_the_one_that_yields_lands(head_on: FleetFlight) -> None:
+    first, second = head_on.flights
+    assert gaps_m(head_on).min() > 0.0
+    assert levels(first) == [HELD]
+    assert levels(second) == [HELD, (FailsafeAction.LAND, Fault.TRAFFIC_BLOCKED)]
+    held_s = next(tick.time_s for tick in first.ticks if tick.flight.level is FailsafeAction.HOLD)
+    down_s = next(tick.time_s for tick in second.ticks if tick.flight.touched_down)
+    assert down_s - held_s < 10.0, "the way is free again"
+    assert not any(event.fault is Fault.TRACKING_ERROR for tick in first.ticks for event in tick.events)
+
+
+def test_crossing_the_one_that_yields_holds_and_the_first_one_flies_on() -> None:
+    crossing = flown(
+        [*QUICK_UP, at(8.0), ask(go_to(3.0, 2.2)), until(Phase.TRACK), wait(0.2)],
+        [*QUICK_UP, at(8.0), ask(go_to(3.0, -2.2)), at(14.0)],
+    )
+    first, second = crossing.flights
+    assert gaps_m(crossing).min() > 0.3, "the first one has nothing to brake for"
+    assert levels(first) == []
+    assert levels(second) == [HELD]
+    assert not any(bool(t.limited.separation_cut) for t in first.ticks if t.limited)
+
+
+def test_a_parked_one_is_flown_over_and_landed_beside() -> None:
+    refused: list[str] = []
+
+    def onto(flight: Flight) -> bool:
+        refused.append(flight.loop.submit(go_to(0.0, 0.8)))
+        return True
+
+    up, over = ask(go_to(0.0, -0.8, 2.2)), ask(go_to(0.1, 0.8, 2.2))
+    lands = [at(13.5), ask(LandRequest()), until(Phase.DISARMED), wait(0.2)]
+    fleet = flown([*QUICK_UP, onto, up, at(10.0), over, *lands], [at(0.5)], apart_m=1.6)
+    (sentence,) = refused
+    assert sentence.startswith("another vehicle is in the way: it leads within 0.00 m of 'dauam-2', which stands at ")
+    assert gaps_m(fleet, PARKED_M).min() > 0.05
+    end_w_m = fleet.flights[0].truths_w_m[-1]
+    assert math.dist(end_w_m[:2], (0.0, 0.8)) == pytest.approx(RADIUS_M + 0.15, abs=0.05)
+    assert levels(fleet.flights[0]) == []
+
+
+def test_beside_one_whose_service_stops_the_other_backs_away() -> None:
+    """It flies at the first one at full speed when it falls silent, and PX4 lands it half a second later."""
+
+    def freeze(_: Flight) -> bool:
+        fleets[0].lockstep.freeze(1)
+        return True
+
+    fleets: list[FleetFlight] = []
+    first = [*QUICK_UP, at(18.0)]
+    second = [*QUICK_UP, at(8.0), ask(go_to(0.0, -1.45)), at(9.9), freeze]
+    tables = {"fleet": {"spacing_m": 6.0}}
+    flying = fly_fleet([first, second], config=CONFIG, tables=tables, step_s=0.004, longest_s=40.0, made=fleets.append)
+    fleet = asyncio.run(flying)
+    assert fleet.room.fleet.collisions == []
+    assert gaps_m(fleet).min() > -0.1
+
+
+# --- its record ---
+
+
+@pytest.fixture(scope="module")
+def record(head_on: FleetFlight, tmp_path_factory: pytest.TempPathFactory) -> FlightRecord:
+    """The record of the one that yields."""
+    config = fleet_config(head_on.room.fleet.names, 1, CONFIG)
+    laws = {"practical": controller_path("practical").read_text(encoding="utf-8")}
+    ticks = [replace(tick, law="practical") for tick in head_on.flights[1].ticks]
+    begin = {"config": config.model_dump(mode="json"), "laws": laws, "unix_offset_s": 0.0}
+    folder: Path = tmp_path_factory.mktemp("records")
+    (path,) = written(folder, ticks, begin)
+    return read_flight(path)
+
+
+def test_a_replay_among_others_is_identical_to_the_last_bit(record: FlightRecord) -> None:
+    config = config_of(record)
+    done = replay(record, config, laws_of(record, config))
+    assert done.identical, [one for one in done.differences.values() if one.differ]
+    assert record.columns["cut_separation"].any(), "the guard had something to do"
+    assert done.differences["setpoint attitude"].compared > 500
+
+
+def test_the_report_shows_how_near_the_other_one_came(record: FlightRecord, head_on: FleetFlight) -> None:
+    flight = Flown(record)
+    (one,) = numbers_of(flight).others
+    assert one.body == "dauam-1"
+    assert one.gap_m == pytest.approx(float(gaps_m(head_on).min()), abs=0.03)
+    assert one.unseen_s < 0.1
+    table = separation_table((one,))
+    assert table is not None
+    assert separation_table(()) is None
+    charts = {chart.name: chart for chart in charts_of(flight, story_of(flight))}
+    (above,) = charts["others"].figure(Medium.PAGE).axes
+    assert {line.get_label() for line in above.lines} >= {"flown", "dauam-1"}
+    assert len(charts["separation"].figure(Medium.PAGE).axes) == 2
